@@ -38,6 +38,8 @@ class Building:
         floors: NDArray[np.float64],
         storeys: NDArray[np.float64],
         devices: NDArray[np.float64],
+        elements: NDArray[np.float64],
+        element_parameters: NDArray[np.float64],
     ) -> Building: ...
     @property
     def summary_layout(self) -> list[tuple[str, int]]: ...

@@ -18,6 +18,13 @@ from mrwork.buildings.additions import (
     with_viscous_damper,
 )
 from mrwork.buildings.from_file import KEYS, building_from_table, read_building
+from mrwork.buildings.passive_devices import (
+    with_friction_damper,
+    with_lead_rubber_bearings,
+    with_liquid_column,
+    with_optimal_liquid_column,
+    with_yielding_damper,
+)
 from mrwork.buildings.published import building, buildings
 from mrwork.buildings.shear import shear_building
 from mrwork.buildings.tuned_mass import with_optimal_tuned_mass
@@ -48,6 +55,7 @@ def assert_same(ours: Building, theirs: Building) -> None:
         np.testing.assert_allclose(getattr(ours, field), getattr(theirs, field), rtol=1e-14)
     assert (ours.floor_names, ours.storey_names) == (theirs.floor_names, theirs.storey_names)
     assert ours.n_strokes == theirs.n_strokes
+    assert ours.elements == theirs.elements
 
 
 def frame() -> Building:
@@ -150,6 +158,39 @@ def test_a_published_building_can_be_changed() -> None:
             '[tuned_mass]\nfloor = "floor 5"\nmass_ratio = 0.02\ntuning = "sadek"',
             with_optimal_tuned_mass(building("uts"), floor=5, mass_ratio=0.02, tuning="sadek"),
         ),
+        (
+            "[yielding]\nstorey = 1\nyield_force = 1e3\nyield_displacement = 2e-3\nsharpness = 6",
+            with_yielding_damper(
+                building("uts"), storey=1, yield_force=1e3, yield_displacement=2e-3, sharpness=6.0
+            ),
+        ),
+        (
+            "[[friction]]\nstorey = 1\nslip_load = 500\nstiffness = 1e6\n"
+            '[[friction]]\nstorey = 2\nslip_load = 400\nstiffness = 1e6\nname = "upper"',
+            with_friction_damper(
+                with_friction_damper(building("uts"), storey=1, slip_load=500.0, stiffness=1e6),
+                storey=2,
+                slip_load=400.0,
+                stiffness=1e6,
+                name="upper",
+            ),
+        ),
+        (
+            "[lead_rubber]\nmass = 330\nperiod = 2.0\nyield_force = 800\nratio = 0.02",
+            with_lead_rubber_bearings(building("uts"), mass=330.0, period=2.0, yield_force=800.0, ratio=0.02),
+        ),
+        (
+            "[liquid_column]\nfloor = 5\nmass = 20\nfrequency = 2.9\nwidth_ratio = 0.7\nhead_loss = 3",
+            with_liquid_column(
+                building("uts"), floor=5, mass=20.0, frequency=2.9, width_ratio=0.7, head_loss=3.0
+            ),
+        ),
+        (
+            "[liquid_column]\nfloor = 5\nmass_ratio = 0.02\nwidth_ratio = 0.7\nrms_velocity = 0.1",
+            with_optimal_liquid_column(
+                building("uts"), floor=5, mass_ratio=0.02, width_ratio=0.7, rms_velocity=0.1
+            ),
+        ),
     ],
 )
 def test_a_table_puts_in_what_the_functions_put_in(text: str, expected: Building) -> None:
@@ -200,6 +241,32 @@ def test_additions_come_in_the_order_that_is_documented_not_in_that_of_the_table
             'published = "uts"\n[isolation]\nmass = 1.0\nperiod = 2.0\nstiffness = 1.0',
             "building.isolation.period: ",
             "keep one",
+        ),
+        (
+            'published = "uts"\n[isolation]\nmass = 1.0\nperiod = 2.0\nratio = 0.1\n'
+            "[lead_rubber]\nmass = 1.0\nperiod = 2.0\nyield_force = 1.0",
+            "building.lead_rubber: ",
+            "keep one",
+        ),
+        (
+            'published = "uts"\n[friction]\nstorey = 1\nslip_load = -1\nstiffness = 1.0',
+            "building.friction: ",
+            "slip load",
+        ),
+        (
+            'published = "uts"\n[yielding]\nstorey = 1\nyield = 1',
+            "building.yielding.yield: ",
+            "did you mean",
+        ),
+        (
+            'published = "uts"\n[liquid_column]\nfloor = 5\nwidth_ratio = 0.5\nmass_ratio = 0.1\nhead_loss = 1',
+            "building.liquid_column.head_loss: ",
+            "keep one",
+        ),
+        (
+            'published = "uts"\n[liquid_column]\nfloor = 5\nwidth_ratio = 0.5\nmass = 1\nfrequency = 1\nmode = 1',
+            "building.liquid_column.mode: ",
+            "goes with mass_ratio",
         ),
         ('published = "uts"\n[[viscous]]\nstorey = 9\ndamping = 1.0', "building.viscous[1]: ", "no storey 9"),
         ('published = "uts"\n[[viscous]]\nstorey = 1.5\ndamping = 1.0', "building.viscous[1].storey: ", "or its name"),

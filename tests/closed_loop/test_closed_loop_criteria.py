@@ -19,6 +19,7 @@ def responses(n_runs: int, n_devices: int = 2) -> Any:
     """Every quantity of runs of a building with three floors."""
     rng = np.random.default_rng(3)
     shapes = {"run": (n_runs,), "floor": (n_runs, 3), "storey": (n_runs, 3), "device": (n_runs, n_devices)}
+    shapes["element"] = (n_runs, 1)
     return SimpleNamespace(
         **{quantity.name: rng.uniform(1.0, 2.0, shapes[quantity.axis]) for quantity in run_quantities()}
     )
@@ -90,7 +91,7 @@ def test_a_study_keeps_quantities_of_the_core_alone() -> None:
 
 def test_every_quantity_is_declared_with_axis_unit_and_description() -> None:
     for quantity in (*run_quantities(), *history_signals()):
-        assert quantity.axis in ("run", "floor", "storey", "device", "state")
+        assert quantity.axis in ("run", "floor", "storey", "device", "element", "state")
         assert quantity.unit
         assert quantity.description
 

@@ -38,6 +38,8 @@ def building_arguments() -> dict[str, Any]:
         "floors": np.eye(N)[: N - 1],
         "storeys": np.eye(N) - np.eye(N, k=-1),
         "devices": np.eye(N)[:DEVICES],
+        "elements": np.eye(N)[1:],
+        "element_parameters": np.array([[5.0, 1.0, 0.0, 2.0, 100.0, 4.0], [0.0, 0.0, 3.0, 0.0, 1.0, 1.0]]),
     }
 
 

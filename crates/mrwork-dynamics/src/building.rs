@@ -134,6 +134,45 @@ pub struct Matrices<'a> {
     pub storeys: &'a [f64],
     /// e, elongation of each device from coordinates, shape (devices, n).
     pub devices: &'a [f64],
+    /// Elongation of each passive element from coordinates, shape (elements, n).
+    pub elements: &'a [f64],
+    /// What each element does.
+    pub element_parameters: &'a [Element],
+}
+
+/// A passive element `f = k x + c v + d |v| v + f_y w`, `w' = rho (v - (|v| |w|^(n-1) w + v |w|^n) / 2)`.
+///
+/// Its spring and its dashpot are in K and C of the building already; they are here for its force.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Element {
+    /// k [N/m].
+    pub stiffness: f64,
+    /// c [N s/m].
+    pub damping: f64,
+    /// d [N s2/m2].
+    pub head_loss: f64,
+    /// f_y [N].
+    pub yield_force: f64,
+    /// rho, the yield force over the initial stiffness of the loop is 1/rho [1/m].
+    pub slope: f64,
+    /// n, sharpness of the knee [1].
+    pub sharpness: f64,
+}
+
+impl Element {
+    /// Its whole force at elongation x and rate v, from that without spring and dashpot.
+    #[inline(always)]
+    pub(crate) fn with_spring<R: Real>(&self, force: R, x: R, v: R) -> R {
+        x.mul_add(R::splat(self.stiffness), v.mul_add(R::splat(self.damping), force))
+    }
+
+    /// Whether its numbers are those of an element that can be simulated.
+    fn is_sound(&self) -> bool {
+        let Self { stiffness, damping, head_loss, yield_force, slope, sharpness } = *self;
+        let positive = [stiffness, damping, head_loss, yield_force].iter().all(|number| *number >= 0.0);
+        let sum = stiffness + damping + head_loss + yield_force * slope + sharpness;
+        positive && slope > 0.0 && sharpness >= 1.0 && sum.is_finite()
+    }
 }
 
 /// A building with the rows of its devices.
@@ -157,6 +196,10 @@ pub struct Building {
     pub(crate) devices: SparseRows,
     /// Effective mass of each device, 1 / (e M^-1 e') [kg].
     pub(crate) device_mass: Vec<f64>,
+    pub(crate) elements: SparseRows,
+    pub(crate) element_parameters: Vec<Element>,
+    /// Effective mass of each element [kg].
+    pub(crate) element_mass: Vec<f64>,
     /// The larger of the largest natural frequency [rad/s] and the largest eigenvalue of M^-1 C [1/s].
     pub(crate) fastest: f64,
 }
@@ -176,8 +219,12 @@ impl Building {
                 return Err(DynamicsError::MatrixSize { name, found, expected });
             }
         }
-        let rows =
-            [("floors", matrices.floors), ("storeys", matrices.storeys), ("devices", matrices.devices)];
+        let rows = [
+            ("floors", matrices.floors),
+            ("storeys", matrices.storeys),
+            ("devices", matrices.devices),
+            ("elements", matrices.elements),
+        ];
         for (name, matrix) in rows {
             if n == 0 || !matrix.len().is_multiple_of(n) {
                 return Err(DynamicsError::MatrixSize { name, found: matrix.len(), expected: n });
@@ -188,20 +235,27 @@ impl Building {
                 return Err(DynamicsError::NotFinite { name, sample });
             }
         }
+        let (found, expected) = (matrices.element_parameters.len(), matrices.elements.len() / n);
+        if found != expected {
+            return Err(DynamicsError::MatrixSize { name: "element_parameters", found, expected });
+        }
+        if let Some(element) = matrices.element_parameters.iter().position(|each| !each.is_sound()) {
+            return Err(DynamicsError::Element(element));
+        }
         let mass = DMatrix::from_row_slice(n, n, matrices.mass);
         let root = Cholesky::new(mass.clone()).ok_or(DynamicsError::SingularMass)?;
         let mut inverse = root.inverse();
         clear_rounding(&mut inverse);
         let pushed = &mass * DMatrix::from_column_slice(n, 1, matrices.influence);
         let total_mass = pushed.iter().zip(matrices.influence).map(|(m, r)| m * r).sum();
-        let device_mass = matrices
-            .devices
-            .chunks_exact(n)
-            .map(|row| {
+        let moved_masses = |rows: &[f64]| {
+            let moved = |row| {
                 let row = DMatrix::from_row_slice(1, n, row);
                 1.0 / (&row * &inverse * row.transpose())[(0, 0)]
-            })
-            .collect();
+            };
+            rows.chunks_exact(n).map(moved).collect()
+        };
+        let (device_mass, element_mass) = (moved_masses(matrices.devices), moved_masses(matrices.elements));
         let frequency = largest_eigenvalue(&root, matrices.stiffness, n).abs().sqrt();
         let decay = largest_eigenvalue(&root, matrices.damping, n).abs();
         let springs = Springs::new(matrices.stiffness, matrices.damping, n);
@@ -219,6 +273,9 @@ impl Building {
             storeys: SparseRows::new(matrices.storeys, n),
             devices: SparseRows::new(matrices.devices, n),
             device_mass,
+            elements: SparseRows::new(matrices.elements, n),
+            element_parameters: matrices.element_parameters.to_vec(),
+            element_mass,
             fastest: frequency.max(decay),
         })
     }
@@ -233,6 +290,12 @@ impl Building {
     #[must_use]
     pub fn n_devices(&self) -> usize {
         self.devices.len()
+    }
+
+    /// Number of passive elements.
+    #[must_use]
+    pub fn n_elements(&self) -> usize {
+        self.elements.len()
     }
 
     /// Number of floors.

@@ -143,6 +143,12 @@ pub enum DynamicsError {
     /// A range of commands that is empty or not finite.
     #[error("the commands of device {0} end below where they begin, or are not finite")]
     CommandRange(usize),
+    /// An element with a number that it cannot have.
+    #[error(
+        "element {0}, counted from 0, has a number that is not finite or negative, a slope that is not positive or a \
+         sharpness below 1"
+    )]
+    Element(usize),
     /// A table of the wrong size.
     #[error("table `{table}` of the law `{law}` has {found} entries; give {expected}")]
     TableSize {

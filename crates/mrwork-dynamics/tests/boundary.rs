@@ -4,7 +4,7 @@
 #![allow(clippy::expect_used)] // of what the tests themselves make
 
 use mrwork_dynamics::any_damper::Damper;
-use mrwork_dynamics::building::{Building, Matrices};
+use mrwork_dynamics::building::{Building, Element, Matrices};
 use mrwork_dynamics::closed_loop::{
     Batch, Channel, Fault, Hardware, RUN_QUANTITIES, Run, Sensor, respond, width,
 };
@@ -197,6 +197,7 @@ proptest! {
         (n, n_devices) in (1..4_usize, 0..3_usize),
         (mass, damping, stiffness) in (odd(9), odd(9), odd(9)),
         (influence, floors, devices) in (odd(3), odd(9), odd(6)),
+        (elements, numbers) in (odd(6), vec(prop_oneof![6 => 1.0..9.0, 1 => number()], 0..13)),
         law in select(Law::ALL.to_vec()),
         (ranges, mountings) in (vec([number(), number()], 0..3), vec((number(), any::<bool>()), 0..3)),
         (gains, tables) in (vec(plain(), 0..200), vec(vec(number(), 0..20), 0..3)),
@@ -215,7 +216,17 @@ proptest! {
         };
         let (mass, damping, stiffness) = (square(&mass, 5.0), square(&damping, 1.0), square(&stiffness, 100.0));
         let (influence, floors, devices) = (rows(&influence, 1), rows(&floors, n), rows(&devices, n_devices));
+        let (numbers, _) = numbers.as_chunks::<6>();
+        let element_parameters: Vec<Element> = numbers
+            .iter()
+            .map(|&[stiffness, damping, head_loss, yield_force, slope, sharpness]| {
+                Element { stiffness, damping, head_loss, yield_force, slope, sharpness }
+            })
+            .collect();
+        let elements = rows(&elements, element_parameters.len());
         let matrices = Matrices {
+            elements: &elements,
+            element_parameters: &element_parameters,
             mass: &mass,
             damping: &damping,
             stiffness: &stiffness,

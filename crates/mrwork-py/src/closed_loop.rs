@@ -1,6 +1,6 @@
 //! Buildings in closed loop, and the control laws, in Python.
 
-use mrwork_dynamics::building::{Building as Dynamics, Matrices};
+use mrwork_dynamics::building::{Building as Dynamics, Element, Matrices};
 use mrwork_dynamics::closed_loop::{
     self, Batch, Channel, Fault, HISTORY_SIGNALS, Hardware, Observer, OutsideLaw, Quantity, RUN_QUANTITIES,
     Run, Sensor, n_samples,
@@ -41,9 +41,24 @@ impl Building {
         floors: PyReadonlyArray2<'_, f64>,
         storeys: PyReadonlyArray2<'_, f64>,
         devices: PyReadonlyArray2<'_, f64>,
+        elements: PyReadonlyArray2<'_, f64>,
+        element_parameters: PyReadonlyArray2<'_, f64>,
     ) -> PyResult<Self> {
         let columns = ("coordinates", Some(influence.len()));
         let square = [columns; 2];
+        let numbers = [("elements", None), ("numbers of an element", Some(6))];
+        let (numbers, _) = shaped("element_parameters", &element_parameters, &numbers)?.as_chunks::<6>();
+        let element_parameters: Vec<Element> = numbers
+            .iter()
+            .map(|&[stiffness, damping, head_loss, yield_force, slope, sharpness]| Element {
+                stiffness,
+                damping,
+                head_loss,
+                yield_force,
+                slope,
+                sharpness,
+            })
+            .collect();
         let matrices = Matrices {
             mass: shaped("mass", &mass, &square)?,
             damping: shaped("damping", &damping, &square)?,
@@ -52,6 +67,8 @@ impl Building {
             floors: shaped("floors", &floors, &[("floors", None), columns])?,
             storeys: shaped("storeys", &storeys, &[("storeys", None), columns])?,
             devices: shaped("devices", &devices, &[("devices", None), columns])?,
+            elements: shaped("elements", &elements, &[("elements", Some(element_parameters.len())), columns])?,
+            element_parameters: &element_parameters,
         };
         Ok(Self { dynamics: Dynamics::new(&matrices).map_err(value_error)? })
     }

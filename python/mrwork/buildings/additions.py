@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from mrwork.arguments import checked
+from mrwork.buildings.elements import carried
 from mrwork.buildings.matrices import Building, modes_of
 from mrwork.errors import SettingError
 
@@ -173,6 +174,7 @@ def with_coordinate(
         storey_names=(*building.storey_names, stroke_name),
         status="ours",
         n_strokes=building.n_strokes + 1,
+        elements=carried(building.elements, np.eye(n, n + 1)),
     )
 
 
@@ -277,6 +279,7 @@ def with_base_isolation(building: Building, *, mass: float, stiffness: float, da
         storeys=np.vstack([slab, building.storeys @ relative]),
         floor_names=("base", *building.floor_names),
         storey_names=("isolation", *building.storey_names),
+        elements=carried(building.elements, relative),
         source=f"{building.source}; base isolation added".removeprefix("; "),
         status="ours",
     )
@@ -311,6 +314,31 @@ def with_base_isolation_of_period(
     return with_base_isolation(
         building, mass=mass, stiffness=total * omega**2, damping=2.0 * ratio * total * omega
     )
+
+
+def mode_at_floor(building: Building, floor: int | str, mode: int, name: str) -> tuple[float, float]:
+    """Circular frequency of a mode [rad/s], and the entry of its shape at a floor, with phi' M phi = 1.
+
+    Raises
+    ------
+    SettingError
+        If there is no such mode, or it does not move the floor; the message begins with `name`.
+    UnknownNameError
+        If there is no such floor.
+    """
+    if not 1 <= mode <= building.n_coordinates:
+        raise SettingError(
+            f"{name} on {building.name}: it is tuned to mode {mode}; give one from 1 to {building.n_coordinates}"
+        )
+    omega, modes = modes_of(building.mass, building.stiffness)
+    shape = modes[:, mode - 1]
+    entry = float(building.floor_row(floor) @ shape)
+    # An entry below a millionth of the largest is a node of the mode.
+    if abs(entry) < 1e-6 * float(np.abs(building.floors @ shape).max()):
+        raise SettingError(
+            f"{name} on {building.name}: mode {mode} does not move the floor {floor}; choose another"
+        )
+    return float(omega[mode - 1]), entry
 
 
 def check_positive(value: float, message: str, example: str = "") -> None:

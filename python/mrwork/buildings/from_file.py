@@ -20,9 +20,15 @@ name, source           name of the building, and origin of its numbers
 [rayleigh]             ratios = [0.02, 0.02], modes = [1, 3]; or a0 [1/s], a1 [s]
 [modal_damping]        ratios = [0.01], one for all or one for each mode
 [isolation]            mass [kg] of the slab; period [s], ratio, or stiffness [N/m], damping [N s/m]
+[lead_rubber]          mass [kg] of the slab; period [s], ratio of the rubber; yield_force [N],
+                       yield_displacement [m], sharpness, name
 [[viscous]]            storey, damping [N s/m]
+[[yielding]]           storey, yield_force [N], yield_displacement [m], post_yield_ratio, sharpness, name
+[[friction]]           storey, slip_load [N], stiffness [N/m] of the brace, sharpness, name
 [[brace]]              storey, stiffness [N/m], mass [kg], damping [N s/m], name
 [[tuned_mass]]         floor, mass_ratio, tuning, mode; or mass [kg], frequency [Hz], ratio; name
+[[liquid_column]]      floor, width_ratio; mass_ratio, rms_velocity [m/s], mode; or mass [kg], frequency [Hz],
+                       head_loss; name
 =====================  ==================================================================================
 """
 

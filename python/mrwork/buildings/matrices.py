@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.linalg import eigh
 
 from mrwork.arguments import checked
+from mrwork.buildings.elements import PassiveElement
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.keys import control_in
 from mrwork.records.damper_test import frozen
@@ -25,6 +26,8 @@ Floats = NDArray[np.float64]
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Building(Summarised):
     """Plane building `M q'' + C q' + K q = -sum_d e_d' f_d - M r a_g`, with q relative to the ground.
+
+    Passive elements, if it has any, add the part of their force that M, C and K do not have, as a device does.
 
     The arrays are stored as read-only copies.
 
@@ -47,6 +50,8 @@ class Building(Summarised):
     n_strokes
         Number of last rows of `storeys` that are strokes of additions (a tuned mass, a damper behind its brace).
         They are not drifts and do not count in drift criteria.
+    elements
+        What yields, slips or loses head; modes, regulators and observers do not see it.
 
     Raises
     ------
@@ -69,6 +74,7 @@ class Building(Summarised):
     source: str = ""
     status: str = "ours"
     n_strokes: int = 0
+    elements: tuple[PassiveElement, ...] = ()
 
     def __post_init__(self) -> None:
         check_size(len(self.mass) if self.mass.ndim else 0, f"building {self.name}")
@@ -174,10 +180,12 @@ class Building(Summarised):
 
     def _summary(self) -> Summary:
         frequencies = self.frequencies
+        elements = [("passive", ", ".join(each.name for each in self.elements))] if self.elements else []
         return Summary(
             title=f"Building {self.name}: {len(self.floors)} floors, {self.total_mass:.5g} kg",
             facts=(
                 ("frequencies", f"{', '.join(rounded(float(each)) for each in frequencies[:6])} Hz"),
+                *elements,
                 ("source", f"{self.source} ({self.status})" if self.source else self.status),
             ),
         )
@@ -268,6 +276,12 @@ def check_building(building: Building) -> None:
             place = ", ".join(str(each + 1) for each in index)
             raise SettingError(
                 f"{where}: entry {place} of {title} is {matrix[index]:g}, which is beyond any building; correct it"
+            )
+    for element in building.elements:
+        if element.row.shape != building.influence.shape:
+            raise SettingError(
+                f"{where}: the row of {element.name} has {element.row.size} entries; give "
+                f"{building.influence.size}, one for each coordinate"
             )
     _check_symmetric(building.mass, "mass", where)
     _check_symmetric(building.stiffness, "stiffness", where)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_continuous_lyapunov, svd
 
 from mrwork.arguments import checked
+from mrwork.buildings.elements import carried
 from mrwork.buildings.matrices import Building, modes_of
 from mrwork.buildings.state_space import LinearSystem
 from mrwork.errors import SettingError
@@ -51,6 +52,7 @@ def modal_truncation(building: Building, *, n_modes: int) -> Building:
         influence=kept.T @ building.mass @ building.influence,
         floors=building.floors @ kept,
         storeys=building.storeys @ kept,
+        elements=carried(building.elements, kept),
         source=f"{building.source}; reduced to {n_modes} modes".removeprefix("; "),
         status="ours",
     )

@@ -216,6 +216,8 @@ def system_of(
 
     Raises
     ------
+    SettingError
+        If the building has passive elements, which no linear system has.
     UnknownNameError
         If there is no such output or storey.
 
@@ -226,6 +228,11 @@ def system_of(
     >>> system.input_names
     ('ground acceleration', 'force in storey 1')
     """
+    if building.elements:
+        raise SettingError(
+            f"{building.name} has {building.elements[0].name}, which is not linear; give the building without it, as "
+            "dataclasses.replace(building, elements=()), for the system of its matrices alone"
+        )
     n = building.n_coordinates
     rows = np.stack([building.storey_row(storey) for storey in devices]) if devices else np.zeros((0, n))
     A, B, E = building.state_matrices(rows)

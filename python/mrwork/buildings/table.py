@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from typing import Final, NoReturn
@@ -20,6 +20,13 @@ from mrwork.buildings.additions import (
     with_viscous_damper,
 )
 from mrwork.buildings.matrices import Building
+from mrwork.buildings.passive_devices import (
+    with_friction_damper,
+    with_lead_rubber_bearings,
+    with_liquid_column,
+    with_optimal_liquid_column,
+    with_yielding_damper,
+)
 from mrwork.buildings.tuned_mass import with_optimal_tuned_mass, with_tuned_mass
 from mrwork.keys import Place, shown
 
@@ -132,30 +139,6 @@ def _is_number(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
-ADDITIONS: Final = ("rayleigh", "modal_damping", "isolation", "viscous", "brace", "tuned_mass")
-
-
-def with_additions(building: Building, entries: Entries) -> Building:
-    """Return the building with the additions of a table, applied in the order of `ADDITIONS`.
-
-    Damping ratios therefore refer to the bare building, and storey 1 of an isolated building is the isolators.
-
-    Raises
-    ------
-    MrworkError
-        If an addition is invalid; the message has its place.
-    """
-    if "rayleigh" in entries and "modal_damping" in entries:
-        entries.refuse("rayleigh and modal_damping both give the damping; keep one", "modal_damping")
-    for key, add in (("rayleigh", _rayleigh), ("modal_damping", _modal), ("isolation", _isolation)):
-        if key in entries:
-            building = add(building, entries.inner(key))
-    for key, add in (("viscous", _viscous), ("brace", _brace), ("tuned_mass", _tuned_mass)):
-        for inner in entries.inner_all(key):
-            building = add(building, inner)
-    return building
-
-
 def _rayleigh(building: Building, entries: Entries) -> Building:
     entries.allow(("ratios", "modes", "a0", "a1"))
     if "ratios" not in entries:
@@ -237,3 +220,137 @@ def _tuned_mass(building: Building, entries: Entries) -> Building:
     mass, frequency, ratio = entries.number("mass"), entries.number("frequency"), entries.number("ratio")
     with entries.place.prefixed():
         return with_tuned_mass(building, floor=floor, mass=mass, frequency=frequency, ratio=ratio, name=name)
+
+
+def _yielding(building: Building, entries: Entries) -> Building:
+    entries.allow(("storey", "yield_force", "yield_displacement", "post_yield_ratio", "sharpness", "name"))
+    storey, name = entries.floor("storey"), entries.text("name", "")
+    numbers = {
+        "yield_force": entries.number("yield_force"),
+        "yield_displacement": entries.number("yield_displacement"),
+        **_given(entries, "post_yield_ratio", "sharpness"),
+    }
+    with entries.place.prefixed():
+        return with_yielding_damper(building, storey=storey, name=name, **numbers)
+
+
+def _friction(building: Building, entries: Entries) -> Building:
+    entries.allow(("storey", "slip_load", "stiffness", "sharpness", "name"))
+    storey, name = entries.floor("storey"), entries.text("name", "")
+    slip_load, stiffness = entries.number("slip_load"), entries.number("stiffness")
+    numbers = _given(entries, "sharpness")
+    with entries.place.prefixed():
+        return with_friction_damper(
+            building, storey=storey, name=name, slip_load=slip_load, stiffness=stiffness, **numbers
+        )
+
+
+def _lead_rubber(building: Building, entries: Entries) -> Building:
+    if "isolation" in building.storey_names:
+        entries.refuse("isolation and lead_rubber both stand under the building; keep one")
+    entries.allow(("mass", "period", "ratio", "yield_force", "yield_displacement", "sharpness", "name"))
+    name = entries.text("name", "lead-rubber bearings")
+    mass, period = entries.number("mass"), entries.number("period")
+    yield_force = entries.number("yield_force")
+    numbers = _given(entries, "yield_displacement", "ratio", "sharpness")
+    with entries.place.prefixed():
+        return with_lead_rubber_bearings(
+            building, mass=mass, period=period, yield_force=yield_force, name=name, **numbers
+        )
+
+
+def _liquid_column(building: Building, entries: Entries) -> Building:
+    entries.allow(
+        (
+            "floor",
+            "mass_ratio",
+            "width_ratio",
+            "rms_velocity",
+            "mode",
+            "mass",
+            "frequency",
+            "head_loss",
+            "name",
+        )
+    )
+    floor, name = entries.floor("floor"), entries.text("name", "liquid column")
+    width_ratio = entries.number("width_ratio")
+    if "mass_ratio" in entries:
+        for key in ("mass", "frequency", "head_loss"):
+            if key in entries:
+                entries.refuse(
+                    "a liquid column is given by mass_ratio and rms_velocity or by mass, frequency and head_loss; "
+                    "keep one",
+                    key,
+                )
+        mass_ratio, rms_velocity = entries.number("mass_ratio"), entries.number("rms_velocity")
+        mode = entries.whole("mode", 1)
+        with entries.place.prefixed():
+            return with_optimal_liquid_column(
+                building,
+                floor=floor,
+                mass_ratio=mass_ratio,
+                width_ratio=width_ratio,
+                rms_velocity=rms_velocity,
+                mode=mode,
+                name=name,
+            )
+    for key in ("rms_velocity", "mode"):
+        if key in entries:
+            entries.refuse(f"{key} goes with mass_ratio; leave it out, or give mass_ratio", key)
+    mass, frequency = entries.number("mass"), entries.number("frequency")
+    head_loss = entries.number("head_loss")
+    with entries.place.prefixed():
+        return with_liquid_column(
+            building,
+            floor=floor,
+            mass=mass,
+            frequency=frequency,
+            width_ratio=width_ratio,
+            head_loss=head_loss,
+            name=name,
+        )
+
+
+def _given(entries: Entries, *keys: str) -> dict[str, float]:
+    """The numbers of a table that it has; the others are left to the defaults of the function."""
+    return {key: entries.number(key) for key in keys if key in entries}
+
+
+_ONE: Final[Mapping[str, Callable[[Building, Entries], Building]]] = {
+    "rayleigh": _rayleigh,
+    "modal_damping": _modal,
+    "isolation": _isolation,
+    "lead_rubber": _lead_rubber,
+}
+_SEVERAL: Final[Mapping[str, Callable[[Building, Entries], Building]]] = {
+    "viscous": _viscous,
+    "yielding": _yielding,
+    "friction": _friction,
+    "brace": _brace,
+    "tuned_mass": _tuned_mass,
+    "liquid_column": _liquid_column,
+}
+ADDITIONS: Final = (*_ONE, *_SEVERAL)
+"""Keys of additions, in the order in which they are applied."""
+
+
+def with_additions(building: Building, entries: Entries) -> Building:
+    """Return the building with the additions of a table, applied in the order of `ADDITIONS`.
+
+    Damping ratios therefore refer to the bare building, and storey 1 of an isolated building is the isolators.
+
+    Raises
+    ------
+    MrworkError
+        If an addition is invalid; the message has its place.
+    """
+    if "rayleigh" in entries and "modal_damping" in entries:
+        entries.refuse("rayleigh and modal_damping both give the damping; keep one", "modal_damping")
+    for key, add in _ONE.items():
+        if key in entries:
+            building = add(building, entries.inner(key))
+    for key, add in _SEVERAL.items():
+        for inner in entries.inner_all(key):
+            building = add(building, inner)
+    return building

@@ -11,8 +11,8 @@ from typing import Final
 import numpy as np
 
 from mrwork.arguments import checked
-from mrwork.buildings.additions import check_not_negative, check_positive, with_coordinate
-from mrwork.buildings.matrices import Building, damping_ratios_of, modes_of
+from mrwork.buildings.additions import check_not_negative, check_positive, mode_at_floor, with_coordinate
+from mrwork.buildings.matrices import Building, damping_ratios_of
 from mrwork.errors import SettingError, UnknownNameError
 
 
@@ -158,18 +158,8 @@ def with_optimal_tuned_mass(
         raise SettingError(
             f"{name} on {building.name}: the mass ratio is {mass_ratio:g}; give a number such as 0.02"
         )
-    if not 1 <= mode <= building.n_coordinates:
-        raise SettingError(
-            f"{name} on {building.name}: it is tuned to mode {mode}; give one from 1 to {building.n_coordinates}"
-        )
-    omega, modes = modes_of(building.mass, building.stiffness)
-    entry = float(building.floor_row(floor) @ modes[:, mode - 1])
+    omega, entry = mode_at_floor(building, floor, mode, name)
     mass = mass_ratio * building.total_mass
-    # An entry below a millionth of the largest is a node of the mode.
-    if abs(entry) < 1e-6 * float(np.abs(building.floors @ modes[:, mode - 1]).max()):
-        raise SettingError(
-            f"{name} on {building.name}: mode {mode} does not move the floor {floor}; choose another"
-        )
     modal_ratio = mass * entry**2
     if not modal_ratio < 2.0:
         raise SettingError(
@@ -182,7 +172,7 @@ def with_optimal_tuned_mass(
         building,
         floor=floor,
         mass=mass,
-        frequency=optimum.frequency_ratio * float(omega[mode - 1]) / (2.0 * np.pi),
+        frequency=optimum.frequency_ratio * omega / (2.0 * np.pi),
         ratio=optimum.damping_ratio,
         name=name,
     )

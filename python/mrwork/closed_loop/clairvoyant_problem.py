@@ -58,6 +58,11 @@ class ClairvoyantProblem:
 
     def __post_init__(self) -> None:
         samples_of(self.interval, self.hardware.sample_time)
+        if self.building.elements:
+            raise SettingError(
+                f"{self.building.name} has {self.building.elements[0].name}, and the gradients of a clairvoyant are "
+                "those of a building without passive elements; leave the clairvoyant out, or the element"
+            )
         for device in self.devices:
             if not device.spec.follows_command:
                 raise SettingError(

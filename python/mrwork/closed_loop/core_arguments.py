@@ -29,6 +29,9 @@ _SECONDS = 3e-9
 # They are ready in ten seconds.
 _MOST_COORDINATES = 1500
 
+# Numbers of an element in the core.
+_ELEMENT_NUMBERS = 6
+
 # Limit of an ideal actuator [N]: so large that an unstable loop overflows and ends as diverged before it.
 _NO_LIMIT = 1e300
 
@@ -119,6 +122,8 @@ def matrices_of(building: Building, devices: Sequence[Device]) -> _rust.Building
         building.floors,
         building.storeys,
         elongation_rows(building, devices),
+        np.reshape([element.row for element in building.elements], (-1, n)),
+        np.reshape([element.numbers for element in building.elements], (-1, _ELEMENT_NUMBERS)),
     ]
     try:
         return _rust.Building(*(np.ascontiguousarray(array, dtype=np.float64) for array in arrays))

@@ -26,14 +26,14 @@ ENERGY_TOLERANCE = 1e-6
 """Energy errors above this are reported: 1e-8 is normal, a chattering law or a long step gives more."""
 
 
-Axis = Literal["run", "floor", "storey", "device", "state"]
+Axis = Literal["run", "floor", "storey", "device", "element", "state"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Quantity:
     """A quantity of a run or a signal of its history, as the core declares it.
 
-    `axis` is its second axis: floors, storeys, devices or states; "run" for one number a run.
+    `axis` is its second axis: floors, storeys, devices, passive elements or states; "run" for one number a run.
     """
 
     name: str
@@ -121,6 +121,9 @@ class History(Summarised):
     command: Floats
     current: Floats
     device_energy: Floats
+    element_deformation: Floats
+    element_force: Floats
+    element_energy: Floats
     input_energy: Floats
     damping_energy: Floats
 
@@ -161,12 +164,12 @@ class History(Summarised):
 class Responses(Summarised):
     """Runs in the order candidate, motion, draw, the last varying fastest; infinite for a run that did not finish.
 
-    The quantities and their units are declared by the core, see `run_quantities`; those of floors, storeys and devices
-    have a second axis. Peaks and mean squares are taken over all integration steps; accelerations are absolute.
-    `energy_error` is the largest imbalance of input, kinetic, strain, damping and device energy during the run,
-    relative to the largest energy. `steps` is the number of integration steps per sample, `shape` that of candidates,
-    motions and draws. `devices` are the dampers, none where actuators replace them; `seconds` are the lengths of the
-    motions.
+    The quantities and their units are declared by the core, see `run_quantities`; those of floors, storeys, devices
+    and passive elements have a second axis. Peaks and mean squares are taken over all integration steps; accelerations
+    are absolute. `energy_error` is the largest imbalance of input, kinetic, strain, damping, device and element energy
+    during the run, relative to the largest energy. `steps` is the number of integration steps per sample, `shape` that
+    of candidates, motions and draws. `devices` are the dampers, none where actuators replace them; `seconds` are the
+    lengths of the motions.
     """
 
     shape: tuple[int, int, int]
@@ -188,6 +191,9 @@ class Responses(Summarised):
     mean_current: Floats
     rms_current: Floats
     device_energy: Floats
+    peak_element_force: Floats
+    peak_element_stroke: Floats
+    element_energy: Floats
     input_energy: Floats
     kinetic_energy: Floats
     strain_energy: Floats

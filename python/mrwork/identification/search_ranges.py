@@ -16,6 +16,7 @@ from mrwork.records import DamperTest
 # measured force up to twice that force. The models' admissible ranges are far wider; local minimisations may use them.
 _POSITIVE = {
     "N s/m": (1e-3, 2.0),
+    "N s2/m2": (1e-3, 2.0),
     "N/m": (1e-2, 1e3),
     "N": (1e-2, 2.0),
     "m": (1e-4, 20.0),
@@ -50,6 +51,7 @@ def search_box(spec: DamperSpec, bounds: Box, tests: tuple[DamperTest, ...]) -> 
     stroke, speed, force = ranges.stroke, ranges.speed, ranges.force
     scales = {
         "N s/m": force / speed,
+        "N s2/m2": force / speed**2,
         "N/m": force / stroke,
         "N": force,
         "m": stroke,

@@ -9,6 +9,7 @@ import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +26,7 @@ from mrwork.errors import SettingError
 from mrwork.motions import GroundMotion
 from mrwork.store.record import OrInfinite, OrNan
 from mrwork.study.realisations import Realisations
-from mrwork.study.run_result import selected_columns
+from mrwork.study.run_result import own_columns
 from mrwork.study.study import Arrangement, StudyLaw
 from mrwork.summary import Summarised
 from mrwork.units import STANDARD_GRAVITY
@@ -198,13 +199,9 @@ def _varied_hardware(hardware: Hardware, delay: float, seed: int) -> Hardware:
 
 def _own(responses: Responses, arrangement: Arrangement, law: StudyLaw) -> Responses:
     """Responses with the floors and storeys of the bare building alone."""
-    kept = {}
-    for quantity in run_quantities():
-        columns = selected_columns(quantity, arrangement)
-        if columns:
-            kept[quantity.name] = getattr(responses, quantity.name)[(slice(None), *columns)]
-    if not arrangement.devices:
-        kept["peak_stroke"] = responses.peak_drift[:, list(arrangement.strokes)]
+    kept: dict[str, Any] = {
+        quantity.name: own_columns(responses, quantity, arrangement) for quantity in run_quantities()
+    }
     if isinstance(law, ControlLaw) and law.spec.commands_force:
         # The command of an ideal actuator is a force, not a current.
         kept |= {name: kept[name][:, :0] for name in ("mean_current", "rms_current")}

@@ -268,6 +268,7 @@ def _history_bytes(study: Study, arrangement: Arrangement, first: int) -> float:
         "floor": len(building.floors),
         "storey": len(building.storeys),
         "device": max(len(arrangement.devices), 1),
+        "element": len(building.elements),
         "state": 2 * building.n_coordinates,
     }
     seconds = sum(motion.duration for motion in study.grounds[first:])

@@ -68,6 +68,8 @@ class RunEnd:
 class RunResult(RunEnd):
     """Peaks and root mean squares of floors, storeys and devices, final energies [J], and how the run ended.
 
+    Force, stroke and energy of devices are those of the dampers, then those of the passive elements of the building.
+
     `outcome` is "finished", "failed_safe" if a sensor failed and the dampers had no command, or the reason why the run
     did not finish. `energy_error` is the imbalance of energy over the largest energy. `steps` is the number of
     integration steps per sample.
@@ -102,7 +104,8 @@ class RunResult(RunEnd):
 class RunHistory:
     """The history of a run: shapes (n_time,), for floors, storeys and devices (n_time, n).
 
-    `energy` has the columns input, kinetic, strain, damping and devices [J], cumulative from the start.
+    `energy` has the columns input, kinetic, strain, damping and devices [J], cumulative from the start; passive
+    elements count among the devices.
     """
 
     time: Floats
@@ -120,6 +123,12 @@ class RunHistory:
 
 _KEPT = get_type_hints(RunResult)
 _HISTORY = get_type_hints(RunHistory)
+# What a quantity of devices is called for passive elements, where results have both side by side.
+_OF_ELEMENTS = {
+    "peak_force": "peak_element_force",
+    "peak_stroke": "peak_element_stroke",
+    "device_energy": "element_energy",
+}
 _COMMANDS = ("peak_current", "mean_current", "rms_current")
 
 
@@ -128,12 +137,8 @@ def result_of(responses: Responses, run: int, arrangement: Arrangement) -> RunRe
     kept: dict[str, Any] = {}
     for quantity in run_quantities():
         if quantity.name in _KEPT:
-            values = getattr(responses, quantity.name)[(run, *selected_columns(quantity, arrangement))]
+            values = own_columns(responses, quantity, arrangement)[run]
             kept[quantity.name] = float(values) if _KEPT[quantity.name] is float else np.asarray(values)
-    if not arrangement.devices:
-        # Added storeys without devices, such as isolators, have a stroke, too.
-        others = [number for number in arrangement.strokes if number < responses.peak_drift.shape[1]]
-        kept["peak_stroke"] = responses.peak_drift[run, others]
     if arrangement.has_actuators:
         # The command of an ideal actuator is a force, not a current.
         kept |= {name: kept[name][:0] for name in _COMMANDS}
@@ -159,6 +164,7 @@ def recorded_result(record: Mapping[str, Any], arrangement: Arrangement) -> RunR
         "storey": len(arrangement.storeys),
         "device": len(arrangement.devices),
     }
+    n_elements = len(arrangement.building.elements)
     for quantity in run_quantities():
         if _KEPT.get(quantity.name, float) is float:
             continue
@@ -166,12 +172,29 @@ def recorded_result(record: Mapping[str, Any], arrangement: Arrangement) -> RunR
         expected = (sizes[quantity.axis],) if quantity.axis in sizes else ()
         if quantity.name in _COMMANDS and arrangement.has_actuators:
             expected = (0,)
+        if quantity.name in _OF_ELEMENTS:
+            expected = (len(arrangement.devices) + n_elements,)
         if quantity.name == "peak_stroke" and not arrangement.devices and len(found) == 1:
             # Of the added storeys, if there are any.
             continue
         if found != expected:
             raise ValueError(f"{quantity.name} has the shape {found} where {expected} was expected")
     return result
+
+
+def own_columns(responses: Responses, quantity: Quantity, arrangement: Arrangement) -> Floats:
+    """A quantity of all runs, for the floors and storeys of the bare building and all that is built into it."""
+    values: Floats = getattr(responses, quantity.name)[
+        (slice(None), *selected_columns(quantity, arrangement))
+    ]
+    if quantity.name == "peak_stroke" and not arrangement.devices:
+        # Added storeys without devices, such as isolators, have a stroke, too.
+        others = [number for number in arrangement.strokes if number < responses.peak_drift.shape[1]]
+        values = responses.peak_drift[:, others]
+    of_elements = _OF_ELEMENTS.get(quantity.name)
+    return (
+        values if of_elements is None else np.concatenate([values, getattr(responses, of_elements)], axis=1)
+    )
 
 
 def selected_columns(quantity: Quantity, arrangement: Arrangement) -> tuple[list[int] | slice, ...]:
@@ -194,7 +217,7 @@ def history_of(history: History, arrangement: Arrangement) -> RunHistory:
         history.kinetic_energy(arrangement.building),
         history.strain_energy(arrangement.building),
         history.damping_energy,
-        history.device_energy[:, : len(arrangement.devices)].sum(axis=1),
+        history.device_energy[:, : len(arrangement.devices)].sum(axis=1) + history.element_energy.sum(axis=1),
     )
     kept = {
         signal.name: getattr(history, signal.name)[(slice(None), *selected_columns(signal, arrangement))]

@@ -301,6 +301,7 @@ def digest_of_run(arrangement: Arrangement, *motions: GroundMotion) -> str:
         None if own is None or own.curve is None else (own.curve[0], _digest(own.curve[1])),
         sorted((name, _digest(array)) for name, array in numbers.items()),
         *((law.source, law.n_memory) if isinstance(law, UserLaw) else ()),
+        *((_digest(each.row), each.numbers) for each in building.elements),
         *(_digest_of_motion(motion) for motion in motions),
     )
 

@@ -61,6 +61,13 @@ def check_finish(table: TuneTable, study: Study) -> None:
             "gradients are those of a mean of criteria; leave gradient_steps out, or combine",
             "gradient_steps",
         )
+    if study.building.elements:
+        refuse_within(
+            table,
+            f"gradients are those of a building without passive elements, and this one has "
+            f"{study.building.elements[0].name}; leave gradient_steps out, or the element",
+            "gradient_steps",
+        )
     hardware = study.hardware
     noisy = any(number for pair in hardware.sensors for number in pair)
     if hardware.feedback != "state" or noisy or hardware.faults or math.isfinite(hardware.command_rate):

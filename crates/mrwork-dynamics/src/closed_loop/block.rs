@@ -4,6 +4,7 @@ use core::marker::PhantomData;
 
 use super::batch::Batch;
 use super::dampers::{Dampers, END, MIDDLE};
+use super::elements::Elements;
 use super::history::{HistoryRows, WriteHistory};
 use super::plant::Plant;
 use super::reductions::{BalanceEnergies, ReduceStep, Reductions};
@@ -40,6 +41,8 @@ pub struct LaneResult {
     pub(super) row: Vec<f64>,
     /// Per device: largest rate, and largest change of the rate in a step in which it changed sign [m/s].
     pub(super) severity: Vec<[f64; 2]>,
+    /// The same per element.
+    pub(super) element_severity: Vec<[f64; 2]>,
     /// Whether a command was not a number.
     pub(super) command_invalid: bool,
 }
@@ -64,7 +67,6 @@ impl<M: DamperModel> LaneJob for BlockJob<'_, '_, M> {
     #[inline(always)]
     fn run<R: Lanes>(self) -> Vec<LaneResult> {
         let (reductions, command_invalid) = integrate_block::<M, R>(self.block, self.histories);
-        let n_devices = self.block.batch.mountings.len();
         let mut results = vec![LaneResult::default(); self.block.runs.len()];
         command_invalid.for_each(|lane, invalid| {
             if let Some(result) = results.get_mut(lane) {
@@ -73,7 +75,8 @@ impl<M: DamperModel> LaneJob for BlockJob<'_, '_, M> {
         });
         for (lane, result) in results.iter_mut().enumerate() {
             reductions.of_lane(lane, &mut result.row);
-            result.severity = (0..n_devices).map(|device| reductions.severity(device, lane)).collect();
+            result.severity = reductions.severity(lane);
+            result.element_severity = reductions.element_severity(lane);
         }
         results
     }
@@ -130,6 +133,7 @@ fn integrate_block<M: DamperModel, R: Lanes>(
 
     let mut plant = Plant::<R>::at_rest(building, step);
     let mut dampers = Dampers::<M, R>::new(batch, runs, step);
+    let mut elements = Elements::<R>::at_rest(building);
     let mut controller = Controller::<R>::new(batch, runs);
     let mut reductions = Reductions::<R>::new(building);
     let mut end = ground.acceleration::<R>(0.0);
@@ -149,7 +153,8 @@ fn integrate_block<M: DamperModel, R: Lanes>(
             let index = sample * steps as usize + inner;
             let start = end;
             dampers.evaluate_forces(&plant.elongation, &plant.rate, END);
-            plant.accelerate(0, &dampers.force, start);
+            elements.evaluate(&plant.staged_velocity);
+            plant.accelerate(0, &dampers.force, &elements.force, start);
             if inner == 0 {
                 R::out_of_line(Sample {
                     batch,
@@ -171,7 +176,7 @@ fn integrate_block<M: DamperModel, R: Lanes>(
                 let commands = controller.sent_at(index.saturating_sub(delay) / steps as usize);
                 if dampers.receive(commands, index == 0) {
                     dampers.evaluate_forces(&plant.elongation, &plant.rate, END);
-                    plant.accelerate(0, &dampers.force, start);
+                    plant.accelerate(0, &dampers.force, &elements.force, start);
                 }
             }
             R::out_of_line(ReduceStep {
@@ -180,6 +185,7 @@ fn integrate_block<M: DamperModel, R: Lanes>(
                 velocity: &plant.velocity,
                 acceleration: plant.acceleration(),
                 force: &dampers.force,
+                elements: &elements.force,
                 current: &dampers.current,
                 ground_acceleration: start,
                 into: &mut reductions,
@@ -192,6 +198,7 @@ fn integrate_block<M: DamperModel, R: Lanes>(
                     velocity: &plant.velocity,
                     acceleration: plant.acceleration(),
                     force: &dampers.force,
+                    elements: &elements.force,
                     current: &dampers.current,
                     command: controller.sent_at(sample),
                     ground_acceleration: start,
@@ -207,11 +214,14 @@ fn integrate_block<M: DamperModel, R: Lanes>(
             for (stage, (weight, reach, shaking, moment)) in stages.into_iter().enumerate() {
                 plant.advance(stage, &dampers.force, &mut reductions);
                 dampers.advance(weight, reach);
+                elements.advance(weight, reach, &mut reductions);
                 dampers.evaluate_forces(&plant.elongation, &plant.rate, moment);
-                plant.accelerate(stage + 1, &dampers.force, shaking);
+                elements.evaluate(&plant.staged_velocity);
+                plant.accelerate(stage + 1, &dampers.force, &elements.force, shaking);
             }
             plant.advance(stages.len(), &dampers.force, &mut reductions);
             dampers.advance(sixth, 0.0);
+            elements.advance(sixth, 0.0, &mut reductions);
         }
     }
     R::out_of_line(BalanceEnergies {

@@ -18,6 +18,9 @@ pub const HISTORY_SIGNALS: &[Quantity] = &[
     Quantity::new("command", Axis::Device, "A or V", "command sent"),
     Quantity::new("current", Axis::Device, "A or V", "command behind the lag of the driver"),
     Quantity::new("device_energy", Axis::Device, "J", "energy dissipated"),
+    Quantity::new("element_deformation", Axis::Element, "m", "elongation of the passive element"),
+    Quantity::new("element_force", Axis::Element, "N", "its resisting force, with spring and dashpot"),
+    Quantity::new("element_energy", Axis::Element, "J", "work on it, but for its spring and dashpot"),
     Quantity::new("input_energy", Axis::Run, "J", "work of the ground"),
     Quantity::new("damping_energy", Axis::Run, "J", "energy dissipated by the damping of the building"),
 ];
@@ -43,6 +46,7 @@ pub(super) struct WriteHistory<'a, 'b, R> {
     pub(super) velocity: &'a [R],
     pub(super) acceleration: &'a [R],
     pub(super) force: &'a [R],
+    pub(super) elements: &'a [R],
     pub(super) current: &'a [R],
     pub(super) command: &'a [R],
     pub(super) ground_acceleration: R,
@@ -77,6 +81,17 @@ impl<R: Lanes> OutOfLine for WriteHistory<'_, '_, R> {
         writer.put_all(self.command);
         writer.put_all(self.current);
         writer.put_all(&self.reductions.device_work);
+        for element in 0..building.n_elements() {
+            writer.put(building.elements.dot(element, displacement));
+        }
+        for (element, &force) in self.elements.iter().enumerate() {
+            let (x, v) = (
+                building.elements.dot(element, displacement),
+                building.elements.dot(element, velocity),
+            );
+            writer.put(building.element_parameters[element].with_spring(force, x, v));
+        }
+        writer.put_all(&self.reductions.element_work);
         writer.put(self.reductions.input);
         writer.put(self.reductions.damping);
     }

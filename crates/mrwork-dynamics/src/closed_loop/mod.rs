@@ -10,6 +10,7 @@ mod batch;
 pub(crate) mod block;
 mod check;
 mod dampers;
+mod elements;
 mod hardware;
 pub(crate) mod history;
 mod noise;

@@ -16,8 +16,9 @@ pub(super) struct Plant<'a, R> {
     step: f64,
     pub(super) displacement: Vec<R>,
     pub(super) velocity: Vec<R>,
-    staged_displacement: Vec<R>,
-    staged_velocity: Vec<R>,
+    /// Both at the current stage.
+    pub(super) staged_displacement: Vec<R>,
+    pub(super) staged_velocity: Vec<R>,
     /// Accelerations relative to the ground: at the first stage, at the current stage, and the sum of the middle two.
     first: Vec<R>,
     current: Vec<R>,
@@ -58,9 +59,9 @@ impl<'a, R: Lanes> Plant<'a, R> {
         &self.first
     }
 
-    /// Evaluates accelerations and powers at a stage, for these device forces and ground acceleration.
-    pub(super) fn accelerate(&mut self, stage: usize, force: &[R], ground: R) {
-        R::out_of_line(Accelerate { plant: self, stage, force, ground });
+    /// Evaluates accelerations and powers at a stage, for these forces of devices and elements and ground acceleration.
+    pub(super) fn accelerate(&mut self, stage: usize, force: &[R], elements: &[R], ground: R) {
+        R::out_of_line(Accelerate { plant: self, stage, force, elements, ground });
     }
 
     /// Adds the powers of a stage to the energies and moves to the next stage or, after the last, to the next step.
@@ -73,13 +74,14 @@ struct Accelerate<'a, 'b, R> {
     plant: &'a mut Plant<'b, R>,
     stage: usize,
     force: &'a [R],
+    elements: &'a [R],
     ground: R,
 }
 
 impl<R: Lanes> OutOfLine for Accelerate<'_, '_, R> {
     #[inline(always)]
     fn run(self) {
-        let Self { plant, stage, force, ground } = self;
+        let Self { plant, stage, force, elements, ground } = self;
         let building = plant.building;
         let n = building.n;
         // Slices of one length: pointers and bounds are read once, not in every product.
@@ -112,6 +114,11 @@ impl<R: Lanes> OutOfLine for Accelerate<'_, '_, R> {
         }
         for (device, &force) in force.iter().enumerate() {
             for &(coordinate, reach) in building.devices.row(device) {
+                resisting[coordinate] = force.mul_add(R::splat(reach), resisting[coordinate]);
+            }
+        }
+        for (element, &force) in elements.iter().enumerate() {
+            for &(coordinate, reach) in building.elements.row(element) {
                 resisting[coordinate] = force.mul_add(R::splat(reach), resisting[coordinate]);
             }
         }

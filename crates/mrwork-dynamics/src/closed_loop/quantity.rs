@@ -13,6 +13,8 @@ pub enum Axis {
     Storey,
     /// One per device.
     Device,
+    /// One per passive element of the building.
+    Element,
     /// One per state: displacement, then velocity, of every coordinate.
     State,
 }
@@ -26,6 +28,7 @@ impl Axis {
             Self::Floor => "floor",
             Self::Storey => "storey",
             Self::Device => "device",
+            Self::Element => "element",
             Self::State => "state",
         }
     }
@@ -38,6 +41,7 @@ impl Axis {
             Self::Floor => building.n_floors(),
             Self::Storey => building.n_storeys(),
             Self::Device => building.n_devices(),
+            Self::Element => building.n_elements(),
             Self::State => 2 * building.n_coordinates(),
         }
     }

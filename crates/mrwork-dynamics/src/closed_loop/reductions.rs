@@ -38,11 +38,14 @@ run_quantities! {
     peak_force: Device, "N", "peak force", last(r.force.peak);
     rms_force: Device, "N", "root mean square force", root_mean(r.force.squares);
     peak_stroke: Device, "m", "peak elongation", last(r.stroke);
-    peak_rate: Device, "m/s", "peak rate of the elongation", last(r.rate);
+    peak_rate: Device, "m/s", "peak rate of the elongation", last(r.rate.peak);
     peak_current: Device, "A or V", "peak current", last(r.current.peak);
     mean_current: Device, "A or V", "mean current", mean(r.current_sum);
     rms_current: Device, "A or V", "root mean square current", root_mean(r.current.squares);
     device_energy: Device, "J", "energy dissipated by the device", last(r.device_work);
+    peak_element_force: Element, "N", "peak force of the passive element with its spring and dashpot", last(r.element_force);
+    peak_element_stroke: Element, "m", "its peak elongation", last(r.element_stroke);
+    element_energy: Element, "J", "work of the motion on it, but for its spring and dashpot", last(r.element_work);
     input_energy: Run, "J", "work of the ground", last([r.input]);
     kinetic_energy: Run, "J", "kinetic energy at the end", last([r.kinetic]);
     strain_energy: Run, "J", "strain energy at the end", last([r.strain]);
@@ -106,6 +109,46 @@ fn larger<R: Real>(before: R, value: R) -> R {
     R::select(value.less(before), before, value)
 }
 
+/// Peak of a rate, and its largest change in a step in which it changed sign.
+struct Reversal<R> {
+    peak: Vec<R>,
+    /// Rate at the preceding step.
+    last: Vec<R>,
+    change: Vec<R>,
+}
+
+impl<R: Lanes> Reversal<R> {
+    fn new(count: usize) -> Self {
+        let zero = || vec![R::splat(0.0); count];
+        Self { peak: zero(), last: zero(), change: zero() }
+    }
+
+    #[inline(always)]
+    fn take(&mut self, index: usize, rate: R) {
+        self.peak[index] = larger(self.peak[index], rate.abs());
+        let before = self.last[index];
+        let turned = (rate * before).less(R::splat(0.0));
+        let change = R::select(turned, (rate - before).abs(), R::splat(0.0));
+        self.change[index] = larger(self.change[index], change);
+        self.last[index] = rate;
+    }
+
+    /// Peak and change of each rate in a lane.
+    fn of_lane(&self, lane: usize) -> Vec<[f64; 2]> {
+        let mut found = vec![[f64::NAN; 2]; self.peak.len()];
+        for (values, [peak, change]) in self.peak.iter().zip(&self.change).zip(&mut found) {
+            for (values, value) in [(values.0, peak), (values.1, change)] {
+                values.for_each(|index, number| {
+                    if index == lane {
+                        *value = number;
+                    }
+                });
+            }
+        }
+        found
+    }
+}
+
 /// Running reductions of a block of lanes.
 pub(super) struct Reductions<R> {
     displacement: Extent<R>,
@@ -114,15 +157,16 @@ pub(super) struct Reductions<R> {
     base_shear: Extent<R>,
     force: Extent<R>,
     stroke: Vec<R>,
-    rate: Vec<R>,
-    /// Rate at the preceding step.
-    last_rate: Vec<R>,
-    /// Largest change of the rate in a step in which it changed sign.
-    reversal: Vec<R>,
+    rate: Reversal<R>,
     current: Extent<R>,
     current_sum: Vec<R>,
     /// Work of each device [J].
     pub(super) device_work: Vec<R>,
+    element_force: Vec<R>,
+    element_stroke: Vec<R>,
+    element_reversal: Reversal<R>,
+    /// Work on each element [J].
+    pub(super) element_work: Vec<R>,
     /// Work of the ground [J].
     pub(super) input: R,
     /// Work of the building's own damping [J].
@@ -137,7 +181,8 @@ pub(super) struct Reductions<R> {
 
 impl<R: Lanes> Reductions<R> {
     pub(super) fn new(building: &Building) -> Self {
-        let (floors, storeys, devices) = (building.n_floors(), building.n_storeys(), building.n_devices());
+        let (floors, storeys) = (building.n_floors(), building.n_storeys());
+        let (devices, elements) = (building.n_devices(), building.n_elements());
         let zero = R::splat(0.0);
         Self {
             displacement: Extent::new(floors),
@@ -146,12 +191,14 @@ impl<R: Lanes> Reductions<R> {
             base_shear: Extent::new(1),
             force: Extent::new(devices),
             stroke: vec![zero; devices],
-            rate: vec![zero; devices],
-            last_rate: vec![zero; devices],
-            reversal: vec![zero; devices],
+            rate: Reversal::new(devices),
             current: Extent::new(devices),
             current_sum: vec![zero; devices],
             device_work: vec![zero; devices],
+            element_force: vec![zero; elements],
+            element_stroke: vec![zero; elements],
+            element_reversal: Reversal::new(elements),
+            element_work: vec![zero; elements],
             input: zero,
             damping: zero,
             kinetic: zero,
@@ -168,17 +215,14 @@ impl<R: Lanes> Reductions<R> {
         R::select(at_rest, R::splat(0.0), self.imbalance / self.turnover)
     }
 
-    /// Largest rate of a device in a lane, and largest change of it in a step in which it changed sign [m/s].
-    pub(super) fn severity(&self, device: usize, lane: usize) -> [f64; 2] {
-        let mut found = [f64::NAN; 2];
-        for (value, values) in found.iter_mut().zip([self.rate[device], self.reversal[device]]) {
-            values.for_each(|index, number| {
-                if index == lane {
-                    *value = number;
-                }
-            });
-        }
-        found
+    /// Of each device in a lane: largest rate, and largest change of it in a step in which it changed sign [m/s].
+    pub(super) fn severity(&self, lane: usize) -> Vec<[f64; 2]> {
+        self.rate.of_lane(lane)
+    }
+
+    /// The same of each element.
+    pub(super) fn element_severity(&self, lane: usize) -> Vec<[f64; 2]> {
+        self.element_reversal.of_lane(lane)
     }
 }
 
@@ -189,6 +233,7 @@ pub(super) struct ReduceStep<'a, R> {
     pub(super) velocity: &'a [R],
     pub(super) acceleration: &'a [R],
     pub(super) force: &'a [R],
+    pub(super) elements: &'a [R],
     pub(super) current: &'a [R],
     pub(super) ground_acceleration: R,
     pub(super) into: &'a mut Reductions<R>,
@@ -215,15 +260,19 @@ impl<R: Lanes> OutOfLine for ReduceStep<'_, R> {
             into.force.take(device, force[device]);
             into.stroke[device] =
                 larger(into.stroke[device], building.devices.dot(device, displacement).abs());
-            let rate = building.devices.dot(device, velocity);
-            into.rate[device] = larger(into.rate[device], rate.abs());
-            let before = into.last_rate[device];
-            let turned = (rate * before).less(R::splat(0.0));
-            let change = R::select(turned, (rate - before).abs(), R::splat(0.0));
-            into.reversal[device] = larger(into.reversal[device], change);
-            into.last_rate[device] = rate;
+            into.rate.take(device, building.devices.dot(device, velocity));
             into.current.take(device, current[device]);
             into.current_sum[device] = into.current_sum[device] + current[device];
+        }
+        for (element, &force) in self.elements.iter().enumerate() {
+            let (x, v) = (
+                building.elements.dot(element, displacement),
+                building.elements.dot(element, velocity),
+            );
+            let whole = building.element_parameters[element].with_spring(force, x, v);
+            into.element_force[element] = larger(into.element_force[element], whole.abs());
+            into.element_stroke[element] = larger(into.element_stroke[element], x.abs());
+            into.element_reversal.take(element, v);
         }
         into.steps += 1;
     }
@@ -252,7 +301,7 @@ impl<R: Lanes> OutOfLine for BalanceEnergies<'_, R> {
         let stored = into.kinetic + into.strain;
         let mut dissipated = into.damping;
         let mut turned_over = into.damping.abs();
-        for &work in &into.device_work {
+        for &work in into.device_work.iter().chain(&into.element_work) {
             dissipated = dissipated + work;
             turned_over = turned_over + work.abs();
         }

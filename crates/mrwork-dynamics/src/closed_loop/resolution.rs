@@ -2,8 +2,11 @@
 //! the relaxation rate of the damper states under the simulated motion.
 
 use super::batch::Batch;
+use super::elements::UNLOADING;
 use super::hardware::Hardware;
 use crate::any_damper::Damper;
+use crate::building::Building;
+use crate::damper::fastest_relaxation;
 use crate::damper::model::{Motion, Severity};
 use crate::integrate::{MAX_SUBSTEPS, RESOLUTION};
 
@@ -36,6 +39,9 @@ pub(super) fn building_bound(damper: &dyn Damper, batch: &Batch<'_>, draw: usize
         let dampers = mounting.count * if mounting.differential { 2.0 } else { 1.0 };
         decay += dampers * over_velocity / mass;
         stiffening += dampers * over_displacement / mass;
+    }
+    for (element, &mass) in batch.building.element_parameters.iter().zip(&batch.building.element_mass) {
+        stiffening += element.yield_force * element.slope / mass;
     }
     batch.building.fastest.hypot(stiffening.sqrt()) + decay
 }
@@ -81,6 +87,23 @@ pub(super) fn damper_bound(
         if own > bound || own.is_nan() {
             bound = own;
         }
+    }
+    bound
+}
+
+/// Largest rate of the passive elements [1/s] under the simulated motion: that of a loop, or of a loss of head.
+pub(super) fn element_bound(building: &Building, severity: &[[f64; 2]], step: f64) -> f64 {
+    let mut bound: f64 = 0.0;
+    for (index, &[peak_velocity, change]) in severity.iter().enumerate() {
+        let element = building.element_parameters[index];
+        let severity = Severity { peak_velocity, reversal_acceleration: change / step };
+        let yielding = if element.yield_force > 0.0 {
+            fastest_relaxation(element.slope, UNLOADING, element.sharpness, severity)
+        } else {
+            0.0
+        };
+        let losing = 2.0 * element.head_loss * peak_velocity / building.element_mass[index];
+        bound = bound.max(yielding).max(losing + building.fastest);
     }
     bound
 }

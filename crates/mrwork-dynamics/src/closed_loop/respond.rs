@@ -3,7 +3,7 @@
 use super::batch::{Batch, n_samples};
 use super::history;
 use super::reductions::width;
-use super::resolution::{building_bound, damper_bound, steps_for};
+use super::resolution::{building_bound, damper_bound, element_bound, steps_for};
 use super::round::{Output, round};
 use crate::any_damper::Damper;
 use crate::error::{DynamicsError, Outcome};
@@ -80,6 +80,9 @@ pub fn respond(
             let finite = is_bounded(output.row(run), batch.building.n_floors());
             let wanted = if finite {
                 let bound = damper_bound(damper, batch, draw, &lane.severity, step);
+                let elements = element_bound(batch.building, &lane.element_severity, step);
+                // A bound of the dampers that is not a number is kept.
+                let bound = if elements > bound { elements } else { bound };
                 steps_for(batch.hardware, bound).map(|own| own * settings.step_factor)
             } else if tried_finer[run] {
                 Some(0)

@@ -9,12 +9,14 @@ mod hyperbolic_tangent_gavin;
 mod hyperbolic_tangent_guo;
 mod ideal_actuator;
 mod lugre;
+mod maxwell;
 pub mod model;
 mod modified_bouc_wen;
 mod non_symmetric_bouc_wen;
 mod non_symmetric_bouc_wen_displacement;
 mod normalised_bouc_wen;
 mod normalised_modified_bouc_wen;
+mod orifice;
 mod polynomial_fitting;
 mod shear_thinning_modified_bouc_wen;
 pub(crate) mod static_hysteretic;
@@ -22,6 +24,7 @@ mod viscous_dahl;
 
 use crate::any_damper::Damper;
 pub use model::{DamperModel, DamperSpec, Motion, Severity, State};
+pub(crate) use normalised_bouc_wen::{Hysteresis, fastest_relaxation};
 
 /// Every damper model, one line each.
 pub static REGISTRY: &[&dyn Damper] = &[
@@ -33,11 +36,13 @@ pub static REGISTRY: &[&dyn Damper] = &[
     &hyperbolic_tangent_gavin::HyperbolicTangentGavin,
     &hyperbolic_tangent_guo::HyperbolicTangentGuo,
     &lugre::LuGre,
+    &maxwell::Maxwell,
     &modified_bouc_wen::ModifiedBoucWen,
     &non_symmetric_bouc_wen::NonSymmetricBoucWen,
     &non_symmetric_bouc_wen_displacement::NonSymmetricBoucWenDisplacement,
     &normalised_bouc_wen::NormalisedBoucWen,
     &normalised_modified_bouc_wen::NormalisedModifiedBoucWen,
+    &orifice::Orifice,
     &polynomial_fitting::PolynomialFitting,
     &shear_thinning_modified_bouc_wen::ShearThinningModifiedBoucWen,
     &static_hysteretic::StaticHysteretic,

@@ -70,13 +70,13 @@ pub struct Hysteresis<R: Real> {
 
 impl<R: Real> Hysteresis<R> {
     #[inline(always)]
-    pub(super) fn of([rho, sigma, n]: [R; 3]) -> Self {
+    pub(crate) fn of([rho, sigma, n]: [R; 3]) -> Self {
         Self { rho, sigma, exponent: Exponent::of(n) }
     }
 
     /// w' at the velocity v.
     #[inline(always)]
-    pub(super) fn rate(&self, w: R, v: R) -> R {
+    pub(crate) fn rate(&self, w: R, v: R) -> R {
         let power = powf(w.abs(), &self.exponent);
         // |w|^(n-1) w is sgn(w) |w|^n: one power serves both terms.
         let dissipative = self.sigma * v.abs().copysign(w);
@@ -91,7 +91,7 @@ impl<R: Real> Hysteresis<R> {
 /// which is large only just after a reversal, where v is small: with acceleration a the velocity after a travel s
 /// is (2 a s)^(1/2), and w falls by dw/ds = -rho (1 + e |w|^n). Their product is largest where w^(n-1) = 1/2,
 /// after s = 1/(4 (n-1) rho e) as far as it counts; for n near 1, at the end of unloading, s = ln(1+e)/(rho e).
-pub(super) fn fastest_relaxation(rho: f64, sigma: f64, n: f64, loading: Severity) -> f64 {
+pub(crate) fn fastest_relaxation(rho: f64, sigma: f64, n: f64, loading: Severity) -> f64 {
     let Severity { peak_velocity, reversal_acceleration } = loading;
     let excess = (2.0 * sigma - 1.0).abs();
     let travel = (1.0 + excess).ln().min(0.25 / (n - 1.0)) / (excess * rho);

@@ -87,6 +87,10 @@ class LoopResult(NamedTuple):
             | {
                 "mean_current": kept.current_sum / self.n_steps,
                 "device_energy": self.energies.devices,
+                # The twin is that of buildings without passive elements.
+                "peak_element_force": jnp.zeros(0),
+                "peak_element_stroke": jnp.zeros(0),
+                "element_energy": jnp.zeros(0),
                 "input_energy": self.energies.entered[None],
                 "kinetic_energy": self.kinetic[None],
                 "strain_energy": self.strain[None],

@@ -1,0 +1,103 @@
+//! Passive elements of a building in lanes: loops that yield and losses of head, which follow no command.
+
+use super::reductions::Reductions;
+use crate::building::{Building, Element};
+use crate::damper::Hysteresis;
+use crate::lanes::{Lanes, OutOfLine};
+use crate::real::Real;
+
+/// Share of the dissipative term of the loop: it unloads with the slope with which it began to load.
+pub(super) const UNLOADING: f64 = 0.5;
+
+/// All elements, during the stages of a step.
+pub(super) struct Elements<'a, R: Real> {
+    building: &'a Building,
+    loops: Vec<Loop<R>>,
+    /// Rates of the elongations at the current stage [m/s].
+    velocity: Vec<R>,
+    /// Force with which each element resists, but for its spring and dashpot, which are the building's [N].
+    pub(super) force: Vec<R>,
+}
+
+/// The loop of an element: w in [-1, 1].
+struct Loop<R: Real> {
+    hysteresis: Hysteresis<R>,
+    now: R,
+    staged: R,
+    rate: R,
+    next: R,
+}
+
+impl<'a, R: Lanes> Elements<'a, R> {
+    pub(super) fn at_rest(building: &'a Building) -> Self {
+        let zero = R::splat(0.0);
+        let at_rest = |element: &Element| {
+            let numbers = [element.slope, UNLOADING, element.sharpness].map(R::splat);
+            Loop { hysteresis: Hysteresis::of(numbers), now: zero, staged: zero, rate: zero, next: zero }
+        };
+        Self {
+            building,
+            loops: building.element_parameters.iter().map(at_rest).collect(),
+            velocity: vec![zero; building.n_elements()],
+            force: vec![zero; building.n_elements()],
+        }
+    }
+
+    /// Evaluates forces and rates of the loops at a stage with these velocities of the coordinates.
+    pub(super) fn evaluate(&mut self, velocity: &[R]) {
+        if !self.force.is_empty() {
+            R::out_of_line(Evaluate { elements: self, velocity });
+        }
+    }
+
+    /// Adds a weighted stage to the loops and to the work, and moves `reach` ahead for the next; zero ends the step.
+    pub(super) fn advance(&mut self, weight: f64, reach: f64, reductions: &mut Reductions<R>) {
+        if !self.force.is_empty() {
+            R::out_of_line(Advance { elements: self, weight, reach, reductions });
+        }
+    }
+}
+
+struct Evaluate<'a, 'b, R: Real> {
+    elements: &'a mut Elements<'b, R>,
+    velocity: &'a [R],
+}
+
+impl<R: Lanes> OutOfLine for Evaluate<'_, '_, R> {
+    #[inline(always)]
+    fn run(self) {
+        let Self { elements, velocity } = self;
+        for (index, own) in elements.loops.iter_mut().enumerate() {
+            let Element { head_loss, yield_force, .. } = elements.building.element_parameters[index];
+            let v = elements.building.elements.dot(index, velocity);
+            own.rate = own.hysteresis.rate(own.staged, v);
+            elements.velocity[index] = v;
+            let yielding = own.staged * R::splat(yield_force);
+            elements.force[index] = (v.abs() * v).mul_add(R::splat(head_loss), yielding);
+        }
+    }
+}
+
+struct Advance<'a, 'b, R: Real> {
+    elements: &'a mut Elements<'b, R>,
+    weight: f64,
+    reach: f64,
+    reductions: &'a mut Reductions<R>,
+}
+
+impl<R: Lanes> OutOfLine for Advance<'_, '_, R> {
+    #[inline(always)]
+    fn run(self) {
+        let Self { elements, reductions, .. } = self;
+        let (weight, reach) = (R::splat(self.weight), R::splat(self.reach));
+        for (index, own) in elements.loops.iter_mut().enumerate() {
+            let power = elements.force[index] * elements.velocity[index];
+            reductions.element_work[index] = power.mul_add(weight, reductions.element_work[index]);
+            own.next = own.rate.mul_add(weight, own.next);
+            if self.reach == 0.0 {
+                own.now = own.next;
+            }
+            own.staged = own.rate.mul_add(reach, own.now);
+        }
+    }
+}

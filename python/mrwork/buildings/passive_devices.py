@@ -1,0 +1,397 @@
+"""Passive devices that yield, slip or slosh: metallic and friction dampers, lead-rubber bearings, liquid columns."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import pi, sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.arguments import Positive, checked
+from mrwork.buildings.additions import (
+    check_not_negative,
+    check_positive,
+    mode_at_floor,
+    with_base_isolation_of_period,
+)
+from mrwork.buildings.elements import PassiveElement, carried
+from mrwork.buildings.matrices import Building
+from mrwork.errors import SettingError
+from mrwork.units import STANDARD_GRAVITY
+
+Floats = NDArray[np.float64]
+
+
+@checked
+def with_yielding_damper(
+    building: Building,
+    *,
+    storey: int | str,
+    yield_force: float,
+    yield_displacement: float,
+    post_yield_ratio: float = 0.05,
+    sharpness: float = 10.0,
+    name: str = "",
+) -> Building:
+    """Return the building with a metallic yielding damper (ADAS, TADAS) across a storey.
+
+    Of the force F_y at the yield displacement x_y, the share `1 - r` yields and the share r is elastic:
+    `f = r F_y / x_y x + (1 - r) F_y w`, bilinear but for the rounded knee (Whittaker, Bertero, Thompson, Alonso,
+    Earthquake Spectra 7, 1991, 563-604, who test such elements; the form is the usual Bouc-Wen one).
+
+    Parameters
+    ----------
+    storey
+        Number from 1, or name.
+    yield_force, yield_displacement
+        Of the element with its brace, along the drift [N], [m].
+    post_yield_ratio
+        Stiffness after yielding over that before, from 0 to below 1.
+    sharpness
+        See `PassiveElement`.
+    name
+        Name of the element; by default "yielding damper in" and the storey.
+
+    Raises
+    ------
+    SettingError
+        If a number is out of range.
+    UnknownNameError
+        If there is no such storey.
+    """
+    where = building.storey_name(storey)
+    title = name or f"yielding damper in {where}"
+    check_positive(yield_force, f"{title}: the yield force is {yield_force:g} N")
+    check_positive(yield_displacement, f"{title}: the yield displacement is {yield_displacement:g} m")
+    if not 0.0 <= post_yield_ratio < 1.0:
+        raise SettingError(
+            f"{title}: the post-yield ratio is {post_yield_ratio:g}; give a share from 0 to below 1, such as 0.05"
+        )
+    return _with_element(
+        building,
+        PassiveElement(
+            name=title,
+            row=building.storey_row(storey),
+            stiffness=post_yield_ratio * yield_force / yield_displacement,
+            yield_force=(1.0 - post_yield_ratio) * yield_force,
+            yield_displacement=yield_displacement,
+            sharpness=sharpness,
+        ),
+        f"yields at {yield_force:g} N",
+    )
+
+
+@checked
+def with_friction_damper(
+    building: Building,
+    *,
+    storey: int | str,
+    slip_load: float,
+    stiffness: float,
+    sharpness: float = 20.0,
+    name: str = "",
+) -> Building:
+    """Return the building with a friction damper (Pall) in a brace across a storey.
+
+    The brace is elastic up to the slip load and slips at it: a yielding damper without post-yield stiffness (Pall,
+    Marsh, J. Struct. Div. ASCE 108(6), 1982, 1313-1323).
+
+    Parameters
+    ----------
+    slip_load
+        Along the drift [N].
+    stiffness
+        Of the brace along the drift, until it slips [N/m].
+    storey, sharpness, name
+        As of `with_yielding_damper`; the name is by default "friction damper in" and the storey.
+
+    Raises
+    ------
+    SettingError
+        If a number is out of range.
+    UnknownNameError
+        If there is no such storey.
+    """
+    title = name or f"friction damper in {building.storey_name(storey)}"
+    check_positive(slip_load, f"{title}: the slip load is {slip_load:g} N")
+    check_positive(stiffness, f"{title}: the stiffness of its brace is {stiffness:g} N/m")
+    return _with_element(
+        building,
+        PassiveElement(
+            name=title,
+            row=building.storey_row(storey),
+            yield_force=slip_load,
+            yield_displacement=slip_load / stiffness,
+            sharpness=sharpness,
+        ),
+        f"slips at {slip_load:g} N",
+    )
+
+
+@checked
+def with_lead_rubber_bearings(
+    building: Building,
+    *,
+    mass: float,
+    period: float,
+    yield_force: float,
+    yield_displacement: float = 0.01,
+    ratio: float = 0.0,
+    sharpness: float = 2.0,
+    name: str = "lead-rubber bearings",
+) -> Building:
+    """Return the building on a base slab with lead-rubber bearings between slab and ground.
+
+    The rubber is the spring of `with_base_isolation_of_period`, the lead a loop in parallel:
+    `f = K_d x + Q w` with the characteristic strength Q, the force at no displacement (Naeim, Kelly, Design of Seismic
+    Isolated Structures, 1999, ch. 3).
+
+    Parameters
+    ----------
+    mass
+        Mass of the slab [kg].
+    period, ratio
+        Period of the rigid building on the rubber alone [s], and damping ratio of the rubber at it.
+    yield_force
+        Characteristic strength Q of all leads together [N]; some per cent of the weight.
+    yield_displacement
+        Displacement at which the leads yield [m].
+    sharpness, name
+        As of `with_yielding_damper`.
+
+    Raises
+    ------
+    SettingError
+        If a number is out of range.
+    """
+    check_positive(yield_force, f"{name} of {building.name}: the yield force is {yield_force:g} N")
+    check_positive(
+        yield_displacement, f"{name} of {building.name}: the yield displacement is {yield_displacement:g} m"
+    )
+    isolated = with_base_isolation_of_period(building, mass=mass, period=period, ratio=ratio)
+    # The first coordinate is the slab; the rubber is in the matrices already.
+    row = isolated.storeys[0]
+    rubber = PassiveElement(
+        name=name,
+        row=row,
+        stiffness=isolated.total_mass * (2.0 * pi / period) ** 2,
+        damping=2.0 * ratio * isolated.total_mass * (2.0 * pi / period),
+        yield_force=yield_force,
+        yield_displacement=yield_displacement,
+        sharpness=sharpness,
+    )
+    return replace(
+        isolated,
+        elements=(*isolated.elements, rubber),
+        source=f"{isolated.source}; {name} yield at {yield_force:g} N".removeprefix("; "),
+    )
+
+
+@checked
+def with_liquid_column(
+    building: Building,
+    *,
+    floor: int | str,
+    mass: float,
+    frequency: float,
+    width_ratio: float,
+    head_loss: float,
+    name: str = "liquid column",
+) -> Building:
+    """Return the building with a tuned liquid column damper on a floor: a U-tube in which a liquid sways.
+
+    A tube of constant section A holds a liquid of density rho over the length L, of which the share alpha is
+    horizontal. Its elevation y is a new coordinate, with the floor's displacement u:
+    `rho A L (y'' + alpha u'') + rho A xi |y'| y' / 2 + 2 rho A g y = 0`, and the liquid adds its mass and
+    `alpha rho A L y''` to the floor (Sakai, Takaeda, Tamaki, 1989; Gao, Kwok, Samali, Eng. Struct. 19, 1997, 476-486).
+    The elevation is appended to the storeys as a stroke, under the name `name`; the head loss is a passive element.
+
+    Parameters
+    ----------
+    floor
+        Number from 1, or name.
+    mass
+        Mass of the liquid, rho A L [kg].
+    frequency
+        Of the liquid on the fixed floor [Hz]: `sqrt(2 g / L) / (2 pi)`.
+    width_ratio
+        alpha, horizontal over whole length of the column, above 0 and below 1.
+    head_loss
+        xi, coefficient of head loss of the orifice and the tube.
+
+    Raises
+    ------
+    SettingError
+        If a number is out of range.
+    UnknownNameError
+        If there is no such floor.
+    """
+    check_positive(mass, f"{name} on {building.name}: the mass is {mass:g} kg")
+    check_positive(frequency, f"{name} on {building.name}: the frequency is {frequency:g} Hz")
+    check_not_negative(head_loss, f"{name} on {building.name}: the coefficient of head loss is {head_loss:g}")
+    if not 0.0 < width_ratio < 1.0:
+        raise SettingError(
+            f"{name} on {building.name}: the width ratio is {width_ratio:g}; give the horizontal share of the column, "
+            "above 0 and below 1"
+        )
+    row = building.floor_row(floor)
+    n = building.n_coordinates
+    wider = np.zeros((n + 1, n + 1))
+    wider_mass, damping, stiffness = wider.copy(), wider.copy(), wider.copy()
+    wider_mass[:n, :n] = building.mass + mass * np.outer(row, row)
+    wider_mass[n, :n] = wider_mass[:n, n] = width_ratio * mass * row
+    wider_mass[n, n] = mass
+    damping[:n, :n] = building.damping
+    stiffness[:n, :n] = building.stiffness
+    stiffness[n, n] = mass * (2.0 * pi * frequency) ** 2
+    stroke = np.append(np.zeros(n), 1.0)
+    length = column_length(frequency)
+    return replace(
+        building,
+        name=f"{building.name}, {name}",
+        mass=wider_mass,
+        damping=damping,
+        stiffness=stiffness,
+        influence=np.append(building.influence, 0.0),
+        floors=np.pad(building.floors, ((0, 0), (0, 1))),
+        storeys=np.vstack([np.pad(building.storeys, ((0, 0), (0, 1))), stroke]),
+        storey_names=(*building.storey_names, name),
+        n_strokes=building.n_strokes + 1,
+        elements=(
+            *carried(building.elements, np.eye(n, n + 1)),
+            PassiveElement(name=name, row=stroke, head_loss=0.5 * head_loss * mass / length),
+        ),
+        source=f"{building.source}; {name} of {mass:g} kg, {length:.4g} m long, added".removeprefix("; "),
+        status="ours",
+    )
+
+
+@checked
+def column_length(frequency: Positive) -> float:
+    """Length of a liquid column [m] of a frequency [Hz]: `2 g / omega^2`."""
+    return 2.0 * STANDARD_GRAVITY / (2.0 * pi * frequency) ** 2
+
+
+@checked
+def liquid_column_optimum(mass_ratio: float, width_ratio: float) -> tuple[float, float]:
+    """Frequency ratio and damping ratio of a liquid column for the least displacement under white noise.
+
+    `sqrt(1 + mu (1 - alpha^2 / 2)) / (1 + mu)` and
+    `alpha / 2 sqrt(mu (1 + mu - alpha^2 mu / 4) / ((1 + mu) (1 + mu - alpha^2 mu / 2)))`, of an undamped structure of
+    one coordinate under a force (Yalla, Kareem, J. Struct. Eng. 126(8), 2000, 906-915).
+
+    Parameters
+    ----------
+    mass_ratio
+        mu, mass of the liquid over that of the structure.
+    width_ratio
+        alpha, horizontal over whole length of the column.
+
+    Raises
+    ------
+    SettingError
+        If a ratio is out of range.
+    """
+    if not (np.isfinite(mass_ratio) and mass_ratio > 0.0 and 0.0 < width_ratio < 1.0):
+        raise SettingError(
+            f"a liquid column of mass ratio {mass_ratio:g} and width ratio {width_ratio:g}; give a mass ratio above "
+            "zero and a width ratio between 0 and 1"
+        )
+    mu, square = mass_ratio, width_ratio**2
+    frequency = sqrt(1.0 + mu * (1.0 - square / 2.0)) / (1.0 + mu)
+    within = mu * (1.0 + mu - square * mu / 4.0) / ((1.0 + mu) * (1.0 + mu - square * mu / 2.0))
+    return frequency, width_ratio / 2.0 * sqrt(within)
+
+
+@checked
+def head_loss_of(ratio: float, frequency: float, rms_velocity: float) -> float:
+    """Coefficient of head loss xi that has a damping ratio at an rms velocity of the liquid.
+
+    By equivalent linearisation for a Gaussian velocity, `xi |y'| y' / 2` has the mean slope
+    `xi sqrt(2 / pi) sigma`: `xi = 2 ratio omega L sqrt(pi / 2) / sigma` (Yalla, Kareem 2000).
+
+    Parameters
+    ----------
+    ratio
+        Damping ratio of the liquid on the fixed floor.
+    frequency
+        Of the liquid [Hz].
+    rms_velocity
+        sigma, rms velocity of the liquid [m/s].
+
+    Raises
+    ------
+    SettingError
+        If a number is out of range.
+    """
+    check_not_negative(ratio, f"liquid column: the damping ratio is {ratio:g}")
+    check_positive(frequency, f"liquid column: the frequency is {frequency:g} Hz")
+    check_positive(rms_velocity, f"liquid column: the rms velocity is {rms_velocity:g} m/s")
+    return 2.0 * ratio * 2.0 * pi * frequency * column_length(frequency) * sqrt(pi / 2.0) / rms_velocity
+
+
+@checked
+def with_optimal_liquid_column(
+    building: Building,
+    *,
+    floor: int | str,
+    mass_ratio: float,
+    width_ratio: float,
+    rms_velocity: float,
+    mode: int = 1,
+    name: str = "liquid column",
+) -> Building:
+    """Return the building with a liquid column tuned to a mode by the optimum of `liquid_column_optimum`.
+
+    Parameters
+    ----------
+    floor
+        Number from 1, or name.
+    mass_ratio
+        Mass of the liquid over that of the building.
+    width_ratio
+        alpha, horizontal over whole length of the column.
+    rms_velocity
+        Velocity of the liquid [m/s] at which its damping is the optimum: the loss of head is quadratic, so that the
+        damping of a liquid column grows with its motion.
+    mode
+        Number of the mode, from 1.
+
+    Raises
+    ------
+    SettingError
+        If a number is out of range, or the mode does not exist or does not move the floor.
+    UnknownNameError
+        If there is no such floor.
+    """
+    check_positive(
+        mass_ratio, f"{name} on {building.name}: the mass ratio is {mass_ratio:g}", " such as 0.02"
+    )
+    omega, entry = mode_at_floor(building, floor, mode, name)
+    mass = mass_ratio * building.total_mass
+    frequency_ratio, ratio = liquid_column_optimum(mass * entry**2, width_ratio)
+    frequency = frequency_ratio * omega / (2.0 * pi)
+    return with_liquid_column(
+        building,
+        floor=floor,
+        mass=mass,
+        frequency=frequency,
+        width_ratio=width_ratio,
+        head_loss=head_loss_of(ratio, frequency, rms_velocity),
+        name=name,
+    )
+
+
+def _with_element(building: Building, element: PassiveElement, says: str) -> Building:
+    """The building with an element, whose spring and dashpot join the matrices."""
+    row = element.row
+    return replace(
+        building,
+        name=f"{building.name}, {element.name}",
+        stiffness=building.stiffness + element.stiffness * np.outer(row, row),
+        damping=building.damping + element.damping * np.outer(row, row),
+        elements=(*building.elements, element),
+        source=f"{building.source}; {element.name} {says}, added".removeprefix("; "),
+        status="ours",
+    )

@@ -1,0 +1,146 @@
+"""Passive devices: what enters the matrices, published optima, refusals."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.linalg import solve_continuous_lyapunov
+from scipy.optimize import minimize
+
+import mrwork as mr
+from mrwork.errors import SettingError, UnknownNameError
+from mrwork.units import STANDARD_GRAVITY
+
+FRAME = mr.building("uts")
+of = mr.buildings
+
+
+def test_the_elastic_share_of_a_yielding_damper_is_in_the_stiffness() -> None:
+    found = of.with_yielding_damper(
+        FRAME, storey=2, yield_force=1e3, yield_displacement=2e-3, post_yield_ratio=0.2
+    )
+    row = FRAME.storeys[1]
+    np.testing.assert_allclose(found.stiffness - FRAME.stiffness, 0.2 * 1e3 / 2e-3 * np.outer(row, row))
+    (element,) = found.elements
+    assert element.yield_force / element.yield_displacement + element.stiffness == pytest.approx(1e3 / 2e-3)
+
+
+def test_rows_of_elements_follow_their_building_into_other_coordinates() -> None:
+    one = of.with_friction_damper(FRAME, storey=2, slip_load=100.0, stiffness=1e5)
+    tuned = of.with_tuned_mass(one, floor=5, mass=30.0, frequency=2.9, ratio=0.1)
+    np.testing.assert_array_equal(tuned.elements[0].row, tuned.storey_row(2))
+    slab = of.with_base_isolation_of_period(tuned, mass=300.0, period=2.0, ratio=0.1)
+    np.testing.assert_array_equal(slab.elements[0].row, slab.storey_row("storey 2"))
+    both = of.with_liquid_column(
+        slab, floor="floor 5", mass=9.0, frequency=2.0, width_ratio=0.6, head_loss=2.0
+    )
+    np.testing.assert_array_equal(both.elements[0].row, both.storey_row("storey 2"))
+    np.testing.assert_array_equal(both.elements[1].row, both.storey_row("liquid column"))
+    modal = of.modal_truncation(one, n_modes=3)
+    np.testing.assert_array_equal(modal.elements[0].row, modal.storey_row(2))
+
+
+def test_bearings_are_isolators_with_a_core() -> None:
+    rubber = of.with_base_isolation_of_period(FRAME, mass=330.0, period=2.0, ratio=0.05)
+    lead = of.with_lead_rubber_bearings(FRAME, mass=330.0, period=2.0, ratio=0.05, yield_force=800.0)
+    np.testing.assert_array_equal(lead.stiffness, rubber.stiffness)
+    np.testing.assert_array_equal(lead.damping, rubber.damping)
+    (element,) = lead.elements
+    # The stiffness and the damping of the slab on the rubber, with the building rigid.
+    assert element.stiffness == pytest.approx(rubber.influence @ rubber.stiffness @ rubber.influence)
+    assert element.damping == pytest.approx(rubber.influence @ rubber.damping @ rubber.influence)
+
+
+def test_a_liquid_column_has_the_mass_and_the_length_of_its_liquid() -> None:
+    found = of.with_liquid_column(FRAME, floor=5, mass=50.0, frequency=0.5, width_ratio=0.7, head_loss=3.0)
+    assert found.total_mass == pytest.approx(FRAME.total_mass + 50.0)
+    length = of.column_length(0.5)
+    assert np.sqrt(2.0 * STANDARD_GRAVITY / length) / (2.0 * np.pi) == pytest.approx(0.5)
+    # rho A xi / 2, with rho A = m / L.
+    assert found.elements[0].head_loss == pytest.approx(0.5 * 3.0 * 50.0 / length)
+    # Pushed by the floor through its horizontal part only.
+    assert (found.mass @ found.influence)[-1] == pytest.approx(0.7 * 50.0)
+
+
+def mean_square(mass_ratio: float, width_ratio: float, frequency_ratio: float, ratio: float) -> float:
+    """Mean square displacement of an undamped mass under a white force, with a column of linear damping."""
+    one = of.shear_building(name="one", masses=[1.0], stiffnesses=[(2.0 * np.pi) ** 2])
+    found = of.with_liquid_column(
+        one, floor=1, mass=mass_ratio, frequency=frequency_ratio, width_ratio=width_ratio, head_loss=0.0
+    )
+    damping = np.diag([0.0, 2.0 * ratio * mass_ratio * 2.0 * np.pi * frequency_ratio])
+    A, _, _ = replace(found, damping=damping).state_matrices()
+    push = np.concatenate([np.zeros(2), np.linalg.solve(found.mass, [1.0, 0.0])])
+    return float(solve_continuous_lyapunov(A, -np.outer(push, push))[0, 0])
+
+
+@pytest.mark.parametrize(("mass_ratio", "width_ratio"), [(0.01, 0.8), (0.02, 0.6), (0.05, 0.9)])
+def test_the_published_optimum_of_a_liquid_column_is_the_minimum(
+    mass_ratio: float, width_ratio: float
+) -> None:
+    published = of.liquid_column_optimum(mass_ratio, width_ratio)
+    found = minimize(
+        lambda at: mean_square(mass_ratio, width_ratio, at[0], at[1]),
+        np.array([1.0, 0.05]),
+        method="Nelder-Mead",
+        options={"xatol": 1e-7, "fatol": 1e-12},
+    )
+    np.testing.assert_allclose(published, found.x, rtol=2e-4)
+
+
+def test_the_head_loss_of_a_damping_ratio_dissipates_as_much() -> None:
+    ratio, frequency, rms = 0.08, 0.7, 0.3
+    xi = of.head_loss_of(ratio, frequency, rms)
+    velocity = rms * np.random.default_rng(5).normal(size=2_000_000)
+    # Power per rho A of the loss of head, and of the dashpot 2 zeta omega L.
+    lost = np.mean(0.5 * xi * np.abs(velocity) ** 3)
+    linear = 2.0 * ratio * 2.0 * np.pi * frequency * of.column_length(frequency) * rms**2
+    assert lost == pytest.approx(linear, rel=3e-3)
+
+
+WRONG = [
+    (
+        lambda: of.with_yielding_damper(FRAME, storey=1, yield_force=0.0, yield_displacement=1.0),
+        "yield force",
+    ),
+    (
+        lambda: of.with_yielding_damper(
+            FRAME, storey=1, yield_force=1.0, yield_displacement=1.0, post_yield_ratio=1.0
+        ),
+        "post-yield ratio",
+    ),
+    (lambda: of.with_friction_damper(FRAME, storey=1, slip_load=-1.0, stiffness=1.0), "slip load"),
+    (
+        lambda: of.with_lead_rubber_bearings(FRAME, mass=1.0, period=2.0, yield_force=0.0),
+        "yield force",
+    ),
+    (
+        lambda: of.with_liquid_column(
+            FRAME, floor=1, mass=1.0, frequency=1.0, width_ratio=1.0, head_loss=1.0
+        ),
+        "width ratio",
+    ),
+    (lambda: of.liquid_column_optimum(0.0, 0.5), "mass ratio"),
+    (lambda: of.head_loss_of(0.1, 1.0, 0.0), "rms velocity"),
+]
+
+
+@pytest.mark.parametrize(("call", "word"), WRONG)
+def test_numbers_that_no_device_has_are_refused(call: object, word: str) -> None:
+    assert callable(call)
+    with pytest.raises(SettingError, match=word):
+        call()
+
+
+def test_a_linear_system_of_what_is_not_linear_is_refused() -> None:
+    frame = of.with_friction_damper(FRAME, storey=1, slip_load=1.0, stiffness=1.0)
+    with pytest.raises(SettingError, match="not linear"):
+        of.system_of(frame)
+    assert of.system_of(replace(frame, elements=())).n_states == 10
+
+
+def test_a_storey_that_does_not_exist_is_refused() -> None:
+    with pytest.raises(UnknownNameError):
+        of.with_friction_damper(FRAME, storey=9, slip_load=1.0, stiffness=1.0)

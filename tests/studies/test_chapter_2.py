@@ -1,0 +1,66 @@
+"""The study of chapter 2 in its quick form, and properties of what it finds."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import mrwork as mr
+from chapter_2_findings import Chapter, chapter_of
+from chapter_2_page import write_page
+from chapter_2_tables import tables
+from device_families import FAMILIES
+from mrwork.report import departures
+
+STUDY = Path("studies/chapter_2")
+
+
+@pytest.fixture(scope="module")
+def chapter() -> Chapter:
+    return chapter_of(quick=True, threads=1, say=lambda what: None)
+
+
+def test_the_quick_form_finds_what_is_expected(chapter: Chapter) -> None:
+    assert departures(chapter.found, STUDY / "expected.toml") == []
+
+
+def test_every_table_names_its_rows_and_fills_them(chapter: Chapter) -> None:
+    for section in tables(chapter.found).values():
+        for table in section:
+            assert table.rows, table.title
+            assert {len(row) for row in table.rows} == {len(table.header)}
+            assert all(row[0] for row in table.rows), table.title
+
+
+def test_every_family_lowers_the_score_and_its_energies_balance(chapter: Chapter) -> None:
+    for name, each in chapter.found["quick_families"].items():
+        assert each["synthetic"]["judged"] < 1.0, name
+        assert each["synthetic"]["energy_error"] < 1e-5, name
+
+
+def test_only_actuators_and_springs_give_power_to_the_frame(chapter: Chapter) -> None:
+    found = chapter.found["quick_families"]
+    dissipating = ("Viscous damper", "Liquid column, 2 %", "Variable orifice", "Variable friction")
+    for name in dissipating:
+        each = found[name]["synthetic"]
+        assert each["power_given_w"] < 1e-3 * each["power_taken_w"], name
+    for family in FAMILIES:
+        if family.group == "active":
+            each = found[family.name]["synthetic"]
+            assert each["power_given_w"] > 0.1 * each["power_taken_w"], family.name
+
+
+def test_the_page_stands_alone(chapter: Chapter, tmp_path: Path) -> None:
+    page = tmp_path / "report.html"
+    write_page(chapter, page)
+    text = page.read_text(encoding="utf-8")
+    assert text.count("<svg") > 15
+    for outside in ('src="', "url(http", "<link", "<script"):
+        assert outside not in text
+
+
+def test_the_study_file_has_every_passive_family() -> None:
+    study = mr.read_study(STUDY / "families.toml")
+    baselines = {each.row.label for each in study.arrangements if each.row.kind == "baseline"}
+    assert baselines == {family.name for family in FAMILIES if family.group == "passive"}
