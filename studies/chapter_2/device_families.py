@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 import mrwork as mr
 from mrwork.buildings import Building, PassiveElement
 from mrwork.control import DesignProblem, RegulatorSettings, design_candidates
+from mrwork.dampers import LawName
 
 Floats = NDArray[np.float64]
 Group = Literal["passive", "semi-active", "active"]
@@ -145,8 +146,9 @@ def _variable_friction(quick: bool) -> Iterator[Variant]:
 def _resettable(quick: bool) -> Iterator[Variant]:
     law = mr.ControlLaw(name="maximum_energy_dissipation", gains={})
     for stiffness in _some(np.geomspace(0.1, 4.0, 9) * _STOREY_STIFFNESS, quick):
-        # Full command closes the valve: the spring then lets go within a second, without command within 2 ms.
-        device = _valve(FRAME, STOREY, "maxwell", k=stiffness, tau=(2e-3, 0.998), c=100.0)
+        # Full command closes the valve: the spring then lets go within a second, without command within 2 ms. Equal
+        # changes of the command are equal ratios of the time, so that the lag of the driver opens the valve soon.
+        device = _valve(FRAME, STOREY, "maxwell", k=stiffness, tau=(0.0, 2e-3, np.log(500.0)), c=100.0)
         yield Variant(
             settings={"stiffness / storey": stiffness / _STOREY_STIFFNESS},
             building=FRAME,
@@ -285,10 +287,14 @@ def _told(frame: Building, storey: str, *, damping: float | None = None) -> Buil
     return replace(frame, elements=(*frame.elements, element))
 
 
-def _valve(frame: Building, storey: str, model: str, **parameters: float | tuple[float, float]) -> mr.Device:
-    """A device whose parameter with two coefficients follows a command from 0 to 1, behind the lag of the driver."""
+# Laws of the command by the number of their coefficients.
+_LAWS: dict[int, LawName] = {2: "linear", 3: "exponential"}
+
+
+def _valve(frame: Building, storey: str, model: str, **parameters: float | tuple[float, ...]) -> mr.Device:
+    """A device whose parameter with coefficients follows a command from 0 to 1, behind the lag of the driver."""
     plain = mr.damper(model)
-    laws = {name: "linear" for name, value in parameters.items() if isinstance(value, tuple)}
+    laws = {name: _LAWS[len(value)] for name, value in parameters.items() if isinstance(value, tuple)}
     spec = plain.with_current_laws(laws, unit="V", lagged=True)
     theta: list[float] = []
     for parameter in plain.parameters:

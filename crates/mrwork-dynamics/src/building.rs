@@ -151,7 +151,7 @@ pub struct Element {
     pub damping: f64,
     /// d [N s2/m2].
     pub head_loss: f64,
-    /// f_y [N].
+    /// Yield force [N].
     pub yield_force: f64,
     /// rho, the yield force over the initial stiffness of the loop is 1/rho [1/m].
     pub slope: f64,

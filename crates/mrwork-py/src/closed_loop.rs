@@ -67,7 +67,11 @@ impl Building {
             floors: shaped("floors", &floors, &[("floors", None), columns])?,
             storeys: shaped("storeys", &storeys, &[("storeys", None), columns])?,
             devices: shaped("devices", &devices, &[("devices", None), columns])?,
-            elements: shaped("elements", &elements, &[("elements", Some(element_parameters.len())), columns])?,
+            elements: shaped(
+                "elements",
+                &elements,
+                &[("elements", Some(element_parameters.len())), columns],
+            )?,
             element_parameters: &element_parameters,
         };
         Ok(Self { dynamics: Dynamics::new(&matrices).map_err(value_error)? })

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from mrwork.arguments import NotNegative, Positive, Within, checked
 from mrwork.errors import SettingError
 from mrwork.records.damper_test import frozen
+from mrwork.summary import Summarised, Summary, rounded
 from mrwork.values import holds_arrays
 
 Floats = NDArray[np.float64]
@@ -19,8 +20,8 @@ Floats = NDArray[np.float64]
 
 @holds_arrays
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PassiveElement:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class PassiveElement(Summarised):
     """A passive device `f = k x + c v + d |v| v + f_y w` across a row of a building, x its elongation and v = x'.
 
     `w' = (v - (|v| |w|^(n-1) w + v |w|^n) / 2) / x_y` is the normalised Bouc-Wen loop, which goes to elastic-perfectly
@@ -46,6 +47,10 @@ class PassiveElement:
         If a number is not finite, or is outside its range.
     """
 
+    _made_by: ClassVar[str] = (
+        "mr.buildings.with_friction_damper(...) and its like, or mr.buildings.PassiveElement(...)"
+    )
+
     name: str
     row: Floats
     stiffness: NotNegative = 0.0
@@ -61,6 +66,18 @@ class PassiveElement:
             raise SettingError(
                 f"{self.name}: `row` has shape {self.row.shape}; give (n,), a row of `building.storeys`"
             )
+
+    def _summary(self) -> Summary:
+        facts = (
+            ("spring", self.stiffness, "N/m"),
+            ("dashpot", self.damping, "N s/m"),
+            ("head loss", self.head_loss, "N s2/m2"),
+            ("yields at", self.yield_force, "N"),
+        )
+        return Summary(
+            title=f"Passive element {self.name}",
+            facts=tuple((name, f"{rounded(value)} {unit}") for name, value, unit in facts if value),
+        )
 
     @property
     def numbers(self) -> tuple[float, ...]:

@@ -128,7 +128,7 @@ class ControllerTable:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BaselineTable:
-    """The building with other devices for comparison: a viscous damper, a tuned mass, isolation."""
+    """The building with other devices for comparison: passive dampers, a tuned mass or liquid, isolation."""
 
     label: str = key("label in tables", label=True)
     building: Mapping[str, Any] = key("keys of [building] to be replaced or added")

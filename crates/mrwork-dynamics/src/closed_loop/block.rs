@@ -4,7 +4,6 @@ use core::marker::PhantomData;
 
 use super::batch::Batch;
 use super::dampers::{Dampers, END, MIDDLE};
-use super::elements::Elements;
 use super::history::{HistoryRows, WriteHistory};
 use super::plant::Plant;
 use super::reductions::{BalanceEnergies, ReduceStep, Reductions};
@@ -133,7 +132,6 @@ fn integrate_block<M: DamperModel, R: Lanes>(
 
     let mut plant = Plant::<R>::at_rest(building, step);
     let mut dampers = Dampers::<M, R>::new(batch, runs, step);
-    let mut elements = Elements::<R>::at_rest(building);
     let mut controller = Controller::<R>::new(batch, runs);
     let mut reductions = Reductions::<R>::new(building);
     let mut end = ground.acceleration::<R>(0.0);
@@ -153,8 +151,7 @@ fn integrate_block<M: DamperModel, R: Lanes>(
             let index = sample * steps as usize + inner;
             let start = end;
             dampers.evaluate_forces(&plant.elongation, &plant.rate, END);
-            elements.evaluate(&plant.staged_velocity);
-            plant.accelerate(0, &dampers.force, &elements.force, start);
+            plant.accelerate(0, &dampers.force, start);
             if inner == 0 {
                 R::out_of_line(Sample {
                     batch,
@@ -176,16 +173,13 @@ fn integrate_block<M: DamperModel, R: Lanes>(
                 let commands = controller.sent_at(index.saturating_sub(delay) / steps as usize);
                 if dampers.receive(commands, index == 0) {
                     dampers.evaluate_forces(&plant.elongation, &plant.rate, END);
-                    plant.accelerate(0, &dampers.force, &elements.force, start);
+                    plant.accelerate(0, &dampers.force, start);
                 }
             }
             R::out_of_line(ReduceStep {
                 building,
-                displacement: &plant.displacement,
-                velocity: &plant.velocity,
-                acceleration: plant.acceleration(),
+                motion: plant.motion(),
                 force: &dampers.force,
-                elements: &elements.force,
                 current: &dampers.current,
                 ground_acceleration: start,
                 into: &mut reductions,
@@ -194,11 +188,8 @@ fn integrate_block<M: DamperModel, R: Lanes>(
                 R::out_of_line(WriteHistory {
                     building,
                     sample,
-                    displacement: &plant.displacement,
-                    velocity: &plant.velocity,
-                    acceleration: plant.acceleration(),
+                    motion: plant.motion(),
                     force: &dampers.force,
-                    elements: &elements.force,
                     current: &dampers.current,
                     command: controller.sent_at(sample),
                     ground_acceleration: start,
@@ -214,14 +205,11 @@ fn integrate_block<M: DamperModel, R: Lanes>(
             for (stage, (weight, reach, shaking, moment)) in stages.into_iter().enumerate() {
                 plant.advance(stage, &dampers.force, &mut reductions);
                 dampers.advance(weight, reach);
-                elements.advance(weight, reach, &mut reductions);
                 dampers.evaluate_forces(&plant.elongation, &plant.rate, moment);
-                elements.evaluate(&plant.staged_velocity);
-                plant.accelerate(stage + 1, &dampers.force, &elements.force, shaking);
+                plant.accelerate(stage + 1, &dampers.force, shaking);
             }
             plant.advance(stages.len(), &dampers.force, &mut reductions);
             dampers.advance(sixth, 0.0);
-            elements.advance(sixth, 0.0, &mut reductions);
         }
     }
     R::out_of_line(BalanceEnergies {

@@ -1,7 +1,7 @@
 //! Histories of a run, on request: one row per control sample.
 
 use super::quantity::{Axis, Quantity};
-use super::reductions::Reductions;
+use super::reductions::{Motion, Reductions};
 use crate::building::Building;
 use crate::lanes::{Lanes, OutOfLine};
 
@@ -42,11 +42,8 @@ pub struct HistoryRows<'a> {
 pub(super) struct WriteHistory<'a, 'b, R> {
     pub(super) building: &'a Building,
     pub(super) sample: usize,
-    pub(super) displacement: &'a [R],
-    pub(super) velocity: &'a [R],
-    pub(super) acceleration: &'a [R],
+    pub(super) motion: Motion<'a, R>,
     pub(super) force: &'a [R],
-    pub(super) elements: &'a [R],
     pub(super) current: &'a [R],
     pub(super) command: &'a [R],
     pub(super) ground_acceleration: R,
@@ -57,7 +54,8 @@ pub(super) struct WriteHistory<'a, 'b, R> {
 impl<R: Lanes> OutOfLine for WriteHistory<'_, '_, R> {
     #[inline(always)]
     fn run(self) {
-        let Self { building, sample, displacement, velocity, acceleration, force, .. } = self;
+        let Self { building, sample, ref motion, force, .. } = self;
+        let Motion { displacement, velocity, acceleration, .. } = *motion;
         let mut writer = Writer { rows: self.rows, sample, column: 0 };
         writer.put(self.ground_acceleration);
         writer.put_all(displacement);
@@ -81,15 +79,10 @@ impl<R: Lanes> OutOfLine for WriteHistory<'_, '_, R> {
         writer.put_all(self.command);
         writer.put_all(self.current);
         writer.put_all(&self.reductions.device_work);
-        for element in 0..building.n_elements() {
-            writer.put(building.elements.dot(element, displacement));
-        }
-        for (element, &force) in self.elements.iter().enumerate() {
-            let (x, v) = (
-                building.elements.dot(element, displacement),
-                building.elements.dot(element, velocity),
-            );
-            writer.put(building.element_parameters[element].with_spring(force, x, v));
+        for column in [0, 2] {
+            for element in 0..building.n_elements() {
+                writer.put(motion.of_element(building, element)[column]);
+            }
         }
         writer.put_all(&self.reductions.element_work);
         writer.put(self.reductions.input);

@@ -1,8 +1,10 @@
 //! The coordinates of a building in lanes, during the stages of a step.
 
-use super::reductions::Reductions;
+use super::elements::Elements;
+use super::reductions::{Motion, Reductions};
 use crate::building::Building;
 use crate::lanes::{Lanes, OutOfLine};
+use crate::real::Real;
 
 /// Number of stages of a step.
 const STAGES: usize = 4;
@@ -11,20 +13,20 @@ const STAGES: usize = 4;
 ///
 /// Classical Runge-Kutta in the form for second-order systems: in a step the displacement increment is
 /// h v + h^2 (a1 + a2 + a3)/6, the velocity increment h (a1 + 2 a2 + 2 a3 + a4)/6.
-pub(super) struct Plant<'a, R> {
+pub(super) struct Plant<'a, R: Real> {
     building: &'a Building,
     step: f64,
     pub(super) displacement: Vec<R>,
     pub(super) velocity: Vec<R>,
-    /// Both at the current stage.
-    pub(super) staged_displacement: Vec<R>,
-    pub(super) staged_velocity: Vec<R>,
+    staged_displacement: Vec<R>,
+    staged_velocity: Vec<R>,
     /// Accelerations relative to the ground: at the first stage, at the current stage, and the sum of the middle two.
     first: Vec<R>,
     current: Vec<R>,
     middle: Vec<R>,
     /// Resisting force of each coordinate: stiffness, damping and devices [N].
     resisting: Vec<R>,
+    elements: Elements<'a, R>,
     /// Elongations of the devices and their rates at the current stage.
     pub(super) elongation: Vec<R>,
     pub(super) rate: Vec<R>,
@@ -47,6 +49,7 @@ impl<'a, R: Lanes> Plant<'a, R> {
             current: zero(),
             middle: zero(),
             resisting: zero(),
+            elements: Elements::at_rest(building),
             elongation: vec![R::splat(0.0); building.n_devices()],
             rate: vec![R::splat(0.0); building.n_devices()],
             input: R::splat(0.0),
@@ -59,29 +62,47 @@ impl<'a, R: Lanes> Plant<'a, R> {
         &self.first
     }
 
-    /// Evaluates accelerations and powers at a stage, for these forces of devices and elements and ground acceleration.
-    pub(super) fn accelerate(&mut self, stage: usize, force: &[R], elements: &[R], ground: R) {
-        R::out_of_line(Accelerate { plant: self, stage, force, elements, ground });
+    /// Motion at the start of the step, and forces of the elements, once they were evaluated.
+    pub(super) fn motion(&self) -> Motion<'_, R> {
+        Motion {
+            displacement: &self.displacement,
+            velocity: &self.velocity,
+            acceleration: &self.first,
+            element_force: &self.elements.force,
+        }
+    }
+
+    /// Evaluates accelerations and powers at a stage, for these device forces and ground acceleration.
+    pub(super) fn accelerate(&mut self, stage: usize, force: &[R], ground: R) {
+        self.elements.evaluate(&self.staged_velocity);
+        R::out_of_line(Accelerate { plant: self, stage, force, ground });
     }
 
     /// Adds the powers of a stage to the energies and moves to the next stage or, after the last, to the next step.
     pub(super) fn advance(&mut self, stage: usize, force: &[R], reductions: &mut Reductions<R>) {
-        R::out_of_line(AdvancePlant { plant: self, stage, force, reductions });
+        let last = stage == STAGES - 1;
+        let weight = if stage == 0 || last { self.step / 6.0 } else { self.step / 3.0 };
+        let reach = match stage {
+            _ if last => 0.0,
+            _ if stage == STAGES - 2 => self.step,
+            _ => 0.5 * self.step,
+        };
+        self.elements.advance(weight, reach, reductions);
+        R::out_of_line(AdvancePlant { plant: self, stage, weight, reach, force, reductions });
     }
 }
 
-struct Accelerate<'a, 'b, R> {
+struct Accelerate<'a, 'b, R: Real> {
     plant: &'a mut Plant<'b, R>,
     stage: usize,
     force: &'a [R],
-    elements: &'a [R],
     ground: R,
 }
 
 impl<R: Lanes> OutOfLine for Accelerate<'_, '_, R> {
     #[inline(always)]
     fn run(self) {
-        let Self { plant, stage, force, elements, ground } = self;
+        let Self { plant, stage, force, ground } = self;
         let building = plant.building;
         let n = building.n;
         // Slices of one length: pointers and bounds are read once, not in every product.
@@ -117,7 +138,7 @@ impl<R: Lanes> OutOfLine for Accelerate<'_, '_, R> {
                 resisting[coordinate] = force.mul_add(R::splat(reach), resisting[coordinate]);
             }
         }
-        for (element, &force) in elements.iter().enumerate() {
+        for (element, &force) in plant.elements.force.iter().enumerate() {
             for &(coordinate, reach) in building.elements.row(element) {
                 resisting[coordinate] = force.mul_add(R::splat(reach), resisting[coordinate]);
             }
@@ -135,9 +156,11 @@ impl<R: Lanes> OutOfLine for Accelerate<'_, '_, R> {
     }
 }
 
-struct AdvancePlant<'a, 'b, R> {
+struct AdvancePlant<'a, 'b, R: Real> {
     plant: &'a mut Plant<'b, R>,
     stage: usize,
+    weight: f64,
+    reach: f64,
     force: &'a [R],
     reductions: &'a mut Reductions<R>,
 }
@@ -145,9 +168,8 @@ struct AdvancePlant<'a, 'b, R> {
 impl<R: Lanes> OutOfLine for AdvancePlant<'_, '_, R> {
     #[inline(always)]
     fn run(self) {
-        let Self { plant, stage, force, reductions } = self;
-        let step = plant.step;
-        let weight = R::splat(if stage == 0 || stage == STAGES - 1 { step / 6.0 } else { step / 3.0 });
+        let Self { plant, stage, force, reductions, .. } = self;
+        let weight = R::splat(self.weight);
         reductions.input = plant.input.mul_add(weight, reductions.input);
         reductions.damping = plant.damping.mul_add(weight, reductions.damping);
         for (device, &force) in force.iter().enumerate() {
@@ -157,7 +179,7 @@ impl<R: Lanes> OutOfLine for AdvancePlant<'_, '_, R> {
         if stage == STAGES - 1 {
             plant.end();
         } else {
-            plant.reach(stage, R::splat(if stage == STAGES - 2 { step } else { 0.5 * step }));
+            plant.reach(stage, R::splat(self.reach));
         }
         for device in 0..plant.elongation.len() {
             plant.elongation[device] = plant.building.devices.dot(device, &plant.staged_displacement);

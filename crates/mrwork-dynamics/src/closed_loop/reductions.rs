@@ -226,14 +226,31 @@ impl<R: Lanes> Reductions<R> {
     }
 }
 
-/// Adds the start of an integration step to the reductions.
-pub(super) struct ReduceStep<'a, R> {
-    pub(super) building: &'a Building,
+/// Motion of the coordinates relative to the ground at the start of a step.
+pub(super) struct Motion<'a, R> {
     pub(super) displacement: &'a [R],
     pub(super) velocity: &'a [R],
     pub(super) acceleration: &'a [R],
+    /// Forces of the elements, but for their springs and dashpots [N].
+    pub(super) element_force: &'a [R],
+}
+
+impl<R: Real> Motion<'_, R> {
+    /// Elongation, rate and whole force of an element.
+    #[inline(always)]
+    pub(super) fn of_element(&self, building: &Building, element: usize) -> [R; 3] {
+        let x = building.elements.dot(element, self.displacement);
+        let v = building.elements.dot(element, self.velocity);
+        let force = building.element_parameters[element].with_spring(self.element_force[element], x, v);
+        [x, v, force]
+    }
+}
+
+/// Adds the start of an integration step to the reductions.
+pub(super) struct ReduceStep<'a, R> {
+    pub(super) building: &'a Building,
+    pub(super) motion: Motion<'a, R>,
     pub(super) force: &'a [R],
-    pub(super) elements: &'a [R],
     pub(super) current: &'a [R],
     pub(super) ground_acceleration: R,
     pub(super) into: &'a mut Reductions<R>,
@@ -242,7 +259,8 @@ pub(super) struct ReduceStep<'a, R> {
 impl<R: Lanes> OutOfLine for ReduceStep<'_, R> {
     #[inline(always)]
     fn run(self) {
-        let Self { building, displacement, velocity, acceleration, force, current, into, .. } = self;
+        let Self { building, ref motion, force, current, into, .. } = self;
+        let Motion { displacement, velocity, acceleration, .. } = *motion;
         for floor in 0..building.n_floors() {
             into.displacement.take(floor, building.floors.dot(floor, displacement));
             let absolute = building.floors.add_dot(floor, acceleration, self.ground_acceleration);
@@ -264,13 +282,9 @@ impl<R: Lanes> OutOfLine for ReduceStep<'_, R> {
             into.current.take(device, current[device]);
             into.current_sum[device] = into.current_sum[device] + current[device];
         }
-        for (element, &force) in self.elements.iter().enumerate() {
-            let (x, v) = (
-                building.elements.dot(element, displacement),
-                building.elements.dot(element, velocity),
-            );
-            let whole = building.element_parameters[element].with_spring(force, x, v);
-            into.element_force[element] = larger(into.element_force[element], whole.abs());
+        for element in 0..motion.element_force.len() {
+            let [x, v, force] = motion.of_element(building, element);
+            into.element_force[element] = larger(into.element_force[element], force.abs());
             into.element_stroke[element] = larger(into.element_stroke[element], x.abs());
             into.element_reversal.take(element, v);
         }
