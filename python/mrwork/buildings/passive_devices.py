@@ -368,10 +368,10 @@ def with_optimal_liquid_column(
     check_positive(
         mass_ratio, f"{name} on {building.name}: the mass ratio is {mass_ratio:g}", " such as 0.02"
     )
-    omega, entry = mode_at_floor(building, floor, mode, name)
+    tuned = mode_at_floor(building, floor, mode, name)
     mass = mass_ratio * building.total_mass
-    frequency_ratio, ratio = liquid_column_optimum(mass * entry**2, width_ratio)
-    frequency = frequency_ratio * omega / (2.0 * pi)
+    frequency_ratio, ratio = liquid_column_optimum(mass * tuned.entry**2, width_ratio)
+    frequency = frequency_ratio * tuned.omega / (2.0 * pi)
     return with_liquid_column(
         building,
         floor=floor,

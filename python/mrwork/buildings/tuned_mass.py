@@ -12,7 +12,7 @@ import numpy as np
 
 from mrwork.arguments import checked
 from mrwork.buildings.additions import check_not_negative, check_positive, mode_at_floor, with_coordinate
-from mrwork.buildings.matrices import Building, damping_ratios_of
+from mrwork.buildings.matrices import Building
 from mrwork.errors import SettingError, UnknownNameError
 
 
@@ -158,21 +158,20 @@ def with_optimal_tuned_mass(
         raise SettingError(
             f"{name} on {building.name}: the mass ratio is {mass_ratio:g}; give a number such as 0.02"
         )
-    omega, entry = mode_at_floor(building, floor, mode, name)
+    tuned = mode_at_floor(building, floor, mode, name)
     mass = mass_ratio * building.total_mass
-    modal_ratio = mass * entry**2
+    modal_ratio = mass * tuned.entry**2
     if not modal_ratio < 2.0:
         raise SettingError(
             f"{name} on {building.name}: its mass is {modal_ratio:.3g} times that of mode {mode} at this floor; "
             "the optima hold for small ratios, give a smaller mass"
         )
-    damping = float(damping_ratios_of(building.mass, building.damping, building.stiffness)[mode - 1])
-    optimum = TUNINGS[tuning](modal_ratio, damping)
+    optimum = TUNINGS[tuning](modal_ratio, tuned.ratio)
     return with_tuned_mass(
         building,
         floor=floor,
         mass=mass,
-        frequency=optimum.frequency_ratio * omega / (2.0 * np.pi),
+        frequency=optimum.frequency_ratio * tuned.omega / (2.0 * np.pi),
         ratio=optimum.damping_ratio,
         name=name,
     )

@@ -56,6 +56,25 @@ damping = 0.1
 floor = 2
 mass_ratio = 0.02
 tuning = "den_hartog"
+
+[[yielding]]
+storey = 1
+yield_force = 0.1
+yield_displacement = 1e-3
+post_yield_ratio = 0.1
+
+[[friction]]
+storey = "storey 2"
+slip_load = 0.1
+stiffness = 5.0
+sharpness = 20.0
+name = "brace that slips"
+
+[[liquid_column]]
+floor = "roof"
+mass_ratio = 0.02
+width_ratio = 0.7
+rms_velocity = 0.1
 """
 STATED = """mass = [[2.0, 0.0], [0.0, 1.0]]
 stiffness = [[5.0, -2.0], [-2.0, 2.0]]
@@ -63,10 +82,12 @@ damping = "C.csv"
 influence = [1.0, 1.0]
 source = "by hand"
 
-[isolation]
+[lead_rubber]
 mass = 1.0
 period = 2.0
 ratio = 0.1
+yield_force = 0.3
+yield_displacement = 0.01
 """
 STUDY = """title = "All tables"
 
@@ -81,7 +102,7 @@ differential = true
 
 [[baseline]]
 label = "viscous"
-building = { viscous = [{ storey = 1, damping = 1e4 }] }
+building = { viscous = [{ storey = 1, damping = 1e4 }], isolation = { mass = 330, period = 2.0, ratio = 0.1 } }
 
 [[controller]]
 law = "clipped_optimal"
