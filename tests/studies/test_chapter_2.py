@@ -60,6 +60,23 @@ def test_the_page_stands_alone(chapter: Chapter, tmp_path: Path) -> None:
         assert outside not in text
 
 
+@pytest.mark.parametrize(
+    ("name", "model", "law"),
+    [
+        ("variable_orifice", "orifice", "clipped_optimal"),
+        ("resettable_stiffness", "maxwell", "maximum_energy_dissipation"),
+        ("valved_column", "orifice", "clipped_optimal"),
+        ("smart_isolation", "static_hysteretic", "clipped_optimal"),
+        ("mass_driver", "static_hysteretic", "active"),
+    ],
+)
+def test_other_families_are_study_files_too(name: str, model: str, law: str) -> None:
+    study = mr.read_study(STUDY / f"{name}.toml")
+    last = study.arrangements[-1]
+    assert {device.spec.name for device in last.devices} == {model}
+    assert law in {each.law.name for each in study.arrangements if each.law is not None}
+
+
 def test_the_study_file_has_every_passive_family() -> None:
     study = mr.read_study(STUDY / "families.toml")
     baselines = {each.row.label for each in study.arrangements if each.row.kind == "baseline"}
