@@ -8,7 +8,7 @@ from markupsafe import Markup
 
 from chapter_2_figures import loop_figure, setting_figures, trade_figure
 from chapter_2_findings import Chapter
-from chapter_2_tables import SETS, column_in_words, tables
+from chapter_2_tables import SETS, findings, tables
 from device_families import FAMILIES
 from mrwork.report import panel, write_study_page
 
@@ -37,5 +37,5 @@ def write_page(chapter: Chapter, path: Path) -> None:
             panel(f"loop-{place}", label, loop_figure(judged), f"Force over elongation: {label}")
             for place, (label, judged) in enumerate(chapter.families.items())
         ],
-        column=column_in_words(),
+        findings=findings(chapter.found),
     )

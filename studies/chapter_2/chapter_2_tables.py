@@ -110,6 +110,51 @@ def _closed_form_table(found: dict[str, Any]) -> ResultTable:
     )
 
 
+def findings(found: dict[str, Any]) -> list[str]:
+    """What the tables come to, in sentences with numbers."""
+    families = next(found[key] for key in ("families", "quick_families") if key in found)
+    name = [each for each in SETS if each in next(iter(families.values()))][-1]
+    groups = {family.name: family.group for family in FAMILIES}
+    isolated = {label for label in families if "earings" in label}
+
+    def best(group: str) -> str:
+        labels = [label for label in families if groups[label] == group and label not in isolated]
+        return min(labels, key=lambda label: families[label][name]["judged"])
+
+    def score(label: str) -> str:
+        return f"{families[label][name]['judged']:.3f}"
+
+    viscous = "Viscous damper"
+    better = [
+        label
+        for label in families
+        if groups[label] == "semi-active"
+        and label not in isolated
+        and families[label][name]["judged"] < families[viscous][name]["judged"]
+    ]
+    worse = [label for label in families if families[label][name]["worst_peak"] > 1.0]
+    return [
+        f"Figures of this list: {SETS[name].lower()}.",
+        "Isolation: "
+        + ", ".join(
+            f"{label} {score(label)} with {families[label][name]['stroke_mm']:.0f} mm of stroke"
+            for label in sorted(isolated)
+        )
+        + ".",
+        f"Without isolation {best('active')} has {score(best('active'))}, the best semi-active device "
+        f"({best('semi-active')}) {score(best('semi-active'))}, the best passive one "
+        f"({best('passive')}) {score(best('passive'))}.",
+        f"{len(better)} of {sum(group == 'semi-active' for group in groups.values()) - 1} semi-active devices on the "
+        f"fixed frame are better than a viscous damper ({score(viscous)})"
+        + (f": {', '.join(better)}." if better else "."),
+        "A peak under some motion is above that of the bare frame with: "
+        + (", ".join(worse) or "no device")
+        + ".",
+        column_in_words()
+        + f" The chosen column rises by {families['Liquid column, 2 %'][name]['stroke_mm']:.0f} mm.",
+    ]
+
+
 def column_in_words() -> str:
     """Size of the liquid column, in a sentence."""
     length, leg = column_height()
