@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,8 +13,9 @@ import tuning_samples
 
 import mrwork as mr
 from mrwork.closed_loop.evaluation import SCORE
-from mrwork.errors import Interrupted, SettingError
+from mrwork.errors import Interrupted, JournalError, SettingError
 from mrwork.store.codec import plain
+from mrwork.store.journal_file import line_of
 from mrwork.tuning.benches import benches_of
 from mrwork.tuning.folder import chosen_study, tuning_document
 from mrwork.tuning.problem import Clock
@@ -83,6 +85,32 @@ def test_a_journal_that_was_cut_resumes_to_the_same_bits(
     assert without_times(again) == without_times(results)
     if share == 1.0:
         assert (tmp_path / "journal.jsonl").read_bytes() == content
+
+
+@pytest.mark.parametrize("step", ["passive", "reference", "judgement", "first candidates"])
+def test_a_result_of_another_size_than_its_inputs_is_refused(
+    study: mr.Study, step: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "journal.jsonl"
+    journal = mr.Journal(path)
+    tune(study, threads=1, journal=journal)
+    journal.close()
+    lines = [json.loads(line) for line in path.read_text().splitlines()]
+    results = next(line for line in lines if line["step"] == step)["result"]
+    for name, value in results.items():
+        if isinstance(value, list):
+            results[name] = value[:-1]
+        elif isinstance(value, dict):
+            # An array: the last of its motions is left out.
+            shape = [*value["shape"][:-2], 0, value["shape"][-1]]
+            results[name] = {**value, "shape": shape, "hex": ""}
+    path.write_bytes(
+        b"".join(line_of({key: value for key, value in line.items() if key != "crc32"}) for line in lines)
+    )
+    resumed = mr.Journal(path, resume=True)
+    with pytest.raises(JournalError, match=f"does not hold the result of a {step}"):
+        tune(study, threads=1, journal=resumed)
+    resumed.close()
 
 
 def test_the_chosen_study_has_the_scores_of_the_tuning(results: TuningResults, tmp_path: Path) -> None:

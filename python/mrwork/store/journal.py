@@ -175,9 +175,27 @@ class Journal:
         self._append(step, entry)
 
     @checked
-    def once(self, step: str, inputs: str, kind: type[T], compute: Callable[[], T]) -> T:
-        """Return the recorded result of a step, or compute and record it; `kind` is a dataclass as for `rebuilt`."""
-        recalled = self.recall(step, inputs, lambda record: rebuilt(kind, record))
+    def once(
+        self,
+        step: str,
+        inputs: str,
+        kind: type[T],
+        compute: Callable[[], T],
+        *,
+        agrees: Callable[[T], bool] | None = None,
+    ) -> T:
+        """Return the recorded result of a step, or compute and record it; `kind` is a dataclass as for `rebuilt`.
+
+        A recorded result that does not agree with the inputs is none.
+        """
+
+        def read(record: dict[str, Any]) -> T:
+            found = rebuilt(kind, record)
+            if agrees is not None and not agrees(found):
+                raise ValueError("it is of another size than its inputs")
+            return found
+
+        recalled = self.recall(step, inputs, read)
         if recalled is not None:
             return recalled
         result = compute()

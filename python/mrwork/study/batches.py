@@ -55,6 +55,11 @@ class RunCriteria(Summarised):
                 f"criteria of the shape {self.numbers.shape} with errors of the shape {self.energy_error.shape}"
             )
 
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """(n_candidates, n_motions, n_realisations)."""
+        return self.energy_error.shape
+
     def of(self, name: str) -> Floats:
         """A criterion by its name, shape (n_candidates, n_motions, n_realisations)."""
         names = [entry.name for entry in criteria()]

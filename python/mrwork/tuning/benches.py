@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TypeVar
+from typing import Protocol, TypeVar
 
 from mrwork.motions import GroundMotion
 from mrwork.store import Journal, digest_of
@@ -17,7 +17,16 @@ from mrwork.tuning.problem import Bench, Clock, check_controllable
 from mrwork.tuning.results import Judgement, Varied, judged
 from mrwork.tuning.space import Candidate
 
-T = TypeVar("T")
+
+class Shaped(Protocol):
+    """A result with one number for each of its inputs."""
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """How many there are along each axis."""
+
+
+T = TypeVar("T", bound=Shaped)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -47,6 +56,7 @@ class Benches(Summarised):
                 "baseline",
                 digest_of(name, constant),
                 RunCriteria,
+                bench.shape_of(1),
                 lambda: bench.run("passive", [constant]),
             )
             return replace(bench, constant=found)
@@ -86,7 +96,12 @@ class Benches(Summarised):
                 law, candidate, [motion.name for motion in each.motions], len(each.realisations)
             )
             return recorded(
-                self.journal, "judgement", inputs, RunCriteria, lambda: each.run(law, [candidate])
+                self.journal,
+                "judgement",
+                inputs,
+                RunCriteria,
+                each.shape_of(1),
+                lambda: each.run(law, [candidate]),
             )
 
         found = on(bench)
@@ -94,9 +109,18 @@ class Benches(Summarised):
         return judged(bench, objective, found, varied, robust=robust)
 
 
-def recorded(journal: Journal | None, step: str, inputs: str, kind: type[T], compute: Callable[[], T]) -> T:
-    """A step from the journal, or computed; without a journal always computed."""
-    return compute() if journal is None else journal.once(step, inputs, kind, compute)
+def recorded(
+    journal: Journal | None,
+    step: str,
+    inputs: str,
+    kind: type[T],
+    shape: tuple[int, ...],
+    compute: Callable[[], T],
+) -> T:
+    """A step of this shape from the journal, or computed; without a journal always computed."""
+    if journal is None:
+        return compute()
+    return journal.once(step, inputs, kind, compute, agrees=lambda found: found.shape == shape)
 
 
 def benches_of(
@@ -143,7 +167,9 @@ def benches_of(
             problem=problem,
             motions=tuple(motions),
             realisations=realisations,
-            passive=recorded(journal, "passive", inputs, RunCriteria, passive),
+            passive=recorded(
+                journal, "passive", inputs, RunCriteria, (1, len(motions), len(realisations)), passive
+            ),
             threads=threads,
             clock=clock,
         )

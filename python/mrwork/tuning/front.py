@@ -82,7 +82,14 @@ def _evaluated(
     benches: Benches, bench: Bench, plan: Plan, parts: list[Objective], candidates: list[Candidate]
 ) -> Floats:
     inputs = digest_of(plan.label, candidates, [motion.name for motion in bench.motions])
-    found = recorded(benches.journal, "front", inputs, RunCriteria, lambda: bench.run(plan.law, candidates))
+    found = recorded(
+        benches.journal,
+        "front",
+        inputs,
+        RunCriteria,
+        bench.shape_of(len(candidates)),
+        lambda: bench.run(plan.law, candidates),
+    )
     return _ratios(found, bench, parts)
 
 

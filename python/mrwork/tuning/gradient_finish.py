@@ -87,6 +87,11 @@ class Finish:
     unit: Floats
     gradients: int
 
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """(n_free,)."""
+        return self.unit.shape
+
 
 def gradient_finish(
     space: SettingSpace,

@@ -110,6 +110,7 @@ def tuned_law(plan: Plan, benches: Benches, basis: Basis, *, rng: int, report: R
         "first candidates",
         digest_of(plan.label, candidates),
         Scores,
+        (len(candidates),),
         lambda: scored(bench, plan.objective, plan.law, candidates),
     )
     best, least = scores.best, float(scores.penalised[scores.best])
@@ -182,6 +183,7 @@ def _finished(plan: Plan, bench: Bench, benches: Benches, chosen: Candidate) -> 
         "gradients",
         digest_of(plan.label, chosen),
         Finish,
+        start.shape,
         lambda: gradient_finish(
             plan.space, benches.training, plan.objective, start, plan.table.gradient_steps
         ),
@@ -192,6 +194,7 @@ def _finished(plan: Plan, bench: Bench, benches: Benches, chosen: Candidate) -> 
         "finish",
         digest_of(plan.label, candidate),
         Scores,
+        (1,),
         lambda: scored(bench, plan.objective, plan.law, [candidate]),
     )
     return _Finished(candidate=candidate, misfit=float(scores.penalised[0]), gradients=point.gradients)

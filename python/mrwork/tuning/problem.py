@@ -67,9 +67,13 @@ class Bench(Summarised):
         assert self.constant is not None
         return self.constant
 
+    def shape_of(self, n_candidates: int) -> tuple[int, int, int]:
+        """Shape of the runs of so many candidates: candidates, motions, realisations."""
+        return n_candidates, len(self.motions), len(self.realisations)
+
     def run(self, law: str, candidates: Sequence[Candidate]) -> RunCriteria:
         """Criteria of candidates, infinite for those that make no law."""
-        shape = (len(criteria()), len(candidates), len(self.motions), len(self.realisations))
+        shape = (len(criteria()), *self.shape_of(len(candidates)))
         numbers, error, seconds = np.full(shape, math.inf), np.full(shape[1:], math.inf), 0.0
         for members, together in self._batches(law, candidates):
             problem = self.problem if together else self.limited(candidates[members[0]].largest_command)
@@ -153,6 +157,17 @@ class Scores(Summarised):
 
     objective: Floats
     violation: Floats
+
+    def __post_init__(self) -> None:
+        if self.objective.shape != self.violation.shape:
+            raise ValueError(
+                f"objectives of the shape {self.objective.shape} with violations of the shape {self.violation.shape}"
+            )
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """(n,)."""
+        return self.objective.shape
 
     @property
     def penalised(self) -> Floats:

@@ -45,6 +45,7 @@ def references_of(benches: Benches, objective: Objective, basis: Basis) -> Itera
                 "reference",
                 digest_of(each.law, each.candidates),
                 Scores,
+                (len(each.candidates),),
                 lambda each=each: scored(benches.training, objective, each.law, each.candidates),  # type: ignore[misc]
             )
             best = each.candidates[scores.best]
