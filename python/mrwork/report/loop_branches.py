@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import LinearSegmentedColormap, to_hex
+from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import ArrayLike, NDArray
@@ -17,8 +17,6 @@ from mrwork.records import Branches, DamperTest, branches
 from mrwork.records.loop_branches import Abscissa
 from mrwork.report import canvas, style
 
-# Lightest to darkest, in the order of the tests.
-_TONES = LinearSegmentedColormap.from_list("tests", [style.BAND_EDGE, style.MODEL, style.INK])
 # Inches of a panel, of a line of the legend, and of a letter and a mark in it.
 _PANEL, _LINE, _LETTER, _MARK = 2.4, 0.18, 0.07, 0.42
 # Points of a curve, of which every other is drawn as such.
@@ -55,7 +53,7 @@ def branches_figure(
     loops = [branches(test, over=over, points=_POINTS) for test in tests]
     pairs = () if forces is None else zip(tests, forces, strict=True)
     lines = [branches(test, over=over, points=_POINTS, force=force) for test, force in pairs]
-    tones = [to_hex(_TONES(number / max(len(tests) - 1, 1))) for number in range(len(tests))]
+    tones = [to_hex(style.TONES(number / max(len(tests) - 1, 1))) for number in range(len(tests))]
     names = [_name(test) for test in tests]
     entry = _MARK + _LETTER * max(map(len, names))
     columns = max(1, min(len(names), int((style.PANEL_WIDTH - canvas.LEFT) / entry)))
