@@ -76,7 +76,7 @@ SMALL_VALUES = {
         "Progress",
     ),
     *("LoopTiming", "RmsLimits", "SemiActiveCondition", "WeightWishes"),
-    *("ClairvoyantProgress", "RecordedMotion", "Smoothing", "Span", "Tuning"),
+    *("ClairvoyantProgress", "RecordedMotion", "SizingProgress", "Smoothing", "Span", "Tuning"),
     *("TuningProgress", "Uniform"),
 }
 # Settings (also all classes called so), tables of what exists, and values that are functions.

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import fluid_properties
 import models_on_one_test
 import mrwork as mr
 import published_damper
+import sized_front
 import slot_flow
+from mrwork.dampers import design
 from sized_frame import SizedFrame, sized_frame
 
 
@@ -19,12 +22,16 @@ class Chapter:
     """Sized dampers and fits, and every figure of the study."""
 
     frame: SizedFrame
+    front: design.SizeFront | None
     fits: dict[str, dict[str, mr.Fit]]
     found: dict[str, Any]
 
 
-def chapter_of(*, quick: bool, threads: int, say: Callable[[str], None]) -> Chapter:
-    """Work everything out; the quick form has one sized damper and three models."""
+def chapter_of(*, records: Path | None, quick: bool, threads: int, say: Callable[[str], None]) -> Chapter:
+    """Work everything out; the quick form has one sized damper and three models.
+
+    `records` is the folder of the ground motions of chapter 6, `None` where there is none.
+    """
     say("fluids, flow, damper of 20 tons")
     properties = fluid_properties.properties()
     damper = {"predicted": published_damper.predicted(), "deviations": published_damper.deviations()}
@@ -33,13 +40,18 @@ def chapter_of(*, quick: bool, threads: int, say: Callable[[str], None]) -> Chap
         "closed_forms": slot_flow.closed_forms(),
         "order_in_the_gap": slot_flow.order_in_the_gap(),
     }
-    frame = sized_frame(quick=quick, threads=threads, say=say)
+    frame = sized_frame(records=records, quick=quick, threads=threads, say=say)
+    say("front of sizes")
+    front = sized_front.front_of(quick=quick)
     fits = models_on_one_test.identified(quick=quick, threads=threads, say=say)
+    sized: dict[str, Any] = {"sizes": frame.sizes, "loop": frame.loop}
+    if front is not None:
+        sized["front"] = sized_front.figures_of(front)
     found = {
         "fluids": {"properties": properties, "within": fluid_properties.within(properties)},
         "flow": flow,
         "twenty_tons": damper,
-        "quick_sized" if quick else "sized": {"sizes": frame.sizes, "loop": frame.loop},
+        "quick_sized" if quick else "sized": sized,
         "models": models_on_one_test.figures_of(fits),
     }
-    return Chapter(frame=frame, fits=fits, found=found)
+    return Chapter(frame=frame, front=front, fits=fits, found=found)

@@ -14,14 +14,16 @@ from chapter_3_tables import tables
 from models_on_one_test import MODELS, SHOWN_TEST
 from mrwork.dampers import design
 from mrwork.report import Panel, cross_section_figure, panel, write_study_page
+from sized_front import front_figure
 
 
-def write_page(chapter: Chapter, path: Path) -> None:
+def write_page(chapter: Chapter, path: Path, *, skipped: str = "") -> None:
     """Write figures and tables, a section for each part."""
     made = tables(chapter.found)
     write_study_page(
         Path(__file__).parent / "chapter_3.html.j2",
         path,
+        skipped=skipped,
         tables={name: [Markup(table.html()) for table in each] for name, each in made.items()},
         fluids=[
             panel(f"fluids-{name}", title, fluid_figure(flux=flux), f"{title} of the fluids over the field")
@@ -37,6 +39,14 @@ def write_page(chapter: Chapter, path: Path) -> None:
             force_velocity_figure(),
             "Force over velocity at several currents",
         ),
+        front=[]
+        if chapter.front is None
+        else [
+            panel(
+                f"front-{name}", title, front_figure(chapter.front, power=power), f"{title} over the volume"
+            )
+            for name, title, power in (("range", "Dynamic range", False), ("power", "Power", True))
+        ],
         scores=panel(
             "scores",
             "Constant currents, and clipped-optimal control (dashed)",

@@ -7,7 +7,9 @@ from typing import Any
 import fluid_properties
 import models_on_one_test
 import published_damper
+import sized_front
 import slot_flow
+from frame_runs import RECORDS
 from mrwork.closed_loop import SCORE
 from mrwork.report import ResultTable
 
@@ -22,7 +24,9 @@ def tables(found: dict[str, Any]) -> dict[str, tuple[ResultTable, ...]]:
         "fluids": fluid_properties.tables(found["fluids"]),
         "flow": slot_flow.tables(found["flow"]),
         "published": published_damper.tables(found["twenty_tons"]),
-        "sized": (_size_table(frame["sizes"]), *(_loop_table(frame["loop"], way) for way in _WAYS)),
+        "sized": (_size_table(frame["sizes"]),),
+        "front": (sized_front.table(frame["front"]),) if "front" in frame else (),
+        "loop": (*(_loop_table(frame["loop"], way) for way in _WAYS), *_record_tables(frame["loop"])),
         "models": (models_on_one_test.table(found["models"]),),
     }
 
@@ -93,4 +97,36 @@ def _loop_table(loop: dict[str, Any], way: str) -> ResultTable:
         ),
         note="Ratios to the pair of RD-1005-3 at i = 0. Current, and weight of the control, are chosen on two "
         "synthetic motions; the columns from the second score on are of two others.",
+    )
+
+
+def _record_tables(loop: dict[str, Any]) -> tuple[ResultTable, ...]:
+    """The same under the records; no table where these are absent."""
+    rows = [
+        (name, each[way].get("records"), text)
+        for way, text in (("constant", "constant"), ("clipped", "clipped-optimal"))
+        for name, each in loop.items()
+    ]
+    shown = [(name, records, text) for name, records, text in rows if records]
+    if not shown:
+        return ()
+    names = [record for record, _ in RECORDS]
+    return (
+        ResultTable(
+            title="Measured records at 0.3 g",
+            header=("damper", "current", "score", *names, "force [kN]", "stroke [mm]"),
+            rows=tuple(
+                (
+                    name,
+                    text,
+                    f"{records['judged']:.3f}",
+                    *(f"{records[record]:.3f}" for record in names),
+                    f"{records['force_kn']:.2f}",
+                    f"{records['stroke_mm']:.1f}",
+                )
+                for name, records, text in shown
+            ),
+            note="Laws and currents that the synthetic motions chose, on the four records of chapter 6, which chose "
+            "nothing. Ratios to the pair of RD-1005-3 at i = 0: the score, and its mean over the criteria by record.",
+        ),
     )

@@ -99,7 +99,6 @@ def tables(found: dict[str, Any]) -> tuple[ResultTable, ResultTable]:
             "at 150 kA/m [kPa]",
             "flux density there [T]",
             "eta/tau2 [s/Pa]",
-            "source",
         ),
         rows=tuple(
             (
@@ -111,12 +110,19 @@ def tables(found: dict[str, Any]) -> tuple[ResultTable, ResultTable]:
                 f"{1e-3 * of['yield stress at 150 kA/m']:.1f}",
                 f"{of['flux density at 150 kA/m']:.3f}",
                 f"{of['viscosity over yield stress squared']:.1e}",
-                fluid.source,
             )
             for fluid in design.FLUIDS
             if (of := fluids.get(fluid.name))
         ),
         note="Yield stress and flux density by Carlson's formulas from the particle fraction; the first yield "
-        "stress is that at saturation.",
+        f"stress is that at saturation. Sources: {_sources()}.",
     )
     return general, named
+
+
+def _sources() -> str:
+    """Each source once, with the fluids that have it."""
+    fluids: dict[str, list[str]] = {}
+    for fluid in design.FLUIDS:
+        fluids.setdefault(fluid.source, []).append(fluid.name)
+    return ". ".join(f"{' and '.join(names)}: {source}" for source, names in fluids.items())

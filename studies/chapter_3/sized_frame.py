@@ -1,23 +1,25 @@
 """Dampers sized for the five-storey frame at 0.3 g, in the loop beside the pair of RD-1005-3, which saturates there.
 
 Each damper stands between ground and floor 1. Constant currents and clipped-optimal control are chosen on two synthetic
-motions and judged on two others, which chose nothing.
+motions and judged on two others, which chose nothing, and on the four records of chapter 6 where these are.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 import mrwork as mr
+from frame_runs import FRAME, HARDWARE, LONGEST, RECORDS, pair
 from mrwork.closed_loop import SCORE, STANDARD_GRAVITY, values
 from mrwork.control import DesignProblem, RegulatorSettings, design_candidates
 from mrwork.dampers import design
-from mrwork.motions import scaled_to_peak
+from mrwork.motions import scaled_to_peak, trimmed
 
 Floats = NDArray[np.float64]
 
@@ -27,17 +29,13 @@ FORCES = (4e3, 8e3, 12e3)
 """Wanted forces of the sized dampers [N]."""
 SUPPLY = 24.0
 """Voltage of the current driver [V]."""
-PAIR = "pair of RD-1005-3"
-FRAME = mr.building("uts")
-HARDWARE = mr.Hardware(sample_time=1e-3, step=5e-4)
+PAIR = pair().name
 WEIGHT = FRAME.total_mass * STANDARD_GRAVITY
 # Seeds of the motions that choose the settings, and of those that judge them.
 _CHOOSING, _JUDGING = (1940, 1995), (1968, 1994)
 _DURATION = 20.0
 # Largest currents that are tried, as shares of that of the damper, and control weights [1/N^2].
 _SHARES, _WEIGHTS = (0.4, 0.7, 1.0), np.geomspace(1e-11, 1e-5, 13)
-# The current of the RD-1005-3 above which its published friction decreases again, and the rate of its driver [1/s].
-_PAIR_CURRENT, _PAIR_RATE = 1.88, 190.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,8 +62,11 @@ def wishes(force: float) -> design.DamperWishes:
     )
 
 
-def sized_frame(*, quick: bool, threads: int, say: Callable[[str], None]) -> SizedFrame:
-    """Size the dampers and run them; the quick form has the smallest wish, one motion and fewer settings."""
+def sized_frame(*, records: Path | None, quick: bool, threads: int, say: Callable[[str], None]) -> SizedFrame:
+    """Size the dampers and run them, also under the records of a folder.
+
+    The quick form has the smallest wish, one motion that chooses and one that judges, and fewer settings.
+    """
     designs = {}
     for force in FORCES[:1] if quick else FORCES:
         say(f"damper of {1e-3 * force:g} kN")
@@ -75,31 +76,13 @@ def sized_frame(*, quick: bool, threads: int, say: Callable[[str], None]) -> Siz
             steel=design.steel("AISI 1010"),
             budget=700 if quick else 3000,
         ).design
-    devices = {PAIR: pair_of_rd1005(), **{name: _device(name, each) for name, each in designs.items()}}
+    devices = {PAIR: pair(), **{name: _device(name, each) for name, each in designs.items()}}
     say("loop")
-    bench = _Bench(quick=quick, threads=threads)
+    bench = _Bench(records=records, quick=quick, threads=threads)
     return SizedFrame(
         designs=designs,
         sizes={name: _size(each) for name, each in designs.items()},
         loop={name: bench.compared(device) for name, device in devices.items()},
-    )
-
-
-def pair_of_rd1005() -> mr.Device:
-    """Two RD-1005-3 in opposition with the lag of their driver, as in `studies/chapter_6`."""
-    preset = mr.damper("static_hysteretic").preset("kwok2006")
-    laws = (
-        {}
-        if preset.spec.current is None
-        else dict(zip((plain.name for plain in preset.spec.plain), preset.spec.current.laws, strict=True))
-    )
-    return mr.Device(
-        name=PAIR,
-        spec=mr.damper("static_hysteretic").with_current_laws(laws, unit="A", lagged=True),
-        theta=np.append(preset.theta, _PAIR_RATE),
-        row=FRAME.storeys[0],
-        largest_command=_PAIR_CURRENT,
-        differential=True,
     )
 
 
@@ -130,9 +113,9 @@ def _size(damper: design.DamperDesign) -> dict[str, float]:
 
 
 class _Bench:
-    """The frame under the motions that choose settings and those that judge them."""
+    """The frame under motions that choose settings and motions that judge them."""
 
-    def __init__(self, *, quick: bool, threads: int) -> None:
+    def __init__(self, *, records: Path | None, quick: bool, threads: int) -> None:
         self.threads = threads
         self.n_currents = 5 if quick else 17
         self.weights = _WEIGHTS[::6] if quick else _WEIGHTS
@@ -142,27 +125,22 @@ class _Bench:
             [_motion(seed, duration) for seed in seeds[: 1 if quick else None]]
             for seeds in (_CHOOSING, _JUDGING)
         )
-        passive = mr.ControlLaw(name="passive", gains={"command": [[0.0]]})
-        self.passive = {
-            id(motions): values(self._run(pair_of_rd1005(), passive, motions), weight=WEIGHT)
-            for motions in (self.choosing, self.judging)
-        }
+        self.recorded = [] if records is None else [_record(records / file) for _, file in RECORDS]
 
     def compared(self, device: mr.Device) -> dict[str, Any]:
         """The best constant current and the best clipped-optimal control, each judged on the other motions."""
         currents = np.linspace(0.0, device.largest_command, self.n_currents)
-        constant = mr.ControlLaw(name="passive", gains={"command": currents[:, None]})
-        scores, _ = self._scored(device, constant, self.choosing)
+        scores = self._ratios(device, _constant(currents), self.choosing).mean(axis=(1, 2))
         best = int(scores.argmin())
         tried = []
         for share in self.shares:
             limited = replace(device, largest_command=share * device.largest_command)
-            law = self._clipped(limited)
+            found = self._ratios(limited, _clipped(limited, self.weights), self.choosing).mean(axis=(1, 2))
             tried += [
-                (float(score), limited, row)
-                for row, score in enumerate(self._scored(limited, law, self.choosing)[0])
+                (float(score), limited, float(weight))
+                for score, weight in zip(found, self.weights, strict=True)
             ]
-        least, limited, row = min(tried, key=lambda each: each[0])
+        least, limited, weight = min(tried, key=lambda each: each[0])
         return {
             "currents": currents.tolist(),
             "scores": scores.tolist(),
@@ -170,49 +148,68 @@ class _Bench:
             "constant": {
                 "score": float(scores[best]),
                 "current_a": float(currents[best]),
-                **self._judged(device, constant, best),
+                **self._judged(device, _constant(currents[[best]])),
             },
             "clipped": {
                 "score": least,
                 "current_a": limited.largest_command,
-                "control_weight": float(self.weights[row]),
-                **self._judged(limited, self._clipped(limited), row),
+                "control_weight": weight,
+                **self._judged(limited, _clipped(limited, np.array([weight]))),
             },
         }
 
-    def _clipped(self, device: mr.Device) -> mr.ControlLaw:
-        problem = DesignProblem(building=FRAME, devices=[device], sample_time=HARDWARE.sample_time)
-        settings = [RegulatorSettings(control_weight=float(weight)) for weight in self.weights]
-        law = design_candidates("clipped_optimal", problem, settings).law
-        assert law is not None, "every positive control weight has a regulator"
-        return law
+    def _judged(self, device: mr.Device, law: mr.ControlLaw) -> dict[str, Any]:
+        """Scores, their parts and peaks of a law on the motions that chose nothing, the records apart."""
+        found: dict[str, Any] = self._judged_on(self.judging, device, law)
+        if self.recorded:
+            each = self._ratios(device, law, self.recorded)[0].mean(axis=1)
+            found["records"] = {
+                **self._judged_on(self.recorded, device, law),
+                **{name: float(score) for (name, _), score in zip(RECORDS, each, strict=True)},
+            }
+        return found
 
-    def _judged(self, device: mr.Device, law: mr.ControlLaw, row: int) -> dict[str, Any]:
-        scores, found = self._scored(device, law, self.judging)
-        parts, peaks = found
-        return {
-            "judged": float(scores[row]),
-            **{name: float(value) for name, value in zip(SCORE, parts[row], strict=True)},
-            **{name: float(value[row]) for name, value in peaks.items()},
-        }
-
-    def _scored(
-        self, device: mr.Device, law: mr.ControlLaw, motions: list[mr.GroundMotion]
-    ) -> tuple[Floats, tuple[Floats, dict[str, Floats]]]:
-        """Scores of the candidates; their parts, shape (candidates, criteria), and peaks over the motions."""
+    def _judged_on(
+        self, motions: list[mr.GroundMotion], device: mr.Device, law: mr.ControlLaw
+    ) -> dict[str, float]:
+        parts = self._ratios(device, law, motions)[0].mean(axis=0)
         runs = self._run(device, law, motions)
-        shape, passive = (runs.shape[0], -1), self.passive[id(motions)]
-        found = values(runs, weight=WEIGHT)
-        ratios = np.stack([found[name].reshape(shape) / passive[name] for name in SCORE], axis=2)
-        parts = ratios.mean(axis=1)
-        peaks = {
-            "force_kn": 1e-3 * runs.peak_force[:, 0].reshape(shape).max(axis=1),
-            "stroke_mm": 1e3 * runs.peak_stroke[:, 0].reshape(shape).max(axis=1),
+        return {
+            "judged": float(parts.mean()),
+            **{name: float(value) for name, value in zip(SCORE, parts, strict=True)},
+            "force_kn": 1e-3 * float(runs.peak_force[:, 0].max()),
+            "stroke_mm": 1e3 * float(runs.peak_stroke[:, 0].max()),
         }
-        return parts.mean(axis=1), (parts, peaks)
+
+    def _ratios(self, device: mr.Device, law: mr.ControlLaw, motions: list[mr.GroundMotion]) -> Floats:
+        """Criteria over those of the pair at i = 0, shape (candidates, motions, criteria)."""
+        passive = values(self._run(pair(), _constant(np.zeros(1)), motions), weight=WEIGHT)
+        runs = self._run(device, law, motions)
+        found = values(runs, weight=WEIGHT)
+        shape = (runs.shape[0], -1)
+        return np.stack([found[name].reshape(shape) / passive[name] for name in SCORE], axis=2)
 
     def _run(self, device: mr.Device, law: mr.ControlLaw, motions: list[mr.GroundMotion]) -> mr.Responses:
         return mr.simulate_loop(FRAME, [device], law, motions, HARDWARE, threads=self.threads)
+
+
+def _constant(currents: Floats) -> mr.ControlLaw:
+    """A candidate for each current."""
+    return mr.ControlLaw(name="passive", gains={"command": currents[:, None]})
+
+
+def _clipped(device: mr.Device, weights: Floats) -> mr.ControlLaw:
+    """A candidate for each control weight."""
+    problem = DesignProblem(building=FRAME, devices=[device], sample_time=HARDWARE.sample_time)
+    settings = [RegulatorSettings(control_weight=float(weight)) for weight in weights]
+    law = design_candidates("clipped_optimal", problem, settings).law
+    assert law is not None, "every positive control weight has a regulator"
+    return law
+
+
+def _record(file: Path) -> mr.GroundMotion:
+    """A record as in chapter 6, at the peak of this study."""
+    return scaled_to_peak(trimmed(mr.read_motion(file), end=LONGEST), PEAK * STANDARD_GRAVITY)
 
 
 def _motion(seed: int, duration: float) -> mr.GroundMotion:

@@ -17,6 +17,7 @@ from outcome import SetOutcome
 
 _FINE = 60
 _LOOPS = 3
+_SUBSCRIPTS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
 
 # One for each frequency, and one for each model.
 FREQUENCY_COLOURS = (style.MODEL, style.RESIDUAL)
@@ -137,9 +138,7 @@ def _limit(axes: Axes, values: Floats) -> None:
 
 
 def _letter(name: str) -> str:
-    greek = {"alpha": "α", "beta": "β", "delta": "δ"}
-    base = name.rstrip("0123456789")
-    return greek.get(name, f"$\\mathit{{{base}}}_{{{name[len(base) :]}}}$" if base != name else name)
+    return {"alpha": "α", "beta": "β", "delta": "δ"}.get(name, name.translate(_SUBSCRIPTS))
 
 
 def _middle_cycle(test: mr.DamperTest) -> slice:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,8 +12,9 @@ from current_laws import MODELS, STATIC, WITH_LAWS, Model
 from damper_tests import FORCE_NOISE_N
 from law_figures import FREQUENCY_COLOURS, loop_figure, parameter_figure, rms_figure
 from law_tables import law_rms_table, law_table, per_current_table, rms_table
-from mrwork.report import Panel, panel, style, swatch, write_study_page
+from mrwork.report import Panel, branches_figure, panel, style, swatch, write_study_page
 from outcome import SetOutcome
+from thickness_and_mean import STATIC_MODELS, forces, loops_table
 
 _ABOUT = {
     "synthetic static": "Simulated: the static hysteretic model with the published current polynomials of the "
@@ -50,6 +51,8 @@ class _DamperPart:
     loop_motion: str
     loop_note: str
     loops: tuple[Panel, ...]
+    branches: tuple[Panel, ...]
+    branch_tables: tuple[Markup, ...]
     models: tuple[_ModelPart, ...]
     law_rms: tuple[Markup, ...]
 
@@ -68,7 +71,7 @@ def write_page(outcomes: Sequence[SetOutcome], path: Path, *, skipped: str, foot
         "for all currents at once",
         about="After M. T. Nguyen, Modelling and Control of Smart Structures Embedded with Magnetorheological "
         "Dampers, University of Technology, Sydney, 2009, chapter 5: the form of its tables 5.2 and 5.3 and of "
-        "its figure 5.9. Its text was not at hand.",
+        "its figures 5.6, 5.7 and 5.9. Its text was not at hand.",
         skipped=skipped,
         footer=footer,
         dampers=parts,
@@ -105,6 +108,8 @@ def _damper_part(anchor: str, outcomes: list[SetOutcome]) -> _DamperPart:
             for place, model in enumerate(MODELS)
             if model.label in first.each
         ),
+        branches=tuple(_branch_panels(anchor, outcomes)),
+        branch_tables=tuple(Markup(loops_table(outcome).html()) for outcome in outcomes),
         models=tuple(
             _model_part(f"{anchor}-m{place}", outcomes, model)
             for place, model in enumerate(WITH_LAWS)
@@ -112,6 +117,19 @@ def _damper_part(anchor: str, outcomes: list[SetOutcome]) -> _DamperPart:
         ),
         law_rms=tuple(Markup(law_rms_table(outcome).html()) for outcome in outcomes),
     )
+
+
+def _branch_panels(anchor: str, outcomes: list[SetOutcome]) -> Iterator[Panel]:
+    """Thickness and mean, both motions over the velocity and the first over the displacement, a static model each."""
+    for over, shown in (("velocity", outcomes), ("displacement", outcomes[:1])):
+        for place, outcome in enumerate(shown):
+            for number, label in enumerate(name for name in STATIC_MODELS if name in outcome.each):
+                yield panel(
+                    f"{anchor}-branches{place}{number}{over[0]}",
+                    f"{outcome.tests.motion}, {label}, over {over}",
+                    branches_figure(outcome.tests.tests, forces(outcome, outcome.each[label]), over=over),
+                    f"Thickness and mean of the loops against {over}, {outcome.tests.motion}, {label}",
+                )
 
 
 def _model_part(anchor: str, outcomes: list[SetOutcome], model: Model) -> _ModelPart:

@@ -10,7 +10,6 @@ import json
 import os
 import sys
 import time
-import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -19,9 +18,11 @@ import numpy as np
 from current_laws import MODELS, WITH_LAWS, Laws
 from damper_tests import measured_sets, synthetic_sets
 from law_tables import law_rms_table, law_table, per_current_table, rms_table
+from mrwork.report import departures
 from mrwork.search import EfficientGA
 from outcome import SetOutcome, study_set
 from page import write_page
+from thickness_and_mean import as_numbers, compared, loops_table
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
@@ -51,29 +52,13 @@ def summary(outcome: SetOutcome) -> dict[str, Any]:
             for label, each in outcome.each.items()
         },
         "laws": laws,
+        "loops": as_numbers(compared(outcome)),
     }
-
-
-def departures(found: dict[str, dict[str, Any]]) -> list[str]:
-    """One sentence for each value outside the limits of expected.toml; skipped sets are not compared."""
-    expected = tomllib.loads((HERE / "expected.toml").read_text())
-    wrong = []
-    for name, models in expected.items():
-        if name not in found:
-            continue
-        for label, bounds in models.items():
-            mean = found[name]["models"][label]["mean_rms_n"]
-            if not abs(mean - bounds["value"]) <= bounds["tolerance"]:
-                wrong.append(
-                    f"{name}: the mean RMS error of {label} is {mean:.4g} N, "
-                    f"expected {bounds['value']:g} +- {bounds['tolerance']:g}"
-                )
-    return wrong
 
 
 def text_of(outcome: SetOutcome) -> str:
     kind = "synthetic" if outcome.tests.synthetic else "measured"
-    tables = [rms_table(outcome)]
+    tables = [rms_table(outcome), loops_table(outcome)]
     for label in outcome.laws:
         each = outcome.each[label]
         tables += [per_current_table(outcome, each), law_table(outcome, each)]
@@ -112,7 +97,7 @@ def main() -> int:
     ]
     seconds = time.perf_counter() - began
     found = {outcome.tests.name: summary(outcome) for outcome in outcomes}
-    wrong = departures(found)
+    wrong = departures(found, HERE / "expected.toml")
     report = options.out / "report.html"
     write_page(outcomes, report, skipped=skipped, footer=f"Seed {options.seed}, {seconds:.0f} s.")
     if options.json:

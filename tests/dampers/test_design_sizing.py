@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import math
+import signal
+import time
+from collections.abc import Callable
 from dataclasses import fields, replace
 
 import numpy as np
@@ -14,6 +17,7 @@ from hypothesis import strategies as st
 from mrwork.dampers.design import (
     DamperWishes,
     SizedDamper,
+    SizingProgress,
     fluid,
     size_damper,
     size_front,
@@ -127,6 +131,86 @@ def test_interrupted_sizing_keeps_what_it_found(monkeypatch: pytest.MonkeyPatch)
     assert isinstance(result, SizedDamper)
     assert result.evaluations == sum(generations[:-1])
     assert WISHES.missed(result.design) == {}
+
+
+def test_progress_tells_candidates_and_the_smallest_volume() -> None:
+    seen: list[SizingProgress] = []
+    quiet = size_damper(WISHES, fluid=FLUID, steel=STEEL, budget=600)
+    told = size_damper(WISHES, fluid=FLUID, steel=STEEL, budget=600, on_progress=seen.append)
+    assert told.design == quiet.design
+    assert [each.stage for each in seen] == ["smallest"] * len(seen)
+    assert [each.evaluations for each in seen] == sorted(each.evaluations for each in seen)
+    assert (seen[-1].evaluations, seen[-1].share) == (told.evaluations, told.evaluations / 600)
+    assert seen[-1].volume == pytest.approx(told.design.envelope_volume)
+    found = [each.volume for each in seen if not math.isnan(each.volume)]
+    assert found == sorted(found, reverse=True)
+
+
+def test_a_callback_ends_the_sizing_with_what_it_has_found() -> None:
+    ended = size_damper(
+        WISHES, fluid=FLUID, steel=STEEL, on_progress=lambda progress: not math.isnan(progress.volume)
+    )
+    assert WISHES.missed(ended.design) == {}
+    assert ended.evaluations < 4000
+    with pytest.raises(SettingError, match="no damper"):
+        size_damper(replace(WISHES, force=1e7), fluid=FLUID, steel=STEEL, on_progress=lambda _: True)
+
+
+@pytest.mark.parametrize("stage", ["smallest", "front"])
+def test_a_callback_ends_the_front_in_either_search(stage: str) -> None:
+    pytest.importorskip("pymoo")
+    seen: list[SizingProgress] = []
+
+    def ending(progress: SizingProgress) -> bool:
+        seen.append(progress)
+        return progress.stage == stage and progress.volume < math.inf
+
+    front = size_front(WISHES, fluid=FLUID, steel=STEEL, population=16, budget=1200, on_progress=ending)
+    assert front.evaluations == seen[-1].evaluations < 1200
+    assert all(not WISHES.missed(design) for design in front.designs)
+    assert (len(front.designs) == 1) == (stage == "smallest")
+    assert front.designs[0].envelope_volume == pytest.approx(seen[-1].volume)
+
+
+@pytest.mark.parametrize("generation", [0, 12, 30])
+def test_an_interrupted_front_keeps_the_smallest_damper(generation: int) -> None:
+    pytest.importorskip("pymoo")
+    seen: list[SizingProgress] = []
+
+    def interrupting(progress: SizingProgress) -> None:
+        seen.append(progress)
+        if len(seen) > generation:
+            raise KeyboardInterrupt
+
+    with pytest.raises(Interrupted) as interrupt:
+        size_front(WISHES, fluid=FLUID, steel=STEEL, population=16, budget=1200, on_progress=interrupting)
+    result = interrupt.value.result
+    if math.isnan(seen[-1].volume):
+        assert result is None
+    else:
+        assert len(result.designs) == 1
+        assert result.designs[0].envelope_volume == pytest.approx(seen[-1].volume)
+
+
+@pytest.mark.parametrize("of", [size_damper, size_front])
+def test_ctrl_c_ends_a_sizing_soon(of: Callable[..., object]) -> None:
+    """Within a fraction of a second of CPU, in the middle of whatever the search does."""
+    pytest.importorskip("pymoo.algorithms.moo.nsga2")
+    sent = []
+
+    def interrupt(*_: object) -> None:
+        sent.append(time.process_time())
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGVTALRM, interrupt)
+    signal.setitimer(signal.ITIMER_VIRTUAL, 0.5)
+    try:
+        with pytest.raises(Interrupted):
+            of(WISHES, fluid=FLUID, steel=STEEL, budget=100_000)
+    finally:
+        signal.setitimer(signal.ITIMER_VIRTUAL, 0.0)
+        signal.signal(signal.SIGVTALRM, before)
+    assert time.process_time() - sent[0] < 0.2
 
 
 @given(unit=st.lists(st.floats(0.0, 1.0), min_size=N_FREE, max_size=N_FREE))

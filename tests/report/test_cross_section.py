@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
-from matplotlib.text import Text
+from matplotlib.path import Path
+from matplotlib.text import Annotation, Text
 
 from mrwork.dampers.design import DamperDesign, fluid, steel, twenty_ton_damper
 from mrwork.report import cross_section_figure
@@ -35,7 +36,21 @@ SLENDER = DamperDesign(
     stroke=0.02,
     velocity=0.1,
 )
-DESIGNS = pytest.mark.parametrize("design", [LARGE, SLENDER], ids=["large", "slender"])
+# Many short coils and poles, whose dimensions leave no room for a text.
+SHORT = replace(
+    SLENDER,
+    bore=0.025,
+    wall=0.001,
+    rod=0.0025,
+    gap=0.0005,
+    stages=4,
+    pole_length=0.0033,
+    coil_length=0.0029,
+    coil_depth=0.0077,
+    turns=90,
+    wire_gauge=26,
+)
+DESIGNS = pytest.mark.parametrize("design", [LARGE, SLENDER, SHORT], ids=["large", "slender", "short"])
 
 
 def boxes(figure: Figure, axes: int) -> list[tuple[float, float, float, float]]:
@@ -95,6 +110,22 @@ def test_labels_are_legible(design: DamperDesign) -> None:
         assert extent.y1 <= frame.y1
     for one, other in combinations(extents, 2):
         assert not one.overlaps(other)
+
+
+@DESIGNS
+def test_leaders_pass_beside_the_other_labels(design: DamperDesign) -> None:
+    figure = cross_section_figure(design)
+    figure.draw_without_rendering()
+    leaders = [each for each in figure.findobj(Annotation) if each.get_text()]
+    extents = {each: Text.get_window_extent(each) for each in leaders}
+    for leader in leaders:
+        middle = np.mean(extents[leader].get_points(), axis=0)
+        line = Path([middle, leader.axes.transData.transform(leader.xy)])
+        for other in leaders:
+            assert other is leader or not line.intersects_bbox(extents[other], filled=True), (
+                leader.get_text(),
+                other.get_text(),
+            )
 
 
 def test_labels_say_the_numbers() -> None:

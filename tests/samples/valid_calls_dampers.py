@@ -13,7 +13,7 @@ from posterior_samples import small_sampling, small_test
 from wrong_arguments import Calls, call
 
 import mrwork as mr
-from mrwork import dampers, motions, records
+from mrwork import dampers, motions, records, report
 from mrwork.simulate import simulate_forces, simulate_misfits, simulate_sensitivities
 
 _N_TIME = 60
@@ -135,7 +135,7 @@ def simulation_calls(_: Path) -> Calls:
 
 def record_calls(files: Path) -> Calls:
     """Damper tests, read, built and repaired."""
-    test = small_test()
+    test, harmonic = small_test(), mr.synthetic_test("spencer1997")
 
     def record() -> Path:
         path = files / "rig.csv"
@@ -171,6 +171,15 @@ def record_calls(files: Path) -> Calls:
             current=np.full(test.n_time, 0.5),
         ),
         "DamperTest.part": lambda: call(test.part, first=2, last=100, every=2),
+        "branches": lambda: call(
+            records.branches, test=harmonic, over="displacement", force=harmonic.force, points=21
+        ),
+        "branches_figure": lambda: call(
+            report.branches_figure,
+            tests=[harmonic, harmonic],
+            forces=[harmonic.force, harmonic.force],
+            over="displacement",
+        ),
         "cut": lambda: call(records.cut, test=test, start=0.1, end=1.5, every=2),
         "repair": lambda: call(records.repair, test=test, kinds=["offset"], amounts={"offset": 3.0}),
         "observed": lambda: call(records.observed, test=test, observe=["average=0.02", "gain=1.1"]),

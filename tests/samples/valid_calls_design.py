@@ -17,6 +17,10 @@ _SLOT = design.Slot(inner_radius=0.05, gap=0.001, length=0.03)
 _WISHES = design.DamperWishes(**WISHES)
 
 
+def _continue(_: design.SizingProgress) -> None:
+    """A callback that ends nothing."""
+
+
 @cache
 def _circuit() -> design.MagneticCircuit:
     return design.twenty_ton_damper().circuit
@@ -110,9 +114,17 @@ def damper_design_calls(_: Path) -> Calls:
             search="differential_evolution",
             budget=60,
             rng=0,
+            on_progress=_continue,
         ),
         "size_front": lambda: call(
-            design.size_front, wishes=_WISHES, fluid=_FLUID, steel=_STEEL, population=12, budget=100, rng=0
+            design.size_front,
+            wishes=_WISHES,
+            fluid=_FLUID,
+            steel=_STEEL,
+            population=12,
+            budget=100,
+            rng=0,
+            on_progress=_continue,
         ),
     }
 

@@ -2,23 +2,35 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import sized_front
 from chapter_3_findings import Chapter, chapter_of
 from chapter_3_page import write_page
 from chapter_3_tables import tables
+from frame_runs import RECORDS
 from models_on_one_test import NOISE, SHOWN_TEST
+from mrwork.closed_loop import SCORE
 from mrwork.report import departures
 from sized_frame import FORCES, PAIR, wishes
 from slot_flow import errors, slot_of, yield_stress
 
 
 @pytest.fixture(scope="module")
-def chapter() -> Chapter:
-    return chapter_of(quick=True, threads=1, say=lambda what: None)
+def chapter(tmp_path_factory: pytest.TempPathFactory) -> Chapter:
+    """The quick form, with decaying sines in the place of the measured records."""
+    folder = tmp_path_factory.mktemp("records")
+    time = 0.02 * np.arange(400)
+    for number, (_, file) in enumerate(RECORDS):
+        motion = np.sin((12.0 + 3.0 * number) * time) * np.exp(-0.5 * time)
+        np.savetxt(
+            folder / file, np.column_stack([time, motion]), delimiter=",", header="t_s,a_mps2", comments=""
+        )
+    return chapter_of(records=folder, quick=True, threads=1, say=lambda what: None)
 
 
 def test_the_quick_form_finds_what_is_expected(chapter: Chapter) -> None:
@@ -46,6 +58,37 @@ def test_the_dimensionless_yield_stress_alone_decides_the_error_of_plates() -> N
 def test_the_sized_damper_meets_its_wishes(chapter: Chapter) -> None:
     (damper,) = chapter.frame.designs.values()
     assert wishes(FORCES[0]).missed(damper) == {}
+
+
+def test_the_front_has_what_it_tells(chapter: Chapter) -> None:
+    pytest.importorskip("pymoo")
+    assert chapter.front is not None
+    chosen = chapter.found["quick_sized"]["front"]["chosen"]
+    designs = chapter.front.designs
+    assert chosen["smallest"]["volume_l"] == min(1e3 * each.envelope_volume for each in designs)
+    largest = [each["dynamic_range"] for name, each in chosen.items() if name.startswith("range")]
+    least = [each["power_w"] for name, each in chosen.items() if name.startswith("power")]
+    # More volume never allows less.
+    assert largest == sorted(largest)
+    assert least == sorted(least, reverse=True)
+    assert all(wishes(sized_front.FORCE).missed(each) == {} for each in designs)
+
+
+def test_records_judge_what_the_synthetic_motions_chose(chapter: Chapter) -> None:
+    for device in chapter.frame.loop.values():
+        for way in ("constant", "clipped"):
+            judged = device[way]["records"]
+            assert judged["judged"] == pytest.approx(np.mean([judged[name] for name, _ in RECORDS]))
+            assert judged["judged"] == pytest.approx(np.mean([judged[name] for name in SCORE]))
+            assert judged["judged"] != device[way]["judged"]
+
+
+def test_without_records_there_is_no_table_of_them(chapter: Chapter) -> None:
+    found = deepcopy(chapter.found)
+    for device in found["quick_sized"]["loop"].values():
+        for way in ("constant", "clipped"):
+            del device[way]["records"]
+    assert len(tables(found)["loop"]) == len(tables(chapter.found)["loop"]) - 1
 
 
 def test_a_constant_current_at_zero_leaves_the_pair_as_it_is(chapter: Chapter) -> None:

@@ -15,6 +15,7 @@ from law_tables import per_current_table
 from mrwork.search import EfficientGA, StopRules
 from outcome import SetOutcome, study_set
 from page import write_page
+from thickness_and_mean import compared, loops_table
 
 SEARCH = EfficientGA(population=40, stop=StopRules(max_generations=40))
 # Three are the fewest that a quadratic law can be found from.
@@ -87,6 +88,25 @@ def test_a_value_without_standard_error_is_marked(static: SetOutcome) -> None:
     ]
 
 
+def test_loops_of_the_true_model_differ_by_the_scatter_of_the_cycles(static: SetOutcome) -> None:
+    loops = compared(static)
+    for name, missed in loops.missed[STATIC.label].items():
+        # The scatter is a standard error, found from three cycles.
+        assert np.all(missed < 2.0 * loops.scatter[name]), name
+    np.testing.assert_allclose(loops.models[STATIC.label].thickness, loops.tests.thickness, rtol=0.05)
+    assert np.all(np.diff(loops.tests.thickness) > 0.0)
+    assert len(loops_table(static).rows) == len(CURRENTS)
+
+
+def test_loops_of_a_wrong_model_differ_by_more(static: SetOutcome) -> None:
+    each = static.each[STATIC.label]
+    wrong = replace(static, each={STATIC.label: replace(each, fits=each.fits[::-1])})
+    missed = compared(wrong).missed[STATIC.label]
+    # The middle one is in its place.
+    assert np.all(missed["thickness"][[0, 2]] > 0.2)
+    assert np.all(missed["mean"][[0, 2]] > 0.2)
+
+
 def test_the_page_stands_alone_and_calls_synthetic_data_synthetic(static: SetOutcome, tmp_path: Path) -> None:
     page = tmp_path / "report.html"
     write_page([static], page, skipped="Skipped: no records.", footer="Seed 1.")
@@ -94,6 +114,7 @@ def test_the_page_stands_alone_and_calls_synthetic_data_synthetic(static: SetOut
     assert '<span class="tag">synthetic</span>' in text
     assert "Skipped: no records." in text
     assert "measured" not in text
+    assert "$" not in text
     for outside in ('src="', "url(http", "<link", "<script"):
         assert outside not in text
 

@@ -8,6 +8,8 @@ from .detectors.labels import mislabelled as mislabelled
 from .detectors.smoothing import detect_smoothing as detect_smoothing
 from .likeness import Likeness as Likeness
 from .likeness import RecordedMotion as RecordedMotion
+from .loop_branches import Branches as Branches
+from .loop_branches import branches as branches
 from .observation import AS_IT_IS as AS_IT_IS
 from .observation import Observation as Observation
 from .observing import observed as observed

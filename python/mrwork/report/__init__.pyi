@@ -10,6 +10,7 @@ from .cross_section import cross_section_figure as cross_section_figure
 from .expectations import departures as departures
 from .html import swatch as swatch
 from .html import write_study_page as write_study_page
+from .loop_branches import branches_figure as branches_figure
 from .parameter_effects import parameter_effects_figure as parameter_effects_figure
 from .result_table import ResultTable as ResultTable
 from .section import Panel as Panel

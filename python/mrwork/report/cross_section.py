@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Literal
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -19,6 +20,8 @@ _MM = style.MILLIMETRE.factor
 # of labels and dimensions.
 _WIDTH, _EDGE, _ABOVE, _BELOW = 1.6 * style.PANEL_WIDTH, 0.2, 0.62, 0.42
 _DETAIL_HEIGHT, _STEP = 2.6, 0.2
+# Width of the text of a dimension, and step to a second line of them.
+_TEXT, _SECOND = 1.05, 0.26
 # Share of the width of the whole drawing beside the rod, for the outer diameter.
 _BESIDE = 0.13
 
@@ -38,11 +41,13 @@ def cross_section_figure(design: DamperDesign) -> Figure:
     inner_width = _WIDTH - 2.0 * _EDGE
     span = 2.0 * reach / (1.0 - _BESIDE)
     height = inner_width * 2.0 * outer / span
-    bottom = _BELOW + _DETAIL_HEIGHT + _ABOVE + _BELOW
+    # The dimensions of a short coil take two lines.
+    below = _BELOW + _SECOND
+    bottom = below + _DETAIL_HEIGHT + _ABOVE + _BELOW
     figure = Figure(figsize=(_WIDTH, bottom + height + _ABOVE))
     whole, detail = (
         axes_between(figure, left=_EDGE, right=_WIDTH - _EDGE, bottom=low, top=high)
-        for low, high in ((bottom, bottom + height), (_BELOW, _BELOW + _DETAIL_HEIGHT))
+        for low, high in ((bottom, bottom + height), (below, below + _DETAIL_HEIGHT))
     )
     whole.set_xlim(-reach, span - reach)
     whole.set_ylim(-outer, outer)
@@ -167,7 +172,7 @@ def _label_detail(axes: Axes, design: DamperDesign, inch: float) -> None:
     _leaders(
         axes,
         [
-            ("path of the flux", (coil + 0.1 * coil_length, (bore + outer) / 2.0)),
+            ("path of the flux", (pole + 0.5 * length, (bore + outer) / 2.0)),
             (f"gap {_mm(design.gap)}", (pole + 0.3 * length, (piston + bore) / 2.0)),
             (
                 f"winding {_mm(design.coil_clearance)} below the poles",
@@ -179,12 +184,20 @@ def _label_detail(axes: Axes, design: DamperDesign, inch: float) -> None:
         inch,
     )
     y = axes.get_ylim()[0] - 0.1 * inch
-    for left, right, text in (
-        (pole, coil, f"pole {_mm(design.pole_length)}"),
-        (coil, coil + coil_length, f"coil {_mm(design.coil_length)}"),
-        (coil + coil_length, coil + coil_length + length, f"pole {_mm(design.pole_length)}"),
-    ):
-        _dimension(axes, (left, right), y, text, inch)
+    # Of short parts, the texts of the poles go outwards and that of the coil below them.
+    apart = length + coil_length
+    wide = apart > _TEXT * inch
+    pole_text = f"pole {_mm(design.pole_length)}"
+    _dimension(axes, (pole, coil), y, pole_text, inch, align="center" if wide else "right")
+    _dimension(
+        axes,
+        (coil, coil + coil_length),
+        y if apart > 2.0 * _TEXT * inch else y - _SECOND * inch,
+        f"coil {_mm(design.coil_length)}",
+        inch,
+    )
+    right = coil + coil_length
+    _dimension(axes, (right, right + length), y, pole_text, inch, align="center" if wide else "left")
 
 
 def _leaders(axes: Axes, labels: Sequence[Label], inch: float) -> None:
@@ -204,14 +217,23 @@ def _leaders(axes: Axes, labels: Sequence[Label], inch: float) -> None:
         )
 
 
-def _dimension(axes: Axes, ends: tuple[float, float], y: float, text: str, inch: float) -> None:
-    """A horizontal dimension with its text below."""
+def _dimension(
+    axes: Axes,
+    ends: tuple[float, float],
+    y: float,
+    text: str,
+    inch: float,
+    *,
+    align: Literal["left", "center", "right"] = "center",
+) -> None:
+    """A horizontal dimension with its text below, which ends or begins with it, or stands in its middle."""
     axes.annotate(
         "", (ends[0], y), (ends[1], y),
         arrowprops={"arrowstyle": "<->", "color": style.FAINT_INK, "linewidth": 0.7, "shrinkA": 0, "shrinkB": 0},
         annotation_clip=False,
     )  # fmt: skip
-    axes.text(sum(ends) / 2.0, y - 0.05 * inch, text, ha="center", va="top", fontsize=style.SMALL_TEXT_SIZE)
+    x = {"left": ends[0], "center": sum(ends) / 2.0, "right": ends[1]}[align]
+    axes.text(x, y - 0.05 * inch, text, ha=align, va="top", fontsize=style.SMALL_TEXT_SIZE)
 
 
 def _mm(length: float) -> str:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import matplotlib
+from matplotlib.colors import LinearSegmentedColormap
 
 from mrwork.report import font
 
@@ -29,6 +30,8 @@ WINDOW = "#eef2f5"
 BAND = "#d9e6f0"
 BAND_EDGE = "#8fb3cf"
 PARAMETER_BAND = "#e0913a"
+# From light to dark, for quantities and for tests in their order.
+TONES = LinearSegmentedColormap.from_list("mrwork", [BAND_EDGE, MODEL, INK])
 
 # Fonts of the text of a page, taken from the reader's machine; figures have their own, see `font`.
 PAGE_FONTS = (

@@ -56,7 +56,7 @@ def run_front(
     rng: int,
     starts: Floats,
     journal: Journal | None = None,
-    on_generation: Callable[[int], None] = lambda evaluations: None,
+    on_generation: Callable[[int], bool | None] = lambda evaluations: None,
 ) -> FrontResult:
     """Search a Pareto front by NSGA-II; the starts are among the first generation.
 
@@ -68,6 +68,8 @@ def run_front(
         Shape (n_starts, n_params); at most half a generation is used.
     journal
         Records every generation, and recalls those of a search that was interrupted.
+    on_generation
+        Called with the number of candidates after every generation; where it returns true the search ends.
 
     Raises
     ------
@@ -95,7 +97,8 @@ def run_front(
         evaluator.eval(static(problem, F=np.where(np.isfinite(found), found, _FAILURE)), asked)
         algorithm.tell(infills=asked)
         units, values = np.vstack([units, points]), np.vstack([values, found])
-        on_generation(len(units))
+        if on_generation(len(units)):
+            break
     first = nondominated(values)
     order = first[np.lexsort(values[first].T[::-1])]
     return FrontResult(units=units[order], objectives=values[order], evaluations=len(units))

@@ -17,6 +17,7 @@ from .magnetic_circuit import wire_diameter as wire_diameter
 from .published import twenty_ton_damper as twenty_ton_damper
 from .sizing import DamperWishes as DamperWishes
 from .sizing import SizedDamper as SizedDamper
+from .sizing import SizingProgress as SizingProgress
 from .sizing import size_damper as size_damper
 from .steels import STEELS as STEELS
 from .steels import Steel as Steel

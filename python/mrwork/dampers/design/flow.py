@@ -90,10 +90,10 @@ def annular_pressure(
     )
     inner, outer = slot.inner_radius, slot.inner_radius + slot.gap
 
-    def profile(gradient: Floats, tau: Floats, neutral: Floats) -> tuple[Floats, Floats]:
+    def profile(gradient: Floats, neutral: Floats) -> tuple[Floats, Floats]:
         delta = tau / gradient
         root = np.sqrt(delta**2 + neutral**2)
-        speed, moved = np.zeros_like(gradient), np.zeros_like(gradient)
+        moving, moved = np.zeros_like(gradient), np.zeros_like(gradient)
         for sign, wall, edge in ((1.0, inner, root - delta), (-1.0, outer, root + delta)):
             edge = np.clip(edge, inner, outer)
             # Squared distances from the edge of the plug make any power of the shear rate smooth.
@@ -101,20 +101,19 @@ def annular_pressure(
             weights = 2.0 * np.abs(wall - edge)[..., None] * _NODES * _WEIGHTS
             stress = 0.5 * gradient[..., None] * (neutral[..., None] ** 2 / radius - radius)
             rate = sign * _shear_rate(sign * stress - tau[..., None], viscosity, flow_index)
-            speed += np.sum(weights * rate, axis=-1)
+            moving += np.sum(weights * rate, axis=-1)
             moved -= np.pi * np.sum(weights * rate * (radius**2 - inner**2), axis=-1)
-        return speed, moved
+        return moving, moved
 
-    def neutral_of(gradient: Floats, tau: Floats, speed: Floats) -> Floats:
+    def moved(gradient: Floats) -> Floats:
         def excess(neutral: Floats) -> Floats:
-            return profile(gradient, tau, neutral)[0] - speed
+            return profile(gradient, neutral)[0] - speed
 
-        return roots_between(excess, np.full_like(gradient, inner), np.full_like(gradient, outer))
+        ends = np.full_like(gradient, inner), np.full_like(gradient, outer)
+        return profile(gradient, roots_between(excess, *ends))[1]
 
-    def moved(gradient: Floats, tau: Floats, speed: Floats) -> Floats:
-        return profile(gradient, tau, neutral_of(gradient, tau, speed))[1]
-
-    return slot.length * _gradient(moved, slot, flow, tau, speed, viscosity, flow_index)
+    viscous = _viscous_gradient(slot, flow, speed, viscosity, flow_index)
+    return slot.length * _gradient(moved, slot, flow, tau, viscous)
 
 
 @checked
@@ -138,9 +137,11 @@ def plate_pressure(
     )
     gap, power = slot.gap, 1.0 + 1.0 / flow_index
 
-    def sheared(gradient: Floats, free: Floats, speed: Floats) -> tuple[Floats, Floats]:
-        """Thickness of the sheared layers at the inner and the outer wall, `free` together."""
-        scale = power / _shear_rate(gradient, viscosity, flow_index)
+    def moved(gradient: Floats) -> Floats:
+        # The sheared layers at the inner and the outer wall, `free` thick together.
+        free = np.maximum(gap - 2.0 * tau / gradient, 1e-12 * gap)
+        rate = _shear_rate(gradient, viscosity, flow_index)
+        scale = power / rate
         if flow_index == 1.0:
             difference = speed * scale / free
         elif not speed.any():
@@ -151,17 +152,14 @@ def plate_pressure(
                 return ((free + difference) / 2) ** power - ((free - difference) / 2) ** power - speed * scale
 
             difference = roots_between(excess, np.zeros_like(free), free)
-        return (free + difference) / 2.0, np.maximum(free - difference, 0.0) / 2.0
-
-    def moved(gradient: Floats, tau: Floats, speed: Floats) -> Floats:
-        free = np.maximum(gap - 2.0 * tau / gradient, 1e-12 * gap)
-        inner, outer = sheared(gradient, free, speed)
+        inner, outer = (free + difference) / 2.0, np.maximum(free - difference, 0.0) / 2.0
         layers = gap * outer**power / power - (inner ** (power + 1) + outer ** (power + 1)) / (
             power * (power + 1)
         )
-        return slot.width * _shear_rate(gradient, viscosity, flow_index) * layers
+        return slot.width * rate * layers
 
-    return slot.length * _gradient(moved, slot, flow, tau, speed, viscosity, flow_index)
+    viscous = _viscous_gradient(slot, flow, speed, viscosity, flow_index)
+    return slot.length * _gradient(moved, slot, flow, tau, viscous)
 
 
 @checked
@@ -185,7 +183,7 @@ def summed_pressure(
     flow, tau, speed = broadcast(
         "summed_pressure", flow=flow, yield_stress=yield_stress, wall_speed=wall_speed
     )
-    viscous = 2.0 / slot.gap * _wall_stress(slot, flow, speed, viscosity, flow_index)
+    viscous = _viscous_gradient(slot, flow, speed, viscosity, flow_index)
     ratio = np.divide(tau, slot.gap * viscous, out=np.full(tau.shape, np.inf), where=viscous > 0.0)
     c = 2.07 + 1.0 / (1.0 + 0.4 * ratio) if coefficient is None else coefficient
     return slot.length * (viscous + c * tau / slot.gap)
@@ -251,31 +249,23 @@ def _shear_rate(excess: Floats, viscosity: float, flow_index: float) -> Floats:
     return rate if flow_index == 1.0 else rate ** (1.0 / flow_index)
 
 
-def _wall_stress(slot: Slot, flow: Floats, speed: Floats, viscosity: float, flow_index: float) -> Floats:
-    """Shear stress [Pa] at the wall of plates without yield stress; the flow fills what the wall displaces, too."""
+def _viscous_gradient(slot: Slot, flow: Floats, speed: Floats, viscosity: float, flow_index: float) -> Floats:
+    """Pressure gradient [Pa/m] of plates without yield stress; the flow fills what the wall displaces, too."""
     mean = (flow / slot.width + speed * slot.gap / 2.0) / slot.gap
     rate = 6.0 * mean / slot.gap * (2.0 * flow_index + 1.0) / (3.0 * flow_index)
-    return viscosity * rate**flow_index
+    return 2.0 / slot.gap * (viscosity * rate**flow_index)
 
 
 def _gradient(
-    moved: Callable[[Floats, Floats, Floats], Floats],
-    slot: Slot,
-    flow: Floats,
-    tau: Floats,
-    speed: Floats,
-    viscosity: float,
-    flow_index: float,
+    moved: Callable[[Floats], Floats], slot: Slot, flow: Floats, tau: Floats, viscous: Floats
 ) -> Floats:
-    """Pressure gradient [Pa/m] at which a profile moves the flow; `moved` maps gradient, yield stress, wall speed."""
-    at_rest = 2.0 * tau / slot.gap
-    viscous = 2.0 / slot.gap * _wall_stress(slot, flow, speed, viscosity, flow_index)
-    flowing = viscous > 0.0
+    """Pressure gradient [Pa/m] at which a profile moves the flow; `moved` maps gradients to flows [m^3/s]."""
+    at_rest, flowing = 2.0 * tau / slot.gap, viscous > 0.0
     low = np.where(flowing, at_rest + 0.1 * viscous, 1.0)
     high = np.where(flowing, 1.5 * at_rest + 1.5 * viscous, 2.0)
 
     def excess(gradient: Floats) -> Floats:
-        return moved(gradient, tau, speed) - flow
+        return moved(gradient) - flow
 
     for _ in range(_DOUBLINGS):
         short = flowing & (excess(high) < 0.0)

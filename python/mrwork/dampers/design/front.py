@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
@@ -14,8 +15,11 @@ from mrwork.dampers.design.fluids import MRFluid
 from mrwork.dampers.design.sizing import (
     N_FREE,
     DamperWishes,
+    OnSizing,
+    SizingReporter,
     candidate,
     harder_wishes,
+    missed_with,
     rated_forces,
     shortfall,
     smallest,
@@ -66,6 +70,7 @@ def size_front(
     population: Annotated[int, Within(least=8, most=10_000)] = 60,
     budget: Count = 6000,
     rng: Seed = 0,
+    on_progress: OnSizing | None = None,
 ) -> SizeFront:
     """The front of volume, dynamic range and power among dampers that meet the wishes, by NSGA-II.
 
@@ -78,48 +83,95 @@ def size_front(
         As in `size_damper`.
     population, budget
         Candidates of a generation, and most of all; a generation of either search at least.
+    on_progress
+        Called after every generation of either search; where it returns true the search ends with the front so far.
 
     Raises
     ------
     Interrupted
-        On Ctrl-C in the search of the smallest damper, carrying nothing.
+        On Ctrl-C, carrying the `SizeFront` of the smallest damper alone, `None` while no candidate meets the wishes;
+        a front, whose dampers all take an exact solution of their flow, takes seconds, see `on_progress`.
     SettingError
         If no candidate meets the wishes, or pymoo is not installed.
     """
-    try:
-        first = smallest(wishes, fluid, steel, search="differential_evolution", budget=budget // 3, rng=rng)
-    except Interrupted as interrupt:
-        raise Interrupted(None, "front") from interrupt
-    tried = first.evaluations
     harder = harder_wishes(wishes)
+    reporter = SizingReporter(on_progress=on_progress, budget=budget, envelope=wishes.volume)
+    # Points of which no other one was better in everything, with their objectives, and candidates so far.
+    units, values, tried = np.empty((0, N_FREE)), np.empty((0, 3)), 0
 
-    def objectives(units: Floats) -> Floats:
-        return np.array([_objectives(candidate(unit, wishes, fluid, steel), harder) for unit in units])
+    def keep(points: Floats) -> Floats:
+        nonlocal units, values
+        found = np.array([_objectives(candidate(unit, wishes, fluid, steel), harder) for unit in points])
+        units, values = np.vstack([units, points]), np.vstack([values, found])
+        kept = nondominated(values)
+        units, values = units[kept], values[kept]
+        return found
 
-    found = run_front(
-        objectives,
-        n_params=N_FREE,
-        n_objectives=3,
-        population=population,
-        budget=budget - tried,
-        rng=rng,
-        starts=first.best_unit[None],
-    )
-    designs = [
-        design
-        for unit in found.units
-        if (design := candidate(unit, wishes, fluid, steel)) is not None and not wishes.missed(design)
-    ]
-    if not designs:
+    def built(points: Floats) -> SizeFront | None:
+        return _front([candidate(unit, wishes, fluid, steel) for unit in points], wishes, tried)
+
+    try:
+        try:
+            first = smallest(
+                wishes,
+                fluid,
+                steel,
+                search="differential_evolution",
+                budget=budget // 3,
+                rng=rng,
+                reporter=reporter,
+            )
+        except Interrupted as interrupt:
+            tried = interrupt.result.evaluations
+            keep(interrupt.result.best_unit[None])
+            raise
+        before = tried = first.evaluations
+        keep(first.best_unit[None])
+
+        def on_generation(evaluations: int) -> bool:
+            nonlocal tried
+            tried = before + evaluations
+            return reporter.report("front", tried, float(values[:, 0].min()))
+
+        if first.stop_reason != "callback":
+            run_front(
+                keep,
+                n_params=N_FREE,
+                n_objectives=3,
+                population=population,
+                budget=budget - tried,
+                rng=rng,
+                starts=first.best_unit[None],
+                on_generation=on_generation,
+            )
+        found = built(units)
+    except KeyboardInterrupt as interrupt:
+        least = units[values[:, 0].argmin()][None] if len(units) else units
+        raise Interrupted(built(least), "front") from interrupt
+    if found is None:
         raise SettingError(
-            f"no damper with {fluid.name} meets the wishes after {tried + found.evaluations} candidates; size_damper "
-            "says what is missed"
+            f"no damper with {fluid.name} meets the wishes after {tried} candidates; size_damper says what is missed"
         )
-    # With the exact flow, in place of that of the search.
-    values = np.array([(each.envelope_volume, -each.dynamic_range, each.power) for each in designs])
-    kept = nondominated(values)
-    order = kept[np.argsort(values[kept, 0])]
-    return SizeFront(designs=tuple(designs[index] for index in order), evaluations=tried + found.evaluations)
+    return found
+
+
+def _front(
+    designs: Sequence[DamperDesign | None], wishes: DamperWishes, evaluations: int
+) -> SizeFront | None:
+    """The front with the exact flow, in place of that of the search; `None` where no design meets the wishes."""
+    met, values = [], []
+    for design in designs:
+        if design is None:
+            continue
+        on, off = forces = rated_forces(design)
+        if not missed_with(wishes, design, forces):
+            met.append(design)
+            values.append((design.envelope_volume, -on / off, design.power))
+    if not met:
+        return None
+    kept = nondominated(np.array(values))
+    order = kept[np.argsort(np.array(values)[kept, 0], kind="stable")]
+    return SizeFront(designs=tuple(met[index] for index in order), evaluations=evaluations)
 
 
 def _objectives(design: DamperDesign | None, harder: DamperWishes) -> tuple[float, float, float]:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from typing import Annotated, Any, ClassVar
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -155,6 +156,47 @@ class SizedDamper(Summarised):
         return replace(summary, facts=facts)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SizingProgress:
+    """Progress after a generation of `size_damper` or `size_front`.
+
+    `evaluations` are the candidates so far, of both searches of a front, and `share` is their part of the budget.
+    `volume` [m^3] is that of the smallest damper so far that meets the wishes, NaN while there is none.
+    """
+
+    stage: Literal["smallest", "front"]
+    evaluations: int
+    share: float
+    volume: float
+    seconds: float
+
+
+OnSizing = Callable[[SizingProgress], bool | None]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SizingReporter:
+    """Calls the callback, if any, with the time since `began` [s]."""
+
+    on_progress: OnSizing | None
+    budget: int
+    envelope: float
+    began: float = field(default_factory=time.perf_counter)
+
+    def report(self, stage: Literal["smallest", "front"], evaluations: int, least: float) -> bool:
+        """Whether the callback ends the search; `least` is the misfit of the best candidate, see `smallest`."""
+        if self.on_progress is None:
+            return False
+        progress = SizingProgress(
+            stage=stage,
+            evaluations=evaluations,
+            share=min(evaluations / self.budget, 1.0),
+            volume=least * self.envelope if least <= 1.0 else float("nan"),
+            seconds=time.perf_counter() - self.began,
+        )
+        return bool(self.on_progress(progress))
+
+
 @checked
 def size_damper(
     wishes: DamperWishes,
@@ -164,6 +206,7 @@ def size_damper(
     search: str = "differential_evolution",
     budget: Count = 4000,
     rng: Seed = 0,
+    on_progress: OnSizing | None = None,
 ) -> SizedDamper:
     """The damper of the least volume that meets the wishes.
 
@@ -184,6 +227,8 @@ def size_damper(
         Most candidates, a generation at least.
     rng
         Seed of the search.
+    on_progress
+        Called after every generation; where it returns true the search ends with the best so far.
 
     Raises
     ------
@@ -206,8 +251,9 @@ def size_damper(
     >>> sized.design.largest_force >= 2e3
     True
     """
+    reporter = SizingReporter(on_progress=on_progress, budget=budget, envelope=wishes.volume)
     try:
-        found = smallest(wishes, fluid, steel, search=search, budget=budget, rng=rng)
+        found = smallest(wishes, fluid, steel, search=search, budget=budget, rng=rng, reporter=reporter)
     except Interrupted as interrupt:
         design = candidate(interrupt.result.best_unit, wishes, fluid, steel)
         sized = None
@@ -226,9 +272,18 @@ def size_damper(
 
 
 def smallest(
-    wishes: DamperWishes, fluid: MRFluid, steel: Steel, *, search: str, budget: int, rng: int
+    wishes: DamperWishes,
+    fluid: MRFluid,
+    steel: Steel,
+    *,
+    search: str,
+    budget: int,
+    rng: int,
+    reporter: SizingReporter,
 ) -> SearchResult[Any]:
     """The search of the smallest damper over the unit cube of `candidate`.
+
+    The misfit is the volume over that of the envelope where all wishes are met, and above 1 elsewhere.
 
     Raises
     ------
@@ -249,7 +304,13 @@ def smallest(
     def objective(units: Floats) -> Floats:
         return np.array([_misfit(candidate(unit, wishes, fluid, steel), harder) for unit in units])
 
-    found: SearchResult[Any] = run_search(replace(optimiser, stop=stop), objective, rng=rng, n_params=N_FREE)
+    found: SearchResult[Any] = run_search(
+        replace(optimiser, stop=stop),
+        objective,
+        rng=rng,
+        n_params=N_FREE,
+        on_generation=lambda event: reporter.report("smallest", event.evaluations, event.best_misfit),
+    )
     return found
 
 

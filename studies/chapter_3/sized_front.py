@@ -1,0 +1,118 @@
+"""Size against dynamic range against power: the front of dampers that meet the wishes of the frame."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+from typing import Any
+
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
+
+from mrwork.dampers import design
+from mrwork.report import WIDE, ResultTable, blank, finish, style
+from sized_frame import SUPPLY, wishes
+
+FORCE = 8e3
+"""Wanted force of the dampers on the front [N]."""
+# Volumes over that of the smallest damper, within which the best are told.
+_WITHIN = (1.1, 1.5, 2.5, 5.0)
+
+
+def front_of(*, quick: bool) -> design.SizeFront | None:
+    """The front; `None` without pymoo, whose search finds it."""
+    if find_spec("pymoo") is None:
+        return None
+    return design.size_front(
+        wishes(FORCE),
+        fluid=design.fluid("MRF-132DG"),
+        steel=design.steel("AISI 1010"),
+        population=16 if quick else 60,
+        budget=600 if quick else 6000,
+    )
+
+
+def figures_of(front: design.SizeFront) -> dict[str, Any]:
+    """The ends of the front, and what has the largest range and the least power within a volume."""
+    smallest = front.designs[0]
+    found = {"smallest": _numbers(smallest)}
+    for share in _WITHIN:
+        # A volume that was reached again by another way counts.
+        limit = share * smallest.envelope_volume * (1.0 + 1e-9)
+        within = [each for each in front.designs if each.envelope_volume <= limit]
+        found[f"range within {share:g}"] = _numbers(max(within, key=lambda each: each.dynamic_range))
+        found[f"power within {share:g}"] = _numbers(min(within, key=lambda each: each.power))
+    return {"designs": len(front.designs), "candidates": front.evaluations, "chosen": found}
+
+
+def _numbers(damper: design.DamperDesign) -> dict[str, float]:
+    return {
+        "volume_l": 1e3 * damper.envelope_volume,
+        "dynamic_range": damper.dynamic_range,
+        "power_w": damper.power,
+        "force_kn": 1e-3 * damper.largest_force,
+        "bore_mm": 1e3 * damper.bore,
+        "length_mm": 1e3 * damper.chamber_length,
+        "gap_mm": 1e3 * damper.gap,
+        "coils": float(damper.stages),
+        "response_ms": 1e3 * damper.response_time(SUPPLY),
+    }
+
+
+@style.drawn_in_style()
+def front_figure(front: design.SizeFront, *, power: bool) -> Figure:
+    """Dynamic range, or power, over the volume; the tone of a point is the other of the two."""
+    figure, axes = blank(WIDE)
+    volume, ranges, watts = (
+        [factor * getattr(each, name) for each in front.designs]
+        for name, factor in (("envelope_volume", 1e3), ("dynamic_range", 1.0), ("power", 1.0))
+    )
+    points = axes.scatter(
+        volume,
+        watts if power else ranges,
+        c=ranges if power else watts,
+        s=14.0,
+        cmap=style.TONES,
+        linewidths=0,
+    )
+    bar = figure.colorbar(points, ax=axes, pad=0.02)
+    bar.outline.set_visible(False)
+    bar.set_label("Dynamic range" if power else "Power (W)")
+    finish(axes, "Power (W)" if power else "Dynamic range", "Volume (l)")
+    axes.set_ylim(bottom=0.0)
+    axes.set_xscale("log")
+    axes.xaxis.set_major_locator(LogLocator(base=2.0))
+    axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    axes.xaxis.set_minor_locator(NullLocator())
+    return figure
+
+
+def table(found: dict[str, Any]) -> ResultTable:
+    """A row for each chosen damper."""
+    columns = {
+        "volume_l": ("volume [l]", ".3f"),
+        "dynamic_range": ("range", ".1f"),
+        "power_w": ("power [W]", ".2f"),
+        "force_kn": ("force [kN]", ".1f"),
+        "bore_mm": ("bore [mm]", ".1f"),
+        "length_mm": ("length [mm]", ".0f"),
+        "gap_mm": ("gap [mm]", ".2f"),
+        "coils": ("coils", ".0f"),
+        "response_ms": ("response [ms]", ".1f"),
+    }
+    return ResultTable(
+        title=f"Size against dynamic range against power, {1e-3 * FORCE:g} kN",
+        header=("damper", *(heading for heading, _ in columns.values())),
+        rows=tuple(
+            (_in_words(name), *(f"{each[key]:{form}}" for key, (_, form) in columns.items()))
+            for name, each in found["chosen"].items()
+        ),
+        note=f"{found['designs']} dampers after {found['candidates']} candidates; no other one is better in all three. "
+        "Within a multiple of the smallest volume, the one with the largest range and the one with the least power.",
+    )
+
+
+def _in_words(name: str) -> str:
+    quantity, within, share = name.partition(" within ")
+    if not within:
+        return name
+    return f"{'largest range' if quantity == 'range' else 'least power'}, {share} times the volume"
