@@ -49,6 +49,26 @@ def test_without_a_weight_the_units_do_not_matter() -> None:
     np.testing.assert_allclose(back, lyapunov_function(system).vectors, rtol=1e-7, atol=1e-12)
 
 
+def test_its_value_along_a_free_motion_is_what_is_still_to_be_lost() -> None:
+    """V(0) - V(t) is the integral of s'Q_P s / 2; the trapezoidal rule at steps of 1e-3 of the fastest period."""
+    system = plant()
+    function = lyapunov_function(system)
+    states = [system.scaling @ np.random.default_rng(3).standard_normal(6)]
+    dt = 2e-3 * np.pi / np.abs(np.linalg.eigvals(system.A)).max()
+    step = scipy.linalg.expm(system.A * dt)
+    for _ in range(2000):
+        states.append(step @ states[-1])
+    rate = 0.5 * np.einsum("ti,ij,tj->t", states, function.weight, states)
+    value = function.value(states)
+    np.testing.assert_allclose(value[0] - value[-1], dt * np.trapezoid(rate), rtol=1e-5)
+    assert value[-1] < 0.99 * value[0]
+
+
+def test_states_of_another_building_have_no_value() -> None:
+    with pytest.raises(SettingError, match=r"`state` has shape \(3, 10\); give \(n_time, 6\)"):
+        lyapunov_function(plant()).value(np.ones((3, 10)))
+
+
 def test_a_building_without_damping_has_none() -> None:
     building = replace(three_storeys(), damping=np.zeros((3, 3)))
     with pytest.raises(SettingError, match="needs damping in every mode"):

@@ -332,6 +332,7 @@ def gains_calls(_: Path) -> Calls:
                 },
             ),
             "check of solutions": (solved.check, {"row": 0}),
+            "LyapunovFunction.value": (of.lyapunov_function(plant).value, {"state": np.ones((3, 10))}),
             "lyapunov_function": (of.lyapunov_function, {"plant": plant, "weight": plant.energy}),
             "regulator_of_outputs": (
                 of.regulator_of_outputs,
@@ -631,6 +632,18 @@ def loop_calls(_: Path) -> Calls:
             "loop_observer": (
                 of.loop_observer,
                 {"building": frame, "devices": loop, "hardware": mr.Hardware(), "floors": [0, 4]},
+            ),
+            "response_sheet_figure": (
+                mr.report.response_sheet_figure,
+                {
+                    "controlled": run.histories[0],
+                    "reference": run.histories[0],
+                    "building": frame,
+                    "device": 1,
+                    "floor": 4,
+                    "command_unit": "V",
+                    "seconds": 1.0,
+                },
             ),
             "kinetic_energy": (run.histories[0].kinetic_energy, {"building": frame}),
             "demand of a run": (run.demand, {"run": 0, "device": 1}),

@@ -36,6 +36,22 @@ class LyapunovFunction(Summarised):
     weight: Floats
     vectors: Floats
 
+    @checked
+    def value(self, state: ArrayLike) -> Floats:
+        """V of each state, shape (n_time,) for states of shape (n_time, 2n); in J for the weight `plant.energy`.
+
+        Raises
+        ------
+        SettingError
+            If the states are not those of this building.
+        """
+        given = np.asarray(state, dtype=np.float64)
+        if given.ndim != 2 or given.shape[1] != len(self.P):
+            raise SettingError(
+                f"`state` has shape {given.shape}; give (n_time, {len(self.P)}), such as `History.state`"
+            )
+        return np.asarray(0.5 * np.einsum("ti,ij,tj->t", given, self.P, given))
+
 
 @checked
 def lyapunov_function(plant: Plant, weight: ArrayLike | None = None) -> LyapunovFunction:

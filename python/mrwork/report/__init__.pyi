@@ -12,6 +12,7 @@ from .html import swatch as swatch
 from .html import write_study_page as write_study_page
 from .loop_branches import branches_figure as branches_figure
 from .parameter_effects import parameter_effects_figure as parameter_effects_figure
+from .response_sheet import response_sheet_figure as response_sheet_figure
 from .result_table import ResultTable as ResultTable
 from .section import Panel as Panel
 from .section import panel as panel

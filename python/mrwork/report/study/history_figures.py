@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
-from numpy.typing import NDArray
 
 from mrwork.report import style
 from mrwork.report.canvas import column_axes, finish, name_small_axes, plain_ticks, small_axes
+from mrwork.report.history_parts import envelope, strong_part
 from mrwork.report.study.figures import Stroke
 from mrwork.report.style import DisplayUnit
 from mrwork.study.run_result import RunHistory
-
-Floats = NDArray[np.float64]
 
 _BINS = 700
 _SMALL_BINS = 350
@@ -110,23 +107,3 @@ def _finish_history(axes: Axes, ordinate: str) -> None:
     axes.margins(x=0.0)
     largest = max(map(abs, axes.get_ylim()))
     axes.set_ylim(-largest, largest)
-
-
-def envelope(time: Floats, signal: Floats, bins: int) -> tuple[Floats, Floats]:
-    """The minimum and the maximum of a signal in each of `bins` intervals, in their order; keeps the peaks."""
-    length = len(time) // bins
-    if length < 3:
-        return time, signal
-    whole = length * bins
-    parts = signal[:whole].reshape(bins, length)
-    at = np.sort(np.stack([parts.argmin(axis=1), parts.argmax(axis=1)], axis=1), axis=1)
-    index = np.append((at + length * np.arange(bins)[:, None]).ravel(), np.arange(whole, len(time)))
-    return time[index], signal[index]
-
-
-def strong_part(time: Floats, signal: Floats, seconds: float) -> slice:
-    """The samples of an interval of `seconds` around the peak of a signal."""
-    at = time[int(np.abs(signal).argmax())]
-    end = min(max(at + seconds / 2.0, time[0] + seconds), time[-1])
-    first, last = np.searchsorted(time, [end - seconds, end])
-    return slice(int(first), int(last) + 1)

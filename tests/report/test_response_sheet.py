@@ -1,0 +1,94 @@
+"""Sheets of runs: what is drawn is the history, of one motion, without and with control."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from loop_samples import devices, five_storeys, rd1005, sweep
+
+import mrwork as mr
+from mrwork.control import lyapunov_function, plant_of
+from mrwork.errors import SettingError
+from mrwork.motions.ground_motion import GroundMotion
+from mrwork.report import response_sheet_figure
+from mrwork.report.svg import svg_bytes
+
+FRAME = five_storeys()
+MOTION = sweep(4.0)
+
+
+def run(current: float, motion: GroundMotion = MOTION) -> mr.closed_loop.History:
+    law = mr.ControlLaw(name="passive", gains={"command": [current]})
+    found = mr.simulate_loop(
+        FRAME, devices(rd1005(), second=False), law, [motion], histories=True, threads=1
+    ).histories
+    assert found is not None
+    return found[0]
+
+
+ON, OFF = run(1.0), run(0.0)
+
+
+def test_every_panel_shows_both_runs_to_their_peaks() -> None:
+    figure = response_sheet_figure(ON, OFF, FRAME, floor=2, seconds=10.0)
+    ground, *panels = figure.axes
+    assert np.abs(ground.lines[0].get_ydata()).max() == np.abs(ON.ground_acceleration).max()
+    energy = lyapunov_function(plant_of(FRAME, FRAME.storeys[:1]))
+    wanted = [
+        (ON.current[:, 0], OFF.current[:, 0]),
+        (ON.force[:, 0], OFF.force[:, 0]),
+        (energy.value(ON.state), energy.value(OFF.state)),
+        (1e3 * ON.displacement[:, 2], 1e3 * OFF.displacement[:, 2]),
+        (1e3 * ON.state[:, 7], 1e3 * OFF.state[:, 7]),
+        (ON.acceleration[:, 2], OFF.acceleration[:, 2]),
+    ]
+    for panel, (controlled, reference) in zip(panels, wanted, strict=True):
+        dotted, solid = panel.lines
+        assert dotted.is_dashed()
+        assert not solid.is_dashed()
+        for line, signal in ((dotted, reference), (solid, controlled)):
+            assert np.abs(line.get_ydata()).max() == pytest.approx(np.abs(signal).max(), rel=1e-12)
+
+
+def test_the_lyapunov_function_falls_where_the_ground_is_at_rest() -> None:
+    quiet = np.concatenate([np.asarray(MOTION.acceleration), np.zeros(200)])
+    history = run(0.0, GroundMotion(name="with a quiet end", dt=MOTION.dt, acceleration=quiet))
+    drawn = response_sheet_figure(history, history, FRAME, seconds=10.0).axes[3].lines[1]
+    time, value = np.asarray(drawn.get_xydata()).T
+    at_rest = value[time > MOTION.duration + MOTION.dt]
+    assert len(at_rest) > 50
+    # The damper acts against the motion, and V of the weight that is the energy falls with the energy.
+    assert np.all(np.diff(at_rest) <= 1e-9)
+    assert at_rest[-1] < 0.5 * at_rest[0]
+
+
+def test_a_long_motion_is_drawn_about_the_largest_displacement_and_the_ground_whole() -> None:
+    figure = response_sheet_figure(ON, OFF, FRAME, seconds=1.0)
+    ground, *panels = figure.axes
+    assert ground.get_xlim() == (ON.time[0], ON.time[-1])
+    low, high = panels[-1].get_xlim()
+    assert high - low == pytest.approx(1.0, abs=2e-3)
+    assert low < ON.time[np.abs(OFF.displacement[:, 0]).argmax()] < high
+
+
+def test_equal_runs_are_equal_files() -> None:
+    first = svg_bytes(response_sheet_figure(ON, OFF, FRAME))
+    assert first == svg_bytes(response_sheet_figure(ON, OFF, FRAME))
+    assert first != svg_bytes(response_sheet_figure(OFF, OFF, FRAME))
+
+
+def test_what_does_not_belong_together_is_refused() -> None:
+    with pytest.raises(SettingError, match="two runs of one motion"):
+        response_sheet_figure(ON, run(0.0, sweep(3.0)), FRAME)
+    with pytest.raises(SettingError, match="two runs of one motion"):
+        response_sheet_figure(
+            ON, replace(OFF, ground_acceleration=2.0 * np.asarray(OFF.ground_acceleration)), FRAME
+        )
+    with pytest.raises(SettingError, match="coordinates"):
+        response_sheet_figure(ON, OFF, mr.building("dyke1996"))
+    with pytest.raises(SettingError, match="1 dampers, counted from 0"):
+        response_sheet_figure(ON, OFF, FRAME, device=1)
+    with pytest.raises(SettingError, match="5 floors, counted from 0"):
+        response_sheet_figure(ON, OFF, FRAME, floor=5)
