@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from markupsafe import Markup
 
-from chapter_6_tables import remarks, tables
-from frame_runs import LEVELS, level_name
-from mrwork.report import panel, write_study_page
+from chapter_6_tables import remarks, tables, title_of
+from direct_laws import CONSTANT, LYAPUNOV, SHOWN
+from frame_runs import FRAME, LEVELS, Bench, bench, level_name, record_title
+from mrwork.report import Panel, panel, response_sheet_figure, style, swatch, write_study_page
+from response_sheets import sheets_at
 from score_figures import sample_time_figure, score_figure
+from thesis_tables import thesis_tables
+
+_FORM_OF = {law: "6.3 to 6.6" if law == LYAPUNOV else "6.7 to 6.10" for law in SHOWN}
 
 
-def write_page(found: dict[str, Any], path: Path) -> None:
-    """Write every table and the figures."""
+def write_page(found: dict[str, Any], path: Path, *, levels: Sequence[str], records: Path) -> None:
+    """Write every table and the figures; sheets and tables of every floor at these levels."""
+    over = bench(records)
     write_study_page(
         Path(__file__).parent / "chapter_6.html.j2",
         path,
@@ -37,5 +44,33 @@ def write_page(found: dict[str, Any], path: Path) -> None:
             for place, level in enumerate(LEVELS)
         ],
         tables=[Markup(table.html()) for table in tables(found)],
+        sheets=[
+            {"level": name, "panels": _sheets(over, level, found["five_storeys"][CONSTANT][name]["current"])}
+            for level, name in enumerate(map(level_name, LEVELS))
+            if name in levels
+        ],
+        key={"controlled": swatch(style.MODEL, "line"), "without": swatch(style.INK, "dotted")},
+        thesis={
+            name: [Markup(table.html()) for table in each]
+            for name, each in thesis_tables(found, levels).items()
+        },
+        draws=found["identified"]["draws"],
+        offset={name: found["identified"]["parameters"][name]["truth"] for name in ("f0.0", "f0.1")},
         remarks=list(remarks(found)),
     )
+
+
+def _sheets(over: Bench, level: int, constant: float) -> list[Panel]:
+    """A sheet for each record and each law, side by side."""
+    return [
+        panel(
+            f"sheet-{level}-{sheet.label}-{sheet.record}",
+            f"{record_title(sheet.record)}: {title_of(sheet.label)}",
+            response_sheet_figure(sheet.controlled, sheet.reference, FRAME),
+            f"Ground, current, force, Lyapunov function and motion of floor 1 under {record_title(sheet.record)} at "
+            f"{level_name(LEVELS[level])}: {title_of(sheet.label)}, and without control",
+            note=f"In the form of figures {_FORM_OF[sheet.label]}.",
+        )
+        for sheet in sheets_at(over, level, constant)
+        if sheet.label in SHOWN
+    ]

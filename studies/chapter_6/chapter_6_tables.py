@@ -40,13 +40,6 @@ def tables(found: dict[str, Any]) -> Iterator[ResultTable]:
     yield _frequencies(found["frequencies"])
 
 
-def text_of(found: dict[str, Any]) -> Iterator[str]:
-    """The tables and what stands beside them, line by line."""
-    for table in tables(found):
-        yield table.markdown()
-    yield from remarks(found)
-
-
 def remarks(found: dict[str, Any]) -> Iterator[str]:
     """Memory and time."""
     if "memory" in found:

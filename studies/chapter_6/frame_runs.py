@@ -41,6 +41,11 @@ def level_name(level: float) -> str:
     return f"{level:g} g"
 
 
+def record_title(motion: str) -> str:
+    """Name of the record of a motion, which is called by its file."""
+    return next(title for title, file in RECORDS if Path(file).stem == motion)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Figures:
     """Results of the runs of one or many candidates; the first axis is candidates, the second levels.

@@ -14,12 +14,17 @@ import numpy as np
 from baselines import baselines
 from broken_hardware import cases
 from conditions import CONDITIONS, REFERENCE, scores_under
+from direct_laws import CONSTANT, OFF, constant_current
 from dyke_peaks import QUANTITIES, PeakRow, causes, motion_of, rounding, rows
+from floor_ratios import floors_found, worse_found
 from frame_runs import LARGEST_CURRENT, LEVELS, Bench, Figures, bench, figures, level_name
+from identified_damper import identified_damper
 from kept_settings import kept
 from mrwork.closed_loop import SCORE
-from mrwork.control import ControlLaw, control_laws
+from mrwork.control import control_laws
+from response_sheets import sheets_found
 from sheet_frequencies import frequencies
+from single_damper import arrangements_found
 from tuning import Found, search
 
 OnProgress = Callable[[str], None]
@@ -30,6 +35,9 @@ _OTHER_LAWS = ("passive", "signal_network", "signal_polynomial", "active")
 TUNED_LAWS = tuple(spec.name for spec in control_laws() if spec.name not in _OTHER_LAWS)
 ACTIVE = ("active", "active_limited")
 """The ideal force, without and with the limit of what the pair gives at its largest current."""
+# Draws of the identified damper, and steps of the chain; the quick chain is far from converged.
+_DRAWS, _MOST_STEPS = 60, 20_000
+_QUICK_DRAWS, _QUICK_STEPS = 6, 60
 QUICK_LAWS = ("clipped_optimal", "lyapunov_direct", "inverse_direct")
 
 
@@ -45,7 +53,7 @@ def tune(
     for law in laws:
         on_progress(f"search: {law}")
         if law == "active_limited":
-            limit = figures(over, _constant([LARGEST_CURRENT])).peak_force[0]
+            limit = figures(over, constant_current(LARGEST_CURRENT)).peak_force[0]
             found[law] = search(
                 over,
                 "active",
@@ -67,12 +75,15 @@ def five_storeys(over: Bench, on_progress: OnProgress, *, quick: bool) -> dict[s
     """By label, figures at each level: constant currents, laws, baselines."""
     table: dict[str, dict[str, Any]] = {}
     currents = np.linspace(0.0, LARGEST_CURRENT, 48)
-    constant = figures(over, _constant(currents))
+    constant = figures(over, constant_current(*currents))
     best = constant.score.argmin(axis=0)
-    for label, places in {"i = 0": [0, 0], "best constant": best, "i_max": [-1, -1]}.items():
+    for label, places in {OFF: [0, 0], CONSTANT: best, "i_max": [-1, -1]}.items():
         table[label] = {
             level_name(level): _at(constant, int(places[number]), number)
-            | {"says": f"{currents[int(places[number])]:.3g} A"}
+            | {
+                "says": f"{currents[int(places[number])]:.3g} A",
+                "current": float(currents[int(places[number])]),
+            }
             for number, level in enumerate(LEVELS)
         }
     for law, at_level in kept().items():
@@ -156,11 +167,30 @@ def found_by(*, quick: bool, records: Path, on_progress: OnProgress) -> dict[str
             [sys.executable, str(HERE / "million_runs.py")], check=True, capture_output=True, text=True
         )
         found["memory"] = json.loads(ran.stdout)
+    found |= _thesis(over, found["five_storeys"][CONSTANT], on_progress, quick=quick)
     return found
 
 
-def _constant(currents: Any) -> ControlLaw:
-    return ControlLaw(name="passive", gains={"command": np.asarray(currents, dtype=np.float64)[:, None]})
+def _thesis(over: Bench, best: dict[str, Any], on_progress: OnProgress, *, quick: bool) -> dict[str, Any]:
+    """Sheets, every floor with its bands, and one-way dampers; `best` is the row of the best constant current."""
+    found: dict[str, Any] = {}
+    constants = tuple(best[level_name(level)]["current"] for level in LEVELS)
+    on_progress("sheets, and dampers that push one way")
+    found["sheets"] = sheets_found(over, constants, quick=quick)
+    found["arrangements"] = arrangements_found(over, constants, quick=quick)
+    on_progress("posterior of an identified damper")
+    damper = identified_damper(
+        _QUICK_DRAWS if quick else _DRAWS,
+        most_steps=_QUICK_STEPS if quick else _MOST_STEPS,
+        threads=over.threads,
+    )
+    found["identified"] = {"parameters": damper.found, "rms_n": damper.error, "draws": len(damper.theta)}
+    on_progress("every floor, with bands")
+    found["floors"] = floors_found(over, constants, damper.theta)
+    found["worse"] = worse_found(found["floors"])
+    if not quick:
+        found["chain"] = {"status": damper.status, "steps": damper.n_steps}
+    return found
 
 
 def _at(found: Figures, candidate: int, level: int) -> dict[str, Any]:

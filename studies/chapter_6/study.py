@@ -1,6 +1,6 @@
 """Chapter 6: buildings with MR dampers under earthquakes, every control law beside honest baselines.
 
-python studies/chapter_6/study.py [--tune [LAW ...] [--near]] [--quick] [--json] [--out DIRECTORY]
+python studies/chapter_6/study.py [--tune [LAW ...] [--near]] [--level LEVEL ...] [--quick] [--json] [--out DIRECTORY]
 """
 
 from __future__ import annotations
@@ -13,11 +13,12 @@ import time
 from pathlib import Path
 
 from chapter_6_page import write_page
-from chapter_6_tables import text_of
-from frame_runs import bench
+from chapter_6_tables import remarks, tables
+from frame_runs import LEVELS, bench, level_name
 from kept_settings import keep
 from loop_findings import ACTIVE, TUNED_LAWS, found_by, tune
 from mrwork.report import departures
+from thesis_tables import thesis_tables
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
@@ -39,6 +40,13 @@ def main() -> int:
     parser.add_argument(
         "--near", action="store_true", help="search about the settings of tuned.toml instead of a grid"
     )
+    parser.add_argument(
+        "--level",
+        nargs="+",
+        choices=[level_name(level) for level in LEVELS],
+        default=[level_name(LEVELS[0])],
+        help="levels whose sheets and tables of every floor are shown",
+    )
     parser.add_argument("--quick", action="store_true", help="a few laws, no conditions, no million runs")
     parser.add_argument("--json", action="store_true", help="one JSON object on stdout and nothing else")
     parser.add_argument("--out", type=Path, default=ROOT / "out" / "chapter_6", help="where the page goes")
@@ -57,11 +65,15 @@ def main() -> int:
     wrong = departures(found, HERE / "expected.toml")
     page = options.out / "report.html"
     if not options.quick:
-        write_page(found, page)
+        on_progress("page")
+        write_page(found, page, levels=options.level, records=RECORDS)
     if options.json:
         print(json.dumps({**found, "departures": wrong}))
     else:
-        print("\n".join(text_of(found)))
+        shown = thesis_tables(found, options.level)
+        for table in (*tables(found), *(each for section in shown.values() for each in section)):
+            print(table.markdown())
+        print("\n".join(remarks(found)))
         print("\n".join(wrong) or "Every figure agrees with expected.toml.")
     return 1 if wrong else 0
 

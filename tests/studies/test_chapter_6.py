@@ -11,10 +11,11 @@ import pytest
 
 import kept_settings
 from chapter_6_tables import tables
-from frame_runs import bench, figures
+from frame_runs import LEVELS, bench, figures, level_name
 from loop_findings import TUNED_LAWS, found_by
 from mrwork.control.laws import ControlLaw
 from mrwork.report.expectations import departures
+from thesis_tables import thesis_tables
 from tried_settings import about, grid
 from tuning import Found, Tuned, control_law_of
 
@@ -37,7 +38,9 @@ def test_the_quick_form_finds_what_is_expected(found: dict[str, Any]) -> None:
 
 @measured
 def test_every_table_names_its_rows_and_fills_them(found: dict[str, Any]) -> None:
-    for table in tables(found):
+    of_thesis = thesis_tables(found, [level_name(level) for level in LEVELS])
+    for table in (*tables(found), *(each for section in of_thesis.values() for each in section)):
+        assert table.rows, table.title
         assert {len(row) for row in table.rows} == {len(table.header)}
         assert all(row[0] for row in table.rows), table.title
 

@@ -21,7 +21,7 @@ from mrwork.control.lyapunov import lyapunov_function
 from mrwork.control.plant import plant_of
 from mrwork.errors import SettingError
 from mrwork.report import style
-from mrwork.report.canvas import axes_between, few_ticks, legend, name_ordinate
+from mrwork.report.canvas import axes_between, legend, name_ordinate
 from mrwork.report.history_parts import envelope, strong_part
 
 Floats = NDArray[np.float64]
@@ -197,7 +197,6 @@ def _empty(count: int) -> tuple[Figure, Axes, list[Axes]]:
         top = height - row - _TIME - number * row - _TITLE
         panels.append(below(top, panels[0] if panels else None))
     for axes in (whole, *panels):
-        few_ticks(axes)
         axes.yaxis.set_major_locator(MaxNLocator(nbins=3, steps=[1, 2, 2.5, 5, 10]))
         axes.xaxis.set_major_locator(MaxNLocator(nbins=6, steps=[1, 2, 5, 10]))
     for axes in panels[:-1]:
