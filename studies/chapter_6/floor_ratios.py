@@ -22,28 +22,34 @@ BAND = (0.05, 0.95)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Quantity:
-    """A quantity of every floor, or of the storey below it: the unit in tables, and its factor from SI."""
+    """A peak or rms of a motion of every floor, or of the storey below it: its unit, and the factor from SI."""
 
-    name: str
+    kind: str
+    motion: str
     unit: str
     factor: float
 
     @property
+    def name(self) -> str:
+        """Its name among the quantities of a run."""
+        return f"{self.kind}_{self.motion}"
+
+    @property
     def title(self) -> str:
         """Its name in tables."""
-        return self.name.replace("_", " ")
+        return f"{self.kind} {self.motion}"
 
 
 PEAKS, MEANS = (
     tuple(
-        Quantity(name=f"{part}_{name}", unit=unit, factor=factor)
-        for name, unit, factor in (
+        Quantity(kind=kind, motion=motion, unit=unit, factor=factor)
+        for motion, unit, factor in (
             ("displacement", "mm", 1e3),
             ("drift", "mm", 1e3),
             ("acceleration", "m/s2", 1.0),
         )
     )
-    for part in ("peak", "rms")
+    for kind in ("peak", "rms")
 )
 QUANTITIES = (*PEAKS, *MEANS)
 

@@ -237,7 +237,7 @@ def _of_law(table: dict[str, Any], law: str, level: str, quantities: Sequence[Qu
             *(
                 text
                 for each in quantities
-                for text in (f"{each.title} [{each.unit}]", "over i = 0", "5 to 95 %")
+                for text in (f"{each.motion} [{each.unit}]", "over i = 0", "5 to 95 %")
             ),
         ),
         rows=tuple(
@@ -260,13 +260,17 @@ def _of_law(table: dict[str, Any], law: str, level: str, quantities: Sequence[Qu
 
 
 def _side_by_side(table: dict[str, Any], level: str, quantities: Sequence[Quantity]) -> ResultTable:
-    shown = {LYAPUNOV: "6.1", PROPORTIONAL: "6.2", INVERSE: "6.2, inverse", CONSTANT: "constant"}
+    shown = {LYAPUNOV: "6.1", PROPORTIONAL: "6.2", INVERSE: "inverse", CONSTANT: "constant"}
     part = "Peaks" if quantities is PEAKS else "Rms"
     return ResultTable(
         title=f"{part} over i = 0 side by side, {level}",
         header=(
             "record and floor",
-            *(f"{each.title}, {text}" for each in quantities for text in shown.values()),
+            *(
+                f"{each.motion}, {text}" if label == LYAPUNOV else text
+                for each in quantities
+                for label, text in shown.items()
+            ),
         ),
         rows=tuple(
             (
