@@ -86,6 +86,9 @@ def chapter_of(*, quick: bool, records: Path | None, threads: int, say: Callable
         **campaign.figures(),
     }
     if not quick:
+        say("damper, other ways")
+        ways = rig_damper.other_ways(campaign.damper, threads=threads)
+        run["ways"] = rig_damper.figures_of_ways(ways, rig.damper)
         other = replace(rig, damper=other_damper())
         run["other"] = _campaign(
             other, frame.frame, motions, rng, quick=quick, threads=threads, say=say

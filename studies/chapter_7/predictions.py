@@ -6,7 +6,7 @@ is replaced by the true one. The controller is the same everywhere: it was desig
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -21,11 +21,8 @@ FULL, ALL_TRUE = "all identified", "all true"
 JUDGED = (*QUANTITIES, *FORCES)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Predictions:
-    """Predicted tests by what is true in them."""
-
-    tests: dict[str, Tests]
+Predictions = dict[str, Tests]
+"""Predicted tests by what is true in them."""
 
 
 def recorded_motions(measured: Tests, motions: list[mr.GroundMotion]) -> list[mr.GroundMotion]:
@@ -61,12 +58,10 @@ def predictions(
         "true motion of the table": (guessed, motions),
         ALL_TRUE: (true, motions),
     }
-    return Predictions(
-        tests={
-            name: controlled_tests(rig, choice, table, identified.frame, threads=threads)
-            for name, (rig, table) in rigs.items()
-        }
-    )
+    return {
+        name: controlled_tests(rig, choice, table, identified.frame, threads=threads)
+        for name, (rig, table) in rigs.items()
+    }
 
 
 def errors(predicted: Tests, measured: Tests) -> dict[str, dict[str, dict[str, float]]]:
@@ -98,7 +93,7 @@ def summarised(found: dict[str, dict[str, dict[str, float]]], quantity: str) -> 
 
 def figures_of(found: Predictions, measured: Tests) -> dict[str, Any]:
     """Errors of the full prediction one by one, and for every variant over all cases and records."""
-    by_variant = {name: errors(tests, measured) for name, tests in found.tests.items()}
+    by_variant = {name: errors(tests, measured) for name, tests in found.items()}
     return {
         "each": by_variant[FULL],
         "by_variant": {

@@ -10,7 +10,7 @@ from scipy.optimize import curve_fit
 
 import mrwork as mr
 from mrwork.closed_loop import Fault
-from sine_tests import Wanted, damper_test, sine_tests
+from sine_tests import PEAKS, SineTest, Wanted, damper_test, sine_tests
 from virtual_rig import (
     DRIVER_RATE,
     LARGEST_CURRENT,
@@ -28,14 +28,16 @@ _SWITCHED_ON = 0.05
 # Where x_s is looked for [m]: above what the sensor resolves, below the amplitude of every test. Without the upper
 # bound the search can end in a minimum where no test changes sides.
 _SIDE = (1e-5, 1e-3)
+FEW_HARMONICS = 7
 SHOWN = ("c", "k", "alpha", "beta", "delta", "x_s", "f0")
 """Parameters of the static hysteretic model."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IdentifiedDamper:
-    """The fit of the current laws, and the rate of the driver [1/s] with its standard error."""
+    """The sine tests, the fit of the current laws, and the rate of the driver [1/s] with its standard error."""
 
+    measured: list[SineTest]
     tests: tuple[mr.DamperTest, ...]
     fit: mr.Fit
     rate: float
@@ -56,13 +58,52 @@ def identified_damper(
     threads: int,
 ) -> IdentifiedDamper:
     """Fit the current laws to all sine tests together; the driver's rate is that of the recorded current."""
-    tests = tuple(
-        damper_test(test) for test in sine_tests(rig, wanted, rng, sensors=sensors, threads=threads)
-    )
-    spec = mr.damper("static_hysteretic").with_current_laws(LAWS, unit="A")
-    fit = mr.identify(spec, tests, bounds={"x_s": _SIDE}, rng=0, threads=threads)
+    measured = sine_tests(rig, wanted, rng, sensors=sensors, threads=threads)
+    tests = tuple(damper_test(test) for test in measured)
+    fit = fitted(tests, bounds={"x_s": _SIDE}, threads=threads)
     rate, error = driver_rate(rig, rng, sensors)
-    return IdentifiedDamper(tests=tests, fit=fit, rate=rate, rate_error=error)
+    return IdentifiedDamper(measured=measured, tests=tests, fit=fit, rate=rate, rate_error=error)
+
+
+def fitted(
+    tests: tuple[mr.DamperTest, ...], *, bounds: dict[str, tuple[float, float]], threads: int
+) -> mr.Fit:
+    """The current laws of the static hysteretic model."""
+    spec = mr.damper("static_hysteretic").with_current_laws(LAWS, unit="A")
+    return mr.identify(spec, tests, bounds=bounds, rng=0, threads=threads)
+
+
+def other_ways(found: IdentifiedDamper, *, threads: int) -> dict[str, mr.Fit]:
+    """The fit of the study, and fits with one of its precautions left out, to the same records."""
+    few = tuple(damper_test(test, FEW_HARMONICS) for test in found.measured)
+    large = tuple(
+        test
+        for test, each in zip(found.tests, found.measured, strict=True)
+        if each.wanted.peak == PEAKS[each.wanted.current]
+    )
+    bounds = {"x_s": _SIDE}
+    return {
+        "as in the study": found.fit,
+        f"{FEW_HARMONICS} harmonics": fitted(few, bounds=bounds, threads=threads),
+        "no small tests": fitted(large, bounds=bounds, threads=threads),
+        "no small tests, no bounds on x_s": fitted(large, bounds={}, threads=threads),
+        "no bounds on x_s": fitted(found.tests, bounds={}, threads=threads),
+    }
+
+
+def figures_of_ways(fits: dict[str, mr.Fit], truth: mr.Device) -> dict[str, Any]:
+    """Fit and telling coefficients of each way, and the truth, whose fit is that of nobody."""
+    names = fits["as in the study"].spec.names
+    found: dict[str, Any] = {
+        "true": {"coefficients": dict(zip(names, truth.draws[0].tolist(), strict=False))}
+    }
+    for way, fit in fits.items():
+        found[way] = {
+            "fit_percent": fit.fit_percent,
+            "warnings": len(fit.warnings),
+            "coefficients": {each.name: each.value for each in fit.estimates},
+        }
+    return found
 
 
 def driver_rate(rig: Rig, rng: np.random.Generator, sensors: Sensors) -> tuple[float, float]:

@@ -28,7 +28,8 @@ IDENTIFIED_AT = (2.0, 3.0, 4.0)
 SMALL_PEAKS = {0.25: 0.8, 0.5: 1.6}
 """Of tests at 3 Hz in which the damper nearly holds the frame [m/s^2], by current [A]."""
 _RAMP, _SETTLE, _CYCLES = 2.0, 3.0, 10
-_HARMONICS = 25
+HARMONICS = 25
+"""Of the Fourier series of the displacement."""
 # Of the 1 kHz of the sensors, and how many cycles: more says little that is new.
 _EVERY, _TEST_CYCLES = 2, 3
 
@@ -143,27 +144,27 @@ def _evaluated(signals: Signals, wanted: Wanted) -> SineTest:
     )
 
 
-def _shapes(time: Floats, frequency: float) -> Floats:
+def _shapes(time: Floats, frequency: float, harmonics: int = HARMONICS) -> Floats:
     """One, then sine and cosine of each harmonic, shape (n_time, 1 + 2 harmonics)."""
-    angles = 2.0 * np.pi * frequency * np.outer(time, np.arange(1, _HARMONICS + 1))
+    angles = 2.0 * np.pi * frequency * np.outer(time, np.arange(1, harmonics + 1))
     pairs = np.stack([np.sin(angles), np.cos(angles)], axis=2).reshape(time.size, -1)
     return np.column_stack([np.ones(time.size), pairs])
 
 
-def damper_test(test: SineTest) -> DamperTest:
-    """Force of the load cell over the motion of the Fourier series, three cycles."""
+def damper_test(test: SineTest, harmonics: int = HARMONICS) -> DamperTest:
+    """Force of the load cell over the motion of the first harmonics of the Fourier series, three cycles."""
     frequency = test.wanted.frequency
     part = test.record.last(round(_TEST_CYCLES / frequency / test.record.step))
     time = part.time[::_EVERY]
-    rates = np.repeat(2.0 * np.pi * frequency * np.arange(1, _HARMONICS + 1), 2)
-    shapes = _shapes(time, frequency)
+    rates = np.repeat(2.0 * np.pi * frequency * np.arange(1, harmonics + 1), 2)
+    shapes, series = _shapes(time, frequency, harmonics), test.series[: 1 + 2 * harmonics]
     # The derivative of each sine is a cosine with the rate of its harmonic, of each cosine a negative sine.
     turned = shapes[:, 1:].reshape(time.size, -1, 2)[:, :, ::-1] * [1.0, -1.0]
     return build_damper_test(
         name=test.wanted.name,
         time=time - time[0],
-        displacement=shapes @ test.series,
-        velocity=(turned.reshape(time.size, -1) * rates) @ test.series[1:],
+        displacement=shapes @ series,
+        velocity=(turned.reshape(time.size, -1) * rates) @ series[1:],
         force=part.force[::_EVERY],
         current=test.wanted.current,
         amplitude=test.displacement,

@@ -44,7 +44,7 @@ def test_the_frame_is_found_within_its_standard_errors(chapter: Chapter) -> None
 
 
 def test_a_true_rig_misses_the_measurements_by_their_sensors_alone(chapter: Chapter) -> None:
-    true = chapter.campaign.predictions.tests[ALL_TRUE]
+    true = chapter.campaign.predictions[ALL_TRUE]
     for case, runs in chapter.campaign.tests.items():
         for record, measured in runs.items():
             signals = true[case][record]
@@ -55,9 +55,9 @@ def test_a_true_rig_misses_the_measurements_by_their_sensors_alone(chapter: Chap
 
 
 def test_prediction_and_tests_are_of_equal_commands_but_other_noise(chapter: Chapter) -> None:
-    predicted = chapter.campaign.predictions.tests[FULL]
+    predicted = chapter.campaign.predictions[FULL]
     (record,) = predicted[OFF]
-    tested = chapter.campaign.predictions.tests[ALL_TRUE]
+    tested = chapter.campaign.predictions[ALL_TRUE]
     assert not np.array_equal(predicted[CLIPPED][record].current, tested[CLIPPED][record].current)
     # Without a damper only the table's recorded motion and the frame differ, by half a percent of the sensor.
     peaks = [figures(each[NO_DAMPER_NAME][record])["peak displacement"] for each in (predicted, tested)]
