@@ -212,7 +212,7 @@ def error_figure(chapter: Chapter) -> Figure:
     axes.axhline(0.0, color=style.FAINT_INK, linewidth=0.6, zorder=0.9)
     finish(axes, "Predicted over measured, less one (%)")
     axes.set_xticks(range(len(JUDGED)), [name.replace(" ", "\n") for name in JUDGED])
-    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.07), ncols=6)
+    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.1), ncols=6)
     return figure
 
 
@@ -241,5 +241,5 @@ def part_figure(chapter: Chapter) -> Figure:
         )
     finish(axes, "Rms error (%)")
     axes.set_xticks(range(len(JUDGED)), [name.replace(" ", "\n") for name in JUDGED])
-    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.07), ncols=4)
+    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.1), ncols=4)
     return figure

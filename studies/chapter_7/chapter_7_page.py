@@ -11,8 +11,9 @@ from chapter_7_findings import Chapter
 from chapter_7_tables import mean_of, tables
 from controlled_tests import BEST, CLIPPED, LYAPUNOV, OFF, Tests
 from earthquakes import PEAK
+from frame_tests import ADDED_MASS, LENGTH
 from mrwork.report import Panel, panel, write_study_page
-from virtual_rig import LARGEST_CURRENT
+from virtual_rig import DRIVER_RATE, HARDWARE, LARGEST_CURRENT, SENSORS
 
 
 def write_page(chapter: Chapter, path: Path) -> None:
@@ -24,6 +25,11 @@ def write_page(chapter: Chapter, path: Path) -> None:
         path,
         tables={name: [Markup(table.html()) for table in each] for name, each in made.items()},
         measured=chapter.kind == "measured",
+        sensors=SENSORS,
+        hardware=HARDWARE,
+        driver_rate=DRIVER_RATE,
+        added_mass=ADDED_MASS,
+        decay_length=LENGTH,
         peak=PEAK,
         largest_current=LARGEST_CURRENT,
         scores={

@@ -9,7 +9,7 @@ from earthquakes import CORNER, PEAK
 from mrwork.report import ResultTable
 from predictions import ALL_TRUE, FULL, JUDGED
 from sine_tests import SWEEP_PEAK
-from virtual_rig import TABLE
+from virtual_rig import SENSORS, TABLE
 
 # Keys of the tests in the findings.
 KINDS = ("measured", "synthetic", "quick")
@@ -176,7 +176,8 @@ def _damper_table(damper: dict[str, Any]) -> ResultTable:
         header=("coefficient", "true", "identified", "standard error"),
         rows=tuple(rows),
         note=f"Static hysteretic model with current laws, {damper['tests']} tests, fit "
-        f"{damper['fit_percent']:.2f} %. The load cell reads 1 % too much and the displacement sensor 0.3 %, which no "
+        f"{damper['fit_percent']:.2f} %. The gains of load cell and displacement sensor err by "
+        f"{100.0 * (SENSORS.force.gain - 1.0):.1f} and {100.0 * (SENSORS.displacement.gain - 1.0):.1f} %, which no "
         "test of the rig can tell.",
     )
 
