@@ -77,7 +77,7 @@ SMALL_VALUES = {
     ),
     *("LoopTiming", "RmsLimits", "SemiActiveCondition", "WeightWishes"),
     *("ClairvoyantProgress", "RecordedMotion", "SizingProgress", "Smoothing", "Span", "Tuning"),
-    *("TuningProgress", "Uniform"),
+    *("ShakeTable", "TuningProgress", "Uniform"),
 }
 # Settings (also all classes called so), tables of what exists, and values that are functions.
 SETTINGS = {

@@ -296,6 +296,12 @@ def motion_calls(files: Path) -> Calls:
         "GammaEnvelope.time_of": lambda: call(
             motions.GammaEnvelope(significant_duration=5.0).time_of, share=0.5
         ),
+        "ShakeTable": lambda: call(
+            motions.ShakeTable, stroke=0.1, velocity=0.5, acceleration=9.0, bandwidth=20.0, damping=0.7
+        ),
+        "ShakeTable.gain": lambda: call(motions.ShakeTable().gain, frequency=[1.0, 10.0]),
+        "ShakeTable.demand": lambda: call(motions.ShakeTable().demand, motion=motion),
+        "ShakeTable.driven": lambda: call(motions.ShakeTable().driven, motion=motion, beyond="scale"),
     }
 
 

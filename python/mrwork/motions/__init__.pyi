@@ -10,6 +10,8 @@ from .processing import time_scaled as time_scaled
 from .processing import trimmed as trimmed
 from .read import read_motion as read_motion
 from .read import read_motions as read_motions
+from .shake_table import ShakeTable as ShakeTable
+from .shake_table import TableDemand as TableDemand
 from .spectral_density import CloughPenzien as CloughPenzien
 from .spectral_density import KanaiTajimi as KanaiTajimi
 from .spectrum import ResponseSpectrum as ResponseSpectrum

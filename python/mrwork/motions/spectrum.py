@@ -133,7 +133,7 @@ def _peaks(motion: GroundMotion, w: Floats, zeta: float, places: int) -> Floats:
     rise = np.diff(a)[:, None]
     for place in range(1, places):
         part = place / places
-        decay, first, second = _step(eigenvalue, part * h)
+        decay, first, second = oscillator_step(eigenvalue, part * h)
         between = decay * at_samples[:-1] - first * a[:-1, None] - second * part * rise
         peaks = np.maximum(peaks, _largest(between, eigenvalue, w, zeta))
     return peaks
@@ -141,7 +141,7 @@ def _peaks(motion: GroundMotion, w: Floats, zeta: float, places: int) -> Floats:
 
 def _march(a: Floats, h: float, eigenvalue: Complexes) -> Complexes:
     """States z at the samples, shape (n_time, n)."""
-    decay, first, second = _step(eigenvalue, h)
+    decay, first, second = oscillator_step(eigenvalue, h)
     # The input of each step first, then the recurrence.
     z = np.zeros((a.size, eigenvalue.size), dtype=np.complex128)
     z[1:] = -first * a[:-1, None] - second * np.diff(a)[:, None]
@@ -150,7 +150,7 @@ def _march(a: Floats, h: float, eigenvalue: Complexes) -> Complexes:
     return z
 
 
-def _step(eigenvalue: Complexes, h: float) -> tuple[Complexes, Complexes, Complexes]:
+def oscillator_step(eigenvalue: Complexes, h: float) -> tuple[Complexes, Complexes, Complexes]:
     """`e^(lambda h)`, and the integrals of `e^(lambda (h - s))` and of that times s / h, over s from 0 to h."""
     product = eigenvalue * h
     grown: Complexes = np.expm1(product)
