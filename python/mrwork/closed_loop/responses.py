@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Literal, cast
+from typing import ClassVar, Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -108,6 +108,8 @@ class History(Summarised):
     The signals and their units are declared by the core, see `history_signals`. Energies are accumulated from the start
     [J]; `state` is [q; q'], shape (n_time, 2n).
     """
+
+    _made_by: ClassVar[str] = "mr.simulate_loop(..., histories=True).histories"
 
     time: Floats
     ground_acceleration: Floats

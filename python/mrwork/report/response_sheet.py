@@ -23,6 +23,7 @@ from mrwork.errors import SettingError
 from mrwork.report import style
 from mrwork.report.canvas import axes_between, legend, name_ordinate
 from mrwork.report.history_parts import envelope, strong_part
+from mrwork.values import holds_arrays
 
 Floats = NDArray[np.float64]
 Index = Annotated[int, Within(least=0, most=10_000)]
@@ -32,6 +33,7 @@ _PANEL, _TITLE, _TIME, _LEFT, _RIGHT = 0.86, 0.34, 0.42, 0.62, 0.16
 _BINS = 300
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Signal:
     """A quantity with its unit, with control and without, shape (n_time,); `signed` about zero, else from it up."""
