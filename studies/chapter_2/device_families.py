@@ -14,25 +14,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 import mrwork as mr
+from frame_runs import DRIVER_RATE, FRAME, HARDWARE, LARGEST_CURRENT, pair
 from mrwork.buildings import Building, PassiveElement
+from mrwork.closed_loop import STANDARD_GRAVITY
 from mrwork.control import DesignProblem, RegulatorSettings, design_candidates
 from mrwork.dampers import LawName
 
 Floats = NDArray[np.float64]
 Group = Literal["passive", "semi-active", "active"]
 
-FRAME = mr.building("uts")
-HARDWARE = mr.Hardware(sample_time=1e-3, step=5e-4)
-WEIGHT = FRAME.total_mass * 9.80665
+WEIGHT = FRAME.total_mass * STANDARD_GRAVITY
 ROOF, STOREY = "floor 5", "storey 1"
 MASS_RATIO = 0.02
 SLAB, PERIOD = 330.0, 2.0
 """Mass of the slab [kg] and period of the isolated frame [s]."""
 WIDTH_RATIO = 0.7
-DRIVER_RATE = 190.0
-"""Rate at which valves and coils follow their command [1/s]."""
 _STOREY_STIFFNESS = 1.448e6
-_PAIR_CURRENT = 1.88
 _CONTROL_WEIGHTS = np.geomspace(1e-12, 1e-4, 13)
 
 
@@ -311,17 +308,7 @@ def _valve(frame: Building, storey: str, model: str, **parameters: float | tuple
 
 def _pair(frame: Building, storey: str, share: float) -> mr.Device:
     """Two RD-1005-3 in opposition, whose driver gives a share of the largest current."""
-    preset = mr.damper("static_hysteretic").preset("kwok2006")
-    assert preset.spec.current is not None
-    laws = dict(zip((plain.name for plain in preset.spec.plain), preset.spec.current.laws, strict=True))
-    return mr.Device(
-        name=storey,
-        spec=mr.damper("static_hysteretic").with_current_laws(laws, unit="A", lagged=True),
-        theta=np.append(preset.theta, DRIVER_RATE),
-        row=frame.storey_row(storey),
-        largest_command=share * _PAIR_CURRENT,
-        differential=True,
-    )
+    return replace(pair(share * LARGEST_CURRENT), row=frame.storey_row(storey))
 
 
 def _clipped(settings: dict[str, float], frame: Building, device: mr.Device, quick: bool) -> Variant:

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import mrwork as mr
-from device_families import FAMILIES, FRAME, HARDWARE, Family, Variant
+from device_families import FAMILIES, Family, Variant
+from frame_runs import FRAME, HARDWARE, LONGEST, RECORDS
 from mrwork.buildings import Building
 from mrwork.closed_loop import SCORE, STANDARD_GRAVITY, History, Responses
 from mrwork.motions import read_motion, scaled_to_peak, trimmed
@@ -24,14 +25,7 @@ PEAK = 0.1
 CHOOSING, JUDGING = (1940, 1995), (1968, 1994)
 """Seeds of the motions that choose the settings, and of those that judge them."""
 _DURATION = 20.0
-_LONGEST = 50.0
 DATA = Path(os.environ.get("MRWORK_DATA", Path(__file__).parents[3] / "shared" / "data"))
-RECORDS = (
-    ("El Centro", "el_centro_1940_ns.csv"),
-    ("Hachinohe", "hachinohe_1968_ns.csv"),
-    ("Kobe", "kobe_1995_jma_ns.csv"),
-    ("Northridge", "northridge_1994_sylmar_ns.csv"),
-)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,7 +62,7 @@ def measured_motions() -> list[mr.GroundMotion]:
     if not folder.is_dir():
         return []
     return [
-        scaled_to_peak(trimmed(read_motion(folder / file), end=_LONGEST), PEAK * STANDARD_GRAVITY)
+        scaled_to_peak(trimmed(read_motion(folder / file), end=LONGEST), PEAK * STANDARD_GRAVITY)
         for _, file in RECORDS
     ]
 

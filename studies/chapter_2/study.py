@@ -11,6 +11,9 @@ import sys
 import time
 from pathlib import Path
 
+# The frame and its records are those of chapter 6.
+sys.path.append(str(Path(__file__).parents[1] / "chapter_6"))
+
 from chapter_2_findings import chapter_of
 from chapter_2_tables import tables
 from mrwork.report import departures
