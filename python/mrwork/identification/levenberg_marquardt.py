@@ -322,7 +322,7 @@ def _iterated(objective: Objective, box: Box, state: _State, tolerance: float) -
     factor = np.where(better, np.array(_DAMPING_FACTORS)[best] / 3.0, 100.0)
     damping[active] = np.maximum(damping[active] * factor, 1e-12)
     decrease = 1.0 - (misfit[active] / before) ** 2
-    arrived[active] = np.where(better, decrease < TOLERANCE, damping[active] > _MOST_DAMPING)
+    arrived[active] = np.where(better, decrease < tolerance, damping[active] > _MOST_DAMPING)
     running[active] = ~arrived[active]
     return _State(
         latent=latent,
