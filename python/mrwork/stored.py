@@ -12,7 +12,6 @@ from mrwork.identification.certainty import Intervals
 from mrwork.identification.equivalent import identifiable_form
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import read_addition, read_fit
-from mrwork.store.codec import json_document
 from mrwork.store.input_file import exists, is_file
 from mrwork.store.record import read_document
 from mrwork.store.run_folder import FIT, LAWS, PLAN, PROFILES, RANKING, RESULTS
@@ -122,22 +121,23 @@ def with_additions(place: Path, fit: Fit) -> StoredRun:
     )
 
 
-def fit_content(
+def judged_by_additions(
     place: Path, fit: Fit, *, draws: Draws | None = None, profiles: Profiles | None = None
-) -> bytes:
-    """The file of a fit, with the intervals of `draws` and `profiles`, or else of those in its folder at `place`.
+) -> Fit:
+    """The fit with the intervals and verdicts of `draws` and `profiles`, or else of those in its folder at `place`.
 
     Raises
     ------
     RecordError
         Where a file of the folder is damaged.
     """
-    found = _intervals(
-        fit,
-        read_draws(place, fit) if draws is None else draws,
-        read_profiles(place, fit) if profiles is None else profiles,
+    return fit.with_intervals(
+        _intervals(
+            fit,
+            read_draws(place, fit) if draws is None else draws,
+            read_profiles(place, fit) if profiles is None else profiles,
+        )
     )
-    return json_document(fit.with_intervals(found).as_dict()).encode()
 
 
 def read_profiles(place: Path, fit: Fit) -> Profiles | None:

@@ -128,8 +128,8 @@ def with_decimals(value: float, decimals: int) -> str:
 
 
 def of_unit(value: float | None, unit: str, digits: int = 4) -> str:
-    """A number with its unit."""
-    return f"{rounded(value, digits)} {unit}".rstrip()
+    """A number with its unit, which "1" is not."""
+    return f"{rounded(value, digits)} {unit if unit != '1' else ''}".rstrip()
 
 
 def listed(names: Sequence[str], most: int = 4) -> str:

@@ -9,8 +9,8 @@ from damper_samples import noise, noise_free_test
 
 from mrwork.dampers.coordinates import Box
 from mrwork.identification.levenberg_marquardt_twin import find_minimum_on_twin
+from mrwork.identification.linearisation import linearised
 from mrwork.identification.objective import Objective
-from mrwork.identification.polish import jacobian
 
 # 0.3 s of motion in a wide band feel every parameter.
 N_TIME = 301
@@ -38,7 +38,7 @@ def test_nominal_parameters_are_recovered(spec):
     assert refined.misfit < 1e-6
     # Directions that the force does not feel (Bouc-Wen has one, a scaling of its state) stay where the start
     # put them; the data fix the others. Sensitivities are to relative changes, so that units do not matter.
-    sensitivity = jacobian(objective, box, spec.nominal) * spec.nominal
+    sensitivity = linearised(objective, np.array([spec.nominal]), box.free)[1][0].T * spec.nominal
     _, strength, directions = np.linalg.svd(sensitivity, full_matrices=False)
     seen = strength > 1e-8 * strength[0]
     felt = directions[seen]

@@ -152,6 +152,8 @@ def test_a_static_offset_is_measured(offset: float) -> None:
     columns["force_n"] = columns["force_n"] + offset
     test = built(columns)
     assert f"{offset:+.3g} N" in message(test, "force_offset")
+    # Every model has a parameter for it.
+    assert severity(test, "force_offset") == "note"
     np.testing.assert_array_equal(test.force, columns["force_n"])
 
 

@@ -22,7 +22,10 @@ from mrwork.report.typeset import equation_html, symbol
         (-1.2346e-4, 2.1e-5, ("−0.000123", "0.000021")),
         (3.4567e-9, 1.2e-11, ("3.457 × 10⁻⁹", "0.012 × 10⁻⁹")),
         (2.5e9, 3e6, ("2.5000 × 10⁹", "0.0030 × 10⁹")),
-        (0.004, 0.12, ("0.00", "0.12")),
+        (0.004, 0.12, ("0.004", "0.12")),
+        (19_992.0, 1.2e18, ("19\N{NARROW NO-BREAK SPACE}992", "1.2 × 10¹⁸")),
+        (318.182, 193.0, ("318", "190")),
+        (-6431.0, 16_000.0, ("−6431", "16\N{NARROW NO-BREAK SPACE}000")),
         (9.996, 0.0996, ("10.00", "0.10")),
         (512.0, 1e-11, ("512.00000", "1.0 × 10⁻¹¹")),
         (0.5, None, ("0.5", "–")),
@@ -58,6 +61,17 @@ def test_rounding_an_estimate_costs_less_than_a_tenth_of_its_error(
     shown_value, shown_error = numbers.value_and_error(value, error)
     assert abs(read_back(shown_value) - value) <= 0.0501 * error
     assert read_back(shown_error) == pytest.approx(error, rel=0.0501)
+
+
+@given(
+    mantissa=st.floats(-9.99, 9.99).filter(lambda number: abs(number) >= 1),
+    power=st.integers(-12, 12),
+    ratio=st.integers(-20, 20),
+)
+def test_no_error_rounds_a_value_away(mantissa: float, power: int, ratio: int) -> None:
+    value = mantissa * 10.0**power
+    shown, _ = numbers.value_and_error(value, abs(value) * 10.0**ratio)
+    assert read_back(shown) == pytest.approx(value, rel=5.01e-3)
 
 
 @given(st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=6))

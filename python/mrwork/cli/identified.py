@@ -7,7 +7,7 @@ import os
 import shlex
 import sys
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -82,7 +82,7 @@ def with_identifiability(fit: Fit, tests: tuple[DamperTest, ...], *, threads: in
     # SciPy's optimisers are slow to load.
     from mrwork.uncertainty.identifiability.verdicts import identifiability_of
 
-    return replace(fit, identifiability=identifiability_of(fit, tests, threads=threads))
+    return fit.with_identifiability(identifiability_of(fit, tests, threads=threads))
 
 
 def write_identification(
@@ -254,8 +254,8 @@ def text_of(fit: Fit, tests: tuple[DamperTest, ...]) -> str:
     ]
     if fit.tested is not None:
         lines += [f"  tested: {fit.tested.in_words}", ""]
-    if fit.identifiability is not None and fit.identifiability.directions:
-        lines += [*(f"  - {each.sentence}" for each in fit.identifiability.directions), ""]
+    if fit.identifiability is not None and fit.identifiability.informative:
+        lines += [*(f"  - {each.sentence}" for each in fit.identifiability.informative), ""]
     gathered = gathered_findings(tests)
     for test, quality, findings in zip(tests, fit.quality, gathered.own, strict=True):
         settle = f", first {quality.settle_seconds:.2g} s not compared" if quality.settle_seconds > 0 else ""

@@ -5,15 +5,17 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from mrwork.cli.progress import PATIENCE, ProgressLine, page_described
 from mrwork.cli.terminal import note, show
 from mrwork.errors import MrworkError, OutputError
 from mrwork.store.codec import finite
+from mrwork.store.run_folder import FIT
 from mrwork.summary import Summarised, aligned
 
 if TYPE_CHECKING:
+    from mrwork.identification.fit import Fit
     from mrwork.report.progress import OnDrawn
 
 
@@ -31,6 +33,14 @@ def result_lines(result: Summarised) -> list[str]:
     """The table of a result's summary, with all rows."""
     summary = result._summary()
     return table_lines([summary.columns, *summary.rows])
+
+
+def verdicts_elsewhere(fit: Fit, kind: Literal["profile", "posterior"]) -> str:
+    """Where the verdicts of a fit come from, if not from the intervals of this kind that are shown; else empty."""
+    if fit.intervals is not None and fit.intervals.kind == kind:
+        return ""
+    source = "standard errors" if fit.intervals is None else f"{fit.intervals.heading}s"
+    return f"the verdicts of the fit, on its page and in {FIT}, stay those by its {source}"
 
 
 def stopped_in_words(folder: Path, kept: str, *, written: bool) -> str:

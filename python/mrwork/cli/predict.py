@@ -192,4 +192,5 @@ def _warnings(exceeded: list[tuple[str, Exceedance]], limited: list[LawLimit], n
     for worst, label, count in worst_of(exceeded):
         files = f"; outside on {count} of {n_files} files" if n_files > 1 else ""
         sentences.append(f"{worst.in_words}, {label}{files}")
-    return [*sentences, *(each.in_words for each in worst_laws(limited))]
+    sentences += [each.in_words for each in worst_laws(limited)]
+    return [f"{each}; test there before you rely on it" for each in sentences]

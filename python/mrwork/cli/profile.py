@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 from mrwork.cli.numbers import SHARE, add_number
 from mrwork.cli.options import add_json, add_quiet, add_run, add_threads
-from mrwork.cli.output import print_json, renew_page, result_lines
+from mrwork.cli.output import print_json, renew_page, result_lines, verdicts_elsewhere
 from mrwork.cli.progress import PATIENCE, ProgressLine, profile_described
 from mrwork.cli.terminal import note, show
 from mrwork.errors import Interrupted, RecordError
 from mrwork.identification.certainty import Direction
 from mrwork.identification.fit import Fit
-from mrwork.identification.fit_file import OpenedRun, addition_content, reopen
+from mrwork.identification.fit_file import OpenedRun, addition_content, fit_content, reopen
 from mrwork.store.run_folder import FIT, PROFILES, REPORT, write_files
 from mrwork.store.run_lock import adding
 
@@ -55,7 +55,7 @@ def run(options: argparse.Namespace) -> int:
 
 def _profile(opened: OpenedRun, options: argparse.Namespace) -> int:
     # SciPy's optimisers are slow to load, and the help does not need them.
-    from mrwork.stored import fit_content
+    from mrwork.stored import judged_by_additions
     from mrwork.uncertainty.identifiability.profile_likelihood import profile
     from mrwork.uncertainty.identifiability.verdicts import identifiability_of
     from mrwork.uncertainty.posterior.draws_file import read_draws
@@ -77,18 +77,19 @@ def _profile(opened: OpenedRun, options: argparse.Namespace) -> int:
         return stopped(opened, interrupt.result, options)
     finally:
         line.close()
-    identifiability = identifiability_of(opened.fit, opened.tests, threads=options.threads)
-    document = asdict(profiles) | {"directions": [asdict(each) for each in identifiability.directions]}
-    contents = {
-        PROFILES: addition_content(document, opened.fit),
-        FIT: fit_content(opened.place, opened.fit, draws=draws, profiles=profiles),
-    }
+    fit = opened.fit.with_identifiability(
+        identifiability_of(opened.fit, opened.tests, threads=options.threads)
+    )
+    fit = judged_by_additions(opened.place, fit, draws=draws, profiles=profiles)
+    directions = () if fit.identifiability is None else fit.identifiability.informative
+    document = asdict(profiles) | {"directions": [asdict(each) for each in directions]}
+    contents = {PROFILES: addition_content(document, opened.fit), FIT: fit_content(fit)}
     write_files(opened.place, contents)
     status = renew_page(opened.place, quiet=options.quiet or options.json)
     if options.json:
         print_json(document | {"out": str(opened.place / PROFILES)})
     else:
-        show(_text(opened.fit, profiles, identifiability.directions, opened.place))
+        show(_text(fit, profiles, directions, opened.place))
     return status
 
 
@@ -128,7 +129,10 @@ def _text(fit: Fit, profiles: Profiles, directions: Sequence[Direction], place: 
         *result_lines(profiles),
         "",
     ]
-    sentences = [*(each.sentence for each in directions), *filter(None, [profiles.remark])]
+    sentences = [
+        *(each.sentence for each in directions),
+        *filter(None, [profiles.remark, verdicts_elsewhere(fit, "profile")]),
+    ]
     if sentences:
         lines += [*(f"- {sentence}" for sentence in sentences), ""]
     lines += [f"{profiles.evaluations} simulations, {profiles.seconds:.1f} s. Report: {place / REPORT}"]

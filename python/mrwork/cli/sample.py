@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 from mrwork.cli.numbers import STEPS, TEMPERING, WALKERS, add_number
 from mrwork.cli.options import add_json, add_quiet, add_run, add_seed, add_threads
-from mrwork.cli.output import print_json, renew_page, result_lines
+from mrwork.cli.output import print_json, renew_page, result_lines, verdicts_elsewhere
 from mrwork.cli.progress import PATIENCE, ProgressLine, sampling_described
 from mrwork.cli.terminal import note, show
 from mrwork.errors import Interrupted, JournalError
-from mrwork.identification.fit_file import OpenedRun, reopen
+from mrwork.identification.fit import Fit
+from mrwork.identification.fit_file import OpenedRun, fit_content, reopen
 from mrwork.store.run_folder import CHAIN, DRAWS, FIT, FORMER_CHAIN, write_files
 from mrwork.store.unfinished import addition_journal, begun_of, keep_addition
 from mrwork.uncertainty.noise import NOISES, names_in_words
@@ -73,7 +74,7 @@ def run(options: argparse.Namespace) -> int:
     """Sample, write the draws, print the result."""
     priors = dict(parse_prior(text) for text in options.prior)
     # SciPy is slow to load.
-    from mrwork.stored import fit_content, read_profiles
+    from mrwork.stored import judged_by_additions, read_profiles
 
     opened = reopen(options.run_folder)
     kept = opened.place / CHAIN
@@ -88,10 +89,8 @@ def run(options: argparse.Namespace) -> int:
         # ArviZ and HDF5 take seconds to load.
         from mrwork.uncertainty.posterior.draws_file import draws_content
 
-        contents = {
-            DRAWS: draws_content(draws, opened.fit),
-            FIT: fit_content(opened.place, opened.fit, draws=draws, profiles=profiles),
-        }
+        fit = judged_by_additions(opened.place, opened.fit, draws=draws, profiles=profiles)
+        contents = {DRAWS: draws_content(draws, opened.fit), FIT: fit_content(fit)}
         write_files(opened.place, contents, then=lambda: keep_addition(journal, kept))
         # A chain of an earlier version, which is not that of the draws any more.
         (opened.place / FORMER_CHAIN).unlink(missing_ok=True)
@@ -99,7 +98,7 @@ def run(options: argparse.Namespace) -> int:
         if options.json:
             print_json(_summary(draws, opened.place))
         else:
-            show(_text(draws, opened.place))
+            show(_text(fit, draws, opened.place))
         return status
 
 
@@ -163,7 +162,7 @@ def _summary(draws: Draws, place: Path) -> dict[str, Any]:
     }
 
 
-def _text(draws: Draws, folder: Path) -> str:
+def _text(fit: Fit, draws: Draws, folder: Path) -> str:
     status = draws.status.replace("_", " ")
     return "\n".join(
         [
@@ -172,7 +171,7 @@ def _text(draws: Draws, folder: Path) -> str:
             "",
             *result_lines(draws),
             "",
-            draws.verdict,
+            *filter(None, [draws.verdict, verdicts_elsewhere(fit, "posterior")]),
             "",
             f"Draws: {folder / DRAWS}",
         ]

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from mrwork.arguments import Count, Level, NotNegative, Positive
 from mrwork.store.record import Related
 from mrwork.summary import Summarised, Summary, of_unit, rounded
 
-VerdictName = Literal["identifiable", "weakly identifiable", "not identifiable"]
+# Decided in `uncertainty/identifiability/judgement.py` alone, and read from `Fit.verdict_on`.
+VerdictName = Literal["identifiable", "weakly identifiable", "sign unknown", "negligible", "not identifiable"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,6 +74,12 @@ class Verdict:
     standard_error: NotNegative | None
     reason: str
 
+    def by_interval(self, interval: Interval | None) -> Verdict:
+        """The verdict of an interval, where that has one."""
+        if interval is None or interval.verdict is None:
+            return self
+        return replace(self, verdict=interval.verdict, reason=interval.reason)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Change:
@@ -118,13 +125,36 @@ class Direction:
 class Identifiability(Summarised):
     """A verdict for each free parameter, and the directions that the data determine weakly or not at all.
 
-    `n_effective` is the effective number of samples; it is below `n_time` where residuals are correlated.
+    `n_effective` is the effective number of samples; it is below `n_time` where residuals are correlated. In a fit with
+    intervals the `verdicts` are by these, and `by_derivatives` keeps those that they replaced.
     """
 
     verdicts: tuple[Verdict, ...]
     directions: tuple[Direction, ...]
     n_time: Count
     n_effective: Positive
+    by_derivatives: tuple[Verdict, ...] = ()
+
+    def with_intervals(self, intervals: Intervals | None) -> Identifiability:
+        """With the verdicts of the intervals where there are any, else with those by the derivatives."""
+        own = self.by_derivatives or self.verdicts
+        if intervals is None:
+            return replace(self, verdicts=own, by_derivatives=())
+        return replace(
+            self,
+            verdicts=tuple(each.by_interval(intervals.of(each.name)) for each in own),
+            by_derivatives=own,
+        )
+
+    def verdict_on(self, name: str) -> Verdict | None:
+        """The verdict on a parameter; `None` where it was not free."""
+        return next((each for each in self.verdicts if each.name == name), None)
+
+    @property
+    def informative(self) -> tuple[Direction, ...]:
+        """The directions without those along which a parameter moves most whose verdict asks for no caution."""
+        settled = {each.name for each in self.verdicts if each.verdict in ("identifiable", "negligible")}
+        return tuple(each for each in self.directions if not each.seen or each.changes[0].name not in settled)
 
     def _summary(self) -> Summary:
         return Summary(
@@ -134,5 +164,5 @@ class Identifiability(Summarised):
                 (each.name, rounded(each.standard_error, 2), each.verdict, each.reason)
                 for each in self.verdicts
             ],
-            notes=[each.sentence for each in self.directions],
+            notes=[each.sentence for each in self.informative],
         )

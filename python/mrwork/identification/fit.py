@@ -13,7 +13,7 @@ from mrwork.arguments import Count, NotNegative, Positive, Samples, Whole, check
 from mrwork.dampers.parameters import CurrentLaws
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import UnknownNameError
-from mrwork.identification.certainty import Identifiability, Intervals
+from mrwork.identification.certainty import Identifiability, Intervals, Verdict
 from mrwork.identification.nuisance import NONE, Nuisance, NuisanceName
 from mrwork.identification.settings import FitSettings, Reading
 from mrwork.records import AS_IT_IS, DamperTest, Observation, observed
@@ -37,7 +37,8 @@ class Estimate:
     """One parameter of a fit, in SI.
 
     `standard_error` follows from the Jacobian and counts `Fit.n_effective` samples, fewer than there are where
-    residuals are correlated. It is `None` where the parameter is not identifiable, was fixed, or is on a bound.
+    residuals are correlated. It is `None` where the parameter is not identifiable by the derivatives, was fixed, or is
+    on a bound. The verdict on a parameter is that of `Fit.verdict_on`.
     """
 
     _made_by: ClassVar[str] = "fit.estimates"
@@ -49,6 +50,18 @@ class Estimate:
     lower: LowerBound
     upper: UpperBound
     remark: Literal["", "fixed", "at lower bound", "at upper bound", "not identifiable"] = ""
+
+    def judged(self, verdict: Verdict | None) -> Estimate:
+        """The estimate with the standard error that its verdict is by; as it is where it has no verdict."""
+        if verdict is None:
+            return self
+        undetermined = verdict.verdict == "not identifiable"
+        kept = "" if self.remark == "not identifiable" else self.remark
+        return replace(
+            self,
+            standard_error=verdict.standard_error,
+            remark="not identifiable" if undetermined else kept,
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -284,8 +297,26 @@ class Fit(Summarised, Related):
 
     @checked
     def with_intervals(self, intervals: Intervals | None) -> Fit:
-        """The fit with intervals in place of standard errors: those of `Profiles.intervals` or `Draws.intervals`."""
-        return replace(self, intervals=intervals)
+        """The fit with intervals in place of standard errors, and their verdicts in place of those by derivatives.
+
+        They are those of `Profiles.intervals` or `Draws.intervals`; `None` takes them away again.
+        """
+        known = self.identifiability
+        return replace(
+            self,
+            intervals=intervals,
+            identifiability=None if known is None else known.with_intervals(intervals),
+        )
+
+    @checked
+    def with_identifiability(self, identifiability: Identifiability) -> Fit:
+        """The fit with its verdicts, and the standard errors that they are by; its intervals still come first."""
+        own = identifiability.with_intervals(None)
+        return replace(
+            self,
+            identifiability=own.with_intervals(self.intervals),
+            estimates=tuple(each.judged(own.verdict_on(each.name)) for each in self.estimates),
+        )
 
     @checked
     def verdict_on(self, name: str) -> tuple[str, str]:
@@ -298,19 +329,19 @@ class Fit(Summarised, Related):
         UnknownNameError
             Where the model has no such parameter.
         """
-        found = [each for each in self.estimates if each.name == name]
-        if not found:
+        named = [each for each in self.estimates if each.name == name]
+        if not named:
             names = ", ".join(each.name for each in self.estimates)
             raise UnknownNameError(f"{self.model} has no parameter {name!r}; it has {names}")
-        (estimate,) = found
+        (estimate,) = named
         if estimate.remark == "fixed":
             return "fixed", ""
+        found = None if self.identifiability is None else self.identifiability.verdict_on(name)
         interval = None if self.intervals is None else self.intervals.of(name)
+        if found is not None:
+            return found.verdict, found.reason
         if interval is not None and interval.verdict is not None:
             return interval.verdict, interval.reason
-        for each in () if self.identifiability is None else self.identifiability.verdicts:
-            if each.name == name:
-                return each.verdict, each.reason
         return ("not identifiable", "") if estimate.remark == "not identifiable" else ("", estimate.remark)
 
     def _uncertainty(self, estimate: Estimate) -> str:

@@ -74,17 +74,22 @@ def write_run(
         If `path` is a file or a folder that is no run folder, or if a file cannot be written. What was at `path` is
         then unchanged.
     """
-    texts = {MANIFEST: manifest, FIT: fit.as_dict()} | dict(documents or {})
+    texts = {MANIFEST: manifest} | dict(documents or {})
     contents = {name: json_document(document).encode() for name, document in texts.items()}
     write_folder(
         path,
-        contents | {REPORT: report_html.encode()},
+        contents | {FIT: fit_content(fit), REPORT: report_html.encode()},
         copied={JOURNAL: Path(journal)},
         written=_WRITTEN,
         # After Ctrl-C the command must return at once; the operating system flushes the files later.
         flush=flush and fit.status != "interrupted",
     )
     return Path(path)
+
+
+def fit_content(fit: Fit) -> bytes:
+    """The file of a fit in its run folder."""
+    return json_document(fit.as_dict()).encode()
 
 
 def read_fit(path: str | Path) -> Fit:
@@ -113,7 +118,7 @@ def read_fit(path: str | Path) -> Fit:
     if fit is None:
         raise RecordError(f"{place / FIT} cannot be read (it does not exist); run `mrwork identify` again")
     check_manifest(place, manifest, _facts(fit), file=FIT, verb="identify")
-    fit = _with_effective_samples(fit)
+    fit = _in_terms_of_now(fit)
     return fit if fit.tested is not None and fit.motions else _with_ranges(fit)
 
 
@@ -185,7 +190,13 @@ def fit_from_json(text: str, *, origin: str) -> Fit:
     RecordError
         If the text is not JSON or not a fit; the message names the field.
     """
-    return _with_effective_samples(record_from_json(Fit, text, origin=origin, name="fit", verb="identify"))
+    return _in_terms_of_now(record_from_json(Fit, text, origin=origin, name="fit", verb="identify"))
+
+
+def _in_terms_of_now(fit: Fit) -> Fit:
+    """The fit with one standard error and one verdict for each parameter; earlier versions could state two."""
+    fit = _with_effective_samples(fit)
+    return fit if fit.identifiability is None else fit.with_identifiability(fit.identifiability)
 
 
 def _with_effective_samples(fit: Fit) -> Fit:

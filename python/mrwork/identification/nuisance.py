@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -10,7 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.dampers.spec import DamperSpec
+from mrwork.records import DamperTest
+from mrwork.records.checks import FORCE_OFFSET
 from mrwork.records.observation import delayed
+from mrwork.summary import listed
 
 NuisanceName = Literal["offset", "level", "delay"]
 
@@ -69,10 +72,34 @@ def bounds_without_offsets(
     names: tuple[NuisanceName, ...], spec: DamperSpec
 ) -> dict[str, tuple[float, float]]:
     """Bounds that fix the model's own force offset at zero, where the offset is a nuisance parameter of each test."""
-    if "offset" not in names:
-        return {}
+    return dict.fromkeys(_shifts(spec), (0.0, 0.0)) if "offset" in names else {}
+
+
+def offset_warning(
+    names: tuple[NuisanceName, ...],
+    spec: DamperSpec,
+    bounds: Mapping[str, tuple[float, float]],
+    tests: Sequence[DamperTest],
+) -> tuple[str, ...]:
+    """A warning where tests have a static offset of the force, and the bounds leave nothing that describes it."""
+    shifts = _shifts(spec)
+    if "offset" in names or any(bounds.get(name) != (0.0, 0.0) for name in shifts):
+        return ()
+    shifted = [test.label for test in tests if any(each.code == FORCE_OFFSET for each in test.findings)]
+    if not shifted:
+        return ()
+    fixed = f"{listed(shifts)} {'is' if len(shifts) == 1 else 'are'} fixed at 0"
+    return (
+        f"the force has a static offset in {listed(shifted)}, and {fixed}, so the model cannot describe it; leave "
+        f"{listed(shifts)} free, subtract the offset by --repair offset, or estimate it for each test by "
+        "--nuisance offset",
+    )
+
+
+def _shifts(spec: DamperSpec) -> tuple[str, ...]:
+    """Names of the parameters that shift the force of a model by a constant: f0, or x0 of its spring."""
     shifts = {each.name for each in spec.plain if each.scale == "offset" and each.unit in ("N", "m")}
-    return {each.name: (0.0, 0.0) for each in spec.parameters if each.plain_name in shifts}
+    return tuple(each.name for each in spec.parameters if each.plain_name in shifts)
 
 
 def without_nuisance(

@@ -9,15 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.dampers.coordinates import Box
-from mrwork.identification.autocorrelation import effective_samples, residuals_by_test
+from mrwork.identification.covariance import covariance_at, standard_errors
 from mrwork.identification.equivalent import Form
 from mrwork.identification.global_search import StartingPoints
 from mrwork.identification.levenberg_marquardt import LocalMinimum, find_minima, find_minimum
-from mrwork.identification.linearisation import linearised
 from mrwork.identification.multistart import distinct_minima
 from mrwork.identification.objective import Objective
 from mrwork.identification.problem import Problem
-from mrwork.identification.result import remark_of
 from mrwork.values import holds_arrays
 
 # Largest number of evaluations: of the final fit, of the screening of each start, and of the second screening, which
@@ -114,10 +112,10 @@ def _on_the_twin(problem: Problem, starts: NDArray[np.float64], on_step: OnStep)
 
 def _with_standard_errors(objective: Objective, form: Form, ended: LocalMinimum) -> Polished:
     """A minimum with its standard errors, which are those of least squares for every power of the objective."""
-    errors, n_effective = standard_errors(objective.plain, form, ended.theta)
+    cov, n_effective = covariance_at(objective.plain, form, ended.theta)
     return Polished(
         theta=ended.theta,
-        standard_errors=errors,
+        standard_errors=standard_errors(cov),
         n_effective=n_effective,
         steps=ended.evaluations,
         converged=ended.converged,
@@ -169,74 +167,3 @@ def screened(
 
 def _misfit(minimum: LocalMinimum) -> float:
     return minimum.misfit
-
-
-# A combination of parameters (each scaled to unit sensitivity) that changes the residuals less than this, relative to
-# the one that changes them most, is not identifiable. Rounding leaves about 1e-11.
-_INSENSITIVE = 1e-7
-
-
-def jacobian(objective: Objective, box: Box, theta: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Derivative of the residuals with respect to the free parameters, shape (n_residuals, n_free)."""
-    return np.asarray(linearised(objective, theta[None], box.free)[1][0].T)
-
-
-def standard_errors(
-    objective: Objective, form: Form, theta: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], float]:
-    """Standard error of each parameter of the requested model, and the number of samples that they assume.
-
-    The errors have shape (n_params,) and are 0 for parameters that do not vary. The residuals of a record are
-    correlated, so they count as `effective_samples`, and the covariance is that of independent residuals times
-    `n_residuals/n_effective`. A parameter on its bound is treated as known.
-
-    Parameters
-    ----------
-    objective
-        Sum of squares, in the parameters of the form.
-    theta
-        The minimum, in the parameters of the form, shape (n_params,).
-    """
-    interior = [index for index in form.box.free if remark_of(form.box, index, theta[index]) == ""]
-    # A derivative is simulated also where every parameter is on a bound: it gives the residuals.
-    (residuals,), (slopes,) = linearised(objective, theta[None], interior or form.box.free)
-    n_effective = effective_samples(residuals_by_test(residuals, objective.tests))
-    cov = np.zeros((len(theta), len(theta)))
-    if interior:
-        independent = covariance(slopes.T, float(np.linalg.norm(residuals)))
-        cov[np.ix_(interior, interior)] = independent * (residuals.size / n_effective)
-    return spread_through(form.to_model.jacobian(theta), cov), n_effective
-
-
-def covariance(jacobian: NDArray[np.float64], misfit: float) -> NDArray[np.float64]:
-    """Covariance for independent residuals, shape (n_params, n_params); NaN where columns are not identifiable.
-
-    `cov = s^2 (J'J)^-1` with `s^2 = misfit^2 / (n_residuals - n_params)`, for the Jacobian of residuals whose sum
-    of squares is the squared misfit. Parameters that take part in a combination to which the residuals are insensitive
-    have NaN in their rows and columns.
-    """
-    n_residuals, n_params = jacobian.shape
-    result = np.full((n_params, n_params), np.nan)
-    norm = np.linalg.norm(jacobian, axis=0)
-    sensitive = np.flatnonzero(norm > 0.0)
-    if sensitive.size == 0 or n_residuals <= n_params or not np.all(np.isfinite(jacobian)):
-        return result
-    _, singular, right = np.linalg.svd(jacobian[:, sensitive] / norm[sensitive], full_matrices=False)
-    determined = singular > _INSENSITIVE * singular[0]
-    variance = misfit**2 / (n_residuals - n_params)
-    root = right[determined].T / singular[determined] / norm[sensitive, None]
-    block = variance * root @ root.T
-    undetermined = np.sum(right[~determined] ** 2, axis=0) > _INSENSITIVE
-    block[undetermined, :] = np.nan
-    block[:, undetermined] = np.nan
-    result[np.ix_(sensitive, sensitive)] = block
-    return result
-
-
-def spread_through(map_jacobian: NDArray[np.float64], cov: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Standard errors of mapped parameters, shape (n_mapped,), by the delta method; NaN propagates."""
-    errors = np.empty(len(map_jacobian))
-    for index, row in enumerate(map_jacobian):
-        used = np.flatnonzero(row)
-        errors[index] = np.sqrt(row[used] @ cov[np.ix_(used, used)] @ row[used])
-    return errors

@@ -20,7 +20,7 @@ from mrwork.identification.driver_lag import rate_warning
 from mrwork.identification.equivalent import Form, identifiable_form
 from mrwork.identification.fit import Fit, Provenance
 from mrwork.identification.multistart import Multistart
-from mrwork.identification.nuisance import bounds_without_offsets
+from mrwork.identification.nuisance import bounds_without_offsets, offset_warning
 from mrwork.identification.objective import ROOT_MEAN_SQUARE, Objective
 from mrwork.identification.searches import Search, method_of, search_named
 from mrwork.identification.settings import FitSettings, Start
@@ -117,7 +117,12 @@ class Problem:
     def warnings(self) -> tuple[str, ...]:
         """Sentences on why any result is likely to mislead, known before the search."""
         tests = self.objective.tests
-        return (*command_warning(tests, (self.spec,)), *rate_warning(self.spec, self.form, tests))
+        settings = self.settings
+        return (
+            *command_warning(tests, (self.spec,)),
+            *rate_warning(self.spec, self.form, tests),
+            *offset_warning(settings.nuisances, self.spec, settings.bounds, tests),
+        )
 
     @property
     def search(self) -> Search:

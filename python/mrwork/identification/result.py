@@ -146,30 +146,40 @@ def estimates_of(
     requested = Box.of(spec).with_bounds(bounds)
     values = np.asarray(form.to_model(theta))
     result = []
-    for index, parameter in enumerate(spec.parameters):
-        value = float(values[index])
-        remark: Remark = ""
-        if parameter.name in form.fixed:
-            remark = "fixed"
-        elif form.spec == spec:
-            remark = remark_of(form.box, index, value)
-        error = None
-        if errors is not None and remark == "":
-            error = float(errors[index])
-            if not np.isfinite(error):
-                error, remark = None, "not identifiable"
+    for index, (parameter, remark) in enumerate(zip(spec.parameters, remarks_of(form, theta), strict=True)):
+        error = None if errors is None or remark else float(errors[index])
+        undetermined = error is not None and not np.isfinite(error)
         result.append(
             Estimate(
                 name=parameter.name,
                 unit=parameter.unit,
-                value=value,
-                standard_error=error,
+                value=float(values[index]),
+                standard_error=None if undetermined else error,
                 lower=requested.lower[index],
                 upper=requested.upper[index],
-                remark=remark,
+                remark="not identifiable" if undetermined else remark,
             )
         )
     return tuple(result)
+
+
+def remarks_of(form: Form, theta: NDArray[np.float64]) -> tuple[Remark, ...]:
+    """Remark on each parameter of the requested model that does not vary; empty for the others.
+
+    Such a parameter depends on parameters of the form that are fixed or on a bound, and on no others.
+
+    Parameters
+    ----------
+    theta
+        Parameters of the form, shape (n_params,).
+    """
+    own = [remark_of(form.box, index, float(value)) for index, value in enumerate(theta)]
+    found: list[Remark] = []
+    for row in form.to_model.jacobian(theta):
+        used = {own[index] for index in np.flatnonzero(row)}
+        on_bound = sorted(used - {"", "fixed"})
+        found.append("" if "" in used else on_bound[0] if on_bound else "fixed")
+    return tuple(found)
 
 
 def remark_of(box: Box, index: int, value: float) -> Remark:

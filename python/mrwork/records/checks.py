@@ -19,6 +19,7 @@ _FEWEST_PER_CYCLE: Final = 20.0
 _REST_EXCURSION: Final = 0.01
 _REST_CYCLES: Final = 0.25
 _OFFSET_SHARE: Final = 0.05
+FORCE_OFFSET: Final = "force_offset"
 _SIGN_SHARE: Final = 0.05
 
 
@@ -56,10 +57,10 @@ def stroke_finding(displacement: NDArray[np.float64]) -> tuple[Finding, ...]:
     if stroke <= _LONGEST_STROKE:
         return ()
     return (
-        Finding(
-            code="displacement_unusual",
-            severity="warning",
-            message=f"the displacement spans {stroke:.3g} m, more than any damper; check its channel and its unit",
+        Finding.warning(
+            "displacement_unusual",
+            f"the displacement spans {stroke:.3g} m, more than any damper",
+            action="check its channel and its unit",
             measured=Measured(value=stroke, unit="m"),
         ),
     )
@@ -94,11 +95,11 @@ def clipping_findings(test: DamperTest, _: SmoothMotion) -> tuple[Finding, ...]:
         channels.append(("velocity", test.velocity))
     shares = [(name, clipped_share(samples)) for name, samples in channels]
     return tuple(
-        Finding(
-            code="clipped",
-            severity="warning",
-            message=f"the {name} is clipped at its extreme in {100 * share:.2g} % of its samples: the channel "
-            "exceeded its range; measure again with a wider one, or omit these parts",
+        Finding.warning(
+            "clipped",
+            f"the {name} is clipped at its extreme in {100 * share:.2g} % of its samples: the channel exceeded its "
+            "range",
+            action="measure again with a wider one, or omit these parts",
             measured=Measured(value=share, unit=""),
         )
         for name, share in shares
@@ -130,8 +131,9 @@ def samples_per_cycle(frequency: float, dt: float) -> tuple[Finding, ...]:
         f"only {per_cycle:.1f} samples per cycle of {frequency:.3g} Hz (at least {_FEWEST_PER_CYCLE:.0f} "
         "are advised): reversals of the motion, where the force changes most, are poorly resolved"
     )
+    action = f"sample at {_FEWEST_PER_CYCLE * frequency:.3g} Hz or more"
     measured = Measured(value=per_cycle, unit="")
-    return (Finding(code="few_samples_per_cycle", severity="warning", message=message, measured=measured),)
+    return (Finding.warning("few_samples_per_cycle", message, action=action, measured=measured),)
 
 
 def samples_at_rest(displacement: NDArray[np.float64]) -> int:
@@ -150,7 +152,7 @@ def rest_before_motion(displacement: NDArray[np.float64], dt: float, frequency: 
         return ()
     message = f"at rest for the first {rest:.2f} s of {displacement.size * dt:.2f} s"
     measured = Measured(value=rest, unit="s")
-    return (Finding(code="rest_before_motion", severity="note", message=message, measured=measured),)
+    return (Finding.note("rest_before_motion", message, measured=measured),)
 
 
 # The start ends at this fraction of the peak-to-peak stroke. The overshoot must exceed this fraction of the half range
@@ -181,7 +183,7 @@ def breakaway_overshoot(test: DamperTest, motion: SmoothMotion) -> Measured | No
 
 
 def breakaway_finding(test: DamperTest, motion: SmoothMotion) -> tuple[Finding, ...]:
-    """Note a breakaway force above all later forces by at least 5 % of the half range."""
+    """Warn of a breakaway force above all later forces by at least 5 % of the half range."""
     overshoot = breakaway_overshoot(test, motion)
     if overshoot is None or overshoot.standard_error is None:
         return ()
@@ -190,9 +192,11 @@ def breakaway_finding(test: DamperTest, motion: SmoothMotion) -> tuple[Finding, 
         return ()
     message = (
         f"the damper broke away from rest with {overshoot.value:.3g} N more than any later force: stiction, "
-        "which the models do not include; --repair rest removes the start"
+        "which the models do not include"
     )
-    return (Finding(code="breakaway", severity="note", message=message, measured=overshoot),)
+    return (
+        Finding.warning("breakaway", message, action="remove the start by --repair rest", measured=overshoot),
+    )
 
 
 def mean_over_travel(force: NDArray[np.float64], velocity: NDArray[np.float64]) -> float:
@@ -228,28 +232,28 @@ def force_sign(
     if abs(share) < _SIGN_SHARE:
         message = (
             f"the energy int F v dt is only {100 * share:.1f} % of int |F v| dt, too little to "
-            "determine the sign of the force; it was not changed"
+            "determine the sign of the force, which was not changed"
         )
-        return force, (Finding(code="force_sign_unclear", severity="warning", message=message),)
+        action = "check the sign of the channel"
+        return force, (Finding.warning("force_sign_unclear", message, action=action),)
     if share > 0.0:
         return force, ()
     message = (
         f"the recorded force has the sign that generates energy (int F v dt is {100 * share:.0f} % of "
         "int |F v| dt); it was multiplied by -1 so that it resists the motion"
     )
-    return -force, (Finding(code="force_sign_flipped", severity="note", message=message),)
+    return -force, (Finding.note("force_sign_flipped", message),)
 
 
 def force_offset(force: NDArray[np.float64], velocity: NDArray[np.float64]) -> tuple[Finding, ...]:
-    """Warn of a static offset above 5 % of the half range of the force."""
+    """Note a static offset above 5 % of the half range of the force, which every model has a parameter for."""
     offset = mean_over_travel(force, velocity)
     scale = half_range(force)
     if abs(offset) <= _OFFSET_SHARE * scale:
         return ()
     relative = f"{100 * abs(offset) / scale:.0f} % of its half range of {scale:.4g} N"
     message = (
-        f"the force has a static offset of {offset:+.4g} N, {relative}: gas pressure or load-cell zero; "
-        "it stays in the record unless --repair offset subtracts it"
+        f"the force has a static offset of {offset:+.4g} N, {relative}: gas pressure or the zero of the load cell, "
+        "which a model describes by f0 or k x0"
     )
-    measured = Measured(value=offset, unit="N")
-    return (Finding(code="force_offset", severity="warning", message=message, measured=measured),)
+    return (Finding.note(FORCE_OFFSET, message, measured=Measured(value=offset, unit="N")),)

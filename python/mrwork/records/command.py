@@ -63,7 +63,7 @@ def command_of(
         "laws (--law)"
     )
     measured = Measured(value=float(np.ptp(present)), unit=unit)
-    varies = Finding(code="command_varies", severity="note", message=message, measured=measured)
+    varies = Finding.note("command_varies", message, measured=measured)
     return samples, (varies, *negative)
 
 
@@ -119,10 +119,10 @@ def with_nominal_command(test: DamperTest, nominal: Nominal) -> DamperTest:
 
 
 def _disagrees(quantity: str, named: float, measured: float, unit: str) -> Finding:
-    return Finding(
-        code="name_disagrees",
-        severity="warning",
-        message=f"the file name says a {quantity} of {named:.3g} {unit}, the record {measured:.3g} {unit}",
+    return Finding.warning(
+        "name_disagrees",
+        f"the file name says a {quantity} of {named:.3g} {unit}, the record {measured:.3g} {unit}",
+        action="rename the file, or check the column and its unit",
     )
 
 

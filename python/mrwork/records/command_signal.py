@@ -42,7 +42,7 @@ def impossible_command(command: Command) -> str:
     if max(-low, high) > LARGEST_COMMAND:
         return f"reaches {low if -low > high else high:g}, and no driver gives more than {LARGEST_COMMAND:g} A or V"
     if low < -command_noise(max(-low, high)):
-        return f"goes down to {low:g}: the force does not depend on its direction, so give its magnitude"
+        return f"goes down to {low:g}: the force does not depend on its direction; give its magnitude"
     return ""
 
 

@@ -35,7 +35,10 @@ class Measured:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Finding:
-    """Result of a check: `code` for programs, `message` for people, and the measured size, if any."""
+    """Result of a check: `code` for programs, `message` for people, and the measured size, if any.
+
+    The message of a warning ends with what to do; what asks for nothing is a note.
+    """
 
     _made_by: ClassVar[str] = "test.findings"
 
@@ -43,6 +46,16 @@ class Finding:
     severity: Severity
     message: str
     measured: Measured | None = None
+
+    @classmethod
+    def note(cls, code: str, message: str, *, measured: Measured | None = None) -> Finding:
+        """A finding that asks for no action."""
+        return cls(code=code, severity="note", message=message, measured=measured)
+
+    @classmethod
+    def warning(cls, code: str, message: str, *, action: str, measured: Measured | None = None) -> Finding:
+        """A finding with what to do about it."""
+        return cls(code=code, severity="warning", message=f"{message}; {action}", measured=measured)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

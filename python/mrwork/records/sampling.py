@@ -175,11 +175,11 @@ def uniform_step(signals: Signals, *, source: str) -> tuple[Signals, float, tupl
         longest = int(gaps[np.argmax(steps[gaps])])
         count = "a gap" if gaps.size == 1 else f"{gaps.size} gaps, the longest"
         findings.append(
-            Finding(
-                code="gaps",
-                severity="warning",
-                message=f"{count} of {steps[longest]:.4g} s after {time[longest]:.6g} s "
+            Finding.warning(
+                "gaps",
+                f"{count} of {steps[longest]:.4g} s after {time[longest]:.6g} s "
                 f"({steps[longest] / median:.0f} steps) was bridged by interpolation",
+                action="fit a part without it (--from, --until)",
             )
         )
     grid = np.linspace(time[0], time[-1], n_uniform)

@@ -14,6 +14,7 @@ _SUPERSCRIPTS = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 _PLAIN = (-6, 7)
 _DIGITS_OF_ERROR = 2
 _DIGITS_ALONE = 5
+_FEWEST_DIGITS = 3
 _MOST_DIGITS = 8
 _LEAST_PROBABILITY = 0.001
 
@@ -53,18 +54,23 @@ def shortest(value: float, digits: int = 4) -> str:
 
 
 def value_and_error(value: float, error: float | None) -> tuple[str, str]:
-    """An estimate and its standard error: the error to two digits, both to the same decimal and power."""
+    """An estimate and its standard error: the error to two digits, the value to the same decimal, both of one power.
+
+    The value keeps at least three digits; where the error exceeds it, each is written on its own.
+    """
     if error is None or not math.isfinite(error) or error <= 0 or not math.isfinite(value):
         return shortest(value, _DIGITS_ALONE), _NONE
-    finest = leading_exponent(error, _DIGITS_OF_ERROR) - _DIGITS_OF_ERROR + 1
-    largest = max(abs(value), error)
-    leading = leading_exponent(largest, max(math.floor(math.log10(largest)) - finest + 1, 1))
+    if error > abs(value):
+        return shortest(value, _DIGITS_ALONE), significant(error, _DIGITS_OF_ERROR)
+    of_error = leading_exponent(error, _DIGITS_OF_ERROR) - _DIGITS_OF_ERROR + 1
+    finest = min(of_error, leading_exponent(value, _FEWEST_DIGITS) - _FEWEST_DIGITS + 1)
+    leading = leading_exponent(value, max(math.floor(math.log10(abs(value))) - finest + 1, 1))
     if leading - finest >= _MOST_DIGITS:
         return significant(value, _MOST_DIGITS), significant(error, _DIGITS_OF_ERROR)
     power = 0 if _PLAIN[0] < leading < _PLAIN[1] else leading
     texts = [
-        fixed(round(number, -finest) / 10.0**power, max(power - finest, 0)) + power_of_ten(power)
-        for number in (value, error)
+        fixed(round(number, -decimal) / 10.0**power, max(power - decimal, 0)) + power_of_ten(power)
+        for number, decimal in ((value, finest), (error, of_error))
     ]
     return texts[0], texts[1]
 

@@ -49,10 +49,9 @@ def mass_finding(test: DamperTest, motion: SmoothMotion) -> tuple[Finding, ...]:
         return ()
     message = (
         f"the force has a component in phase with the acceleration: a mass of {mass.value:.3g} +- "
-        f"{mass.standard_error:.1g} kg or more between load cell and damper, or a force that leads the displacement; "
-        "--repair mass subtracts it"
+        f"{mass.standard_error:.1g} kg or more between load cell and damper, or a force that leads the displacement"
     )
-    return (Finding(code="moving_mass", severity="warning", message=message, measured=mass),)
+    return (Finding.warning("moving_mass", message, action="subtract it by --repair mass", measured=mass),)
 
 
 def _in_phase(force: NDArray[np.float64], acceleration: NDArray[np.float64]) -> float:
@@ -117,7 +116,7 @@ def drift_finding(test: DamperTest, motion: SmoothMotion) -> tuple[Finding, ...]
     likely = "as in a damper that heats up" if drift.value < 0.0 else "as in one that settles in"
     message = (
         f"at equal stroke the dissipative force changes by {100 * drift.value:+.1f} +- "
-        f"{100 * drift.standard_error:.1f} % from the first cycle to the last, {likely}; "
-        "fit a part of the record (--from, --until)"
+        f"{100 * drift.standard_error:.1f} % from the first cycle to the last, {likely}"
     )
-    return (Finding(code="loop_drift", severity="warning", message=message, measured=drift),)
+    action = "fit a part of the record (--from, --until)"
+    return (Finding.warning("loop_drift", message, action=action, measured=drift),)

@@ -84,9 +84,9 @@ def delay_finding(test: DamperTest, motion: SmoothMotion) -> tuple[Finding, ...]
     lags = "lags" if delay.value > 0.0 else "leads"
     message = (
         f"the force {lags} the displacement by {1e3 * abs(delay.value):.3g} +- {1e3 * delay.standard_error:.2g} ms "
-        f"({abs(delay.value) / test.dt:.1f} samples), measured at motion reversals; --repair delay corrects it"
+        f"({abs(delay.value) / test.dt:.1f} samples), measured at motion reversals"
     )
-    return (Finding(code="force_delay", severity="warning", message=message, measured=delay),)
+    return (Finding.warning("force_delay", message, action="correct it by --repair delay", measured=delay),)
 
 
 def _folded(

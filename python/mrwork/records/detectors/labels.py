@@ -84,12 +84,12 @@ def _standing_out(
         ratio = float(np.expm1(difference))
         amount = f"{100 * abs(ratio):.0f} % {'more' if ratio > 0 else 'less'}"
         findings.append(
-            Finding(
-                code="command_mislabelled",
-                severity="warning",
-                message=f"{test.label}: dissipates {amount} than the other tests at "
+            Finding.warning(
+                "command_mislabelled",
+                f"{test.label}: dissipates {amount} than the other tests at "
                 f"{commands[row]:.3g} {unit} in similar motion (their spread is {100 * spread:.0f} %)"
-                f"{_belongs(float(force[row]), levels, at, unit)}; check its {quantity}",
+                f"{_belongs(float(force[row]), levels, at, unit)}",
+                action=f"check its {quantity}",
                 measured=Measured(value=ratio, standard_error=spread, unit=""),
             )
         )

@@ -74,14 +74,16 @@ def smoothing_finding(test: DamperTest, motion: SmoothMotion) -> tuple[Finding, 
     window = smoothing.window_seconds
     share = window * motion.frequency
     averaged = "force" in smoothing.channels
-    advice = "identify applies the same average to the model's force" if averaged else "the force shows none"
     message = (
         f"{' and '.join(smoothing.channels)} passed a moving average over {1e3 * window:.4g} ms "
-        f"({round(window / test.dt)} samples, {share:.2g} of the dominant period), which rounds the corners of "
-        f"the loop; {advice}, or use the original record"
+        f"({round(window / test.dt)} samples, {share:.2g} of the dominant period), which rounds the corners of the loop"
     )
     measured = Measured(value=window, standard_error=test.dt, unit="s")
-    return (Finding(code="moving_average", severity="warning", message=message, measured=measured),)
+    if averaged:
+        message += "; identify applies the same average to the model's force"
+        return (Finding.note("moving_average", message, measured=measured),)
+    action = "use the original record, for the force shows none"
+    return (Finding.warning("moving_average", message, action=action, measured=measured),)
 
 
 def averaged_over(samples: NDArray[np.float64]) -> int | None:

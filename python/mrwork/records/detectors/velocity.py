@@ -45,7 +45,7 @@ def velocity_agrees(
         message = (
             "the velocity had the opposite sign of the displacement's derivative; it was multiplied by -1"
         )
-        return -velocity, (Finding(code="velocity_sign_flipped", severity="note", message=message),)
+        return -velocity, (Finding.note("velocity_sign_flipped", message),)
 
     late = comparison.delay(motion.acceleration, smoother)
     delay = late.value
@@ -58,10 +58,11 @@ def velocity_agrees(
         message = f"the velocity {_shift(delay, smoother.dt)}"
         if half_sample:
             message += ", as backward differences do"
-        return velocity, (Finding(code="velocity_late", severity="note", message=message, measured=late),)
+        return velocity, (Finding.note("velocity_late", message, measured=late),)
 
     factor = comparison.factor()
     explained: Measured | None = None
+    action = "check both, or derive the velocity from the displacement by --repair velocity"
     if delay_explains:
         explained = late
         message = f"the velocity {_shift(delay, smoother.dt)}, a difference of {100 * difference:.0f} % (rms)"
@@ -72,11 +73,9 @@ def velocity_agrees(
             "so one of the two is not in its stated unit"
         )
     else:
-        message = (
-            f"the velocity differs from the displacement's derivative by {100 * difference:.0f} % (rms); "
-            "check that both columns belong to this test"
-        )
-    finding = Finding(code="velocity_inconsistent", severity="warning", message=message, measured=explained)
+        message = f"the velocity differs from the displacement's derivative by {100 * difference:.0f} % (rms)"
+        action = "check that both columns belong to this test"
+    finding = Finding.warning("velocity_inconsistent", message, action=action, measured=explained)
     return velocity, (finding,)
 
 

@@ -13,6 +13,16 @@ from mrwork.report.fit.kind import SectionKind
 from mrwork.report.section import Group, Section, Table, table
 from mrwork.stored import StoredRun
 
+_ADVICE: dict[VerdictName, str] = {
+    "weakly identifiable": "Quote a weakly identifiable parameter with its interval only.",
+    "sign unknown": "Of a parameter of unknown sign not even the direction of its force is known: fix it at zero if it "
+    "may be left out.",
+    "negligible": "A negligible parameter hardly changes the force: fix it at zero.",
+    "not identifiable": "Do not use the value of a parameter that is not identifiable. Fix it at a known value, choose "
+    "a model without it, or add a test in which it has an effect.",
+}
+"""What to do with a parameter, by its verdict."""
+
 
 def _section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
     """Verdict per parameter, and the directions in parameter space that change no force."""
@@ -20,7 +30,7 @@ def _section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
     if found is None:
         return None
     judged = {each.name: run.fit.verdict_on(each.name) for each in found.verdicts}
-    points = tuple(_sentence(each) for each in found.directions)
+    points = tuple(_sentence(each) for each in found.informative)
     return Section(
         anchor="identifiability",
         title="Identifiability",
@@ -30,16 +40,13 @@ def _section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
 
 
 def _summary(judged: Mapping[str, tuple[str, str]]) -> str:
-    counts = {
+    names = {
         word: [name for name, (verdict, _) in judged.items() if verdict == word]
         for word in get_args(VerdictName)
     }
-    certain, weak, none = (counts[word] for word in get_args(VerdictName))
+    certain = names.pop("identifiable")
     parts = [f"{len(certain)} of {len(judged)} parameters are identifiable"]
-    if weak:
-        parts.append(f"weakly: {', '.join(weak)}")
-    if none:
-        parts.append(f"not: {', '.join(none)}")
+    parts += [f"{word}: {', '.join(those)}" for word, those in names.items() if those]
     return f"Identifiability: {'; '.join(parts)}."
 
 
@@ -59,13 +66,9 @@ def _prose(fit: Fit, found: Identifiability, judged: Mapping[str, tuple[str, str
             f"The verdicts follow from the {fit.intervals.heading}s, the directions below from the derivatives at the "
             "fit."
         )
-    if all(verdict == "identifiable" for verdict, _ in judged.values()):
-        return (f"{counted} {basis}",)
-    advice = (
-        "Do not use the value of a parameter that is not identifiable. Fix it at a known value, choose a model without "
-        "it, or add a test in which it has an effect."
-    )
-    return f"{counted} {basis}", advice
+    words = {verdict for verdict, _ in judged.values()}
+    advice = [_ADVICE[word] for word in get_args(VerdictName) if word in _ADVICE and word in words]
+    return tuple(filter(None, (f"{counted} {basis}", " ".join(advice))))
 
 
 def _sentence(direction: Direction) -> str:

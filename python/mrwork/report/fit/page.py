@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -133,7 +132,7 @@ def open_run(place: str | Path) -> tuple[StoredRun, tuple[Comparison, ...]]:
     fit = opened.fit
     if fit.identifiability is None:
         # Earlier versions did not store it.
-        fit = replace(fit, identifiability=identifiability_of(fit, opened.tests))
+        fit = fit.with_identifiability(identifiability_of(fit, opened.tests))
     return with_additions(opened.place, fit), comparisons_of(fit, opened.tests)
 
 

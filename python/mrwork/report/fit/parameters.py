@@ -54,12 +54,17 @@ def parameter_rows(fit: Fit) -> list[ParameterRow]:
             unit=shown_unit(estimate.unit),
             lower=lower,
             upper=upper,
-            remark=estimate.remark,
+            remark=_remark(fit, estimate),
         )
         for estimate, value, error, relative, lower, upper in zip(
             estimates, values, errors, relatives, lowers, uppers, strict=True
         )
     ]
+
+
+def _remark(fit: Fit, estimate: Estimate) -> str:
+    """What keeps the parameter from varying; of one that the derivatives leave open, the verdict on it."""
+    return fit.verdict_on(estimate.name)[0] if estimate.remark == "not identifiable" else estimate.remark
 
 
 def _interval(intervals: Intervals, estimate: Estimate) -> str:

@@ -131,19 +131,9 @@ def _prose(draws: Draws) -> tuple[str, ...]:
 def _table(draws: Draws) -> Table:
     return table(
         label="Posterior of each parameter",
-        columns=(
-            "Parameter",
-            "Median",
-            "2.5 %",
-            "97.5 %",
-            "Unit",
-            "ESS bulk",
-            "ESS tail",
-            "R-hat",
-            "Verdict",
-            "Reason",
-        ),
-        words=(4, 8, 9),
+        # The one verdict on a parameter is in the section on identifiability.
+        columns=("Parameter", "Median", "2.5 %", "97.5 %", "Unit", "ESS bulk", "ESS tail", "R-hat", "Remark"),
+        words=(4, 8),
         rows=tuple(
             (
                 each.name,
@@ -152,8 +142,7 @@ def _table(draws: Draws) -> Table:
                 numbers.fixed(each.ess_bulk, 0),
                 numbers.fixed(each.ess_tail, 0),
                 numbers.fixed(each.rhat if math.isfinite(each.rhat) else None, 3),
-                each.verdict or each.remark,
-                each.reason,
+                each.reason or each.remark,
             )
             for each in draws.summaries
         ),

@@ -69,8 +69,9 @@ def _prose(profiles: Profiles) -> tuple[str, ...]:
 def _table(profiles: Profiles) -> Table:
     return table(
         label="Intervals by profile likelihood",
-        columns=("Parameter", "Estimate", "From", "To", "Unit", "Verdict", "Reason"),
-        words=(4, 5, 6),
+        # The one verdict on a parameter is in the section on identifiability.
+        columns=("Parameter", "Estimate", "From", "To", "Unit", "Remark"),
+        words=(4, 5),
         rows=tuple(
             (
                 each.name,
@@ -78,7 +79,6 @@ def _table(profiles: Profiles) -> Table:
                 _end(each.lower),
                 _end(each.upper),
                 shown_unit(each.unit),
-                each.verdict,
                 each.reason,
             )
             for each in profiles.profiles

@@ -10,16 +10,13 @@ from numpy.typing import NDArray
 
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec
-from mrwork.identification.certainty import VerdictName
 from mrwork.identification.linearisation import linearised
 from mrwork.identification.objective import Objective
 from mrwork.identification.search_ranges import search_box
 from mrwork.records import DamperTest
-from mrwork.summary import of_unit
+from mrwork.uncertainty.identifiability.judgement import ParameterScale
 from mrwork.values import holds_arrays
 
-# Parameters with a standard error above this share of their scale are weakly identifiable.
-WEAK = 0.25
 # A value smaller than this share of the nominal one counts as zero.
 _NEGLIGIBLE = 0.01
 # Largest number of residual entries in one batch.
@@ -30,60 +27,17 @@ _LARGEST_BATCH = 2**24
 Linearise = Callable[[NDArray[np.float64]], Iterable[tuple[NDArray[np.float64], NDArray[np.float64]]]]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ParameterScale:
-    """Size of a relevant change of one parameter, in its `unit`: its value, or half its range where `of_range`."""
-
-    name: str
-    unit: str
-    value: float
-    size: float
-    of_range: bool
-    lower: float
-    upper: float
-
-    def share(self, share: float) -> str:
-        """A share of the size, such as "40 % of its value", or "33 times its value" above 100 %."""
-        whole = "its value"
-        if self.of_range:
-            limits = f"{self.lower:.3g} to {of_unit(self.upper, self.unit, 3)}"
-            whole = f"half its range for these tests ({limits})"
-        return f"{100.0 * share:.2g} % of {whole}" if share < 1.0 else f"{share:.3g} times {whole}"
-
-    def exceeds_value(self, share: float) -> bool:
-        """Whether this share of the size is large beside the value; it is small beside the range."""
-        return self.of_range and share * self.size > WEAK * abs(self.value)
-
-
-def verdict_on_width(
-    half: float, deviations: float, scale: ParameterScale, *, log: bool
-) -> tuple[VerdictName, str]:
-    """Verdict and reason from half the width of a closed interval: weak where a standard deviation exceeds `WEAK`.
-
-    Parameters
-    ----------
-    half
-        Half the width, in multiples of the size of the scale or, where `log`, of the logarithm.
-    deviations
-        The number of standard deviations that the half width of a normal density would be.
-    """
-    width = f"a factor of {np.exp(half):.2g}" if log else scale.share(half)
-    reason = f"the interval is {width} wide to either side"
-    if half > WEAK * deviations:
-        return "weakly identifiable", reason
-    return "identifiable", reason if scale.exceeds_value(half / deviations) else ""
-
-
 @holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scale:
     """Size of a relevant change of each parameter, shape (n_params,): its value, or half its range where `of_range`.
 
     The size of a parameter with a logarithmic scale is its value. Other parameters may be zero; their size is half the
-    range derived from the scales of the records, where this is larger. `ranges` are the ranges so derived, `theta` the
-    values, shape (n_params,).
+    range derived from the scales of the records, where this is larger. `ranges` are the ranges so derived, within
+    the admissible ones of `box`; `theta` are the values, shape (n_params,).
     """
 
+    box: Box
     ranges: Box
     theta: NDArray[np.float64]
     size: NDArray[np.float64]
@@ -98,10 +52,12 @@ class Scale:
         half = 0.5 * (np.array(ranges.upper) - np.array(ranges.lower))
         size = np.abs(theta)
         of_range = ~np.array(box.log) & (half > size)
-        return cls(ranges=ranges, theta=theta, size=np.where(of_range, half, size), of_range=of_range)
+        return cls(
+            box=box, ranges=ranges, theta=theta, size=np.where(of_range, half, size), of_range=of_range
+        )
 
-    def of_parameter(self, spec: DamperSpec, index: int) -> ParameterScale:
-        """Scale of one parameter of the model."""
+    def of_parameter(self, spec: DamperSpec, index: int, derivative: NDArray[np.float64]) -> ParameterScale:
+        """Scale of one parameter of the model, with the derivative of the residuals by it, shape (n_residuals,)."""
         return ParameterScale(
             name=spec.names[index],
             unit=spec.parameters[index].unit,
@@ -110,6 +66,9 @@ class Scale:
             of_range=bool(self.of_range[index]),
             lower=self.ranges.lower[index],
             upper=self.ranges.upper[index],
+            log=self.box.log[index],
+            bounds=(self.box.lower[index], self.box.upper[index]),
+            sensitivity=float(np.linalg.norm(derivative)),
         )
 
 

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.identification.certainty import Change, Direction, Identifiability, Verdict
-from mrwork.uncertainty.identifiability.curvature import WEAK, ParameterScale
+from mrwork.identification.covariance import INSENSITIVE
+from mrwork.uncertainty.identifiability.judgement import WEAK, ParameterScale, judge_error
 
 # Components of a direction smaller than this share of the largest are not named.
 _NEGLIGIBLE = 0.03
@@ -19,12 +20,18 @@ _LARGEST_DENOMINATOR = 2
 _LARGEST_EXPONENT = 3
 
 
-def changes_along(direction: NDArray[np.float64], scales: Sequence[ParameterScale]) -> tuple[Change, ...]:
+def changes_along(
+    direction: NDArray[np.float64],
+    scales: Sequence[ParameterScale],
+    effects: NDArray[np.float64] | None = None,
+) -> tuple[Change, ...]:
     """Changes of the parameters along a direction, shape (n_params,), in shares of their scales.
 
-    The first one increases by 1 %; parameters that hardly change are left out.
+    The first one increases by 1 %; parameters that hardly change are left out, or those that hardly change the force
+    where `effects`, shape (n_params,), are the changes of force per change in shares.
     """
-    named = np.flatnonzero(np.abs(direction) > _NEGLIGIBLE * np.max(np.abs(direction)))
+    weight = np.abs(direction if effects is None else direction * effects)
+    named = np.flatnonzero(weight > _NEGLIGIBLE * np.max(weight))
     unit = direction / direction[named[0]]
     return tuple(
         Change(
@@ -89,11 +96,6 @@ def listed(parts: Sequence[str]) -> str:
     return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}"
 
 
-# Largest ratio of a singular value to the greatest one for an unidentifiable direction, parameters scaled to unit
-# sensitivity. Rounding leaves about 1e-9 where derivatives are difference quotients.
-UNSEEN = 1e-7
-# Smallest component of a parameter that takes part in a direction.
-_LEAST_COMPONENT = 1e-6
 # Tolerance of exponents for combinations along weakly identifiable directions.
 _APPROXIMATE = 0.05
 # Smallest correlation at which a partner is named.
@@ -102,74 +104,72 @@ _STRONG_CORRELATION = 0.9
 
 def identifiability_from(
     jacobian: NDArray[np.float64],
+    covariance: NDArray[np.float64],
     *,
     scales: Sequence[ParameterScale],
-    misfit: float,
     n_effective: float,
     held: set[str] | frozenset[str] = frozenset(),
 ) -> Identifiability:
     """Verdicts and directions from the derivative of the residuals, shape (n_residuals, n_params).
 
-    The covariance is `s^2 (J'J)^-1 n/n_eff`, with `s^2 = misfit^2 / (n - n_params)`. A direction is unidentifiable if
-    its singular value, parameters scaled to unit sensitivity, is below `UNSEEN` of the largest, and weakly identifiable
-    if the standard error along it exceeds `WEAK` of the scale.
+    A direction is unidentifiable if its singular value, parameters scaled to unit sensitivity, is below `INSENSITIVE`
+    of the largest, and weakly identifiable if the standard error along it exceeds `WEAK` of the scale. Where an
+    unidentifiable direction has a parameter that was held, its others are determined.
 
     Parameters
     ----------
     jacobian
         With respect to parameters in units of their scales; residuals sum up in squares to the squared misfit.
+    covariance
+        Of `covariance_at`, in units of the scales, shape (n_params, n_params); NaN for what is not determined.
     scales
         Of the parameters, in the order of the columns.
     held
         Parameters that were held fixed: without verdict, but they may take part in a direction.
-
-    Returns
-    -------
-    Identifiability
-        Standard errors are in units of the scales.
     """
-    n_time = len(jacobian)
     null = _null_space(jacobian)
-    basis = sparse_basis(null) if len(null) else null
-    unseen = tuple(_unidentifiable_direction(row, jacobian, scales, held) for row in basis)
+    unseen = tuple(_unidentifiable_direction(row, jacobian, scales, held) for row in null)
+    open_names = {
+        each.name
+        for found in unseen
+        for each in found.changes
+        if not held & {each.name for each in found.changes}
+    }
     counted = np.array([index for index, each in enumerate(scales) if each.name not in held], dtype=int)
-    free = jacobian[:, counted]
-    undetermined = np.any(np.abs(_null_space(free)) > _LEAST_COMPONENT, axis=0)
-    variance = misfit**2 / max(n_time - counted.size, 1) * n_time / n_effective
-    seen = free[:, ~undetermined]
-    cov = np.full((counted.size, counted.size), np.inf)
-    cov[np.ix_(~undetermined, ~undetermined)] = variance * _scaled_inverse(seen.T @ seen)
-    verdicts = tuple(
-        _verdict(number, [scales[index] for index in counted], cov, free, undetermined)
-        for number in range(counted.size)
+    free, own = jacobian[:, counted], [scales[index] for index in counted]
+    cov = covariance[np.ix_(counted, counted)]
+    undetermined = ~np.isfinite(np.diag(cov)) | np.array(
+        [each.name in open_names for each in own], dtype=bool
     )
-    weak = _weak_directions(
-        cov[np.ix_(~undetermined, ~undetermined)],
-        seen,
-        [scales[index] for index in counted[~undetermined]],
-    )
+    determined = ~undetermined
     return Identifiability(
-        verdicts=verdicts, directions=unseen + weak, n_time=n_time, n_effective=n_effective
+        verdicts=tuple(_verdict(number, own, cov, free, undetermined) for number in range(counted.size)),
+        directions=unseen
+        + _weak_directions(
+            cov[np.ix_(determined, determined)],
+            free[:, determined],
+            [each for each, is_determined in zip(own, determined, strict=True) if is_determined],
+        ),
+        n_time=len(jacobian),
+        n_effective=n_effective,
     )
 
 
 def _null_space(jacobian: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Unidentifiable directions in units of the scales, shape (n_directions, n_params)."""
+    """Sparse basis of the unidentifiable directions in units of unit sensitivity, shape (n_directions, n_params)."""
     if jacobian.shape[1] == 0:
         return np.empty((0, 0))
-    norm = np.linalg.norm(jacobian, axis=0)
-    insensitive = norm == 0.0
-    unit = jacobian / np.where(insensitive, 1.0, norm)
+    unit = jacobian / _effects(jacobian)
     _, singular, right = np.linalg.svd(unit, full_matrices=len(jacobian) < jacobian.shape[1])
     short = np.concatenate([singular, np.zeros(len(right) - len(singular))])
-    null = right[short <= UNSEEN * max(singular[0], 1e-300)] / np.where(insensitive, 1.0, norm)
-    return np.asarray(null / np.linalg.norm(null, axis=1, keepdims=True))
+    null = right[short <= INSENSITIVE * max(singular[0], 1e-300)]
+    return sparse_basis(null) if len(null) else null
 
 
-def _scaled_inverse(normal: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Inverse of a positive definite matrix, scaled to unit diagonal for accuracy."""
-    root = np.sqrt(np.diag(normal))
-    return np.asarray(np.linalg.inv(normal / np.outer(root, root)) / np.outer(root, root))
+def _effects(jacobian: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Change of the force per change of each parameter, shape (n_params,); 1 for one without effect."""
+    norm = np.linalg.norm(jacobian, axis=0)
+    return np.asarray(np.where(norm == 0.0, 1.0, norm))
 
 
 def _unidentifiable_direction(
@@ -178,7 +178,8 @@ def _unidentifiable_direction(
     scales: Sequence[ParameterScale],
     held: set[str] | frozenset[str],
 ) -> Direction:
-    changes = changes_along(direction, scales)
+    effects = _effects(jacobian)
+    changes = changes_along(direction / effects, scales, effects)
     if len(changes) == 1:
         sentence = f"the residuals do not depend on {changes[0].name}"
     else:
@@ -220,9 +221,8 @@ def _weak_directions(
         better = f"; {listed(combinations)} is better identifiable" if combinations else ""
         along = float(np.sqrt(variance)) * abs(vector[largest])
         sentence = (
-            f"{_joint_change(changes)} is weakly identifiable: it changes the force by {100.0 * effect:.1g} % of its "
-            f"deviation, so along it the standard error of {changes[0].name} is "
-            f"{scales[largest].share(along)}{better}"
+            f"{_joint_change(changes)} changes the force by no more than {100.0 * effect:.1g} % of its deviation, so "
+            f"along it the standard error of {changes[0].name} is {scales[largest].share(along)}{better}"
         )
         found.append(Direction(changes=changes, effect=effect, seen=True, sentence=sentence))
     return tuple(found)
@@ -248,7 +248,7 @@ def _verdict(
     jacobian: NDArray[np.float64],
     undetermined: NDArray[np.bool_],
 ) -> Verdict:
-    """Verdict on one parameter; its standard error in units of the scale."""
+    """Verdict on one parameter."""
     scale = scales[number]
     if undetermined[number]:
         others = [
@@ -261,15 +261,18 @@ def _verdict(
             reason = f"identifiable only in combination with {listed(others)}"
         return Verdict(name=scale.name, verdict="not identifiable", standard_error=None, reason=reason)
     error = float(np.sqrt(cov[number, number]))
-    if error <= WEAK:
-        reason = f"its standard error is {scale.share(error)}" if scale.exceeds_value(error) else ""
-        return Verdict(name=scale.name, verdict="identifiable", standard_error=error, reason=reason)
-    deviation = np.sqrt(np.diag(cov))
-    correlation = np.where(undetermined, 0.0, cov[number] / np.where(undetermined, 1.0, error * deviation))
-    correlation[number] = 0.0
-    partner = int(np.argmax(np.abs(correlation)))
-    reason = f"its standard error is {scale.share(error)}"
-    if abs(correlation[partner]) > _STRONG_CORRELATION:
-        other = scales[partner].name
-        reason += f", mostly because {other} can compensate for it (correlation {correlation[partner]:.3f})"
-    return Verdict(name=scale.name, verdict="weakly identifiable", standard_error=error, reason=reason)
+    found = judge_error(error * scale.size, scale)
+    reason = found.reason
+    if found.verdict in ("weakly identifiable", "sign unknown"):
+        deviation = np.sqrt(np.diag(cov))
+        correlation = np.where(
+            undetermined, 0.0, cov[number] / np.where(undetermined, 1.0, error * deviation)
+        )
+        correlation[number] = 0.0
+        partner = int(np.argmax(np.abs(correlation)))
+        if abs(correlation[partner]) > _STRONG_CORRELATION:
+            other = scales[partner].name
+            reason += (
+                f"; mostly because {other} can compensate for it (correlation {correlation[partner]:.3f})"
+            )
+    return Verdict(name=scale.name, verdict=found.verdict, standard_error=error * scale.size, reason=reason)

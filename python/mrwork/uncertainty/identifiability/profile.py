@@ -14,7 +14,8 @@ from mrwork.dampers.parameters import ParamSpec
 from mrwork.identification.certainty import Interval, Intervals, VerdictName
 from mrwork.store.record import OrInfinite, Related
 from mrwork.summary import Summarised, Summary, of_unit, rounded
-from mrwork.uncertainty.identifiability.curvature import ParameterScale, Scaled, verdict_on_width
+from mrwork.uncertainty.identifiability.curvature import Scaled
+from mrwork.uncertainty.identifiability.judgement import Judgement, ParameterScale, judge_interval
 from mrwork.uncertainty.identifiability.walk import (
     End,
     Side,
@@ -184,8 +185,8 @@ def profile_of(
         verdict="identifiable",
         reason="",
     )
-    verdict, reason = _verdict(profile, crossings, limit, scale)
-    return replace(profile, verdict=verdict, reason=reason)
+    found = _judged(profile, limit, scale)
+    return replace(profile, verdict=found.verdict, reason=found.reason)
 
 
 def _crossing(position: NDArray[np.float64], roots: NDArray[np.float64], limit: float) -> float | None:
@@ -202,25 +203,20 @@ def _value(scaled: Scaled, index: int, position: float) -> float:
     return float(np.exp(position) if scaled.log[index] else position * scaled.size[index])
 
 
-def _verdict(
-    profile: Profile, crossings: list[float | None], limit: float, scale: ParameterScale
-) -> tuple[VerdictName, str]:
-    """Verdict: identifiable if closed and narrow, weakly if wide or open on one side, not if open on both sides."""
+def _judged(profile: Profile, limit: float, scale: ParameterScale) -> Judgement:
+    """Judged by the ends of the interval; the reason names those that are open."""
     open_ends = [
         f"{side}: {_IN_WORDS[end]}"
-        for side, end, crossing in (
-            ("below", profile.lower_end, crossings[0]),
-            ("above", profile.upper_end, crossings[1]),
+        for side, end, value in (
+            ("below", profile.lower_end, profile.lower),
+            ("above", profile.upper_end, profile.upper),
         )
-        if crossing is None
+        if value is None
     ]
-    if crossings[0] is None and crossings[1] is None:
-        if profile.lower_end == profile.upper_end:
-            return "not identifiable", f"open on both sides: {_IN_WORDS[profile.lower_end]}"
-        return "not identifiable", f"open {'; '.join(open_ends)}"
-    if crossings[0] is None or crossings[1] is None:
-        return "weakly identifiable", f"open {open_ends[0]}"
-    return verdict_on_width(0.5 * (crossings[1] - crossings[0]), limit, scale, log=profile.log)
+    opened = f"open {'; '.join(open_ends)}"
+    if len(open_ends) == 2 and profile.lower_end == profile.upper_end:
+        opened = f"open on both sides: {_IN_WORDS[profile.lower_end]}"
+    return judge_interval((profile.lower, profile.upper), limit, scale, opened=opened)
 
 
 _IN_WORDS: dict[End, str] = {

@@ -16,6 +16,7 @@ from mrwork.dampers.coordinates import Box
 from mrwork.errors import Interrupted, SettingError, UnknownNameError
 from mrwork.identification.autocorrelation import effective_samples, residuals_by_test
 from mrwork.identification.fit import Fit
+from mrwork.identification.linearisation import linearised
 from mrwork.identification.objective import ROOT_MEAN_SQUARE
 from mrwork.identification.problem import Problem
 from mrwork.records import DamperTest
@@ -109,7 +110,7 @@ def profile(
         return points_of(position, curvature(derivatives, scaled, position))
 
     (start,) = simulated(scaled.position(theta)[None])
-    residuals = objective.residuals(scaled.parameters(start.position)[None])[0]
+    (residuals,), (slopes,) = linearised(objective, scaled.parameters(start.position)[None], box.free)
     n_effective = effective_samples(residuals_by_test(residuals, objective.tests))
     dof = n_effective * max(1.0 - len(box.free) / residuals.size, 0.0)
     # Quantile of chi-squared with one degree of freedom, the square of a normal variable.
@@ -123,7 +124,7 @@ def profile(
                 spec.parameters[box.free[index]],
                 scaled,
                 index,
-                scale.of_parameter(spec, box.free[index]),
+                scale.of_parameter(spec, box.free[index], slopes[index]),
                 sides[index, -1],
                 sides[index, 1],
                 least=least,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
-from math import log
 from statistics import NormalDist
 from typing import TYPE_CHECKING, ClassVar, Final, Literal
 
@@ -15,7 +14,7 @@ from mrwork.arguments import checked
 from mrwork.identification.certainty import Interval, Intervals, VerdictName
 from mrwork.identification.fit import Provenance
 from mrwork.summary import Summarised, Summary, rounded, with_decimals
-from mrwork.uncertainty.identifiability.curvature import ParameterScale, verdict_on_width
+from mrwork.uncertainty.identifiability.judgement import ParameterScale, judge_interval
 from mrwork.uncertainty.posterior.diagnostics import convergence
 from mrwork.values import holds_arrays
 
@@ -87,16 +86,13 @@ class DrawSummary:
             reason=self.reason,
         )
 
-    def judged(self, scale: ParameterScale, *, logarithmic: bool) -> DrawSummary:
+    def judged(self, scale: ParameterScale) -> DrawSummary:
         """With the verdict: as for a profile, where an end at which the draws pile up is open."""
         if self.fixed:
             return self
-        if self.at_bound:
-            verdict: VerdictName = "not identifiable" if self.remark == _AT_BOTH else "weakly identifiable"
-            return replace(self, verdict=verdict, reason=f"it {self.remark}")
-        half = 0.5 * (log(self.upper / self.lower) if logarithmic else (self.upper - self.lower) / scale.size)
-        verdict, reason = verdict_on_width(half, _DEVIATIONS, scale, log=logarithmic)
-        return replace(self, verdict=verdict, reason=reason)
+        ends = self.interval.lower, self.interval.upper
+        found = judge_interval(ends, _DEVIATIONS, scale, opened=f"it {self.remark}")
+        return replace(self, verdict=found.verdict, reason=found.reason)
 
 
 @holds_arrays

@@ -16,6 +16,7 @@ from mrwork import _rust
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
+from mrwork.identification.covariance import derivatives_by_model
 from mrwork.identification.fit import Fit, Provenance
 from mrwork.identification.problem import Problem
 from mrwork.records import DamperTest
@@ -198,9 +199,11 @@ class SamplingProblem:
             for index, name in enumerate(names)
         ]
         theta = np.asarray(self.target.form.to_model(self.start))
-        scale = Scale.of(self.spec, own, self.target.objective.tests, theta)
+        objective = self.target.objective
+        scale = Scale.of(self.spec, own, objective.tests, theta)
+        _, derivative = derivatives_by_model(objective.plain, self.target.form, self.start)
         judged = [
-            each.judged(scale.of_parameter(self.spec, index), logarithmic=own.log[index])
+            each.judged(scale.of_parameter(self.spec, index, derivative[:, index]))
             for index, each in enumerate(found[: theta.size])
         ]
         return (*judged, *found[theta.size :])

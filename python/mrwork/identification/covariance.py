@@ -1,0 +1,105 @@
+"""Covariance of the parameters of the requested model at a minimum: the one source of standard errors."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.identification.autocorrelation import effective_samples, residuals_by_test
+from mrwork.identification.equivalent import Form
+from mrwork.identification.linearisation import linearised
+from mrwork.identification.objective import Objective
+from mrwork.identification.result import remark_of
+
+# A combination of parameters (each scaled to unit sensitivity) that changes the residuals less than this, relative to
+# the one that changes them most, is not identifiable. Rounding leaves about 1e-11. The same number bounds the squared
+# component of a parameter that takes part in such a combination.
+INSENSITIVE = 1e-7
+
+
+def covariance_at(
+    objective: Objective, form: Form, theta: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], float]:
+    """Covariance of the parameters of the requested model, and the number of samples that it assumes.
+
+    The covariance has shape (n_params, n_params), with zeros for parameters that do not vary and NaN for those that the
+    residuals do not determine. The residuals of a record are correlated, so they count as `effective_samples`, and the
+    covariance is that of independent residuals times `n_residuals/n_effective`. A parameter of the form on its bound is
+    treated as known.
+
+    Parameters
+    ----------
+    objective
+        Sum of squares, in the parameters of the form.
+    theta
+        The minimum, in the parameters of the form, shape (n_params,).
+    """
+    interior = [index for index in form.box.free if remark_of(form.box, index, theta[index]) == ""]
+    # A derivative is simulated also where every parameter is on a bound: it gives the residuals.
+    (residuals,), (slopes,) = linearised(objective, theta[None], interior or form.box.free)
+    n_effective = effective_samples(residuals_by_test(residuals, objective.tests))
+    cov = np.zeros((len(theta), len(theta)))
+    if interior:
+        independent = covariance(slopes.T, float(np.linalg.norm(residuals)))
+        cov[np.ix_(interior, interior)] = independent * (residuals.size / n_effective)
+    return covariance_through(form.to_model.jacobian(theta), cov), n_effective
+
+
+def derivatives_by_model(
+    objective: Objective, form: Form, theta: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Residuals (n_residuals,), and their derivative by the parameters of the requested model, (n_residuals, n_params).
+
+    By the chain rule through the form, at its parameters `theta`; zero for parameters that the form does not vary.
+    """
+    free = list(form.box.free)
+    (residuals,), (slopes,) = linearised(objective, theta[None], free)
+    mapped = form.from_model.jacobian(np.asarray(form.to_model(theta)))
+    return residuals, np.asarray(slopes.T @ mapped[free])
+
+
+def standard_errors(cov: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Standard errors, shape (n_params,), of a covariance: 0 for what does not vary, NaN for what is undetermined."""
+    return np.asarray(np.sqrt(np.diag(cov)))
+
+
+def covariance(jacobian: NDArray[np.float64], misfit: float) -> NDArray[np.float64]:
+    """Covariance for independent residuals, shape (n_params, n_params); NaN where columns are not identifiable.
+
+    `cov = s^2 (J'J)^-1` with `s^2 = misfit^2 / (n_residuals - n_params)`, for the Jacobian of residuals whose sum
+    of squares is the squared misfit. Parameters that take part in a combination to which the residuals are insensitive
+    have NaN in their rows and columns.
+    """
+    n_residuals, n_params = jacobian.shape
+    result = np.full((n_params, n_params), np.nan)
+    norm = np.linalg.norm(jacobian, axis=0)
+    sensitive = np.flatnonzero(norm > 0.0)
+    if sensitive.size == 0 or n_residuals <= n_params or not np.all(np.isfinite(jacobian)):
+        return result
+    _, singular, right = np.linalg.svd(jacobian[:, sensitive] / norm[sensitive], full_matrices=False)
+    determined = singular > INSENSITIVE * singular[0]
+    variance = misfit**2 / (n_residuals - n_params)
+    root = right[determined].T / singular[determined] / norm[sensitive, None]
+    block = variance * root @ root.T
+    undetermined = np.sum(right[~determined] ** 2, axis=0) > INSENSITIVE
+    block[undetermined, :] = np.nan
+    block[:, undetermined] = np.nan
+    result[np.ix_(sensitive, sensitive)] = block
+    return result
+
+
+def covariance_through(map_jacobian: NDArray[np.float64], cov: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Covariance of mapped parameters, shape (n_mapped, n_mapped), by the delta method.
+
+    NaN propagates to what depends on it, and no further.
+    """
+    used = [np.flatnonzero(row) for row in map_jacobian]
+    return np.array(
+        [
+            [
+                row[here] @ cov[np.ix_(here, there)] @ other[there]
+                for other, there in zip(map_jacobian, used, strict=True)
+            ]
+            for row, here in zip(map_jacobian, used, strict=True)
+        ]
+    )

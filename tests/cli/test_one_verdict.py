@@ -1,0 +1,178 @@
+"""A parameter has one verdict and one standard error: in the terminal, on the page, in the files and in Python."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import dataclass
+from html import unescape
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command_line import printed
+from sinusoidal_tests import sinusoidal_test
+
+import mrwork as mr
+from mrwork.cli.identified import text_of
+from mrwork.identification.fit_file import reopen
+
+DAMPER = {"k_x": 4000.0, "k_w": 600.0, "rho": 5000.0}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Case:
+    """A command line of `identify`, and the verdicts that it must give."""
+
+    arguments: tuple[str, ...]
+    verdicts: dict[str, str]
+    noise: float = 0.0
+
+
+SYNTHETIC = ("synthetic:spencer1997_fast", "--every", "4")
+CASES = {
+    "well determined": Case(
+        arguments=(*SYNTHETIC, "--model", "viscous_dahl"),
+        verdicts={"k_w": "identifiable", "f0": "identifiable"},
+    ),
+    "at its bound": Case(
+        arguments=(*SYNTHETIC, "--model", "viscous_dahl", "--bound", "rho=10:2000"),
+        verdicts={"rho": "weakly identifiable", "k_w": "identifiable"},
+    ),
+    "irrelevant": Case(
+        arguments=("--model", "viscous_dahl"),
+        noise=0.01,
+        verdicts={"f0": "negligible", "k_w": "identifiable"},
+    ),
+    "unknown sign": Case(
+        arguments=("--model", "viscous_dahl"),
+        noise=0.4,
+        verdicts={"f0": "sign unknown", "k_w": "identifiable"},
+    ),
+    "a common scale": Case(
+        arguments=(*SYNTHETIC, "--model", "bouc_wen"),
+        verdicts={"A": "fixed", "alpha": "identifiable"},
+    ),
+    "at its bound in another form": Case(
+        arguments=(*SYNTHETIC, "--model", "bouc_wen", "--bound", "n=2.5:4"),
+        verdicts={"A": "fixed", "n": "weakly identifiable"},
+    ),
+    "an enormous error": Case(
+        arguments=("synthetic:rd1005_1a", "--every", "4", "--model", "maxwell"),
+        verdicts={"k": "weakly identifiable", "f0": "sign unknown"},
+    ),
+    "springs that cannot be told apart": Case(
+        arguments=("synthetic:spencer1997", "--every", "8", "--model", "modified_bouc_wen"),
+        verdicts={"k0": "not identifiable", "k1": "not identifiable", "c1": "weakly identifiable"},
+    ),
+}
+
+
+def record(folder: Path, noise: float) -> str:
+    """A record of a damper without an offset."""
+    test = sinusoidal_test("viscous_dahl", (*DAMPER.values(), 0.0), (0.01, 1.0), noise=noise, rng=3)
+    columns = np.column_stack(
+        [test.dt * np.arange(test.n_time), test.displacement, test.velocity, test.force]
+    )
+    path = folder / "record.csv"
+    np.savetxt(path, columns, delimiter=",", header="time_s,displacement_m,velocity_m/s,force_N", comments="")
+    return str(path)
+
+
+def rows_of(text: str) -> dict[str, str]:
+    """Lines of the first table of an output, by the name of the parameter."""
+    table = text.partition("  parameter ")[2].split("\n\n")[0].splitlines()[1:]
+    return {line.split()[0]: line for line in table}
+
+
+def page_rows(page: str, heading: str) -> dict[str, list[str]]:
+    """Cells of the rows below a heading of the page, as text, by the name of the parameter."""
+    table = page[page.index(heading) :].partition("</table>")[0]
+    rows = (re.findall(r"<t[hd].*?>(.*?)</t[hd]>", row) for row in re.findall(r"<tr>(.*?)</tr>", table))
+    cells = ([unescape(re.sub("<.*?>", "", cell)) for cell in row] for row in rows)
+    return {next(each for each in row[:2] if each): row for row in cells}
+
+
+def check_one_verdict(place: Path, terminal: str) -> dict[str, str]:
+    """The verdicts of a run, after checking that they are the same everywhere."""
+    fit = mr.load(place).fit
+    verdicts = {each.name: fit.verdict_on(each.name)[0] for each in fit.estimates}
+    stored = json.loads((place / "fit.json").read_text())
+    errors = {each["name"]: each["standard_error"] for each in stored["estimates"]}
+    for each in stored["identifiability"]["verdicts"]:
+        assert each["verdict"] == verdicts[each["name"]]
+        assert each["standard_error"] == errors[each["name"]]
+    for each in fit.estimates:
+        assert each.standard_error == errors[each.name]
+        # 0 was once that of a parameter at its bound.
+        assert each.standard_error is None or each.standard_error > 0.0
+        if each.remark:
+            assert each.standard_error is None
+    words = {line: verdicts[name] for name, line in rows_of(terminal).items() if name in verdicts}
+    assert all(f"  {verdict}" in line for line, verdict in words.items())
+    page = (place / "report.html").read_text()
+    on_page = page_rows(page, "Identifiability</h2>")
+    assert {name: row[1] for name, row in on_page.items() if name in verdicts} == {
+        name: verdict for name, verdict in verdicts.items() if verdict != "fixed"
+    }
+    # No other verdict stands on the page.
+    assert page.count(">Verdict<") == 1
+    for name, verdict in verdicts.items():
+        if verdict in ("identifiable", "negligible"):
+            # "identifiable" above and "1.16e6 times its value" below.
+            assert f"the standard error of {name} is" not in terminal
+            assert f"the standard error of {name} is" not in page
+    return verdicts
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_verdicts_and_errors_are_the_same_everywhere(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    case, place = CASES[name], tmp_path / "run"
+    arguments = case.arguments if not case.noise else (record(tmp_path, case.noise), *case.arguments)
+    command = ("identify", *arguments, "--seed", "1", "--json", "--threads", "1", "--out", place)
+    document = json.loads(printed(capsys, *command))
+    opened = reopen(place)
+    # What the command prints without --json.
+    verdicts = check_one_verdict(place, text_of(opened.fit, opened.tests))
+    assert case.verdicts.items() <= verdicts.items()
+    assert {key: each["verdict"] for key, each in document["parameters"].items()} == verdicts
+    stated = {each["name"]: each["standard_error"] for each in document["identifiability"]["verdicts"]}
+    for key, each in document["parameters"].items():
+        assert each["standard_error"] == stated.get(key)
+        assert (each["standard_error"] is None) or not each["remark"]
+
+
+def test_later_intervals_bring_their_verdicts_everywhere(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    place = tmp_path / "run"
+    path = record(tmp_path, CASES["unknown sign"].noise)
+    printed(capsys, "identify", path, "--model", "dahl", "--seed", "1", "--quiet", "--out", place)
+    whole = printed(capsys, "profile", place, "--quiet")
+    assert "stay those" not in whole
+    assert check_one_verdict(place, whole)["f0"] == "sign unknown"
+    assert mr.load(place).fit.intervals is not None
+    drawn = printed(capsys, "sample", place, "--quiet", "--walkers", "32", "--steps", "6000", "--seed", "1")
+    kind = mr.load(place).fit.intervals
+    assert kind is not None
+    assert kind.kind == "posterior", drawn
+    assert check_one_verdict(place, drawn)["f0"] == "sign unknown"
+    # The draws come first; profiles say so.
+    after = printed(capsys, "profile", place, "--quiet", "--parameter", "k_w")
+    assert "verdicts of the fit, on its page and in fit.json, stay those by its 95 % posterior inter" in after
+    check_one_verdict(place, "")
+
+
+def test_a_run_of_before_is_read_with_one_error(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    place = tmp_path / "run"
+    printed(capsys, "identify", *CASES["at its bound"].arguments, "--quiet", "--out", place)
+    now = mr.load(place).fit
+    document = json.loads((place / "fit.json").read_text())
+    del document["identifiability"]["by_derivatives"]
+    for estimate in document["estimates"]:
+        if estimate["name"] == "rho":
+            estimate |= {"standard_error": 0.0}
+    (place / "fit.json").write_text(json.dumps(document))
+    assert mr.load(place).fit == now

@@ -1,0 +1,149 @@
+"""The one rule of verdicts: what a standard error or an interval says of a parameter."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mrwork.identification.certainty import (
+    Identifiability,
+    Interval,
+    Intervals,
+    Verdict,
+    VerdictName,
+)
+from mrwork.uncertainty.identifiability.judgement import (
+    DEVIATIONS,
+    NEGLIGIBLE,
+    ParameterScale,
+    judge_error,
+    judge_interval,
+)
+
+# A stiffness that may have either sign: 1e-5 of the force's deviation for each N/m.
+SPRING = ParameterScale(
+    name="k",
+    unit="N/m",
+    value=0.0,
+    size=9e4,
+    of_range=True,
+    lower=-9e4,
+    upper=9e4,
+    log=False,
+    bounds=(-1e6, 1e6),
+    sensitivity=1e-5,
+)
+DAMPING = replace(
+    SPRING, name="c", unit="N s/m", of_range=False, log=True, bounds=(1e-3, 1e9), sensitivity=1e-4
+)
+SHARE = replace(SPRING, name="share", unit="1", bounds=(0.0, 1.0), sensitivity=0.5)
+
+
+@pytest.mark.parametrize(
+    ("scale", "value", "error", "verdict"),
+    [
+        (SPRING, 2500.0, 21.0, "identifiable"),
+        # The two that were once identifiable because they are small beside the range of the tests.
+        (SPRING, -6431.0, 16_000.0, "sign unknown"),
+        (SPRING, 5312.0, 5100.0, "sign unknown"),
+        (SPRING, 5312.0, 2000.0, "weakly identifiable"),
+        (SPRING, 318.0, 190.0, "negligible"),
+        (SPRING, 0.0, 1e-3, "negligible"),
+        (SPRING, 0.0, 1e4, "sign unknown"),
+        (SPRING, 19_992.0, 1.2e18, "sign unknown"),
+        # Small beside the force, and known all the same.
+        (SPRING, 10.0, 0.1, "identifiable"),
+        (replace(SPRING, bounds=(0.0, 1e6)), 5312.0, 5100.0, "weakly identifiable"),
+        (replace(SPRING, bounds=(100.0, 1e6)), 318.0, 190.0, "weakly identifiable"),
+        (DAMPING, 5000.0, 3.0, "identifiable"),
+        (DAMPING, 5000.0, 5001.0, "weakly identifiable"),
+        (DAMPING, 5000.0, 5.8e9, "weakly identifiable"),
+        (replace(DAMPING, sensitivity=1e-30), 5000.0, 1e7, "weakly identifiable"),
+        (SHARE, 0.003, 4.6e4, "weakly identifiable"),
+        (replace(SHARE, sensitivity=1e-6), 0.003, 4.6e4, "negligible"),
+    ],
+)
+def test_a_standard_error_has_one_verdict(
+    scale: ParameterScale, value: float, error: float, verdict: VerdictName
+) -> None:
+    found = judge_error(error, replace(scale, value=value))
+    assert found.verdict == verdict
+    assert bool(found.reason) == (verdict != "identifiable")
+
+
+@pytest.mark.parametrize(
+    ("scale", "ends", "verdict"),
+    [
+        (SPRING, (2400.0, 2600.0), "identifiable"),
+        (SPRING, (-38_000.0, 25_000.0), "sign unknown"),
+        (SPRING, (-77.5, 641.0), "negligible"),
+        (SPRING, (0.2, 681.0), "negligible"),
+        (SPRING, (1000.0, 9000.0), "weakly identifiable"),
+        (SPRING, (1000.0, None), "weakly identifiable"),
+        (SPRING, (-1000.0, None), "sign unknown"),
+        (SPRING, (None, None), "not identifiable"),
+        (replace(SPRING, sensitivity=1e-10), (None, None), "negligible"),
+        (DAMPING, (4990.0, 5010.0), "identifiable"),
+        (DAMPING, (500.0, 50_000.0), "weakly identifiable"),
+        (DAMPING, (500.0, None), "weakly identifiable"),
+        (DAMPING, (None, None), "not identifiable"),
+    ],
+)
+def test_an_interval_has_one_verdict(
+    scale: ParameterScale, ends: tuple[float | None, float | None], verdict: VerdictName
+) -> None:
+    assert judge_interval(ends, DEVIATIONS, scale, opened="open").verdict == verdict
+
+
+_VALUES = st.floats(-1e9, 1e9)
+
+
+@given(_VALUES, st.floats(1e-9, 1e12), st.floats(0.0, 1.0))
+def test_what_is_identifiable_has_a_sign_and_a_value(value: float, error: float, sensitivity: float) -> None:
+    scale = replace(SPRING, value=value, sensitivity=sensitivity, bounds=(-1e30, 1e30))
+    found = judge_error(error, scale)
+    assert (found.verdict == "identifiable") == (error <= 0.25 * abs(value))
+    if found.verdict != "identifiable":
+        small = sensitivity * (abs(value) + DEVIATIONS * error) <= NEGLIGIBLE
+        assert (found.verdict == "negligible") == small
+        if not small:
+            assert (found.verdict == "sign unknown") == (DEVIATIONS * error > abs(value))
+
+
+@given(_VALUES, st.floats(1e-9, 1e12), st.floats(0.0, 1.0))
+def test_an_interval_of_a_standard_error_is_judged_as_that_error(
+    value: float, error: float, sensitivity: float
+) -> None:
+    scale = replace(SPRING, value=value, sensitivity=sensitivity, bounds=(-1e30, 1e30))
+    # Not where rounding decides.
+    if (
+        abs(error / (abs(value) or 1.0) - 0.25) < 1e-6
+        or abs(DEVIATIONS * error / (abs(value) or 1.0) - 1.0) < 1e-6
+    ):
+        return
+    half = DEVIATIONS * error
+    ends = value - half, value + half
+    assert judge_interval(ends, DEVIATIONS, scale, opened="").verdict == judge_error(error, scale).verdict
+
+
+def test_intervals_replace_verdicts_and_give_them_back() -> None:
+    derived = Identifiability(
+        verdicts=(
+            Verdict(name="k", verdict="sign unknown", standard_error=5100.0, reason="zero"),
+            Verdict(name="c", verdict="identifiable", standard_error=3.0, reason=""),
+        ),
+        directions=(),
+        n_time=100,
+        n_effective=50.0,
+    )
+    interval = Interval(name="k", lower=100.0, upper=9000.0, verdict="weakly identifiable", reason="wide")
+    found = derived.with_intervals(Intervals(kind="profile", level=0.95, intervals=(interval,)))
+    assert [each.verdict for each in found.verdicts] == ["weakly identifiable", "identifiable"]
+    assert found.verdicts[0].standard_error == 5100.0
+    narrow = replace(interval, lower=5000.0, verdict="identifiable", reason="")
+    again = found.with_intervals(Intervals(kind="posterior", level=0.95, intervals=(narrow,)))
+    assert again.verdicts[0].verdict == "identifiable"
+    assert again.with_intervals(None) == found.with_intervals(None) == derived
