@@ -125,7 +125,7 @@ class Building(Summarised):
 
         One matrix factorisation or two where there are none. Passive elements do not count, as in all modes.
         """
-        return damping_warnings(self.name, self.mass, self.damping, self.stiffness)
+        return damping_warnings(self.name, self.mass, self.damping, self.stiffness, self.floors)
 
     @property
     def poles(self) -> NDArray[np.complex128]:
@@ -279,7 +279,7 @@ def check_building(building: Building) -> None:
     _check_symmetric(building.stiffness, "stiffness", where)
     _check_mass(building.mass, where)
     _check_stiffness(building.stiffness, where)
-    if growing := growing_modes(building.mass, building.damping, building.stiffness):
+    if growing := growing_modes(building.mass, building.damping, building.stiffness, building.floors):
         raise SettingError(
             f"{where}: {growing}, so that motion grows without end; check the signs of the damping matrix, and give a "
             "device that feeds energy as a control law, not as damping"

@@ -25,16 +25,22 @@ _GROWS: Final = 1e-5
 _ROUNDING: Final = 1e-9
 # Modes below this share of the highest frequency, or of a typical one, are motions without stiffness.
 _FREE: Final = 1e-6
+# Share of the kinetic energy in coordinates of additions above which a mode is none of the frame.
+_OF_ADDITIONS: Final = 0.9
 # With more coordinates, damping ratios are those without the coupling between modes: poles would take minutes.
 _MOST_COUPLED: Final = 300
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ModalDamping:
-    """Frequencies [Hz] and damping ratios of the modes with stiffness, lowest first, and how many have none."""
+    """Frequencies [Hz] and damping ratios of the modes with stiffness, lowest first, and how many have none.
+
+    `apart` is the share of a mode's kinetic energy in coordinates that move no floor, as the end of a brace.
+    """
 
     frequency: Floats
     ratio: Floats
+    apart: Floats
     n_free: int
 
 
@@ -56,23 +62,26 @@ def damping_ratios_of(mass: Floats, damping: Floats, stiffness: Floats) -> Float
         return np.asarray(np.einsum("im,im->m", modes, damping @ modes) / (2.0 * omega))
 
 
-def modal_damping(mass: Floats, damping: Floats, stiffness: Floats) -> ModalDamping:
+def modal_damping(mass: Floats, damping: Floats, stiffness: Floats, floors: Floats) -> ModalDamping:
     """Damping of every mode with stiffness, from the poles; without the coupling of modes above 300 coordinates."""
     omega, modes = modes_of(mass, stiffness)
     coupled = modes.T @ damping @ modes
     free = omega <= _FREE * omega[-1]
-    n_free = int(free.sum())
-    if len(omega) > _MOST_COUPLED:
-        diagonal, kept = np.diag(coupled), ~free
+    n, n_free = len(omega), int(free.sum())
+    if n > _MOST_COUPLED:
+        kept = ~free
         return ModalDamping(
-            frequency=omega[kept] / (2.0 * np.pi), ratio=diagonal[kept] / (2.0 * omega[kept]), n_free=n_free
+            frequency=omega[kept] / (2.0 * np.pi),
+            ratio=np.diag(coupled)[kept] / (2.0 * omega[kept]),
+            apart=_apart(modes[:, kept], mass, floors),
+            n_free=n_free,
         )
     # In modal coordinates the state [omega y; y'] scales all entries alike.
     stiff = np.diag(omega)
-    poles = np.linalg.eigvals(np.block([[np.zeros_like(stiff), stiff], [-stiff, -coupled]]))
-    if n_free:
-        poles = poles[np.abs(poles) > _FREE * omega[-1]]
-    pairs, real = poles[poles.imag > 0.0], np.sort(poles.real[poles.imag == 0.0])
+    poles, states = np.linalg.eig(np.block([[np.zeros_like(stiff), stiff], [-stiff, -coupled]]))
+    moving = np.abs(poles) > (_FREE * omega[-1] if n_free else 0.0)
+    complex_, real = moving & (poles.imag > 0.0), np.sort(poles.real[moving & (poles.imag == 0.0)])
+    pairs, shapes = poles[complex_], modes @ states[n:, complex_]
     # Two real poles of one sign are an overdamped mode; a motion without stiffness has one that is not zero.
     grows, decays = real[real > 0.0], real[real <= 0.0]
     grows = np.append(grows, grows[len(grows) - len(grows) % 2 :])
@@ -80,15 +89,28 @@ def modal_damping(mass: Floats, damping: Floats, stiffness: Floats) -> ModalDamp
     overdamped = np.concatenate([grows, decays])
     frequency = np.concatenate([np.abs(pairs), np.sqrt(overdamped[::2] * overdamped[1::2])])
     ratio = np.concatenate([-pairs.real / np.abs(pairs), -np.sign(overdamped[::2])])
+    apart = np.concatenate([_apart(shapes, mass, floors), np.zeros(len(overdamped) // 2)])
     order = np.argsort(frequency)
-    return ModalDamping(frequency=frequency[order] / (2.0 * np.pi), ratio=ratio[order], n_free=n_free)
+    return ModalDamping(
+        frequency=frequency[order] / (2.0 * np.pi), ratio=ratio[order], apart=apart[order], n_free=n_free
+    )
 
 
-def growing_modes(mass: Floats, damping: Floats, stiffness: Floats) -> str:
+def _apart(shapes: NDArray[np.complex128] | Floats, mass: Floats, floors: Floats) -> Floats:
+    """Share of the kinetic energy of each shape, a column, in coordinates that move no floor."""
+    hidden = ~floors.any(axis=0)
+    if not hidden.any():
+        return np.zeros(shapes.shape[1])
+    inner = shapes[hidden]
+    part = np.einsum("im,im->m", inner.conj(), mass[np.ix_(hidden, hidden)] @ inner).real
+    return np.asarray(part / np.einsum("im,im->m", shapes.conj(), mass @ shapes).real)
+
+
+def growing_modes(mass: Floats, damping: Floats, stiffness: Floats, floors: Floats) -> str:
     """How many modes have negative damping, and the worst of them, in words; empty if none has."""
     if not damping.any() or is_damped(mass, damping, stiffness, -_ROUNDING):
         return ""
-    found = modal_damping(mass, damping, stiffness)
+    found = modal_damping(mass, damping, stiffness, floors)
     grows = found.ratio < -_GROWS
     if not grows.any():
         return ""
@@ -99,21 +121,26 @@ def growing_modes(mass: Floats, damping: Floats, stiffness: Floats) -> str:
     )
 
 
-def damping_warnings(name: str, mass: Floats, damping: Floats, stiffness: Floats) -> tuple[str, ...]:
-    """Sentences on modes without stiffness, on modes without damping, and on damping that drives some motion."""
+def damping_warnings(
+    name: str, mass: Floats, damping: Floats, stiffness: Floats, floors: Floats
+) -> tuple[str, ...]:
+    """Sentences on modes without stiffness, on modes without damping, and on damping that drives some motion.
+
+    A mode of an addition alone, as of a brace behind which a damper is to stand, may be undamped.
+    """
     n, held = len(mass), _is_held(mass, stiffness)
     if held and not damping.any():
         return (_undamped(f"{name}: {_modes_have(n, n)} no damping"),)
     if held and is_damped(mass, damping, stiffness, UNDAMPED):
         return ()
-    found = modal_damping(mass, damping, stiffness)
+    found = modal_damping(mass, damping, stiffness, floors)
     sentences = []
     if found.n_free:
         sentences.append(
             f"{name}: {_modes_have(found.n_free, n)} no stiffness, so that nothing limits its drift; give the "
             "isolators or the lowest storey a stiffness."
         )
-    undamped = found.ratio < UNDAMPED
+    undamped = (found.ratio < UNDAMPED) & (found.apart < _OF_ADDITIONS)
     if undamped.any():
         sentences.append(
             _undamped(
