@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 from loop_samples import devices, five_storeys, friction, rd1005, still, sweep
 
 import mrwork as mr
-from mrwork.closed_loop import Hardware, LoopSample, Responses, UserLaw
+from mrwork.closed_loop import Fault, Hardware, LoopSample, Responses, UserLaw
 from mrwork.control import lyapunov_function, plant_of
 from mrwork.errors import ArgumentError, SettingError
+from mrwork.simulate import Outcome
 
 Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 CASES = {
@@ -89,18 +92,38 @@ def test_memory_is_of_a_run_and_begins_at_zero() -> None:
         )
 
 
-def test_a_command_that_is_no_number_is_not_sent() -> None:
-    law = UserLaw(name="broken", command=lambda sample, memory: np.full(sample.rate.shape, np.nan))
-    found = run(law)
-    assert (found.peak_current == 0.0).all()
-    assert set(found.outcome) == {4}
+def test_a_command_that_is_no_number_fails_safe_where_a_reading_is_none() -> None:
+    broken = Fault(channel="deformation", index=0, start=0.2, end=0.3, value=np.nan)
+    sensors = Hardware(feedback="observer", measured_floors=(0,), faults=(broken,))
+    law = UserLaw(name="of the reading", command=lambda sample, memory: np.abs(sample.deformation))
+    found = run(law, sensors)
+    assert set(found.outcome) == {Outcome.FAILED_SAFE}
+
+
+def test_a_law_that_makes_no_number_of_numbers_is_named_with_its_line() -> None:
+    def broken(sample: LoopSample, memory: Floats) -> Floats:
+        command = np.zeros_like(sample.rate)
+        if sample.time > 0.1:
+            command[:, 1] = np.nan
+        return command
+
+    line = broken.__code__.co_firstlineno
+    words = (
+        rf"^broken \({re.escape(__file__)}, line {line}\) returned a command that is not a number \(NaN\) for "
+        r"device 2 at 0\.101 s, and its readings are numbers; correct the law$"
+    )
+    with pytest.raises(SettingError, match=words):
+        run(UserLaw(name="broken", command=broken))
 
 
 @pytest.mark.parametrize(
     ("command", "words"),
     [
         (lambda sample, memory: np.zeros(3), r"returned commands of shape \(3,\) at 0 s; give \(1, 2\)"),
-        (lambda sample, memory: sample.speed, "failed at 0 s: AttributeError"),
+        (
+            lambda sample, memory: sample.speed,
+            rf"failed at 0 s in {re.escape(__file__)}, line \d+: AttributeError",
+        ),
         (
             lambda sample, memory: [["a", "b"]],
             "what it returned at 0 s has values of type <U1; give an array",
@@ -119,7 +142,7 @@ def test_a_command_that_is_no_number_is_not_sent() -> None:
     ],
 )
 def test_a_mistake_in_a_law_is_a_sentence(command: object, words: str) -> None:
-    with pytest.raises(SettingError, match=f"^mine:? {words}"):
+    with pytest.raises(SettingError, match=rf"^mine(?: \(.*, line \d+\):?)? {words}"):
         run(UserLaw(name="mine", command=command))  # type: ignore[arg-type]
 
 
@@ -131,6 +154,22 @@ def test_ctrl_c_in_a_law_ends_the_run() -> None:
 
     with pytest.raises(KeyboardInterrupt):
         run(UserLaw(name="stopped", command=command))
+
+
+class Proportional:
+    """A law that is no function."""
+
+    def __call__(self, sample: LoopSample, memory: Floats) -> Floats:
+        raise SystemExit(0)
+
+
+def test_a_law_of_any_callable_has_its_line() -> None:
+    line = Proportional.__call__.__code__.co_firstlineno + 1
+    for command in (Proportional(), partial(Proportional.__call__, Proportional())):
+        with pytest.raises(
+            SettingError, match=rf"^mine failed at 0 s in .*, line {line}: SystemExit: 0; correct it"
+        ):
+            run(UserLaw(name="mine", command=command))
 
 
 def test_a_law_that_cannot_be_is_refused_when_it_is_made() -> None:

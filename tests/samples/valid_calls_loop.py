@@ -667,7 +667,7 @@ def studies_calls(_: Path) -> Calls:
     return {
         name: partial(ValidCall, *each)
         for name, each in {
-            "read_study": (mr.read_study, {"path": "missing.toml", "seed": 0}),
+            "read_study": (mr.read_study, {"path": "missing.toml", "seed": 0, "on_python": print}),
             "read_results": (mr.study.read_results, {"folder": "missing"}),
             "read_tuning": (mr.tuning.read_tuning, {"folder": "missing"}),
             "load": (mr.load, {"run": "missing"}),

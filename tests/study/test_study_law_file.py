@@ -111,7 +111,7 @@ def test_an_edited_law_is_not_resumed(tmp_path: Path) -> None:
     ("changes", "words"),
     [
         ({"file": "none.py"}, "none.py: there is no such file"),
-        ({"file": "study.toml"}, "study.toml failed when it was run: "),
+        ({"file": "study.toml"}, "study.toml, line 17 failed when the file was run: "),
         ({"function": "brakes"}, "my_law.py has no function 'brakes', did you mean brake"),
         ({"function": "number"}, "my_law.py has no function 'number'"),
         ({"function": "one"}, r"write it as def one\(sample, memory\)"),
@@ -145,5 +145,5 @@ def test_a_passive_damper_takes_no_law_in_python(tmp_path: Path) -> None:
 def test_a_law_that_raises_while_running_ends_the_command_with_a_sentence(tmp_path: Path) -> None:
     ended = mrwork("respond", write(tmp_path, function="broken"), "--out", tmp_path / "run", "--quiet")
     assert ended.returncode == 2
-    assert "broken failed at 0 s: AttributeError" in ended.stderr
+    assert f"broken failed at 0 s in {tmp_path / 'my_law.py'}, line 18: AttributeError" in ended.stderr
     assert "Traceback" not in ended.stderr

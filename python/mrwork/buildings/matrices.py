@@ -12,6 +12,7 @@ from scipy.linalg import eigh
 
 from mrwork.arguments import checked
 from mrwork.buildings.elements import PassiveElement
+from mrwork.buildings.modes import damping_ratios_of, damping_warnings, growing_modes, is_positive, modes_of
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.keys import control_in
 from mrwork.records.damper_test import frozen
@@ -57,7 +58,7 @@ class Building(Summarised):
     ------
     SettingError
         If it has more than 3000 coordinates, shapes disagree, a number is above 1e50, M or K is not symmetric, M is
-        singular or K unstable.
+        singular, K unstable, or C makes a mode grow.
     """
 
     _made_by: ClassVar[str] = "mr.building(name) or mr.buildings.read_building(path)"
@@ -117,6 +118,14 @@ class Building(Summarised):
         actual decay.
         """
         return damping_ratios_of(self.mass, self.damping, self.stiffness)
+
+    @property
+    def damping_warnings(self) -> tuple[str, ...]:
+        """Sentences on modes without damping or without stiffness, on which dampers look better than they are.
+
+        One matrix factorisation or two where there are none. Passive elements do not count, as in all modes.
+        """
+        return damping_warnings(self.name, self.mass, self.damping, self.stiffness, self.floors)
 
     @property
     def poles(self) -> NDArray[np.complex128]:
@@ -188,6 +197,7 @@ class Building(Summarised):
                 *elements,
                 ("source", f"{self.source} ({self.status})" if self.source else self.status),
             ),
+            notes=[f"warning: {each}" for each in self.damping_warnings],
         )
 
 
@@ -200,24 +210,6 @@ def _index(key: int | str, names: tuple[str, ...], refusal: str) -> int:
     raise UnknownNameError(
         f"{refusal} {key!r}; give a number from 1 to {len(names)} or one of {', '.join(names)}"
     )
-
-
-def modes_of(mass: Floats, stiffness: Floats) -> tuple[Floats, Floats]:
-    """Circular frequencies [rad/s], shape (n,), lowest first, and mode shapes as columns with modes' M modes = I.
-
-    The largest entry of each shape is positive.
-    """
-    squares, modes = eigh(stiffness, mass)
-    largest = np.take_along_axis(modes, np.abs(modes).argmax(axis=0)[None, :], axis=0)
-    # A free coordinate has frequency zero; rounding may make its square negative.
-    return np.sqrt(np.maximum(squares, 0.0)), modes * np.where(largest < 0.0, -1.0, 1.0)
-
-
-def damping_ratios_of(mass: Floats, damping: Floats, stiffness: Floats) -> Floats:
-    """Diagonal of modes' C modes over 2 omega, shape (n,); infinite or NaN for a mode without stiffness."""
-    omega, modes = modes_of(mass, stiffness)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.asarray(np.einsum("im,ij,jm->m", modes, damping, modes) / (2.0 * omega))
 
 
 STATUSES: Final = ("verified", "published", "ours")
@@ -258,7 +250,7 @@ def check_building(building: Building) -> None:
     Raises
     ------
     SettingError
-        If shapes disagree, M or K is not symmetric, M is singular or K unstable.
+        If shapes disagree, M or K is not symmetric, M is singular, K unstable, or C makes a mode grow.
     """
     where = f"building {building.name}"
     _check_shapes(building, where)
@@ -287,6 +279,11 @@ def check_building(building: Building) -> None:
     _check_symmetric(building.stiffness, "stiffness", where)
     _check_mass(building.mass, where)
     _check_stiffness(building.stiffness, where)
+    if growing := growing_modes(building.mass, building.damping, building.stiffness, building.floors):
+        raise SettingError(
+            f"{where}: {growing}, so that motion grows without end; check the signs of the damping matrix, and give a "
+            "device that feeds energy as a control law, not as damping"
+        )
     _check_names(building.floor_names, len(building.floors), "floor", where)
     _check_names(building.storey_names, len(building.storeys), "storey", where)
     if building.status not in STATUSES:
@@ -345,7 +342,7 @@ def _check_mass(mass: Floats, where: str) -> None:
     scale = 1.0 / np.sqrt(diagonal)
     scaled = mass * np.outer(scale, scale)
     # No eigenvalue is above the largest sum of a row.
-    if _is_positive(scaled, -_SINGULAR * float(np.abs(scaled).sum(axis=1).max())):
+    if is_positive(scaled, -_SINGULAR * float(np.abs(scaled).sum(axis=1).max())):
         return
     values, vectors = np.linalg.eigh(scaled)
     if values[0] <= _SINGULAR * values[-1]:
@@ -359,7 +356,7 @@ def _check_mass(mass: Floats, where: str) -> None:
 
 def _check_stiffness(stiffness: Floats, where: str) -> None:
     # The largest eigenvalue is not below the largest entry of the diagonal.
-    if _is_positive(stiffness, _ROUNDING * max(float(np.diag(stiffness).max()), 0.0)):
+    if is_positive(stiffness, _ROUNDING * max(float(np.diag(stiffness).max()), 0.0)):
         return
     values, vectors = np.linalg.eigh(stiffness)
     if values[0] < -_ROUNDING * max(values[-1], 0.0) and values[0] < 0.0:
@@ -368,15 +365,6 @@ def _check_stiffness(stiffness: Floats, where: str) -> None:
             f"{where}: the stiffness is unstable, a motion dominated by coordinate {first + 1} has the stiffness "
             f"{values[0]:g} N/m; check its signs"
         )
-
-
-def _is_positive(matrix: Floats, shift: float) -> bool:
-    """Whether a symmetric matrix plus `shift` I has positive eigenvalues only: a tenth of the time of finding them."""
-    try:
-        np.linalg.cholesky(matrix + shift * np.eye(len(matrix)))
-    except np.linalg.LinAlgError:
-        return False
-    return True
 
 
 def _check_names(names: Sequence[str], n_rows: int, noun: str, where: str) -> None:

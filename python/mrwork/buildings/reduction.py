@@ -11,7 +11,8 @@ from scipy.linalg import solve_continuous_lyapunov, svd
 
 from mrwork.arguments import checked
 from mrwork.buildings.elements import carried
-from mrwork.buildings.matrices import Building, modes_of
+from mrwork.buildings.matrices import Building
+from mrwork.buildings.modes import modes_of
 from mrwork.buildings.state_space import LinearSystem
 from mrwork.errors import SettingError
 from mrwork.summary import Summarised

@@ -34,6 +34,8 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     # All files are written: from here on a signal changes nothing.
     signals.leave_with(status)
     let_go()
+    # The output is complete; what other code prints as the interpreter ends is no part of it.
+    sys.stdout = sys.stderr
     if status == signals.status:
         # Another thread may still run compiled code that does not notice the interrupt.
         os._exit(status)

@@ -11,7 +11,7 @@ from mrwork.cli.options import add_json, add_quiet, add_seed, add_threads
 from mrwork.cli.output import print_json, stopped_in_words
 from mrwork.cli.progress import PATIENCE, ProgressLine, study_described
 from mrwork.cli.study_manifest import command_line, study_manifest
-from mrwork.cli.terminal import note, show
+from mrwork.cli.terminal import keep_stdout, note, show
 from mrwork.errors import Interrupted, SettingError
 
 if TYPE_CHECKING:
@@ -73,7 +73,8 @@ def run(options: argparse.Namespace) -> int:
     from mrwork.study.reading import read_study
 
     began = time.perf_counter()
-    whole = read_study(options.study, seed=options.seed)
+    with keep_stdout():
+        whole = read_study(options.study, seed=options.seed, on_python=note)
     study = whole if options.motions == "all" else whole.of_use(options.motions)
     place = options.out or Path("out") / options.study.stem
     check_destination(place)
@@ -90,15 +91,16 @@ def _respond(study: Study, place: Path, journal: Journal, options: argparse.Name
     line = ProgressLine(study_described, quiet=options.quiet or options.json, patience=PATIENCE)
     status = 0
     try:
-        results = run_study(
-            study,
-            journal=journal,
-            kept=histories.kept,
-            keep=histories.keep,
-            on_progress=line,
-            check_step=options.check_step,
-            threads=options.threads,
-        )
+        with keep_stdout():
+            results = run_study(
+                study,
+                journal=journal,
+                kept=histories.kept,
+                keep=histories.keep,
+                on_progress=line,
+                check_step=options.check_step,
+                threads=options.threads,
+            )
     except Interrupted as interrupt:
         results, status = interrupt.result, 130
     finally:

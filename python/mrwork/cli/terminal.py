@@ -6,7 +6,9 @@ import contextlib
 import io
 import os
 import sys
+from collections.abc import Iterator
 from pathlib import Path
+from typing import TextIO
 
 from mrwork.errors import OutputError
 from mrwork.escaping import escaped, escaped_lines
@@ -46,6 +48,49 @@ def write_stderr(text: str) -> None:
         sys.stderr.flush()
 
 
+@contextlib.contextmanager
+def keep_stdout() -> Iterator[None]:
+    """Keep stdout for the command: what others print in the block, as a law in Python, goes to stderr.
+
+    Where the streams are those of the process, that holds for its child processes and compiled code, too.
+    """
+    kept, shared = sys.stdout, _number(sys.stdout) == 1 and _number(sys.stderr) == 2
+    with contextlib.ExitStack() as undo:
+        undo.callback(setattr, sys, "stdout", kept)
+        if shared:
+            kept.flush()
+            undo.callback(_redirect, os.dup(1))
+            os.dup2(2, 1)
+            # Not stderr itself, which somebody may close by this name.
+            sys.stdout = undo.enter_context(
+                open(2, "w", encoding=kept.encoding, errors="backslashreplace", buffering=1, closefd=False)
+            )
+            # What was printed on the stream of before goes where stdout leads now.
+            undo.callback(_flush, kept)
+        else:
+            sys.stdout = sys.stderr
+        yield
+
+
+def _redirect(number: int) -> None:
+    """Let stdout lead where the file of this number does, which is closed."""
+    os.dup2(number, 1)
+    os.close(number)
+
+
+def _flush(stream: TextIO) -> None:
+    with contextlib.suppress(OSError, ValueError):
+        stream.flush()
+
+
+def _number(stream: TextIO) -> int:
+    """Number of the file of a stream; -1 if it has none."""
+    try:
+        return stream.fileno()
+    except (OSError, ValueError, AttributeError):
+        return -1
+
+
 def take_streams() -> bool:
     """Let stdout and stderr of this process take every character; whether there is a stdout."""
     # A stream that was closed when the process started is `None`, and its number would go to the next file.
@@ -64,7 +109,7 @@ def let_go() -> None:
     """Drop what stdout and stderr could not take, which the interpreter would try again when it ends."""
     for stream in (sys.stdout, sys.stderr):
         try:
-            if stream is not None:
+            if stream is not None and not stream.closed:
                 stream.flush()
         except OSError:
             os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
@@ -79,4 +124,9 @@ def _written(text: str) -> None:
     except OSError as reason:
         raise OutputError(
             f"standard output cannot be written ({reason.strerror}); free some space, or redirect it elsewhere"
+        ) from None
+    except ValueError:
+        # Only code within this process can do so, as a law in Python.
+        raise OutputError(
+            "standard output was closed while the command ran; leave sys.__stdout__ open"
         ) from None

@@ -12,7 +12,7 @@ from mrwork.cli.options import add_json, add_quiet, add_seed, add_threads
 from mrwork.cli.output import print_json, stopped_in_words, table_lines
 from mrwork.cli.progress import PATIENCE, ProgressLine, tuning_described
 from mrwork.cli.study_manifest import command_line, study_manifest
-from mrwork.cli.terminal import note, show
+from mrwork.cli.terminal import keep_stdout, note, show
 from mrwork.errors import Interrupted
 from mrwork.summary import with_decimals
 
@@ -71,7 +71,8 @@ def run(options: argparse.Namespace) -> int:
     from mrwork.study.reading import read_study
 
     began = time.perf_counter()
-    study = read_study(options.study, seed=options.seed)
+    with keep_stdout():
+        study = read_study(options.study, seed=options.seed, on_python=note)
     tables = _tables(study, options)
     place = options.out or Path("out") / f"{options.study.stem}-tuned"
     check_destination(place)

@@ -6,6 +6,7 @@ The loop itself is that of every law. It waits for Python at each sample, about 
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
@@ -16,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from mrwork.argument_kinds import Refusal, kind_of
 from mrwork.arguments import AnyNumbers, Within, checked
 from mrwork.buildings.devices import Device
+from mrwork.closed_loop.user_code import Undone, file_of, in_words, never_a_value, place_of, place_raised
 from mrwork.control.laws import ControlLaw
 from mrwork.errors import SettingError
 from mrwork.summary import Summarised, Summary
@@ -23,8 +25,10 @@ from mrwork.values import holds_arrays
 
 Floats = NDArray[np.float64]
 
-# A command that is not a number fails safe.
+# A command that is not a number fails safe where a reading is not.
 _COMMANDS = kind_of(AnyNumbers)
+# A run with larger readings [m, m/s, N] diverges, and a law may overflow on them.
+_LARGEST_READING = 1e30
 
 Ask = Callable[[int, NDArray[np.uintp], Floats, Floats, Floats, Floats, Floats], Floats]
 """The form in which the core asks: number of the sample, places of the runs, and what is measured."""
@@ -76,6 +80,12 @@ class LoopSample(Summarised):
         """Displacements and velocities, shape (n_runs, 2n)."""
         return np.hstack([self.displacement, self.velocity])
 
+    @property
+    def is_physical(self) -> NDArray[np.bool_]:
+        """Whether every reading of a run is a number that a building can have, shape (n_runs,)."""
+        readings = np.hstack([self.state, self.deformation, self.rate, self.force])
+        return np.asarray((np.abs(readings) < _LARGEST_READING).all(axis=1))
+
 
 @checked
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -89,7 +99,9 @@ class UserLaw(Summarised):
     command
         Takes a `LoopSample` and the memory, and returns the command of each run and device, shape (n_runs, n_devices),
         or (n_runs,) for one device. The loop limits it to the range of the device, delays and holds it. It is called
-        with several runs at once: candidates, motions, draws.
+        with several runs at once: candidates, motions, draws. A command that is not a number is an error, unless a
+        reading of its run is not one either. The working directory, stdout and stderr are after each call what they
+        were before.
     n_candidates
         Number of candidates, which differ by `LoopSample.candidate`.
     n_memory
@@ -102,7 +114,7 @@ class UserLaw(Summarised):
     Raises
     ------
     SettingError
-        If a number is out of range.
+        If a number is out of range, or `command` is a coroutine or a generator.
 
     Examples
     --------
@@ -129,6 +141,16 @@ class UserLaw(Summarised):
     source: str = ""
     notes: ClassVar[tuple[str, ...]] = ()
 
+    def __post_init__(self) -> None:
+        if reason := never_a_value(self.command):
+            raise SettingError(f"{self._title} {reason}")
+
+    @property
+    def _title(self) -> str:
+        """Name of the law, and where it stands."""
+        place = place_of(self.command)
+        return f"{self.name} ({place})" if place else self.name
+
     @checked
     def placeholder(self, devices: Sequence[Device]) -> ControlLaw:
         """The law that the core has in place of this one: its candidates, without a command.
@@ -150,7 +172,9 @@ class UserLaw(Summarised):
     def asked(self, runs: NDArray[np.uint32], devices: Sequence[Device], sample_time: float) -> Ask:
         """The law as the core asks it, for runs (candidate, motion, draw), shape (n_runs, 3)."""
         largest = np.array([device.largest_command for device in devices])
-        memory = np.zeros((len(runs), self.n_memory))
+        # A law must not change it for the samples that follow.
+        largest.setflags(write=False)
+        memory, undone = np.zeros((len(runs), self.n_memory)), Undone()
 
         def ask(
             number: int,
@@ -174,29 +198,47 @@ class UserLaw(Summarised):
                 largest=largest,
             )
             try:
-                returned = self.command(sample, kept)
-            except Exception as error:
+                with undone:
+                    returned = self.command(sample, kept)
+            except KeyboardInterrupt:
+                raise
+            except BaseException as error:
+                place = place_raised(error, file_of(self.command))
+                where = f" in {place}" if place else ""
                 raise SettingError(
-                    f"{self.name} failed at {sample.time:g} s: {type(error).__name__}: {error}"
+                    f"{self.name} failed at {sample.time:g} s{where}: {in_words(error)}; correct it"
                 ) from error
-            try:
-                found = _COMMANDS.accept(returned)
-            except Refusal as refusal:
-                raise SettingError(
-                    f"{self.name}: what it returned at {sample.time:g} s {refusal.sentence}"
-                ) from None
+            commands = self._commands(returned, sample, (len(places), len(devices)))
             memory[places] = kept
-            shape = (len(places), len(devices))
-            if found.shape == shape[:1] and shape[1] == 1:
-                found = found[:, None]
-            if found.shape != shape:
-                raise SettingError(
-                    f"{self.name} returned commands of shape {found.shape} at {sample.time:g} s; give {shape}, a row "
-                    "for each run and a column for each device"
-                )
-            return np.ascontiguousarray(found)
+            return commands
 
         return ask
+
+    def _commands(self, returned: object, sample: LoopSample, shape: tuple[int, int]) -> Floats:
+        """What the law returned as an array of this shape."""
+        try:
+            found: Floats = _COMMANDS.accept(returned)
+        except Refusal as refusal:
+            if inspect.iscoroutine(returned):
+                returned.close()
+            raise SettingError(
+                f"{self._title}: what it returned at {sample.time:g} s {refusal.sentence}"
+            ) from None
+        if found.shape == shape[:1] and shape[1] == 1:
+            found = found[:, None]
+        if found.shape != shape:
+            raise SettingError(
+                f"{self._title} returned commands of shape {found.shape} at {sample.time:g} s; give {shape}, a row "
+                "for each run and a column for each device"
+            )
+        invalid = np.isnan(found)
+        if invalid.any() and (blamed := invalid.any(axis=1) & sample.is_physical).any():
+            run = int(blamed.argmax())
+            raise SettingError(
+                f"{self._title} returned a command that is not a number (NaN) for device "
+                f"{int(invalid[run].argmax()) + 1} at {sample.time:g} s, and its readings are numbers; correct the law"
+            )
+        return np.ascontiguousarray(found)
 
     def _summary(self) -> Summary:
         return Summary(

@@ -106,6 +106,7 @@ class _Document(Related):
     motions: tuple[MotionFacts, ...]
     scores: _Criteria
     warnings: tuple[str, ...]
+    building_warnings: tuple[str, ...] = ()
     damper_warnings: tuple[str, ...] = ()
     results: tuple[StoredStudyRun, ...]
     best_passive: str | None = None
@@ -163,6 +164,7 @@ class StoredStudy(StudyCriteria):
     runs: Mapping[Key, StoredStudyRun]
     command_unit: str
     device_names: tuple[str, ...] = ()
+    building_warnings: tuple[str, ...] = ()
     damper_warnings: tuple[str, ...] = ()
     chosen_on: tuple[str, ...] = ()
 
@@ -231,6 +233,7 @@ def read_results(folder: str | Path) -> StoredStudy:
         motions=document.motions,
         runs={(labels.index(run.controller), names.index(run.motion)): run for run in document.results},
         command_unit=document.command_unit,
+        building_warnings=document.building_warnings,
         damper_warnings=document.damper_warnings,
         chosen_on=document.chosen_on,
     )
@@ -282,6 +285,7 @@ def study_document(results: StudyResults) -> dict[str, Any]:
         motions=results.motions,
         scores={row.label: results.score(number) for number, row in enumerate(results.rows)},
         warnings=tuple(results.warnings()),
+        building_warnings=results.building_warnings,
         damper_warnings=results.damper_warnings,
         results=tuple(_stored_run(results, *key, passive) for key in sorted(results.runs)),
         best_passive=None if passive is None else results.rows[passive].label,

@@ -11,6 +11,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from mrwork.closed_loop.user_code import Undone, in_words, place_of, place_raised
 from mrwork.closed_loop.user_law import UserLaw
 from mrwork.keys import Place, key, suggestion
 from mrwork.store import digest_of
@@ -34,6 +35,11 @@ class LawFileTable:
     place: Place
 
 
+def running_in_words(table: LawFileTable, folder: Path) -> str:
+    """Which file is about to run as Python, and which line of the study names it."""
+    return f"{table.place.within('file')}: running {folder / table.file} as Python, for its function {table.function}"
+
+
 def law_of_file(table: LawFileTable, folder: Path) -> UserLaw:
     """The law of a file, whose name is relative to `folder`.
 
@@ -53,9 +59,14 @@ def law_of_file(table: LawFileTable, folder: Path) -> UserLaw:
         inspect.signature(function).bind(None, None)
     except TypeError:
         table.place.within("function").refuse(
-            f"{name} of {table.file} does not take two arguments; write it as def {name}(sample, memory)"
+            f"{name} ({place_of(function) or table.file}) does not take two arguments; write it as "
+            f"def {name}(sample, memory)"
         )
-    return UserLaw(name=name, command=function, n_memory=table.memory, source=digest_of(text))
+    except ValueError:
+        # A function of a compiled module may tell no arguments.
+        pass
+    with located(table.place.within("function")):
+        return UserLaw(name=name, command=function, n_memory=table.memory, source=digest_of(text))
 
 
 def _run(table: LawFileTable, path: Path) -> tuple[ModuleType, str]:
@@ -68,8 +79,11 @@ def _run(table: LawFileTable, path: Path) -> tuple[ModuleType, str]:
     # Dataclasses look for the module of their class.
     sys.modules[module.__name__] = module
     try:
-        exec(compile(text, str(path), "exec"), vars(module))
-    except (Exception, SystemExit) as error:
-        reason = " ".join(str(error).split())
-        where.refuse(f"{table.file} failed when it was run: {type(error).__name__}: {reason}; correct it")
+        with Undone():
+            exec(compile(text, str(path), "exec"), vars(module))
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
+        raised = place_raised(error, str(path)) or str(path)
+        where.refuse(f"{raised} failed when the file was run: {in_words(error)}; correct it")
     return module, text

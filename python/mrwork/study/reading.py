@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
 
@@ -27,6 +27,7 @@ from mrwork.study.dampers import (
     identified_damper,
 )
 from mrwork.study.declared import located, read_table
+from mrwork.study.law_file import running_in_words
 from mrwork.study.lines import parse
 from mrwork.study.motions import motions_of_study
 from mrwork.study.realisations import Realisations, posterior_draws, realisations_of
@@ -35,7 +36,13 @@ from mrwork.study.study import MotionOfStudy, Study, StudyFile
 
 
 @checked
-def read_study(path: str | Path, identified: Identified = identified_damper, *, seed: Seed = 0) -> Study:
+def read_study(
+    path: str | Path,
+    identified: Identified = identified_damper,
+    *,
+    seed: Seed = 0,
+    on_python: Callable[[str], None] = lambda sentence: None,
+) -> Study:
     """Read a study.
 
     Parameters
@@ -46,6 +53,8 @@ def read_study(path: str | Path, identified: Identified = identified_damper, *, 
         Reads model and parameters from the folder of an identified damper.
     seed
         Seed of noise and synthetic motions.
+    on_python
+        Called with a sentence that names the file of each law in Python, before any of these files runs.
 
     Raises
     ------
@@ -58,6 +67,9 @@ def read_study(path: str | Path, identified: Identified = identified_damper, *, 
     file = _read(path)
     table, place = _tables(file, str(path))
     folder = path.parent / table.folder
+    for each in table.controller:
+        if each.user is not None:
+            on_python(running_in_words(each.user, folder))
     with located(place.within("building")):
         bare = building_from_table(table.building, place.within("building"), folder=folder)
     building, devices, chosen = equipped(bare, table.damper, folder, identified)

@@ -55,7 +55,8 @@ class StudyCriteria(Summarised, ABC):
     """Criteria of a study by (row, motion), and the ratios, scores and warnings that follow from them.
 
     The first rows are the building without dampers and i = 0. `halved` are the runs with half the step, if requested.
-    `chosen_on` are the names of the motions that the best constant command is chosen on.
+    `chosen_on` are the names of the motions that the best constant command is chosen on, `building_warnings` sentences
+    on modes of the building without damping or stiffness.
     """
 
     _made_by: ClassVar[str] = "mr.run_study(study) or mr.study.read_results(folder)"
@@ -68,6 +69,7 @@ class StudyCriteria(Summarised, ABC):
     device_names: tuple[str, ...]
     command_unit: str
     chosen_on: tuple[str, ...]
+    building_warnings: tuple[str, ...]
 
     @property
     @abstractmethod
@@ -182,8 +184,8 @@ class StudyCriteria(Summarised, ABC):
         return all(run.balanced for run in self.ends.values() if run.finished)
 
     def warnings(self) -> list[str]:
-        """Warnings on dampers outside their tested ranges, runs that did not finish, energies that do not balance."""
-        warnings = list(self.damper_warnings)
+        """Warnings on undamped modes, dampers out of tested ranges, runs that did not finish or do not balance."""
+        warnings = [*self.building_warnings, *self.damper_warnings]
         for number, row in enumerate(self.rows):
             runs = [
                 (self.motions[motion].name, run)
@@ -252,6 +254,7 @@ class StudyResults(StudyCriteria):
     clairvoyants: Mapping[int, Clairvoyant] = field(default_factory=dict)
     varied: VariedResults | None = None
     chosen_on: tuple[str, ...] = ()
+    building_warnings: tuple[str, ...] = ()
 
     @arguments.checked
     def demands(self, row: int, motion: int) -> tuple[DeviceDemand, ...]:

@@ -106,10 +106,15 @@ def run_study(
     clairvoyants: dict[int, Clairvoyant] = {}
     varied: dict[int, RunCriteria] = {}
     played = PlayedCommands(study=study, threads=threads)
+    building_warnings = study.building_warnings
 
     def results() -> StudyResults:
         rows = (*(each.row for each in arrangements), *study.rows[len(arrangements) :])
-        return replace(_results_of(study, rows, runs, halved, varied), clairvoyants=dict(clairvoyants))
+        return replace(
+            _results_of(study, rows, runs, halved, varied),
+            clairvoyants=dict(clairvoyants),
+            building_warnings=building_warnings,
+        )
 
     def report(label: str) -> None:
         so_far, seconds = results(), time.perf_counter() - began

@@ -166,6 +166,13 @@ class Study(Summarised):
         return (*(each.row for each in self.arrangements), *last)
 
     @property
+    def building_warnings(self) -> tuple[str, ...]:
+        """Sentences on modes without damping or stiffness, of the building or, if it has none, of the baselines."""
+        baselines = [each.building for each in self.arrangements if each.row.kind == "baseline"]
+        found = (each.damping_warnings for each in (self.building, *baselines))
+        return next((sentences for sentences in found if sentences), ())
+
+    @property
     def at_zero(self) -> Arrangement:
         """The dampers at i = 0, whose law the commands of a non-causal optimum replace."""
         return next(each for each in self.arrangements if each.row.kind == "passive_off")

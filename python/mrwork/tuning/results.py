@@ -155,6 +155,7 @@ class TuningResults(Summarised):
     """What `tune` found.
 
     `share_outside` is the share of the time outside the simulation: design of gains, search, scores.
+    `building_warnings` are sentences on modes of the building without damping or stiffness.
     """
 
     title: str
@@ -170,6 +171,7 @@ class TuningResults(Summarised):
     candidates_per_second: NotNegative = 0.0
     share_outside: OrNan = 0.0
     facts: tuple[tuple[str, str], ...] = ()
+    building_warnings: tuple[str, ...] = ()
 
     @property
     def ranked(self) -> tuple[LawResult, ...]:
@@ -178,8 +180,8 @@ class TuningResults(Summarised):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Sentences on what the scores cannot say, and on limits that are exceeded."""
-        found = [] if self.testing else [TRAINING_ONLY]
+        """Sentences on undamped modes, on what the scores cannot say, and on limits that are exceeded."""
+        found = [*self.building_warnings, *(() if self.testing else (TRAINING_ONLY,))]
         for each in self.laws:
             if each.train.violation > 0.0:
                 found.append(

@@ -154,6 +154,7 @@ def _results(
         share_outside=clock.share_outside,
         facts=study.facts,
         fronts=fronts,
+        building_warnings=study.building_warnings,
     )
 
 

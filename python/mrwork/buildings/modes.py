@@ -1,0 +1,207 @@
+"""Modes of `M q'' + C q' + K q = 0`: frequencies and shapes, damping, and modes that no damping reaches or that grow.
+
+For a complex mode x with the pole s, s^2 x*Mx + s x*Cx + x*Kx = 0, so its damping ratio is x*Cx / (2 sqrt(x*Kx x*Mx))
+(Tisseur, Meerbergen, SIAM Rev. 43, 2001, 235-286). Since 2 w <= w0 + w^2 / w0 for every w0, no ratio is below zeta
+where C - zeta (w0 M + K / w0) is positive definite: one factorisation, n^3 / 3 operations, clears a building that is
+damped throughout. The poles are computed only where that is not certain.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import eigh
+
+Floats = NDArray[np.float64]
+
+UNDAMPED: Final = 1e-6
+"""Damping ratio below which a mode counts as undamped."""
+# A mode above minus this ratio does not grow: published matrices have five or six digits.
+_GROWS: Final = 1e-5
+# Margin of ratios that rounding makes negative.
+_ROUNDING: Final = 1e-9
+# Modes below this share of the highest frequency, or of a typical one, are motions without stiffness.
+_FREE: Final = 1e-6
+# Share of the kinetic energy in coordinates of additions above which a mode is none of the frame.
+_OF_ADDITIONS: Final = 0.9
+# With more coordinates, damping ratios are those without the coupling between modes: poles would take minutes.
+_MOST_COUPLED: Final = 300
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ModalDamping:
+    """Frequencies [Hz] and damping ratios of the modes with stiffness, lowest first, and how many have none.
+
+    `apart` is the share of a mode's kinetic energy in coordinates that move no floor, as the end of a brace.
+    """
+
+    frequency: Floats
+    ratio: Floats
+    apart: Floats
+    n_free: int
+
+
+def modes_of(mass: Floats, stiffness: Floats) -> tuple[Floats, Floats]:
+    """Circular frequencies [rad/s], shape (n,), lowest first, and mode shapes as columns with modes' M modes = I.
+
+    The largest entry of each shape is positive.
+    """
+    squares, modes = eigh(stiffness, mass)
+    largest = np.take_along_axis(modes, np.abs(modes).argmax(axis=0)[None, :], axis=0)
+    # A free coordinate has frequency zero; rounding may make its square negative.
+    return np.sqrt(np.maximum(squares, 0.0)), modes * np.where(largest < 0.0, -1.0, 1.0)
+
+
+def damping_ratios_of(mass: Floats, damping: Floats, stiffness: Floats) -> Floats:
+    """Diagonal of modes' C modes over 2 omega, shape (n,); infinite or NaN for a mode without stiffness."""
+    omega, modes = modes_of(mass, stiffness)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(np.einsum("im,im->m", modes, damping @ modes) / (2.0 * omega))
+
+
+def modal_damping(mass: Floats, damping: Floats, stiffness: Floats, floors: Floats) -> ModalDamping:
+    """Damping of every mode with stiffness, from the poles; without the coupling of modes above 300 coordinates."""
+    omega, modes = modes_of(mass, stiffness)
+    coupled = modes.T @ damping @ modes
+    free = omega <= _FREE * omega[-1]
+    n, n_free = len(omega), int(free.sum())
+    if n > _MOST_COUPLED:
+        kept = ~free
+        return ModalDamping(
+            frequency=omega[kept] / (2.0 * np.pi),
+            ratio=np.diag(coupled)[kept] / (2.0 * omega[kept]),
+            apart=_apart(modes[:, kept], mass, floors),
+            n_free=n_free,
+        )
+    # In modal coordinates the state [omega y; y'] scales all entries alike.
+    stiff = np.diag(omega)
+    poles, states = np.linalg.eig(np.block([[np.zeros_like(stiff), stiff], [-stiff, -coupled]]))
+    moving = np.abs(poles) > (_FREE * omega[-1] if n_free else 0.0)
+    complex_, real = moving & (poles.imag > 0.0), np.sort(poles.real[moving & (poles.imag == 0.0)])
+    pairs, shapes = poles[complex_], modes @ states[n:, complex_]
+    # Two real poles of one sign are an overdamped mode; a motion without stiffness has one that is not zero.
+    grows, decays = real[real > 0.0], real[real <= 0.0]
+    grows = np.append(grows, grows[len(grows) - len(grows) % 2 :])
+    decays = decays[len(decays) % 2 :]
+    overdamped = np.concatenate([grows, decays])
+    frequency = np.concatenate([np.abs(pairs), np.sqrt(overdamped[::2] * overdamped[1::2])])
+    ratio = np.concatenate([-pairs.real / np.abs(pairs), -np.sign(overdamped[::2])])
+    apart = np.concatenate([_apart(shapes, mass, floors), np.zeros(len(overdamped) // 2)])
+    order = np.argsort(frequency)
+    return ModalDamping(
+        frequency=frequency[order] / (2.0 * np.pi), ratio=ratio[order], apart=apart[order], n_free=n_free
+    )
+
+
+def _apart(shapes: NDArray[np.complex128] | Floats, mass: Floats, floors: Floats) -> Floats:
+    """Share of the kinetic energy of each shape, a column, in coordinates that move no floor."""
+    hidden = ~floors.any(axis=0)
+    if not hidden.any():
+        return np.zeros(shapes.shape[1])
+    inner = shapes[hidden]
+    part = np.einsum("im,im->m", inner.conj(), mass[np.ix_(hidden, hidden)] @ inner).real
+    return np.asarray(part / np.einsum("im,im->m", shapes.conj(), mass @ shapes).real)
+
+
+def growing_modes(mass: Floats, damping: Floats, stiffness: Floats, floors: Floats) -> str:
+    """How many modes have negative damping, and the worst of them, in words; empty if none has."""
+    if not damping.any() or is_damped(mass, damping, stiffness, -_ROUNDING):
+        return ""
+    found = modal_damping(mass, damping, stiffness, floors)
+    grows = found.ratio < -_GROWS
+    if not grows.any():
+        return ""
+    n, worst = len(mass), int(found.ratio.argmin())
+    return (
+        f"{_modes_have(int(grows.sum()), n)} negative damping, the worst is mode {n - len(found.ratio) + worst + 1} at "
+        f"{found.frequency[worst]:.4g} Hz with the ratio {found.ratio[worst]:.3g}"
+    )
+
+
+def damping_warnings(
+    name: str, mass: Floats, damping: Floats, stiffness: Floats, floors: Floats
+) -> tuple[str, ...]:
+    """Sentences on modes without stiffness, on modes without damping, and on damping that drives some motion.
+
+    A mode of an addition alone, as of a brace behind which a damper is to stand, may be undamped.
+    """
+    n, held = len(mass), _is_held(mass, stiffness)
+    if held and not damping.any():
+        return (_undamped(f"{name}: {_modes_have(n, n)} no damping"),)
+    if held and is_damped(mass, damping, stiffness, UNDAMPED):
+        return ()
+    found = modal_damping(mass, damping, stiffness, floors)
+    sentences = []
+    if found.n_free:
+        sentences.append(
+            f"{name}: {_modes_have(found.n_free, n)} no stiffness, so that nothing limits its drift; give the "
+            "isolators or the lowest storey a stiffness."
+        )
+    undamped = (found.ratio < UNDAMPED) & (found.apart < _OF_ADDITIONS)
+    if undamped.any():
+        sentences.append(
+            _undamped(
+                f"{name}: {_modes_have(int(undamped.sum()), n)} no damping, the lowest of these at "
+                f"{found.frequency[undamped][0]:.4g} Hz"
+            )
+        )
+    elif not is_damped(mass, damping, stiffness, -_ROUNDING):
+        sentences.append(
+            f"{name}: the damping matrix drives some motion, although every mode decays; check the signs of its "
+            "entries."
+        )
+    return tuple(sentences)
+
+
+def _undamped(found: str) -> str:
+    return (
+        f"{found}. Every damper looks better on a frame without damping: give it modal_damping with ratios of 0.01 to "
+        "0.02, rayleigh, or a damping matrix."
+    )
+
+
+def _modes_have(count: int, n_modes: int) -> str:
+    return f"{count} of {n_modes} modes {'has' if count == 1 else 'have'}"
+
+
+def is_damped(mass: Floats, damping: Floats, stiffness: Floats, ratio: float) -> bool:
+    """Whether it is certain that no damping ratio is below `ratio`."""
+    typical = _typical_frequency(mass, stiffness)
+    # What a skew part of C does is no work.
+    rest = damping + damping.T
+    rest *= 0.5
+    rest -= (ratio * typical) * mass
+    rest -= (ratio / typical) * stiffness
+    return is_positive(rest)
+
+
+def _is_held(mass: Floats, stiffness: Floats) -> bool:
+    """Whether it is certain that every mode has a stiffness."""
+    return is_positive(stiffness - (_FREE * _typical_frequency(mass, stiffness)) ** 2 * mass)
+
+
+def _typical_frequency(mass: Floats, stiffness: Floats) -> float:
+    """Median of those of each coordinate alone [rad/s], which a few stiff links do not change; 1 without stiffness."""
+    alone = np.sqrt(np.maximum(np.diag(stiffness), 0.0) / np.diag(mass))
+    moving = alone[alone > 0.0]
+    return float(np.median(moving)) if moving.size else 1.0
+
+
+def is_positive(matrix: Floats, shift: float = 0.0) -> bool:
+    """Whether a symmetric matrix plus `shift` I has positive eigenvalues only: a tenth of the time of finding them.
+
+    A diagonal that outweighs the rest of every row, as of diagonal matrices and chains of springs, tells it at once.
+    """
+    diagonal = np.diag(matrix) + shift
+    if (diagonal <= 0.0).any():
+        return False
+    if (2.0 * diagonal - shift > np.abs(matrix).sum(axis=1)).all():
+        return True
+    try:
+        np.linalg.cholesky(matrix + shift * np.eye(len(matrix)) if shift else matrix)
+    except np.linalg.LinAlgError:
+        return False
+    return True
