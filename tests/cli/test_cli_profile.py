@@ -189,7 +189,7 @@ def test_profiles_do_not_outlive_their_fit(
     (again / "profiles.json").write_text("{}")
     (again / "notes.txt").write_text("mine")
     arguments = ["synthetic:rd1005_1a", "--every", "8", "--model", "static_hysteretic", "--quiet"]
-    printed(capsys, "identify", *arguments, "--out", again)
+    printed(capsys, "identify", *arguments, "--out", again, "--replace")
     assert (again / "notes.txt").read_text() == "mine"
     assert not (again / "profiles.json").exists()
 

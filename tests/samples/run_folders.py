@@ -13,7 +13,8 @@ import mrwork as mr
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import addition_content
 from mrwork.store.codec import json_document
-from mrwork.store.run_folder import CHAIN, DRAWS, LAWS, PLAN, PROFILES, RANKING, write_files
+from mrwork.store.output_file import write_files
+from mrwork.store.run_folder import CHAIN, DRAWS, LAWS, PLAN, PROFILES, RANKING
 from mrwork.uncertainty.bands.calibration_files import write_bands
 from mrwork.uncertainty.bands.conformal import measured_coverage
 from mrwork.uncertainty.bands.prediction import predict_tests

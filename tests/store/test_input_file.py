@@ -58,10 +58,8 @@ ELSEWHERE = {
     "store/child_hdf5.py": "bytes in memory",
     "store/child_parquet.py": "bytes in memory",
     "store/child_program.py": "how much memory the process has",
-    "store/journal.py": "the journal that is written",
-    "store/lock.py": "the lock that is held",
-    "store/run_folder.py": "folders, to flush them",
-    "study/stored_histories.py": "a file that is written",
+    "store/output_file.py": "files that are written",
+    "store/output_folder.py": "folders, to flush them",
 }
 
 ENTRANCES: dict[str, tuple[str, Callable[[Path], object]]] = {

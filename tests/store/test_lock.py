@@ -14,8 +14,10 @@ import pytest
 from command_line import started
 
 from mrwork.errors import JournalError, MrworkWarning, OutputError, SettingError
+from mrwork.store.destination import Destination
 from mrwork.store.journal import Journal
 from mrwork.store.lock import Lock, is_lock
+from mrwork.store.run_folder import FIT_RUN
 from mrwork.store.run_lock import adding, replacing_run
 from mrwork.store.unfinished import (
     StepJournals,
@@ -26,6 +28,11 @@ from mrwork.store.unfinished import (
     resume_addition,
     run_journal,
 )
+
+
+def to(place: Path) -> Destination:
+    return Destination(path=place, kind=FIT_RUN)
+
 
 HOLDER = """
 import sys, time
@@ -92,7 +99,7 @@ def test_a_link_in_the_place_of_a_lock_is_not_followed(tmp_path: Path) -> None:
     target = tmp_path / "precious"
     target.write_text("kept")
     (tmp_path / ".chain.lock").symlink_to(target)
-    with pytest.raises(OutputError, match=r"cannot write .*; choose another folder"):
+    with pytest.raises(OutputError, match=r"chain\.lock is a symbolic link, .* remove the link"):
         Lock(tmp_path / "chain")
     assert target.read_text() == "kept"
 
@@ -108,13 +115,13 @@ def test_a_run_that_begins_leaves_the_journal_of_another_alone(tmp_path: Path) -
 
 
 def test_a_comparison_that_begins_leaves_the_journals_of_another_alone(tmp_path: Path) -> None:
-    with closing(StepJournals(tmp_path / "run", resume=False)) as journals:
+    with closing(StepJournals(to(tmp_path / "run"), resume=False)) as journals:
         journal = journals("dahl/fit")
         journal.agree("run", {"seed": 1})
         journal.close()
         for resume in (False, True):
             with pytest.raises(JournalError, match="is writing"):
-                StepJournals(tmp_path / "run", resume=resume)
+                StepJournals(to(tmp_path / "run"), resume=resume)
         assert b'"seed": 1' in journal.path.read_bytes()
         journals.discard()
     assert list(tmp_path.iterdir()) == []
@@ -163,7 +170,7 @@ def test_a_second_journal_of_the_same_process_is_told_to_close_the_first(tmp_pat
 def run(tmp_path: Path) -> Path:
     place = tmp_path / "run"
     place.mkdir()
-    (place / "manifest.json").write_text('{"status": "converged"}')
+    (place / "manifest.json").write_text('{"kind": "identification", "status": "converged"}')
     return place
 
 
@@ -172,11 +179,11 @@ def test_a_run_is_not_replaced_while_something_is_added_nor_added_to_while_it_is
     run: Path, name: str
 ) -> None:
     with adding(run, name), adding(run, "profiles.json"):
-        with pytest.raises(JournalError, match=f"is writing {run}/p"), replacing_run(run):
+        with pytest.raises(JournalError, match=f"is writing {run}/p"), replacing_run(to(run)):
             pytest.fail("it was replaced")
         with pytest.raises(JournalError, match=f"is writing {run / name}"), adding(run, name):
             pytest.fail("it was added twice")
-    with replacing_run(run), pytest.raises(JournalError, match=f"is writing {run} "), adding(run, name):
+    with replacing_run(to(run)), pytest.raises(JournalError, match=f"is writing {run} "), adding(run, name):
         pytest.fail("it was added")
     assert [entry.name for entry in (*run.parent.iterdir(), *run.iterdir())] == ["run", "manifest.json"]
 
@@ -197,7 +204,7 @@ def test_a_journal_outlives_what_can_be_resumed(
     tmp_path: Path, error: BaseException, kept: bool, begun: bool
 ) -> None:
     def fail() -> None:
-        with run_journal(tmp_path / "run", resume=False, note=pytest.fail) as journal:
+        with run_journal(to(tmp_path / "run"), resume=False, note=pytest.fail) as journal:
             if begun:
                 journal.agree("run", {"seed": 1})
             raise error
@@ -208,7 +215,7 @@ def test_a_journal_outlives_what_can_be_resumed(
     told = "run the same command with --resume to continue" in getattr(error, "__notes__", ())
     assert told == (begun and isinstance(error, KeyboardInterrupt))
     if kept and begun:
-        with run_journal(tmp_path / "run", resume=True, note=pytest.fail) as journal:
+        with run_journal(to(tmp_path / "run"), resume=True, note=pytest.fail) as journal:
             journal.agree("run", {"seed": 1})
 
 

@@ -28,11 +28,14 @@ from mrwork.errors import OutputError, RecordError
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import manifest_of, read_fit, write_run
 from mrwork.store.arrays_file import finite_numbers, read_arrays
+from mrwork.store.destination import Destination
 from mrwork.store.input_file import stored
 from mrwork.store.lock import Lock
+from mrwork.store.output_folder import check_destination, write_folder
 from mrwork.store.run_folder import (
     CALIBRATION,
     DRAWS,
+    FIT_RUN,
     JOURNAL,
     LAWS,
     MANIFEST,
@@ -40,8 +43,6 @@ from mrwork.store.run_folder import (
     PREDICTIONS,
     PROFILES,
     RANKING,
-    check_destination,
-    write_folder,
 )
 from mrwork.store.run_folder import FIT as FIT_FILE
 from mrwork.stored import load
@@ -52,15 +53,33 @@ FIT = fit(comparison())
 STEPS = Path(__file__)
 
 
-def write(place: Path, described: Fit = FIT, *, report_html: str = "<p>report</p>") -> Path:
+def to(place: Path, *, replace: bool = False) -> Destination:
+    return Destination(path=place, kind=FIT_RUN, replace=replace)
+
+
+def check(place: Path) -> None:
+    check_destination(to(place))
+
+
+def write(
+    place: Path,
+    described: Fit = FIT,
+    *,
+    report_html: str = "<p>report</p>",
+    manifest: dict[str, Any] | None = None,
+    documents: dict[str, object] | None = None,
+    replace: bool = False,
+) -> Path:
     """A run with a small page."""
-    return write_run(
-        place,
+    write_run(
+        to(place, replace=replace),
         fit=described,
         report_html=report_html,
-        manifest={"command": "identify"},
+        manifest={"command": "identify"} if manifest is None else manifest,
         journal=STEPS,
+        documents=documents,
     )
+    return place
 
 
 def contents(folder: Path) -> dict[str, bytes | None]:
@@ -74,16 +93,7 @@ def contents(folder: Path) -> dict[str, bytes | None]:
 def test_a_run_holds_everything_and_reads_back_as_the_same_fit(tmp_path: Path) -> None:
     described = fit(comparison(), comparison("second", synthetic=True))
     place = tmp_path / "out" / "run"
-    assert (
-        write_run(
-            place,
-            fit=described,
-            report_html="<p>ü</p>",
-            manifest={"a": 1},
-            journal=STEPS,
-        )
-        == place
-    )
+    write(place, described, report_html="<p>ü</p>", manifest={"a": 1})
     assert sorted(path.name for path in place.iterdir()) == [
         "fit.json",
         "journal.jsonl",
@@ -99,18 +109,21 @@ def test_numbers_that_are_not_finite_are_null_in_every_file_and_come_back(tmp_pa
     free = replace(FIT.estimates[0], lower=-math.inf, upper=math.inf)
     described = replace(FIT, estimates=(free, *FIT.estimates[1:]))
     assert math.isinf(described.trace.median[0])
-    place = write_run(
+    place = write(
         tmp_path / "run",
-        fit=described,
-        report_html="",
+        described,
         manifest={"misfit": math.inf, "inner": [math.nan], "path": Path("a")},
-        journal=STEPS,
     )
 
     def strictly(text: str) -> Any:
         return json.loads(text, parse_constant=lambda constant: pytest.fail(f"{constant} is not JSON"))
 
-    assert strictly((place / "manifest.json").read_text()) == {"misfit": None, "inner": [None], "path": "a"}
+    stated = strictly((place / "manifest.json").read_text())
+    assert {name: stated[name] for name in ("misfit", "inner", "path")} == {
+        "misfit": None,
+        "inner": [None],
+        "path": "a",
+    }
     strictly((place / "fit.json").read_text())
     again = read_fit(place)
     assert again.estimates == described.estimates
@@ -118,21 +131,12 @@ def test_numbers_that_are_not_finite_are_null_in_every_file_and_come_back(tmp_pa
 
 
 def test_a_second_run_replaces_the_first_but_keeps_what_a_person_added(tmp_path: Path) -> None:
-    place = write_run(
-        tmp_path / "run",
-        fit=FIT,
-        report_html="first",
-        manifest={},
-        journal=STEPS,
-    )
-    (place / "figures").mkdir()
-    (place / "figures" / "stale.svg").write_text("<svg/>")
+    place = write(tmp_path / "run", report_html="first")
     (place / "notes.txt").write_text("oil was warm")
     (place / "photos").mkdir()
     (place / "photos" / "rig.txt").write_text("a photo")
     write(place, report_html="second")
     assert (place / "report.html").read_text() == "second"
-    assert not (place / "figures").exists()
     assert (place / "notes.txt").read_text() == "oil was warm"
     assert (place / "photos" / "rig.txt").read_text() == "a photo"
     assert [path.name for path in tmp_path.iterdir()] == ["run"]
@@ -141,15 +145,7 @@ def test_a_second_run_replaces_the_first_but_keeps_what_a_person_added(tmp_path:
 def test_documents_of_a_comparison_go_with_the_run_that_replaces_it(tmp_path: Path) -> None:
     place = tmp_path / "run"
     documents = {"ranking.json": {"chosen": "dahl", "elpd": math.nan}, "models/dahl/fit.json": FIT.as_dict()}
-    write_run(
-        place,
-        fit=FIT,
-        report_html="",
-        manifest={},
-        journal=STEPS,
-        documents=documents,
-        flush=False,
-    )
+    write(place, documents=documents)
     assert json.loads((place / "ranking.json").read_text()) == {"chosen": "dahl", "elpd": None}
     assert json.loads((place / "models" / "dahl" / "fit.json").read_text())["model"] == FIT.model
     write(place)
@@ -177,7 +173,7 @@ def test_others_may_read_a_run_as_far_as_the_umask_allows(tmp_path: Path) -> Non
     assert (place / "fit.json").stat().st_mode & 0o777 == 0o644
 
 
-@pytest.mark.parametrize("action", [write, check_destination])
+@pytest.mark.parametrize("action", [write, check])
 def test_files_of_others_are_refused_and_left_alone(tmp_path: Path, action: Any) -> None:
     (tmp_path / "file").write_text("mine")
     (tmp_path / "folder").mkdir()
@@ -193,10 +189,10 @@ def test_files_of_others_are_refused_and_left_alone(tmp_path: Path, action: Any)
 
 
 def test_a_destination_is_checked_without_leaving_anything_there(tmp_path: Path) -> None:
-    check_destination(tmp_path / "run")
+    check(tmp_path / "run")
     write(tmp_path / "run")
     before = contents(tmp_path)
-    check_destination(tmp_path / "run")
+    check(tmp_path / "run")
     assert contents(tmp_path) == before
 
 
@@ -209,9 +205,7 @@ def test_an_interrupt_while_writing_leaves_the_earlier_run(tmp_path: Path) -> No
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        write_folder(
-            tmp_path / "run", {MANIFEST: b"{}"}, copied={JOURNAL: Pressed("journal")}, written=(MANIFEST,)
-        )
+        write_folder(to(tmp_path / "run"), {}, manifest={}, copied={JOURNAL: Pressed("journal")})
     assert contents(tmp_path) == before
 
 
@@ -222,6 +216,8 @@ import errno, os, resource, sys
 from pathlib import Path
 from report_samples import comparison, fit
 from mrwork.identification.fit_file import write_run
+from mrwork.store.destination import Destination
+from mrwork.store.run_folder import FIT_RUN
 
 place, size, failure = Path(sys.argv[1]), int(sys.argv[2]), sys.argv[3]
 failures = {"OSError": OSError(errno.EIO, "Input/output error"), "KeyboardInterrupt": KeyboardInterrupt()}
@@ -236,7 +232,8 @@ elif failure:
     failures = {failure: failures[failure]}
     sys.addaudithook(fail_the_first_rename_into_place)
 try:
-    write_run(place, fit=fit(comparison()), report_html="x" * size, manifest={}, journal=os.devnull)
+    written = Destination(path=place, kind=FIT_RUN)
+    write_run(written, fit=fit(comparison()), report_html="x" * size, manifest={}, journal=os.devnull)
 except (OSError, KeyboardInterrupt) as reason:
     print(f"{type(reason).__name__}: {reason}")
 else:
@@ -325,7 +322,7 @@ def test_a_folder_that_may_not_be_written_to_is_named() -> None:
             # Root may write anywhere; nobody may not.
             os.seteuid(65534)
         try:
-            for action in (write, check_destination):
+            for action in (write, check):
                 with pytest.raises(OutputError) as caught:
                     action(locked / "run")
                 assert str(caught.value).startswith(
@@ -506,7 +503,7 @@ def test_arrays_of_other_values_than_finite_numbers_are_refused(tmp_path: Path, 
 )
 def test_a_manifest_of_another_run_is_refused(tmp_path: Path, name: str, value: object) -> None:
     def written(manifest: dict[str, object]) -> Path:
-        return write_run(tmp_path / "run", fit=FIT, report_html="", manifest=manifest, journal=STEPS)
+        return write(tmp_path / "run", manifest=manifest)
 
     stated = manifest_of(FIT, FIT.status)
     for status in (FIT.status, "interrupted"):
@@ -551,7 +548,7 @@ def left_by_a_killed_writer(folder: Path, *, age: float = 3600.0) -> Path:
 
 def test_what_a_killed_writer_left_is_removed_and_the_run_that_it_set_aside_put_back(tmp_path: Path) -> None:
     left = left_by_a_killed_writer(tmp_path)
-    check_destination(tmp_path / "another")
+    check(tmp_path / "another")
     assert not left.exists()
     assert (tmp_path / "run" / MANIFEST).read_text() == "{}"
 
@@ -559,19 +556,38 @@ def test_what_a_killed_writer_left_is_removed_and_the_run_that_it_set_aside_put_
 def test_a_run_that_is_there_is_not_replaced_by_one_that_was_set_aside(tmp_path: Path) -> None:
     left = left_by_a_killed_writer(tmp_path)
     (tmp_path / "run").mkdir()
-    (tmp_path / "run" / MANIFEST).write_text('{"newer": 1}')
-    check_destination(tmp_path / "run")
+    (tmp_path / "run" / MANIFEST).write_text('{"kind": "identification", "newer": 1}')
+    check(tmp_path / "run")
     assert not left.exists()
-    assert (tmp_path / "run" / MANIFEST).read_text() == '{"newer": 1}'
+    assert (tmp_path / "run" / MANIFEST).read_text() == '{"kind": "identification", "newer": 1}'
 
 
 def test_the_folder_of_a_writer_at_work_stays(tmp_path: Path) -> None:
     left = left_by_a_killed_writer(tmp_path)
     with Lock(left / "writer"):
         os.utime(left, (time.time() - 3600.0,) * 2)
-        check_destination(tmp_path / "run")
+        check(tmp_path / "run")
         assert left.is_dir()
     shutil.rmtree(left)
     left = left_by_a_killed_writer(tmp_path, age=0.0)
-    check_destination(tmp_path / "run")
+    check(tmp_path / "run")
     assert left.is_dir()
+
+
+@pytest.mark.parametrize("name", ["", "old", "old/run"])
+def test_a_link_in_the_place_of_the_folder_of_a_killed_writer_is_not_followed(
+    tmp_path: Path, name: str
+) -> None:
+    target = tmp_path / "precious"
+    (target / "old" / "run").mkdir(parents=True)
+    (target / "old" / "run" / "thesis.tex").write_text("mine")
+    place = tmp_path / "out" / ".mrwork-killed" / name
+    place.parent.mkdir(parents=True)
+    place.symlink_to(target / name)
+    left = tmp_path / "out" / ".mrwork-killed"
+    for each in (target, left):
+        os.utime(each, (time.time() - 3600.0,) * 2)
+    before = contents(target)
+    check(tmp_path / "out" / "another")
+    assert contents(target) == before
+    assert not (tmp_path / "out" / "run").exists()

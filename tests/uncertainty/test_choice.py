@@ -19,6 +19,8 @@ from mrwork.identification.multistart import Multistart
 from mrwork.identification.settings import FitSettings
 from mrwork.records import DamperTest
 from mrwork.store import Journal
+from mrwork.store.destination import Destination
+from mrwork.store.run_folder import FIT_RUN
 from mrwork.store.unfinished import StepJournals
 from mrwork.uncertainty.bands.prediction import halves
 from mrwork.uncertainty.choice.choose import Choice, ChoiceProgress, choose_model
@@ -108,7 +110,7 @@ def test_interrupted_and_resumed_is_as_if_nothing_had_happened(
     place = tmp_path / "run"
     with (
         pytest.raises(Interrupted) as interrupted,
-        closing(StepJournals(place, resume=False)) as journals,
+        closing(StepJournals(Destination(path=place, kind=FIT_RUN), resume=False)) as journals,
     ):
         choose_model(two, compared, settings=FEW, threads=1, journal_of=journals, on_progress=interrupt)
     if (model, task) == ("dahl", "left out 1"):
@@ -118,7 +120,7 @@ def test_interrupted_and_resumed_is_as_if_nothing_had_happened(
         missing = interrupted.value.result.ranking.missing
         assert missing == (("viscous_dahl",) if model == "viscous_dahl" else ())
         assert all(each.elpd is None for each in interrupted.value.result.ranking.standings)
-    with closing(StepJournals(place, resume=True)) as journals:
+    with closing(StepJournals(Destination(path=place, kind=FIT_RUN), resume=True)) as journals:
         resumed = choose_model(two, compared, settings=FEW, threads=1, journal_of=journals)
     assert standings(resumed) == standings(whole)
     assert resumed.ranking.sentence == whole.ranking.sentence

@@ -24,6 +24,8 @@ from mrwork.identification.settings import FitSettings
 from mrwork.records import DamperTest
 from mrwork.records.window import middle_excerpt
 from mrwork.search import EfficientGA, StopRules
+from mrwork.store.destination import Destination
+from mrwork.store.run_folder import FIT_RUN
 from mrwork.store.unfinished import StepJournals
 from mrwork.uncertainty.choice.laws import LawChoice, LawProgress, choose_laws
 
@@ -103,7 +105,7 @@ def test_interrupted_and_resumed_is_as_if_nothing_had_happened(
 
     with (
         pytest.raises(Interrupted) as interrupted,
-        closing(StepJournals(place, resume=False)) as journals,
+        closing(StepJournals(Destination(path=place, kind=FIT_RUN), resume=False)) as journals,
     ):
         choose_laws(
             "viscous_dahl", tests, settings=settings, threads=1, on_progress=stop, journal_of=journals
@@ -112,7 +114,7 @@ def test_interrupted_and_resumed_is_as_if_nothing_had_happened(
     assert len(so_far.table.tried) == 2
     assert not so_far.table.complete
     assert so_far.fit.status == "interrupted"
-    with closing(StepJournals(place, resume=True)) as journals:
+    with closing(StepJournals(Destination(path=place, kind=FIT_RUN), resume=True)) as journals:
         resumed = choose_laws("viscous_dahl", tests, settings=settings, threads=1, journal_of=journals)
     assert asdict(resumed.table) == asdict(choice.table)
     assert resumed.fit.theta == choice.fit.theta

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, get_args
 
 from mrwork.cli.identified import (
     close_run,
+    destination_of,
     run_search,
     stem_of,
     text_of,
@@ -23,7 +24,7 @@ from mrwork.cli.terminal import note
 from mrwork.errors import SettingError
 from mrwork.identification.settings import FitSettings
 from mrwork.records import observed
-from mrwork.store.run_folder import FIT, MODELS, RANKING, check_destination
+from mrwork.store.run_folder import FIT, MODELS, RANKING
 from mrwork.store.unfinished import StepJournals
 from mrwork.summary import aligned
 from mrwork.uncertainty.bands.prediction import Fold
@@ -81,8 +82,8 @@ def run(options: argparse.Namespace, settings: FitSettings) -> int:
     reading = reading_of(options, "fit")
     tests = tuple(observed(test, settings.observe) for test in reading.tests())
     folder = options.out or Path("out") / f"{stem_of(tests)}-models"
-    check_destination(folder)
-    with StepJournals(folder, resume=options.resume, note=note) as journals:
+    destination = destination_of(folder, options)
+    with StepJournals(destination, resume=options.resume, note=note) as journals:
         choice, status = run_search(
             lambda line: choose_model(
                 tests,
@@ -109,7 +110,7 @@ def run(options: argparse.Namespace, settings: FitSettings) -> int:
             best = with_identifiability(best, tests, threads=options.threads)
         documents: dict[str, object] = {f"{MODELS}/{name}/{FIT}": fit.as_dict() for name, fit in fits.items()}
         written = write_identification(
-            folder,
+            destination,
             best,
             journals.path(f"{best.model}/fit"),
             finished=status == 0,

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from mrwork.cli.identified import (
     close_run,
+    destination_of,
     run_search,
     stem_of,
     summary_of,
@@ -24,7 +25,7 @@ from mrwork.cli.terminal import note
 from mrwork.errors import SettingError
 from mrwork.identification.settings import FitSettings
 from mrwork.records import observed
-from mrwork.store.run_folder import LAWS, check_destination
+from mrwork.store.run_folder import LAWS
 from mrwork.store.unfinished import StepJournals
 
 if TYPE_CHECKING:
@@ -43,8 +44,8 @@ def run(options: argparse.Namespace, settings: FitSettings) -> int:
     reading = reading_of(options)
     tests = tuple(observed(test, settings.observe) for test in reading.tests())
     folder = options.out or Path("out") / f"{stem_of(tests)}-{options.model}"
-    check_destination(folder)
-    with StepJournals(folder, resume=options.resume, note=note) as journals:
+    destination = destination_of(folder, options)
+    with StepJournals(destination, resume=options.resume, note=note) as journals:
         choice, status = run_search(
             lambda line: choose_laws(
                 options.model,
@@ -70,7 +71,7 @@ def run(options: argparse.Namespace, settings: FitSettings) -> int:
         # The last step that has begun: after an interrupt that may be the choice.
         steps = [journals.path(f"{fit.model}/{step}") for step in ("fit", "laws")]
         written = write_identification(
-            folder,
+            destination,
             fit,
             next(path for path in steps if path.is_file()),
             finished=status == 0,

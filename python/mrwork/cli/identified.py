@@ -23,7 +23,9 @@ from mrwork.identification.result import FitSpread
 from mrwork.identification.settings import Reading
 from mrwork.records import DamperTest
 from mrwork.records.findings import gathered_findings
-from mrwork.store.run_folder import REPORT
+from mrwork.store.destination import Destination
+from mrwork.store.output_folder import check_destination
+from mrwork.store.run_folder import FIT_RUN, REPORT
 from mrwork.store.unfinished import INTERRUPTED, is_complete
 
 if TYPE_CHECKING:
@@ -38,6 +40,13 @@ def stem_of(tests: tuple[DamperTest, ...]) -> str:
     """First part of the name of a run folder."""
     first = tests[0].name.replace(" ", "_").replace(os.sep, "_")
     return first if len(tests) == 1 else f"{first}-and-{len(tests) - 1}-more"
+
+
+def destination_of(folder: Path, options: argparse.Namespace) -> Destination:
+    """The run folder of a command line, to which something can be written."""
+    destination = Destination.of(folder, FIT_RUN, replace=options.replace, resume=options.resume)
+    check_destination(destination)
+    return destination
 
 
 def run_search(
@@ -86,7 +95,7 @@ def with_identifiability(fit: Fit, tests: tuple[DamperTest, ...], *, threads: in
 
 
 def write_identification(
-    folder: Path,
+    destination: Destination,
     fit: Fit,
     journal: Path,
     *,
@@ -97,10 +106,10 @@ def write_identification(
 
     After an interrupt it is done without waiting for the disk, and not in place of a complete run.
     """
-    if not finished and is_complete(folder):
+    if not finished and is_complete(destination.path):
         return False
     write_run(
-        folder,
+        destination,
         fit=fit,
         report_html=_NOT_DRAWN if finished else _INTERRUPTED,
         manifest=manifest_of(fit, fit.status if finished else INTERRUPTED),

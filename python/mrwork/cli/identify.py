@@ -11,6 +11,7 @@ from mrwork.cli import choose, choose_laws
 from mrwork.cli.choose import add_choice, is_choice
 from mrwork.cli.identified import (
     close_run,
+    destination_of,
     run_search,
     stem_of,
     summary_of,
@@ -24,6 +25,7 @@ from mrwork.cli.options import (
     add_files,
     add_json,
     add_observation,
+    add_out,
     add_quiet,
     add_seed,
     add_threads,
@@ -45,7 +47,6 @@ from mrwork.identification.problem import start_from
 from mrwork.identification.searches import Search, method_of, search_named, searches
 from mrwork.identification.settings import Engine, FitSettings
 from mrwork.records import DamperTest, observed
-from mrwork.store.run_folder import check_destination
 from mrwork.store.unfinished import discard_journal, run_journal
 
 
@@ -152,7 +153,7 @@ def add_parser(verbs: Any) -> None:
         metavar="N",
     )
     add_threads(parser)
-    parser.add_argument("--out", type=Path, metavar="DIR", help="run folder, default out/TEST-MODEL")
+    add_out(parser, "run folder, default out/TEST-MODEL")
     parser.add_argument(
         "--resume",
         action="store_true",
@@ -194,8 +195,8 @@ def run(options: argparse.Namespace) -> int:
     spec = _with_laws(plain, tests, options)
     starts = tuple(start_from(read_fit(run), spec) for run in options.starts)
     folder = options.out or Path("out") / f"{stem_of(tests)}-{spec.name}"
-    check_destination(folder)
-    with run_journal(folder, resume=options.resume, note=note) as journal:
+    destination = destination_of(folder, options)
+    with run_journal(destination, resume=options.resume, note=note) as journal:
         fit, status = run_search(
             lambda line: identify_with(
                 spec,
@@ -215,7 +216,7 @@ def run(options: argparse.Namespace) -> int:
         if status == 0:
             fit = with_identifiability(fit, tests, threads=options.threads)
         fit = with_command(fit, reading)
-        written = write_identification(folder, fit, journal.path, finished=status == 0)
+        written = write_identification(destination, fit, journal.path, finished=status == 0)
         if written:
             discard_journal(journal)
         return close_run(

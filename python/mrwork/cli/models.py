@@ -13,7 +13,7 @@ from mrwork.cli.output import print_json
 from mrwork.cli.terminal import show
 from mrwork.dampers.spec import DamperSpec, Preset, damper, damper_models
 from mrwork.errors import SettingError
-from mrwork.store.run_folder import replacing
+from mrwork.store.output_file import replacing
 from mrwork.summary import aligned
 
 
@@ -65,8 +65,8 @@ def _write_figure(spec: DamperSpec, options: argparse.Namespace) -> None:
     from mrwork.report.svg import png_bytes, svg_bytes
 
     figure = parameter_effects_figure(spec, amplitude=options.amplitude, frequency=options.frequency)
-    with replacing(options.figure) as place:
-        place.write_bytes(svg_bytes(figure) if suffix == ".svg" else png_bytes(figure))
+    with replacing(options.figure) as stream:
+        stream.write(svg_bytes(figure) if suffix == ".svg" else png_bytes(figure))
 
 
 def _as_dict(spec: DamperSpec) -> dict[str, Any]:

@@ -100,6 +100,17 @@ def add_seed(parser: argparse.ArgumentParser, of: str) -> None:
     add_number(parser, "--seed", SEED, f"seed of {of}, default 0", default=0, metavar="N")
 
 
+def add_out(parser: argparse.ArgumentParser, what: str) -> None:
+    """--out, which `what` describes, and --replace."""
+    parser.add_argument("--out", type=Path, metavar="DIR", help=what)
+    parser.add_argument(
+        "--replace",
+        action="store_true",
+        help="replace the run in the folder also where it is of another verb, where other verbs have added to it, or "
+        "where a file has been changed; otherwise it is refused. Files that no verb has written are kept",
+    )
+
+
 def add_quiet(parser: argparse.ArgumentParser, help: str = "no progress line") -> None:
     """--quiet."""
     parser.add_argument("--quiet", action="store_true", help=help)

@@ -17,7 +17,8 @@ from mrwork.errors import Interrupted, RecordError
 from mrwork.identification.certainty import Direction
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import OpenedRun, addition_content, fit_content, reopen
-from mrwork.store.run_folder import FIT, PROFILES, REPORT, write_files
+from mrwork.store.output_file import write_files
+from mrwork.store.run_folder import FIT, PROFILES, REPORT
 from mrwork.store.run_lock import adding
 
 if TYPE_CHECKING:

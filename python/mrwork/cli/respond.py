@@ -7,7 +7,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mrwork.cli.options import add_json, add_quiet, add_seed, add_threads
+from mrwork.cli.options import add_json, add_out, add_quiet, add_seed, add_threads
 from mrwork.cli.output import print_json, stopped_in_words
 from mrwork.cli.progress import PATIENCE, ProgressLine, study_described
 from mrwork.cli.study_manifest import command_line, study_manifest
@@ -16,6 +16,7 @@ from mrwork.errors import Interrupted, SettingError
 
 if TYPE_CHECKING:
     from mrwork.store import Journal
+    from mrwork.store.destination import Destination
     from mrwork.study.results import StudyResults
     from mrwork.study.stored_histories import Histories
     from mrwork.study.study import Study
@@ -46,7 +47,7 @@ def add_parser(verbs: Any) -> None:
         help="repeat every run with half the integration step and compare",
     )
     add_threads(parser)
-    parser.add_argument("--out", type=Path, metavar="DIR", help="folder of the results, default out/STUDY")
+    add_out(parser, "folder of the results, default out/STUDY")
     parser.add_argument(
         "--resume",
         action="store_true",
@@ -68,7 +69,9 @@ def run(options: argparse.Namespace) -> int:
     if options.study is None:
         raise SettingError("no study is given; give a STUDY.toml, or --schema to print its keys")
     # SciPy and the simulation are slow to load.
-    from mrwork.store.run_folder import check_destination
+    from mrwork.store.destination import Destination
+    from mrwork.store.output_folder import check_destination
+    from mrwork.store.run_folder import STUDY_RUN
     from mrwork.store.unfinished import run_journal
     from mrwork.study.reading import read_study
 
@@ -77,16 +80,20 @@ def run(options: argparse.Namespace) -> int:
         whole = read_study(options.study, seed=options.seed, on_python=note)
     study = whole if options.motions == "all" else whole.of_use(options.motions)
     place = options.out or Path("out") / options.study.stem
-    check_destination(place)
-    with run_journal(place, resume=options.resume, note=note) as journal:
-        return _respond(study, place, journal, options, began)
+    destination = Destination.of(place, STUDY_RUN, replace=options.replace, resume=options.resume)
+    check_destination(destination)
+    with run_journal(destination, resume=options.resume, note=note) as journal:
+        return _respond(study, destination, journal, options, began)
 
 
-def _respond(study: Study, place: Path, journal: Journal, options: argparse.Namespace, began: float) -> int:
+def _respond(
+    study: Study, destination: Destination, journal: Journal, options: argparse.Namespace, began: float
+) -> int:
     from mrwork.store.unfinished import discard_journal, is_complete
     from mrwork.study.run import run_study
     from mrwork.study.stored_histories import Histories
 
+    place = destination.path
     histories = Histories(place, study, resume=options.resume)
     line = ProgressLine(study_described, quiet=options.quiet or options.json, patience=PATIENCE)
     status = 0
@@ -108,7 +115,7 @@ def _respond(study: Study, place: Path, journal: Journal, options: argparse.Name
         journal.finish()
     written = status == 0 or not is_complete(place)
     if written:
-        _write(place, options, study, results, histories, journal, time.perf_counter() - began)
+        _write(destination, options, study, results, histories, journal, time.perf_counter() - began)
         discard_journal(journal)
     if options.json:
         from mrwork.study.folder import study_document
@@ -138,7 +145,7 @@ def _listing(options: argparse.Namespace) -> str:
 
 
 def _write(
-    place: Path,
+    destination: Destination,
     options: argparse.Namespace,
     study: Study,
     results: StudyResults,
@@ -147,12 +154,13 @@ def _write(
     seconds: float,
 ) -> None:
     from mrwork.report.study.page import study_page
+    from mrwork.store.run_folder import STUDY_RUN
     from mrwork.study.folder import write_study
 
     manifest = study_manifest(
         options,
         study.file,
-        kind="study",
+        kind=STUDY_RUN.kind,
         title=results.title,
         status="finished" if results.complete else "interrupted",
         seconds=seconds,
@@ -166,7 +174,7 @@ def _write(
         command=command_line(),
     )
     write_study(
-        place,
+        destination,
         results,
         study_file=study.file,
         page=page,

@@ -16,8 +16,9 @@ from mrwork.cli.terminal import note, show
 from mrwork.errors import Interrupted, JournalError
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import OpenedRun, fit_content, reopen
-from mrwork.store.run_folder import CHAIN, DRAWS, FIT, FORMER_CHAIN, write_files
-from mrwork.store.unfinished import addition_journal, begun_of, keep_addition
+from mrwork.store.output_file import write_files
+from mrwork.store.run_folder import CHAIN, DRAWS, FIT, FORMER_CHAIN, begun_of
+from mrwork.store.unfinished import addition_journal, keep_addition
 from mrwork.uncertainty.noise import NOISES, names_in_words
 from mrwork.uncertainty.posterior.prior import Prior, parse_prior
 

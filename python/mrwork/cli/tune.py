@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mrwork.cli.options import add_json, add_quiet, add_seed, add_threads
+from mrwork.cli.options import add_json, add_out, add_quiet, add_seed, add_threads
 from mrwork.cli.output import print_json, stopped_in_words, table_lines
 from mrwork.cli.progress import PATIENCE, ProgressLine, tuning_described
 from mrwork.cli.study_manifest import command_line, study_manifest
@@ -18,6 +18,7 @@ from mrwork.summary import with_decimals
 
 if TYPE_CHECKING:
     from mrwork.store import Journal
+    from mrwork.store.destination import Destination
     from mrwork.study.study import Study
     from mrwork.study.tuning_schema import TuneTable
     from mrwork.tuning.results import LawResult, TuningResults
@@ -50,9 +51,7 @@ def add_parser(verbs: Any) -> None:
     )
     add_seed(parser, "the searches, of noise and synthetic motions")
     add_threads(parser)
-    parser.add_argument(
-        "--out", type=Path, metavar="DIR", help="folder of the results, default out/STUDY-tuned"
-    )
+    add_out(parser, "folder of the results, default out/STUDY-tuned")
     parser.add_argument(
         "--resume",
         action="store_true",
@@ -66,7 +65,9 @@ def add_parser(verbs: Any) -> None:
 def run(options: argparse.Namespace) -> int:
     """Tune, write the folder, print the result."""
     # SciPy and the simulation are slow to load.
-    from mrwork.store.run_folder import check_destination
+    from mrwork.store.destination import Destination
+    from mrwork.store.output_folder import check_destination
+    from mrwork.store.run_folder import TUNING_RUN
     from mrwork.store.unfinished import run_journal
     from mrwork.study.reading import read_study
 
@@ -75,15 +76,16 @@ def run(options: argparse.Namespace) -> int:
         study = read_study(options.study, seed=options.seed, on_python=note)
     tables = _tables(study, options)
     place = options.out or Path("out") / f"{options.study.stem}-tuned"
-    check_destination(place)
-    with run_journal(place, resume=options.resume, note=note) as journal:
-        return _tune(study, tables, place, journal, options, began)
+    destination = Destination.of(place, TUNING_RUN, replace=options.replace, resume=options.resume)
+    check_destination(destination)
+    with run_journal(destination, resume=options.resume, note=note) as journal:
+        return _tune(study, tables, destination, journal, options, began)
 
 
 def _tune(
     study: Study,
     tables: tuple[TuneTable, ...],
-    place: Path,
+    destination: Destination,
     journal: Journal,
     options: argparse.Namespace,
     began: float,
@@ -103,9 +105,10 @@ def _tune(
     finally:
         line.close()
         journal.finish()
+    place = destination.path
     written = status == 0 or not is_complete(place)
     if written:
-        _write(place, options, study, results, journal, time.perf_counter() - began)
+        _write(destination, options, study, results, journal, time.perf_counter() - began)
         discard_journal(journal)
     if options.json:
         document = tuning_document(results) | {"out": str(place)}
@@ -132,17 +135,18 @@ def _tables(study: Study, options: argparse.Namespace) -> tuple[TuneTable, ...]:
 
 
 def _write(
-    place: Path,
+    destination: Destination,
     options: argparse.Namespace,
     study: Study,
     results: TuningResults,
     journal: Journal,
     seconds: float,
 ) -> None:
+    from mrwork.store.run_folder import TUNING_RUN
     from mrwork.tuning.folder import write_tuning
 
     manifest = study_manifest(
-        options, study.file, kind="tuning", title=results.title, status=results.status, seconds=seconds
+        options, study.file, kind=TUNING_RUN.kind, title=results.title, status=results.status, seconds=seconds
     )
     page = None
     # After Ctrl-C nothing that takes long: the figures are drawn when the tuning is resumed.
@@ -150,12 +154,14 @@ def _write(
         from mrwork.report.tuning.page import tuning_page
 
         page = tuning_page(results, command=command_line())
-    write_tuning(place, results, study_file=study.file, page=page, manifest=manifest, journal=journal.path)
+    write_tuning(
+        destination, results, study_file=study.file, page=page, manifest=manifest, journal=journal.path
+    )
 
 
 def _text(results: TuningResults, place: Path) -> str:
     """Scores on training and test motions, the settings, warnings, and where everything is."""
-    from mrwork.tuning.folder import CHOSEN
+    from mrwork.store.run_folder import CHOSEN
     from mrwork.tuning.results import settings_in_words
 
     head = ("", "training", "test", "drift", "acc.", "better", "settings")

@@ -13,32 +13,22 @@ from mrwork.identification.fit import Fit
 from mrwork.records import DamperTest, RecordedMotion
 from mrwork.records.operating_range import OperatingRange
 from mrwork.store.codec import json_document
+from mrwork.store.destination import Destination
 from mrwork.store.input_file import exists, is_folder, is_there, stored, text_of
 from mrwork.store.manifest import check_manifest, read_manifest
+from mrwork.store.output_folder import write_folder
 from mrwork.store.record import parsed, read_document, record_from_json, record_of
-from mrwork.store.run_folder import (
-    ADDITIONS,
-    FIGURES,
-    FIT,
-    JOURNAL,
-    LAWS,
-    MANIFEST,
-    MODELS,
-    RANKING,
-    REPORT,
-    write_folder,
-)
-from mrwork.store.unfinished import INTERRUPTED, is_part
+from mrwork.store.run_folder import FIT, FIT_RUN, JOURNAL, MANIFEST, REPORT, is_part
+from mrwork.store.unfinished import INTERRUPTED
 
 T = TypeVar("T")
 
 # Key of a document that names its fit.
 _FIT_OF = "of_fit"
-_WRITTEN = ADDITIONS | {MANIFEST, FIT, JOURNAL, REPORT, FIGURES, RANKING, LAWS, MODELS}
 
 
 def write_run(
-    path: str | Path,
+    destination: Destination,
     *,
     fit: Fit,
     report_html: str,
@@ -46,7 +36,7 @@ def write_run(
     journal: str | Path,
     documents: Mapping[str, object] | None = None,
     flush: bool = True,
-) -> Path:
+) -> None:
     """Write the run folder of a fit; it replaces an earlier run of the same name.
 
     The folder contains `manifest.json`, `fit.json`, `journal.jsonl`, `report.html` and the documents. Files that the
@@ -54,7 +44,7 @@ def write_run(
 
     Parameters
     ----------
-    path
+    destination
         The folder; parent folders are created.
     report_html
         What `report.html` says until the page is drawn.
@@ -71,20 +61,18 @@ def write_run(
     Raises
     ------
     OutputError
-        If `path` is a file or a folder that is no run folder, or if a file cannot be written. What was at `path` is
-        then unchanged.
+        If the destination is a file or a folder that is no run folder, if something would be lost there without
+        leave, or if a file cannot be written. What was there is then unchanged.
     """
-    texts = {MANIFEST: manifest} | dict(documents or {})
-    contents = {name: json_document(document).encode() for name, document in texts.items()}
+    contents = {name: json_document(document).encode() for name, document in (documents or {}).items()}
     write_folder(
-        path,
+        destination,
         contents | {FIT: fit_content(fit), REPORT: report_html.encode()},
+        manifest=manifest,
         copied={JOURNAL: Path(journal)},
-        written=_WRITTEN,
         # After Ctrl-C the command must return at once; the operating system flushes the files later.
         flush=flush and fit.status != "interrupted",
     )
-    return Path(path)
 
 
 def fit_content(fit: Fit) -> bytes:
@@ -130,7 +118,7 @@ def manifest_of(fit: Fit, status: str) -> dict[str, object]:
 def _facts(fit: Fit) -> dict[str, tuple[object, ...]]:
     """What the manifest of a fit may state."""
     return {
-        "kind": ("identification",),
+        "kind": (FIT_RUN.kind,),
         "model": (fit.model,),
         # In an interrupted comparison, the fit itself may be finished.
         "status": (fit.status, INTERRUPTED),

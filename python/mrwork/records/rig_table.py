@@ -18,7 +18,8 @@ from mrwork.records.formats.layout import delimiter_of, is_data, split
 from mrwork.records.formats.open import EXTENSIONS, TEXT_EXTENSIONS
 from mrwork.records.table import listed_files
 from mrwork.store.input_file import RECORD, exists, is_file, is_folder, start_of
-from mrwork.store.run_folder import real_place, replacing
+from mrwork.store.output_file import replacing
+from mrwork.store.run_folder import real_place
 from mrwork.summary import Summarised, listed
 
 Use = Literal["fit", "calibration", "test"]
@@ -217,8 +218,8 @@ def write_test_table(path: str | os.PathLike[str], rows: Sequence[ListedTest]) -
         writer.writerow(
             [name.as_posix(), row.use or UNUSED, *(row.columns.get(key, "") for key in _SPECIFIED), row.doubt]
         )
-    with replacing(place) as beside:
-        beside.write_text(text.getvalue(), encoding="utf-8")
+    with replacing(place) as stream:
+        stream.write(text.getvalue().encode())
 
 
 def _row(entries: Mapping[str, str], folder: Path) -> ListedTest:

@@ -7,6 +7,7 @@ it. Every reader of the package asks this module for the bytes of a file; `tests
 from __future__ import annotations
 
 import errno
+import hashlib
 import os
 import stat
 from dataclasses import dataclass
@@ -16,6 +17,7 @@ from typing import Final, NoReturn
 from mrwork.errors import RecordError
 
 _MIB: Final = 1 << 20
+_DIGEST: Final = "sha256"
 _KINDS: Final = {
     stat.S_IFDIR: "is a directory",
     stat.S_IFIFO: "is a named pipe",
@@ -101,6 +103,23 @@ def start_of(path: Path, kind: FileKind, count: int) -> bytes:
         raise
     except (OSError, ValueError) as reason:
         _refuse(path, kind, reason)
+
+
+def digest_of_file(path: Path) -> str:
+    """Digest of an ordinary file of any size, as `digest_of_content`; a link is followed.
+
+    Raises
+    ------
+    OSError
+        It cannot be read.
+    """
+    with os.fdopen(os.open(path, _FLAGS), "rb") as stream:
+        return f"{_DIGEST}:{hashlib.file_digest(stream, _DIGEST).hexdigest()}"
+
+
+def digest_of_content(content: bytes) -> str:
+    """Digest of the content of a file, as the manifest of a run folder lists it."""
+    return f"{_DIGEST}:{hashlib.new(_DIGEST, content).hexdigest()}"
 
 
 def text_of(path: Path, kind: FileKind) -> str:

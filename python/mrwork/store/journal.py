@@ -22,6 +22,7 @@ from mrwork.store.fingerprint import differences
 from mrwork.store.input_file import bytes_of, is_there
 from mrwork.store.journal_file import FORMAT, JOURNAL_FILE, line_of, read_lines
 from mrwork.store.lock import Lock
+from mrwork.store.output_file import open_to_write, refuse_link
 
 T = TypeVar("T")
 # Without O_NONBLOCK, a named pipe in the place of the journal would wait for a reader.
@@ -63,7 +64,7 @@ class Journal:
         On resuming: if there is no such file, if it is not a journal, or if it is damaged before its end. On resuming
         or at the first step, unless `lock` was called before: if another writer holds the file.
     OutputError
-        If a line cannot be written.
+        If a line cannot be written, or the file is a link.
     """
 
     @checked
@@ -268,11 +269,11 @@ class Journal:
     def _opened(self, note: Callable[[str], None] | None) -> list[dict[str, Any]]:
         if self.path.parent.is_dir():
             self._take_lock()
-        if not is_there(self.path, JOURNAL_FILE):
-            self.close()
-            raise JournalError(f"there is no journal at {self.path} to resume; run without --resume")
-        self._open()
         try:
+            refuse_link(self.path)
+            if not is_there(self.path, JOURNAL_FILE):
+                raise JournalError(f"there is no journal at {self.path} to resume; run without --resume")
+            file = self._open()
             content = bytes_of(self.path, JOURNAL_FILE)
             recorded, length = read_lines(content, self.path)
         except MrworkError:
@@ -281,13 +282,15 @@ class Journal:
         if length < len(content):
             if note is not None:
                 note(f"the end of {self.path} is torn; its last {len(content) - length} bytes do not count")
-            os.truncate(self.path, length)
+            os.ftruncate(file, length)
         return recorded
 
     def _open(self) -> int:
         self._take_lock()
         try:
-            self._file = os.open(self.path, _FLAGS, 0o666)
+            self._file = open_to_write(self.path, _FLAGS)
+        except OutputError:
+            raise
         except OSError as reason:
             raise OutputError(
                 f"cannot write {self.path}: {reason.strerror}; choose another folder"

@@ -20,10 +20,10 @@ from pathlib import Path
 from types import TracebackType
 
 from mrwork.errors import JournalError, MrworkWarning, OutputError
+from mrwork.store.output_file import open_to_write
 
 _LONGEST = 300
-# In a folder of several users, a link in the place of the lock could lead to a file of its holder.
-_FLAGS = os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0)
+_FLAGS = os.O_RDWR | os.O_CREAT
 
 
 class Lock:
@@ -34,7 +34,7 @@ class Lock:
     JournalError
         If another writer holds it.
     OutputError
-        If the lock file cannot be written.
+        If the lock file cannot be written, or is a link.
     """
 
     def __init__(self, path: Path) -> None:
@@ -66,7 +66,7 @@ class Lock:
 
     def _taken(self, path: Path) -> int:
         while True:
-            file = os.open(self._place, _FLAGS, 0o666)
+            file = open_to_write(self._place, _FLAGS)
             try:
                 _flock(file, path)
                 # Another writer may have removed the file between the two lines above.

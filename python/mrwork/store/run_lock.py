@@ -12,6 +12,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from mrwork.errors import JournalError, OutputError
+from mrwork.store.destination import Destination
 from mrwork.store.lock import Lock
 from mrwork.store.run_folder import CALIBRATION, CHAIN, MANIFEST, PLAN, PROFILES, real_place
 
@@ -22,20 +23,21 @@ _NO_LEAVE = frozenset({errno.EACCES, errno.EPERM, errno.EROFS})
 
 
 @contextmanager
-def replacing_run(path: str | Path) -> Iterator[None]:
-    """Keep others from the run folder at `path`, which the block will replace.
+def replacing_run(destination: Destination) -> Iterator[None]:
+    """Keep others from a run folder, which the block will replace.
 
     Raises
     ------
     JournalError
         If another process writes it, or adds to it.
     OutputError
-        If its parent folder cannot be written.
+        If its parent folder cannot be written, or something would be lost without leave.
     """
-    place = real_place(path)
+    place = destination.place
     with _of_folder(place):
         for name in _ADDITIONS if place.is_dir() else ():
             Lock(place / name).release()
+        destination.check_losses()
         yield
 
 

@@ -15,14 +15,25 @@ from pathlib import Path
 from types import TracebackType
 
 from mrwork.errors import JournalError, MrworkError, OutputError
-from mrwork.store.input_file import stored, text_of
+from mrwork.store.destination import Destination
+from mrwork.store.input_file import bytes_of, stored, text_of
 from mrwork.store.journal import Journal
+from mrwork.store.journal_file import JOURNAL_FILE
 from mrwork.store.lock import Lock, is_lock
+from mrwork.store.output_file import new_file, refuse_link
 from mrwork.store.parse import json_value
-from mrwork.store.run_folder import HISTORIES, JOURNAL, MANIFEST, MODELS, real_place
+from mrwork.store.run_folder import (
+    HISTORIES,
+    JOURNAL,
+    MANIFEST,
+    MODELS,
+    begun_of,
+    is_part,
+    part_of,
+    real_place,
+)
 from mrwork.store.run_lock import adding, replacing_run
 
-_SUFFIX = ".part"
 _STEP_SUFFIX = ".jsonl"
 _COPYING = "copying"
 _TO_RESUME = "run the same command with --resume to continue"
@@ -43,15 +54,17 @@ def is_complete(path: str | Path) -> bool:
 
 
 @contextmanager
-def run_journal(path: str | Path, *, resume: bool, note: Callable[[str], None]) -> Iterator[Journal]:
-    """The journal of a run to the folder at `path`, begun or resumed; both are locked until the end of the block.
+def run_journal(destination: Destination, *, resume: bool, note: Callable[[str], None]) -> Iterator[Journal]:
+    """The journal of a run, begun or resumed; it and the run folder are locked until the end of the block.
 
     Raises
     ------
     JournalError, OutputError
-        As `begin_journal` and `resume_journal`, and where another process adds to the run.
+        As `begin_journal` and `resume_journal`, where another process adds to the run, and where something would be
+        lost without leave.
     """
-    with replacing_run(path):
+    path = destination.path
+    with replacing_run(destination):
         journal = resume_journal(path, note=note) if resume else begin_journal(path)
         with _outliving(journal, real_place(path) / JOURNAL, resume=resume):
             yield journal
@@ -129,6 +142,8 @@ def resume_journal(path: str | Path, *, note: Callable[[str], None]) -> Journal:
     """
     kept = real_place(path) / JOURNAL
     begun = part_of(path) / JOURNAL
+    for each in (kept, begun.parent, begun):
+        refuse_link(each)
     if not begun.is_file():
         if not kept.is_file():
             raise JournalError(
@@ -158,11 +173,6 @@ def is_copy(kept: Path, journal: Journal) -> bool:
     return False
 
 
-def begun_of(kept: Path) -> Path:
-    """Where a journal grows that is moved to `kept` when it is complete."""
-    return kept.with_name(kept.name + _SUFFIX)
-
-
 def begin_addition(kept: Path) -> Journal:
     """Begin a journal that `keep_addition` moves to `kept`; an earlier one there does not change before.
 
@@ -181,6 +191,8 @@ def begin_addition(kept: Path) -> Journal:
 def resume_addition(kept: Path, *, note: Callable[[str], None]) -> Journal:
     """Resume a journal as `begin_addition` begins it, or the complete one at `kept`; raises as `resume_journal`."""
     begun = begun_of(kept)
+    for each in (kept, begun):
+        refuse_link(each)
     if not begun.is_file():
         if not kept.is_file():
             raise JournalError(f"there is no {kept} to resume; run without --resume")
@@ -217,7 +229,9 @@ def _copy(kept: Path, begun: Path, copying: Path) -> None:
         with Lock(begun):
             if not begun.is_file():
                 # Under another name first, so that an incomplete copy is not taken for a journal.
-                shutil.copyfile(kept, copying)
+                content = bytes_of(kept, JOURNAL_FILE)
+                with new_file(copying) as target:
+                    target.write(content)
                 copying.rename(begun)
     except OutputError:
         raise
@@ -228,17 +242,6 @@ def _copy(kept: Path, begun: Path, copying: Path) -> None:
         ) from reason
 
 
-def part_of(path: str | Path) -> Path:
-    """Folder for the journal of an unfinished run to `path`."""
-    place = real_place(path)
-    return place.with_name(place.name + _SUFFIX)
-
-
-def is_part(path: Path) -> bool:
-    """Whether it is the folder of the journal of an unfinished run."""
-    return path.name.endswith(_SUFFIX) and path.is_dir()
-
-
 class StepJournals:
     """Journals of the steps of a comparison of models, such as `dahl/fit`; locked together until `close`.
 
@@ -246,7 +249,7 @@ class StepJournals:
 
     Parameters
     ----------
-    path
+    destination
         The run folder.
     resume
         Whether to continue existing journals; otherwise they are removed.
@@ -258,21 +261,25 @@ class StepJournals:
     JournalError
         On resuming, if there are no journals. If another process is writing them.
     OutputError
-        If the folder for the journals cannot be written.
+        If the folder for the journals cannot be written, or something in the run folder would be lost without leave.
     """
 
-    def __init__(self, path: str | Path, *, resume: bool, note: Callable[[str], None] | None = None) -> None:
-        self._folder = part_of(path) / MODELS
+    def __init__(
+        self, destination: Destination, *, resume: bool, note: Callable[[str], None] | None = None
+    ) -> None:
+        self._folder = part_of(destination.path) / MODELS
         self._resume = resume
         self._note = note
+        for each in (self._folder.parent, self._folder):
+            refuse_link(each)
         if resume and not self._folder.is_dir():
             raise JournalError(
                 f"there is no comparison to resume in {self._folder.parent.name}/{MODELS}; run without --resume"
             )
         try:
-            self._folder.parent.mkdir(parents=True, exist_ok=True)
             with ExitStack() as locked:
-                locked.enter_context(replacing_run(path))
+                locked.enter_context(replacing_run(destination))
+                self._folder.parent.mkdir(exist_ok=True)
                 if not resume:
                     if self._folder.exists():
                         shutil.rmtree(self._folder)
@@ -288,6 +295,7 @@ class StepJournals:
     def __call__(self, step: str) -> Journal:
         """Journal of a step: resumed if there is one, else begun."""
         path = self.path(step)
+        refuse_link(path.parent)
         path.parent.mkdir(exist_ok=True)
         return Journal(path, resume=self._resume and path.is_file(), note=self._note)
 
@@ -322,6 +330,7 @@ class StepJournals:
 
 def _folder(path: str | Path) -> Path:
     folder = part_of(path)
+    refuse_link(folder)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         names = {entry.name for entry in folder.iterdir() if not is_lock(entry.name)}

@@ -16,9 +16,20 @@ from mrwork.closed_loop.evaluation import Spread, criteria
 from mrwork.errors import RecordError
 from mrwork.records.operating_range import Exceedance, OperatingRange
 from mrwork.store.codec import finite, json_document
+from mrwork.store.destination import Destination
 from mrwork.store.manifest import check_manifest, read_manifest
+from mrwork.store.output_folder import write_folder
 from mrwork.store.record import OrInfinite, OrNan, Related, read_document
-from mrwork.store.run_folder import HISTORIES, JOURNAL, MANIFEST, REPORT, RESULTS, STUDY, write_folder
+from mrwork.store.run_folder import (
+    CRITERIA_TABLE,
+    HISTORIES,
+    JOURNAL,
+    PROFILES_TABLE,
+    REPORT,
+    RESULTS,
+    STUDY,
+    STUDY_RUN,
+)
 from mrwork.store.unfinished import INTERRUPTED
 from mrwork.study.batches import Band
 from mrwork.study.comparison import compared
@@ -30,9 +41,6 @@ from mrwork.study.stored_changes import StoredChanges, StoredGroup, stored_chang
 from mrwork.study.stored_clairvoyant import StoredClairvoyant, stored_clairvoyant
 from mrwork.study.stored_histories import Histories
 from mrwork.study.study import Kind, Row, StudyFile
-
-_CRITERIA, _PROFILES = "criteria.csv", "profiles.csv"
-_WRITTEN = frozenset({MANIFEST, JOURNAL, RESULTS, STUDY, REPORT, HISTORIES, _CRITERIA, _PROFILES})
 
 # Every criterion by name; NaN if the run has none, `null` in the file.
 _Criteria = dict[str, OrNan]
@@ -217,7 +225,7 @@ def read_results(folder: str | Path) -> StoredStudy:
     if document is None:
         raise RecordError(f"{folder} has no {RESULTS}; give the folder that `mrwork respond --out` wrote")
     facts = {
-        "kind": ("study",),
+        "kind": (STUDY_RUN.kind,),
         "title": (document.title,),
         "status": ("finished" if document.complete else INTERRUPTED,),
     }
@@ -240,7 +248,7 @@ def read_results(folder: str | Path) -> StoredStudy:
 
 
 def write_study(
-    place: Path,
+    destination: Destination,
     results: StudyResults,
     *,
     study_file: StudyFile,
@@ -254,22 +262,21 @@ def write_study(
     Raises
     ------
     OutputError
-        If anything cannot be written; the place is then as it was.
+        If anything cannot be written, or something would be lost without leave; the folder is then as it was.
     """
     tables = {
-        MANIFEST: json_document(manifest),
         RESULTS: json_document(study_document(results)),
-        _CRITERIA: criteria_csv(results),
-        _PROFILES: profiles_csv(results),
+        CRITERIA_TABLE: criteria_csv(results),
+        PROFILES_TABLE: profiles_csv(results),
         REPORT: page,
     }
     write_folder(
-        place,
+        destination,
         {STUDY: study_file.content} | {name: text.encode() for name, text in tables.items()},
+        manifest=manifest,
         copied={JOURNAL: journal},
         linked={f"{HISTORIES}/{path.name}": path for path in histories.paths()},
         folders=(HISTORIES,),
-        written=_WRITTEN,
         flush=results.complete,
     )
 

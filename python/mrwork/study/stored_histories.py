@@ -12,8 +12,8 @@ from mrwork.closed_loop.responses import history_signals
 from mrwork.errors import RecordError
 from mrwork.store.arrays_file import finite_numbers, read_arrays
 from mrwork.store.input_file import is_there, stored
-from mrwork.store.run_folder import HISTORIES, real_place, replacing
-from mrwork.store.unfinished import part_of
+from mrwork.store.output_file import refuse_link, replacing
+from mrwork.store.run_folder import HISTORIES, part_of, real_place
 from mrwork.study.run_result import Floats, RunHistory
 from mrwork.study.study import Study
 
@@ -27,12 +27,19 @@ class Histories:
     """Histories of the study to be written to `path`, in single precision except for time.
 
     While the study runs, they are stored in a folder beside `path`; a resumed study also reads those in `path`.
+
+    Raises
+    ------
+    OutputError
+        Where one of these folders is a link.
     """
 
     def __init__(self, path: Path, study: Study, *, resume: bool) -> None:
         self._study = study
         self._begun = part_of(path) / HISTORIES
         self._folders = (self._begun, real_place(path) / HISTORIES) if resume else (self._begun,)
+        for folder in (self._begun.parent, *self._folders):
+            refuse_link(folder)
         self._damaged: set[Path] = set()
         if not resume:
             self.discard()
@@ -71,7 +78,7 @@ class Histories:
             for entry in fields(RunHistory)
         }
         target = self._begun / self._names[row, motion]
-        with replacing(target) as beside, beside.open("wb") as stream:
+        with replacing(target) as stream:
             np.savez(stream, **arrays)  # type: ignore[arg-type] # no array is called allow_pickle
         self._damaged.discard(target)
 
@@ -100,7 +107,10 @@ class Histories:
 
     def _path(self, row: int, motion: int) -> Path | None:
         name = self._names[row, motion]
-        found = (folder / name for folder in self._folders)
+        found = [folder / name for folder in self._folders]
+        for path in found:
+            # It is linked or copied into the folder of the study.
+            refuse_link(path)
         return next((path for path in found if path not in self._damaged and is_there(path, _KIND)), None)
 
     def _read(self, path: Path, row: int, motion: int) -> RunHistory:

@@ -14,24 +14,19 @@ from typing import Any
 from mrwork.arguments import checked
 from mrwork.errors import RecordError
 from mrwork.store.codec import finite, json_document
+from mrwork.store.destination import Destination
 from mrwork.store.manifest import check_manifest, read_manifest
+from mrwork.store.output_folder import write_folder
 from mrwork.store.parse import toml_table
 from mrwork.store.record import read_document
-from mrwork.store.run_folder import JOURNAL, MANIFEST, REPORT, RESULTS, STUDY, write_folder
+from mrwork.store.run_folder import CHOSEN, JOURNAL, REPORT, RESULTS, SCORES_TABLE, STUDY, TUNING_RUN
 from mrwork.study.study import StudyFile
 from mrwork.tuning.results import Judgement, LawResult, TuningResults
 from mrwork.tuning.space import LARGEST
 
-CHOSEN = "chosen.toml"
-"""The study with the chosen settings, for `mrwork respond`."""
-_SCORES = "scores.csv"
-# What the manifest says that the folder is.
-_KIND = "tuning"
-_WRITTEN = frozenset({MANIFEST, JOURNAL, RESULTS, STUDY, REPORT, CHOSEN, _SCORES})
-
 
 def write_tuning(
-    place: Path,
+    destination: Destination,
     results: TuningResults,
     *,
     study_file: StudyFile,
@@ -44,21 +39,20 @@ def write_tuning(
     Raises
     ------
     OutputError
-        If anything cannot be written; the place is then as it was.
+        If anything cannot be written, or something would be lost without leave; the folder is then as it was.
     """
     contents = {
-        MANIFEST: json_document(manifest),
         RESULTS: json_document(tuning_document(results)),
-        _SCORES: _scores_csv(results),
+        SCORES_TABLE: _scores_csv(results),
         CHOSEN: chosen_study(results, study_file),
     }
     if page is not None:
         contents[REPORT] = page
     write_folder(
-        place,
+        destination,
         {STUDY: study_file.content} | {name: text.encode() for name, text in contents.items()},
+        manifest=manifest,
         copied={JOURNAL: journal},
-        written=_WRITTEN,
         flush=results.status == "finished",
     )
 
@@ -80,7 +74,7 @@ def read_tuning(folder: str | Path) -> TuningResults:
     """
     place = Path(folder)
     manifest = read_manifest(place, verb="tune")
-    is_tuning = manifest is not None and manifest.get("kind") == _KIND
+    is_tuning = manifest is not None and manifest.get("kind") == TUNING_RUN.kind
     found = read_document(TuningResults, place / RESULTS, name="tuning", verb="tune") if is_tuning else None
     if manifest is None or found is None:
         raise RecordError(f"{place} is not the folder of a tuning; give one that `mrwork tune` has written")

@@ -23,12 +23,14 @@ from mrwork.identification.fit_file import manifest_of, write_run
 from mrwork.identification.searches import method_of, search_named
 from mrwork.identification.settings import FitSettings
 from mrwork.store.codec import json_document
+from mrwork.store.destination import Destination
 from mrwork.store.journal_file import read_lines
 from mrwork.store.run_folder import (
     CALIBRATION,
     CHAIN,
     DRAWS,
     FIT,
+    FIT_RUN,
     JOURNAL,
     LAWS,
     MANIFEST,
@@ -90,7 +92,13 @@ def _readers_of_a_fit(folder: Path) -> list[Reader]:
     beginning = folder / JOURNAL
     with closing(mr.Journal(beginning)) as journal:
         fit = mr.identify(MODEL, tests[0], search=search, threads=1, journal=journal)
-    write_run(place, fit=fit, report_html="", manifest=manifest_of(fit, fit.status), journal=beginning)
+    write_run(
+        Destination(path=place, kind=FIT_RUN),
+        fit=fit,
+        report_html="",
+        manifest=manifest_of(fit, fit.status),
+        journal=beginning,
+    )
     add_every_file(place, fit, tests[0], tests[1:], steps=_STEPS)
 
     def sampled(path: Path) -> object:

@@ -16,7 +16,8 @@ from mrwork.report.fit.ranking import ranking_figure
 from mrwork.report.fit.search import search_figure
 from mrwork.report.progress import OnDrawn, PageProgress, unobserved
 from mrwork.report.svg import png_bytes, svg_bytes
-from mrwork.store.run_folder import FIGURES, write_files
+from mrwork.store.output_file import write_files
+from mrwork.store.run_folder import FIGURES
 from mrwork.stored import StoredRun
 
 

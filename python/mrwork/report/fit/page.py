@@ -35,7 +35,8 @@ from mrwork.report.html import filled_in
 from mrwork.report.progress import OnDrawn, PageProgress, unobserved
 from mrwork.report.section import Absent, Section
 from mrwork.report.typeset import equation_html
-from mrwork.store.run_folder import REPORT, write_files
+from mrwork.store.output_file import write_files
+from mrwork.store.run_folder import REPORT
 from mrwork.stored import StoredRun, with_additions
 from mrwork.uncertainty.identifiability.verdicts import identifiability_of
 

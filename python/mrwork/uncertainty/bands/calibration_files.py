@@ -24,8 +24,9 @@ from mrwork.store.arrays_file import finite_numbers, read_arrays
 from mrwork.store.codec import json_document
 from mrwork.store.fingerprint import digest_of
 from mrwork.store.input_file import is_there, stored, text_of
+from mrwork.store.output_file import write_files
 from mrwork.store.record import parsed, read_document, record_of
-from mrwork.store.run_folder import CALIBRATION, FOLDS, PREDICTIONS, write_files
+from mrwork.store.run_folder import CALIBRATION, FOLDS, PREDICTIONS
 from mrwork.summary import Summarised, Summary
 from mrwork.uncertainty.bands.conformal import Calibration, LeftOutCoverage
 from mrwork.uncertainty.bands.prediction import Prediction
