@@ -95,6 +95,16 @@ REFUSED = {
         ),
         "GB",
     ),
+    "a rest without end": (
+        text(
+            "a.toml", study_text("control_weight = 1e-13").replace("= 2", "= 2\nrest = 1e300"), mr.read_study
+        ),
+        "1e+302 samples",
+    ),
+    "a rest of many days": (
+        text("a.toml", study_text("control_weight = 1e-13").replace("= 2", "= 2\nrest = 1e9"), mr.read_study),
+        "1e+11 samples",
+    ),
     "realisations without end": (
         text(
             "a.toml",

@@ -16,6 +16,7 @@ from mrwork.motions import GroundMotion
 from mrwork.motions.likeness import is_copy, likeness
 from mrwork.motions.processing import (
     baseline_corrected,
+    check_samples,
     resampled,
     scaled,
     scaled_to_peak,
@@ -180,6 +181,7 @@ def _processed(motion: GroundMotion, table: MotionTable) -> GroundMotion:
     if table.resample is not None:
         motion = resampled(motion, table.resample)
     if table.rest > 0.0:
+        check_samples(motion.duration + table.rest, motion.dt)
         still = np.zeros(round(table.rest / motion.dt))
         motion = replace(
             motion,
