@@ -16,6 +16,7 @@ __all__ = [
     "Interrupted",
     "InvalidSettingError",
     "JournalError",
+    "LibraryError",
     "MrworkError",
     "MrworkWarning",
     "OutputError",
@@ -100,6 +101,10 @@ class OutputError(MrworkError, OSError):
 
 class JournalError(MrworkError, ValueError):
     """A journal is damaged, in use, or of another run than the one to be resumed."""
+
+
+class LibraryError(MrworkError, RuntimeError):
+    """A library that a computation needs does not start on this machine; what was computed before is kept."""
 
 
 class Interrupted(KeyboardInterrupt, Generic[ResultT]):

@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import COMMAND, PATIENCE, mrwork
+from study_texts import study_text
 
 from mrwork.cli.door import sentence_on, warnings_in_one_line
 from mrwork.cli.output import print_json
@@ -125,6 +126,47 @@ def test_ascii_terminals_show_what_they_can() -> None:
     assert ended.returncode == 2
     assert b"Traceback" not in ended.stderr
     assert rb"\udcff" in ended.stderr
+
+
+# Libraries
+
+STUDY = study_text("control_weight = 1e-13").replace("duration = 2", "duration = 0.3")
+STUDIES = {
+    "clairvoyant": f"{STUDY}[clairvoyant]\nrandom_starts = 0\n",
+    "gradients": STUDY.replace("duration = 0.3", "duration = 0.3\nuse = 'training'")
+    + "[[motion]]\nsynthetic = 'kanai_tajimi'\nduration = 0.3\nseed = 1\nname = 'other'\n"
+    "[[tune]]\nlaws = ['proportional_direct']\nbudget = 6\npopulation = 5\ngradient_steps = 1\n",
+}
+TWIN = ("--model", "bingham", "--engine", "twin", "--every", "20", "--population", "8", "--generations", "2")
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("identify", "synthetic:spencer1997", *TWIN),
+        ("respond", "clairvoyant.toml"),
+        ("tune", "gradients.toml"),
+    ],
+    ids=lambda words: words[0],
+)
+def test_jax_that_does_not_start_is_one_sentence_and_what_was_computed_is_kept(
+    tmp_path: Path, words: tuple[str, ...]
+) -> None:
+    for name, text in STUDIES.items():
+        (tmp_path / f"{name}.toml").write_text(text)
+    ended = subprocess.run(
+        [*COMMAND, *words, "--quiet", "--threads", "1", "--out", "run"],
+        capture_output=True,
+        text=True,
+        env=os.environ | {"JAX_PLATFORMS": "nope"},
+        cwd=tmp_path,
+        check=False,
+        timeout=PATIENCE,
+    )
+    assert (ended.returncode, ended.stdout) == (2, ""), ended.stderr
+    assert "unset JAX_PLATFORMS" in ended.stderr
+    assert len(ended.stderr.splitlines()) == 1
+    assert (tmp_path / "run.part" / "journal.jsonl").is_file()
 
 
 # Signals
