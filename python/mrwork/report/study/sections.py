@@ -121,7 +121,8 @@ def _balance_table(results: StudyResults) -> Table:
         if not done:
             continue
         spent = ratio(
-            np.array([np.sum(run.device_energy) for run in done]), np.array([run.input_energy for run in done])
+            np.array([np.sum(run.device_energy) for run in done]),
+            np.array([run.input_energy for run in done]),
         )
         rows.append(
             (
