@@ -59,6 +59,14 @@ def _in_one_line(sentence: str) -> str:
     return text if len(text) <= _LONGEST else f"{text[: _LONGEST // 2]} … {text[3 - _LONGEST // 2 :]}"
 
 
+def reason_of(error: BaseException) -> str:
+    """The text of an error of a library or of a user's code, in one line; also of one whose text raises."""
+    try:
+        return " ".join(str(error).split()) or "without a reason"
+    except Exception:
+        return f"{type(error).__name__} with a text that cannot be shown"
+
+
 class RecordError(MrworkError, ValueError):
     """A measured record cannot be read or cannot mean what it says."""
 

@@ -96,11 +96,23 @@ def test_a_command_that_is_no_number_is_not_sent() -> None:
     assert set(found.outcome) == {4}
 
 
+class MuteError(Exception):
+    """An error whose text cannot be made."""
+
+    def __str__(self) -> str:
+        raise ValueError("no text")
+
+
+def mute(sample: LoopSample, memory: Floats) -> Floats:
+    raise MuteError
+
+
 @pytest.mark.parametrize(
     ("command", "words"),
     [
         (lambda sample, memory: np.zeros(3), r"returned commands of shape \(3,\) at 0 s; give \(1, 2\)"),
         (lambda sample, memory: sample.speed, "failed at 0 s: AttributeError"),
+        (mute, "failed at 0 s: MuteError: MuteError with a text that cannot be shown"),
         (
             lambda sample, memory: [["a", "b"]],
             "what it returned at 0 s has values of type <U1; give an array",

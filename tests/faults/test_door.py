@@ -22,6 +22,7 @@ from study_texts import study_text
 from mrwork.cli.door import sentence_on, warnings_in_one_line
 from mrwork.cli.output import print_json
 from mrwork.cli.terminal import note, show
+from mrwork.errors import RecordError
 
 ROOT = Path(sys.modules["mrwork"].__file__ or "").parent
 
@@ -44,6 +45,20 @@ def test_what_the_machine_cannot_do_is_a_sentence_that_says_what_to_do(error: Ex
     assert words in sentence
     assert ";" in sentence
     assert "\n" not in sentence
+
+
+class MuteError(Exception):
+    """An error of a library whose text cannot be made."""
+
+    def __str__(self) -> str:
+        raise ValueError("no text")
+
+
+@pytest.mark.parametrize("kind", [OSError, OverflowError, UnicodeError, ImportError, RecordError])
+def test_an_error_whose_text_raises_is_a_sentence(kind: type[Exception]) -> None:
+    mute = type("Mute", (kind,), {"__str__": MuteError.__str__})
+    for error in (kind(MuteError()), mute("a text")):
+        assert "a text that cannot be shown" in sentence_on(error)
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,7 @@ from mrwork.argument_kinds import Refusal, kind_of
 from mrwork.arguments import AnyNumbers, Within, checked
 from mrwork.buildings.devices import Device
 from mrwork.control.laws import ControlLaw
-from mrwork.errors import SettingError
+from mrwork.errors import SettingError, reason_of
 from mrwork.summary import Summarised, Summary
 from mrwork.values import holds_arrays
 
@@ -177,7 +177,7 @@ class UserLaw(Summarised):
                 returned = self.command(sample, kept)
             except Exception as error:
                 raise SettingError(
-                    f"{self.name} failed at {sample.time:g} s: {type(error).__name__}: {error}"
+                    f"{self.name} failed at {sample.time:g} s: {type(error).__name__}: {reason_of(error)}"
                 ) from error
             try:
                 found = _COMMANDS.accept(returned)

@@ -19,8 +19,14 @@ def main(program: str, seconds: float, memory: int) -> None:
     try:
         answer(data, sys.stdout.buffer)
     except Exception as error:  # the libraries raise whatever a damaged file leads them to
-        reason = str(error).partition("\n")[0] or type(error).__name__
-        sys.exit(reason.encode("ascii", "replace").decode())
+        sys.exit(_reason(error).encode("ascii", "replace").decode())
+
+
+def _reason(error: Exception) -> str:
+    try:
+        return str(error).partition("\n")[0] or type(error).__name__
+    except Exception:  # a text that cannot be made
+        return type(error).__name__
 
 
 def _limit(seconds: float, memory: int) -> None:

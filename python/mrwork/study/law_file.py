@@ -12,6 +12,7 @@ from types import ModuleType
 from typing import Any
 
 from mrwork.closed_loop.user_law import UserLaw
+from mrwork.errors import reason_of
 from mrwork.keys import Place, key, suggestion
 from mrwork.store import digest_of
 from mrwork.store.input_file import FileKind, text_of
@@ -70,6 +71,7 @@ def _run(table: LawFileTable, path: Path) -> tuple[ModuleType, str]:
     try:
         exec(compile(text, str(path), "exec"), vars(module))
     except (Exception, SystemExit) as error:
-        reason = " ".join(str(error).split())
-        where.refuse(f"{table.file} failed when it was run: {type(error).__name__}: {reason}; correct it")
+        where.refuse(
+            f"{table.file} failed when it was run: {type(error).__name__}: {reason_of(error)}; correct it"
+        )
     return module, text
