@@ -16,6 +16,7 @@ __all__ = [
     "Interrupted",
     "InvalidSettingError",
     "JournalError",
+    "LibraryError",
     "MrworkError",
     "MrworkWarning",
     "OutputError",
@@ -56,6 +57,14 @@ class MrworkWarning(UserWarning):
 def _in_one_line(sentence: str) -> str:
     text = escaped(sentence)
     return text if len(text) <= _LONGEST else f"{text[: _LONGEST // 2]} … {text[3 - _LONGEST // 2 :]}"
+
+
+def reason_of(error: BaseException) -> str:
+    """The text of an error of a library or of a user's code, in one line; also of one whose text raises."""
+    try:
+        return " ".join(str(error).split()) or "without a reason"
+    except Exception:
+        return f"{type(error).__name__} with a text that cannot be shown"
 
 
 class RecordError(MrworkError, ValueError):
@@ -100,6 +109,10 @@ class OutputError(MrworkError, OSError):
 
 class JournalError(MrworkError, ValueError):
     """A journal is damaged, in use, or of another run than the one to be resumed."""
+
+
+class LibraryError(MrworkError, RuntimeError):
+    """A library that a computation needs does not start on this machine; what was computed before is kept."""
 
 
 class Interrupted(KeyboardInterrupt, Generic[ResultT]):

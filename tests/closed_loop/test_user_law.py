@@ -116,6 +116,17 @@ def test_a_law_that_makes_no_number_of_numbers_is_named_with_its_line() -> None:
         run(UserLaw(name="broken", command=broken))
 
 
+class MuteError(Exception):
+    """An error whose text cannot be made."""
+
+    def __str__(self) -> str:
+        raise ValueError("no text")
+
+
+def mute(sample: LoopSample, memory: Floats) -> Floats:
+    raise MuteError
+
+
 @pytest.mark.parametrize(
     ("command", "words"),
     [
@@ -124,6 +135,7 @@ def test_a_law_that_makes_no_number_of_numbers_is_named_with_its_line() -> None:
             lambda sample, memory: sample.speed,
             rf"failed at 0 s in {re.escape(__file__)}, line \d+: AttributeError",
         ),
+        (mute, rf"failed at 0 s in {re.escape(__file__)}, line \d+: MuteError"),
         (
             lambda sample, memory: [["a", "b"]],
             "what it returned at 0 s has values of type <U1; give an array",

@@ -17,10 +17,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import COMMAND, PATIENCE, mrwork
+from study_texts import study_text
 
 from mrwork.cli.door import sentence_on, warnings_in_one_line
 from mrwork.cli.output import print_json
 from mrwork.cli.terminal import note, show
+from mrwork.errors import RecordError
 
 ROOT = Path(sys.modules["mrwork"].__file__ or "").parent
 
@@ -43,6 +45,20 @@ def test_what_the_machine_cannot_do_is_a_sentence_that_says_what_to_do(error: Ex
     assert words in sentence
     assert ";" in sentence
     assert "\n" not in sentence
+
+
+class MuteError(Exception):
+    """An error of a library whose text cannot be made."""
+
+    def __str__(self) -> str:
+        raise ValueError("no text")
+
+
+@pytest.mark.parametrize("kind", [OSError, OverflowError, UnicodeError, ImportError, RecordError])
+def test_an_error_whose_text_raises_is_a_sentence(kind: type[Exception]) -> None:
+    mute = type("Mute", (kind,), {"__str__": MuteError.__str__})
+    for error in (kind(MuteError()), mute("a text")):
+        assert "a text that cannot be shown" in sentence_on(error)
 
 
 @pytest.mark.parametrize(
@@ -125,6 +141,47 @@ def test_ascii_terminals_show_what_they_can() -> None:
     assert ended.returncode == 2
     assert b"Traceback" not in ended.stderr
     assert rb"\udcff" in ended.stderr
+
+
+# Libraries
+
+STUDY = study_text("control_weight = 1e-13").replace("duration = 2", "duration = 0.3")
+STUDIES = {
+    "clairvoyant": f"{STUDY}[clairvoyant]\nrandom_starts = 0\n",
+    "gradients": STUDY.replace("duration = 0.3", "duration = 0.3\nuse = 'training'")
+    + "[[motion]]\nsynthetic = 'kanai_tajimi'\nduration = 0.3\nseed = 1\nname = 'other'\n"
+    "[[tune]]\nlaws = ['proportional_direct']\nbudget = 6\npopulation = 5\ngradient_steps = 1\n",
+}
+TWIN = ("--model", "bingham", "--engine", "twin", "--every", "20", "--population", "8", "--generations", "2")
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("identify", "synthetic:spencer1997", *TWIN),
+        ("respond", "clairvoyant.toml"),
+        ("tune", "gradients.toml"),
+    ],
+    ids=lambda words: words[0],
+)
+def test_jax_that_does_not_start_is_one_sentence_and_what_was_computed_is_kept(
+    tmp_path: Path, words: tuple[str, ...]
+) -> None:
+    for name, text in STUDIES.items():
+        (tmp_path / f"{name}.toml").write_text(text)
+    ended = subprocess.run(
+        [*COMMAND, *words, "--quiet", "--threads", "1", "--out", "run"],
+        capture_output=True,
+        text=True,
+        env=os.environ | {"JAX_PLATFORMS": "nope"},
+        cwd=tmp_path,
+        check=False,
+        timeout=PATIENCE,
+    )
+    assert (ended.returncode, ended.stdout) == (2, ""), ended.stderr
+    assert "unset JAX_PLATFORMS" in ended.stderr
+    assert len(ended.stderr.splitlines()) == 1
+    assert (tmp_path / "run.part" / "journal.jsonl").is_file()
 
 
 # Signals

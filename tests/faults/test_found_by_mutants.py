@@ -58,6 +58,12 @@ def nearly_equal_times(columns: dict[str, np.ndarray]) -> None:
     columns["t_s"][:2] = 0.0, 1e-200
 
 
+def read_still(path: Path) -> object:
+    path.with_name("still.csv").write_text("t_s,acceleration_g\n" + "".join(f"{t},0\n" for t in range(9)))
+    return mr.read_study(path)
+
+
+STILL = ('synthetic = "kanai_tajimi"\nduration = 2', 'file = "still.csv"')
 REFUSED = {
     "a force beyond any": (record(huge), "beyond any test"),
     "times that nearly repeat": (record(nearly_equal_times), "repeats"),
@@ -94,6 +100,38 @@ REFUSED = {
             mr.read_study,
         ),
         "GB",
+    ),
+    "a motion that ends within a sample": (
+        text(
+            "a.toml",
+            study_text("control_weight = 1e-13").replace("= 2", "= 2\ntime_scale = 1e-9"),
+            mr.read_study,
+        ),
+        "less than a sample of the law",
+    ),
+    "a motion without motion": (
+        text("a.toml", study_text("control_weight = 1e-13").replace(*STILL), read_still),
+        "zero throughout",
+    ),
+    "no constant command with a score": (
+        text(
+            "a.toml",
+            study_text("control_weight = 1e-13", damper="differential = true\nparameters = { k = 1e15 }")
+            .replace('law = "clipped', 'law = "best_passive"\n[[controller]]\nlaw = "clipped')
+            .replace("= 2", "= 0.1"),
+            lambda path: mr.run_study(mr.read_study(path), threads=1),
+        ),
+        "no constant command has a score",
+    ),
+    "a rest without end": (
+        text(
+            "a.toml", study_text("control_weight = 1e-13").replace("= 2", "= 2\nrest = 1e300"), mr.read_study
+        ),
+        "1e+302 samples",
+    ),
+    "a rest of many days": (
+        text("a.toml", study_text("control_weight = 1e-13").replace("= 2", "= 2\nrest = 1e9"), mr.read_study),
+        "1e+11 samples",
     ),
     "realisations without end": (
         text(

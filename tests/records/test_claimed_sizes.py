@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import re
 import struct
 import tracemalloc
 import zlib
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 import pytest
 from record_files import clean_columns
+from scipy.io import savemat
+from scipy.sparse import csc_matrix
 
 from mrwork.errors import RecordError
 from mrwork.records import read_damper_test
-from mrwork.records.formats.matlab import read_matlab_matrices
+from mrwork.records.formats.matlab import open_matlab, read_matlab_matrices
 from mrwork.records.formats.open import open_table
 
 HEAD = b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM"
@@ -29,7 +33,7 @@ def integers(*values: int) -> bytes:
     return element(5, np.array(values, "<i4").tobytes())
 
 
-def matrix(kind: int, shape: tuple[int, int], name: str, *parts: bytes) -> bytes:
+def matrix(kind: int, shape: tuple[int, ...], name: str, *parts: bytes) -> bytes:
     facts = (element(6, struct.pack("<2I", kind, 0)), integers(*shape), element(1, name.encode()))
     return element(MATRIX, b"".join((*facts, *parts)))
 
@@ -75,6 +79,68 @@ def test_sparse_matrices_are_counted_as_the_dense_ones_that_they_become(tmp_path
     assert peak_of(lambda: read_matlab_matrices(path)) < 500e6
     path.write_bytes(HEAD + b"".join(empty_sparse(name, 2048) for name in "MCK"))
     assert set(read_matlab_matrices(path)) == set("MCK")
+
+
+NONE = element(9, b"")
+ONE = element(9, bytes(8))
+HUGE = 2**31 - 1
+FIELD = (integers(8), element(1, b"f" + bytes(7)), matrix(DOUBLE, 100 * (1,), "", ONE))
+STRUCT_OF_100 = matrix(STRUCT, (1, 1), "a", *FIELD)
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (matrix(DOUBLE, (HUGE, 1), "a", ONE), "2147483647 x 1 matrix has 8 bytes"),
+        (matrix(DOUBLE, (HUGE, HUGE, HUGE, 0), "a", NONE), "2147483647 x 2147483647 x 2147483647 x 0"),
+        (matrix(DOUBLE, (HUGE, HUGE, HUGE, 4), "a", NONE), "2147483647 x 2147483647 x 2147483647 x 4"),
+        (matrix(DOUBLE, (-1, 1), "a", ONE), "-1 x 1"),
+        (matrix(DOUBLE, 100 * (1,), "a", ONE), "100 dimensions"),
+        (matrix(DOUBLE, (8, *99 * (1,)), "a", element(9, bytes(64))), "100 dimensions"),
+        (matrix(SPARSE, (3, -1), "a", integers(), integers(), NONE), "3 x -1"),
+        (matrix(SPARSE, (3, 0), "a", integers(), integers(), NONE), "no order in its columns"),
+        (STRUCT_OF_100, "100 dimensions"),
+    ],
+    ids=[
+        *("a long vector", "no items", "items missing", "negative", "100 of one", "100 dimensions"),
+        *("sparse, negative", "sparse, no columns", "in a struct"),
+    ],
+)
+@pytest.mark.parametrize("read", [open_matlab, read_matlab_matrices])
+def test_sides_that_no_array_has_are_refused_in_a_sentence(
+    tmp_path: Path, content: bytes, words: str, read: Callable[[Path], object]
+) -> None:
+    path = tmp_path / "rig.mat"
+    path.write_bytes(HEAD + content)
+    with pytest.raises(RecordError, match=re.escape(words)) as caught:
+        read(path)
+    assert len(str(caught.value)) < 400
+
+
+@pytest.mark.parametrize("side", [0, -1, HUGE])
+@pytest.mark.parametrize("count", [1, 2, 3, 4, 5, 31, 32, 33, 64, 65])
+@pytest.mark.parametrize("kind", [DOUBLE, SPARSE, STRUCT])
+def test_no_shape_of_an_empty_matrix_ends_in_anything_but_an_error_in_words(
+    tmp_path: Path, side: int, count: int, kind: int
+) -> None:
+    path = tmp_path / "rig.mat"
+    for shape in ((side,) * count, (*(side,) * count, 0), (0, *(side,) * count)):
+        path.write_bytes(
+            HEAD + matrix(kind, shape, "a", *((integers(), integers(0)) if kind == SPARSE else ()), NONE)
+        )
+        for read in (open_matlab, read_matlab_matrices):
+            with suppress(RecordError):
+                read(path)
+
+
+@pytest.mark.parametrize("version", ["4", "5"])
+def test_an_empty_sparse_matrix_is_no_matrix(tmp_path: Path, version: str) -> None:
+    path = tmp_path / "frame.mat"
+    savemat(path, {"S": csc_matrix((0, 0)), "K": np.eye(2)}, format=version)
+    assert list(read_matlab_matrices(path)) == ["K"]
+    savemat(path, {name: csc_matrix((0, 0)) for name in ("t_s", "displacement_m", "force_n")}, format=version)
+    with pytest.raises(RecordError):
+        read_damper_test(path)
 
 
 @pytest.mark.parametrize("starts", [(0, 2**31 - 1, -2, 0), (0, -1, 2**31 - 1, 1), (0, 2, 1, 1)])

@@ -154,6 +154,26 @@ def test_coverage_is_printed_beside_the_band_as_it_was_measured(whole: Path) -> 
         assert f"Inside the 90 % band: {100 * row['samples']['coverage']:.1f} % of the samples" in shown
 
 
+def test_a_coverage_of_no_test_is_refused(whole: Path, tmp_path: Path) -> None:
+    place = Path(shutil.copytree(whole, tmp_path / "run"))
+    stated = json.loads((place / "calibration.json").read_text())
+    stated["coverage"][0]["test"] = "nan"
+    (place / "calibration.json").write_text(json.dumps(stated))
+    with pytest.raises(RecordError, match="coverage of 'nan', which is none of its tests"):
+        open_run(place)
+
+
+def test_a_test_without_one_of_the_levels_is_left_out_of_the_page(whole: Path, tmp_path: Path) -> None:
+    place = Path(shutil.copytree(whole, tmp_path / "run"))
+    stated = json.loads((place / "calibration.json").read_text())
+    stated["coverage"][0]["level"] = 0.7
+    (place / "calibration.json").write_text(json.dumps(stated))
+    opened, comparisons = open_run(place)
+    write_page(opened, comparisons)
+    shown = (place / "report.html").read_text().replace("\N{NO-BREAK SPACE}", " ")
+    assert "samples of 1 tests" in " ".join(shown.split())
+
+
 def test_bands_say_on_which_excitations_they_are_calibrated(whole: Path) -> None:
     text = Page((whole / "report.html").read_text()).text_in("p")
     assert "calibrated on 2 tests the fit has not seen" in text

@@ -117,6 +117,14 @@ def test_the_page_fits_its_window_without_complaint(
     assert tab.complaints == []
 
 
+def test_a_run_that_nothing_moved_has_a_page_with_a_dash() -> None:
+    results = study_samples.results()
+    still = {key: replace(run, input_energy=0.0) if key[0] == 2 else run for key, run in results.runs.items()}
+    page = page_of(runs=still)
+    assert page != page_of()
+    assert "nan" not in page.split("Balance of energy")[1].split("</table>")[0].lower()
+
+
 def test_headings_of_tables_are_capitalised() -> None:
     results = study_samples.results()
     for table in (overview_table(results), ratio_table(results, 0), value_table(results, (0,))):

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import io
+import os
+import re
+import subprocess
 import sys
 import time
 from pathlib import Path
@@ -106,6 +109,64 @@ def test_claimed_sizes_are_refused_before_they_are_allocated(tmp_path: Path) -> 
         read_members((tmp_path / "file.h5").read_bytes(), "hdf5")
 
 
+def put_in_place_of_hdf5(program: str, folder: Path) -> None:
+    """The limits of the child with a program in the place of the library."""
+    source = Path(child_reader.__file__).with_name("child_program.py")
+    (folder / source.name).write_bytes(source.read_bytes())
+    (folder / "child_hdf5.py").write_text(f"def answer(data, out):\n    {program}\n")
+
+
+LIMITED = """
+import sys
+from pathlib import Path
+from mrwork.errors import LibraryError
+from mrwork.store import child_reader
+
+child_reader._HERE = Path(sys.argv[1])
+try:
+    print(list(child_reader.read_members(b"", "hdf5")))
+except (LibraryError, child_reader.UnreadableError) as error:
+    print(type(error).__name__, error)
+"""
+
+
+@pytest.mark.parametrize(
+    ("limit", "program", "words"),
+    [
+        # Both are below what the child would set.
+        ("ulimit -v 400000", "out.write(b'{}' + bytes([10]))", r"\[\]"),
+        ("ulimit -t 5", "out.write(b'{}' + bytes([10]))", r"\[\]"),
+        (
+            "ulimit -v 400000",
+            "bytearray(399 << 20)",
+            "LibraryError the process .* limit of memory .*ulimit -v",
+        ),
+        (
+            "ulimit -t 2",
+            "while True: pass",
+            "LibraryError the process .* limit of processor time .*ulimit -t",
+        ),
+        ("ulimit -v 400000", "raise ValueError('damaged')", "UnreadableError damaged"),
+        ("ulimit -v 64000000", "bytearray(1 << 40)", "UnreadableError MemoryError"),
+    ],
+)
+@pytest.mark.skipif(sys.platform != "linux", reason="limits are kept by the kernel of Linux")
+def test_a_limit_of_the_shell_holds_for_the_child_and_is_no_damage(
+    tmp_path: Path, limit: str, program: str, words: str
+) -> None:
+    put_in_place_of_hdf5(program, tmp_path)
+    line = f'{limit}; exec "$@"'
+    ended = subprocess.run(
+        ["bash", "-c", line, "bash", sys.executable, "-c", LIMITED, str(tmp_path)],
+        capture_output=True,
+        text=True,
+        env=os.environ | {"OPENBLAS_NUM_THREADS": "1"},
+        check=False,
+    )
+    assert re.match(words, ended.stdout), ended
+    assert len(ended.stdout.splitlines()) == 1
+
+
 @pytest.mark.parametrize(
     ("program", "reason"),
     [
@@ -118,10 +179,7 @@ def test_claimed_sizes_are_refused_before_they_are_allocated(tmp_path: Path) -> 
 def test_what_the_library_may_do_to_the_child_is_one_sentence(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, program: str, reason: str
 ) -> None:
-    # The limits of the child with a program in the place of the library.
-    source = Path(child_reader.__file__).with_name("child_program.py")
-    (tmp_path / source.name).write_bytes(source.read_bytes())
-    (tmp_path / "child_hdf5.py").write_text(f"def answer(data, out):\n    {program}\n")
+    put_in_place_of_hdf5(program, tmp_path)
     monkeypatch.setattr(child_reader, "_HERE", tmp_path)
     monkeypatch.setattr(child_reader, "_SECONDS", 1.0)
     began = time.process_time()

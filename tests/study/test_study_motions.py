@@ -31,7 +31,7 @@ def tables(*texts: str, folder: Path = Path(), seed: int = 0) -> tuple[MotionOfS
     for text in texts:
         document, lines = parse(text, "study.toml")
         read.append(read_table(MotionTable, document, Place(origin="study.toml", lines=lines)))
-    return motions_of_study(read, folder, seed)
+    return motions_of_study(read, folder, seed, sample_time=0.001)
 
 
 def motions(text: str, folder: Path = Path(), seed: int = 0) -> tuple[GroundMotion, ...]:

@@ -12,7 +12,7 @@ from typing import NoReturn, TextIO
 
 from mrwork.cli.signals import Signals
 from mrwork.cli.terminal import note, show_all
-from mrwork.errors import MrworkError, MrworkWarning
+from mrwork.errors import MrworkError, MrworkWarning, reason_of
 from mrwork.escaping import escaped
 
 _VERBS = {
@@ -99,20 +99,20 @@ _SAID = (MrworkError, OSError, MemoryError, RecursionError, OverflowError, Unico
 def sentence_on(error: BaseException) -> str:
     """What happened and what to do."""
     if isinstance(error, MrworkError):
-        return str(error)
+        return reason_of(error)
     if isinstance(error, OSError):
         where = f"{error.filename}: " if error.filename else ""
-        what = error.strerror or str(error) or "a file could not be read or written"
+        what = error.strerror or (reason_of(error) if error.args else "a file could not be read or written")
         return f"{where}{what}; check the path, its permissions and the free space"
     if isinstance(error, MemoryError):
         return "there is not enough memory; give fewer or shorter records, or smaller sizes"
     if isinstance(error, RecursionError):
         return "an input is nested too deeply; give it fewer levels"
     if isinstance(error, OverflowError):
-        return f"a number is too large ({error}); give a smaller one"
+        return f"a number is too large ({reason_of(error)}); give a smaller one"
     if isinstance(error, UnicodeError):
-        return f"a text cannot be read or written ({error}); save it as UTF-8"
-    return f"a library cannot be loaded ({error}); install mrwork again"
+        return f"a text cannot be read or written ({reason_of(error)}); save it as UTF-8"
+    return f"a library cannot be loaded ({reason_of(error)}); install mrwork again"
 
 
 @contextmanager

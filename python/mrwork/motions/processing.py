@@ -98,10 +98,26 @@ def trimmed(motion: GroundMotion, *, start: float = 0.0, end: float = math.inf) 
     return changed(motion, motion.acceleration[first : last + 1].copy(), motion.dt, change)
 
 
-# Of a motion.
-MOST_SAMPLES = 4_000_000
+# Of a motion, and bytes of each in the arrays of a Fourier transform.
+_MOST_SAMPLES = 4_000_000
+_BYTES = 48
 # Largest numerator and denominator of the ratio of steps in band-limited resampling.
 _LARGEST_RATIO = 1000
+
+
+def check_samples(duration: float, dt: float) -> None:
+    """Refuse a motion that would not fit into memory.
+
+    Raises
+    ------
+    SettingError
+        It would have more than four million samples.
+    """
+    if duration / dt > _MOST_SAMPLES:
+        raise SettingError(
+            f"a motion of {duration:g} s every {dt:g} s would have {duration / dt:.3g} samples and take "
+            f"{_BYTES * duration / dt / 1e9:.3g} GB; give a shorter duration, or a longer step"
+        )
 
 
 @checked
@@ -155,10 +171,10 @@ def _n_time(motion: GroundMotion, dt: float) -> int:
         raise SettingError(
             f"ground motion {motion.name}: resampled every {dt} s; give a positive step up to its {motion.duration:g} s"
         )
-    if motion.duration / dt > MOST_SAMPLES:
+    if motion.duration / dt > _MOST_SAMPLES:
         raise SettingError(
             f"ground motion {motion.name}: resampled every {dt:g} s it would have {motion.duration / dt:.3g} samples; "
-            f"give a step of {motion.duration / MOST_SAMPLES:.3g} s or more"
+            f"give a step of {motion.duration / _MOST_SAMPLES:.3g} s or more"
         )
     return math.floor(motion.duration / dt * (1.0 + 1e-12) + 1e-9) + 1
 

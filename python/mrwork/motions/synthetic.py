@@ -11,13 +11,11 @@ from numpy.typing import NDArray
 from mrwork.arguments import Seed, checked
 from mrwork.errors import SettingError
 from mrwork.motions.ground_motion import GroundMotion
-from mrwork.motions.processing import MOST_SAMPLES, scaled_to_peak
+from mrwork.motions.processing import check_samples, scaled_to_peak
 from mrwork.motions.spectral_density import CloughPenzien, SpectralDensity
 
 # Run-in time of the filter before the motion begins, in its longest time constant.
 _RUN_IN = 8.0
-# Of each sample in the arrays of a Fourier transform.
-_BYTES = 48
 
 
 @checked
@@ -69,7 +67,7 @@ def synthetic_motion(
     seed = f"seed {rng}" if isinstance(rng, int) else "a generator that was passed"
     generator = np.random.default_rng(rng)
     run_in = _RUN_IN * _memory(spectrum)
-    _check_samples(duration + run_in, dt)
+    check_samples(duration + run_in, dt)
     n_time = round(duration / dt) + 1
     n_run_in = math.ceil(run_in / dt)
     n_noise = n_time + n_run_in
@@ -239,25 +237,10 @@ def near_fault_pulse(
     )
 
 
-def _check_samples(duration: float, dt: float) -> None:
-    """Refuse a motion that would not fit into memory.
-
-    Raises
-    ------
-    SettingError
-        It would have more than four million samples.
-    """
-    if duration / dt > MOST_SAMPLES:
-        raise SettingError(
-            f"a motion of {duration:g} s every {dt:g} s would have {duration / dt:.3g} samples and take "
-            f"{_BYTES * duration / dt / 1e9:.3g} GB; give a shorter duration, or a longer step"
-        )
-
-
 def _time(duration: float, dt: float) -> NDArray[np.float64]:
     if not (math.isfinite(duration) and 0.0 < dt <= duration):
         raise SettingError(f"pulse of {duration} s every {dt} s; give a positive step below the duration")
-    _check_samples(duration, dt)
+    check_samples(duration, dt)
     return dt * np.arange(round(duration / dt) + 1, dtype=np.float64)
 
 

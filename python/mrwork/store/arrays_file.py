@@ -13,7 +13,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.errors import RecordError
+from mrwork.errors import RecordError, reason_of
 from mrwork.escaping import escaped
 from mrwork.store.input_file import FileKind, bytes_of
 
@@ -39,8 +39,7 @@ def read_arrays(path: Path, kind: FileKind) -> dict[str, NDArray[Any]]:
                 raise ValueError("it claims more numbers than such a file has")
             return {each.filename.removesuffix(".npy"): _array(archive.read(each)) for each in members}
     except Exception as reason:  # the libraries raise whatever a damaged file leads them to
-        first_line = str(reason).partition("\n")[0]
-        raise RecordError(escaped(f"{path} is damaged ({first_line}); {kind.remedy}")) from None
+        raise RecordError(escaped(f"{path} is damaged ({reason_of(reason)}); {kind.remedy}")) from None
 
 
 def finite_numbers(arrays: Mapping[str, NDArray[Any]], name: str) -> NDArray[np.float64]:

@@ -10,35 +10,69 @@ import runpy
 import sys
 import time
 
+try:
+    import resource
+except ImportError:
+    # Windows; the parent limits the time there.
+    resource = None  # type: ignore[assignment]
+
+NO_MEMORY = 3
+"""Exit status where the memory that this process was started with is too little."""
+
 
 def main(program: str, seconds: float, memory: int) -> None:
     """Read the file within limits on the time of the processor [s] and on the memory beyond that of the imports [B]."""
-    data = sys.stdin.buffer.read()
-    answer = runpy.run_path(program)["answer"]
-    _limit(seconds, memory)
+    own = math.inf
     try:
+        data = sys.stdin.buffer.read()
+        answer = runpy.run_path(program)["answer"]
+        own = _limit(seconds, memory)
         answer(data, sys.stdout.buffer)
+    except (ImportError, MemoryError) as error:
+        sys.exit(NO_MEMORY if _memory_before < own else _reason(error))
     except Exception as error:  # the libraries raise whatever a damaged file leads them to
-        reason = str(error).partition("\n")[0] or type(error).__name__
-        sys.exit(reason.encode("ascii", "replace").decode())
+        sys.exit(_reason(error))
 
 
-def _limit(seconds: float, memory: int) -> None:
+def _reason(error: Exception) -> str:
     try:
-        import resource
-    except ImportError:
-        # Windows; the parent limits the time there.
-        return
+        reason = str(error).partition("\n")[0] or type(error).__name__
+    except Exception:  # a text that cannot be made
+        reason = type(error).__name__
+    return reason.encode("ascii", "replace").decode()
+
+
+def _inherited(limit: int) -> float:
+    """What this process was started with."""
+    return min(
+        (each for each in resource.getrlimit(limit) if each != resource.RLIM_INFINITY), default=math.inf
+    )
+
+
+_memory_before = (
+    math.inf if resource is None else min(map(_inherited, (resource.RLIMIT_AS, resource.RLIMIT_DATA)))
+)
+
+
+def _limit(seconds: float, memory: int) -> float:
+    """Set the limits, none above that which the process was started with; return its own limit of the memory."""
+    if resource is None:
+        return math.inf
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    cpu = math.ceil(time.process_time() + seconds)
-    resource.setrlimit(resource.RLIMIT_CPU, (cpu, cpu))
+    _lower(resource.RLIMIT_CPU, math.ceil(time.process_time() + seconds))
     try:
         with open("/proc/self/statm", "rb") as statm:  # noqa: PTH123 - a path takes longer to import
             used = int(statm.read().split()[0]) * resource.getpagesize()
     except OSError:
         # Other systems do not enforce this limit.
-        return
-    resource.setrlimit(resource.RLIMIT_AS, (used + memory, used + memory))
+        return math.inf
+    _lower(resource.RLIMIT_AS, used + memory)
+    return used + memory
+
+
+def _lower(limit: int, wanted: int) -> None:
+    least = int(min(wanted, _inherited(limit)))
+    resource.setrlimit(limit, (least, least))
 
 
 if __name__ == "__main__":

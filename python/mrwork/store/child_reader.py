@@ -24,7 +24,9 @@ from typing import IO, Any, Final, Literal, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.errors import LibraryError
 from mrwork.store.allowance import allowed
+from mrwork.store.child_program import NO_MEMORY
 from mrwork.values import holds_arrays
 
 Format = Literal["hdf5", "parquet"]
@@ -39,6 +41,12 @@ _PATIENCE: Final = 120.0
 # Bytes that a library needs besides file and data.
 _OVERHEAD: Final = 128 << 20
 _LONGEST_HEAD: Final = 64 << 20
+# SIGKILL, and SIGXCPU, which Windows does not have.
+_ENDED_BY_TIME: Final = (-9, -24)
+_OUTSIDE: Final = (
+    "the process that reads HDF5 and Parquet files has come to the limit of {limit} of this shell or job "
+    "(ulimit {option}); raise it, or read the file where there is none"
+)
 
 
 class UnreadableError(Exception):
@@ -71,6 +79,8 @@ def read_members(data: bytes, form: Format) -> dict[str, Member]:
         If the file is damaged, or reading it takes too much time or memory.
     TooLargeError
         If its data claim more than what is `allowed`.
+    LibraryError
+        If the child has come to a limit that this process was started with.
     """
     seconds = _SECONDS + _SECONDS_PER_BYTE * len(data)
     child = subprocess.Popen(
@@ -153,11 +163,33 @@ def received(stdout: IO[bytes], most: int) -> dict[str, Member]:
 
 
 def _reason(child: subprocess.Popen[bytes], seconds: float) -> str:
-    """Why the child has ended."""
+    """Why the child has ended.
+
+    Raises
+    ------
+    LibraryError
+        If it has reached a limit that this process was started with, too, as by `ulimit`.
+    """
     lines = cast(IO[bytes], child.stderr).read().decode(errors="replace").strip().splitlines()
     status = child.wait()
+    if status == NO_MEMORY:
+        raise LibraryError(_OUTSIDE.format(limit="memory", option="-v"))
     if status == 1 and lines:
         return lines[-1]
+    if status in _ENDED_BY_TIME and _seconds_before() <= seconds:
+        raise LibraryError(_OUTSIDE.format(limit="processor time", option="-t"))
     if status < 0:
         return f"the library that reads it fails on it, or takes more than {seconds:.0f} s"
     return f"the process that reads it ended with status {status}"
+
+
+def _seconds_before() -> float:
+    """Processor time that a child of this process may take."""
+    try:
+        import resource
+    except ImportError:
+        return math.inf
+    return min(
+        (each for each in resource.getrlimit(resource.RLIMIT_CPU) if each != resource.RLIM_INFINITY),
+        default=math.inf,
+    )

@@ -14,7 +14,7 @@ from filecmp import cmp
 from pathlib import Path
 from types import TracebackType
 
-from mrwork.errors import JournalError, MrworkError, OutputError
+from mrwork.errors import JournalError, LibraryError, MrworkError, OutputError
 from mrwork.store.destination import Destination
 from mrwork.store.input_file import bytes_of, stored, text_of
 from mrwork.store.journal import Journal
@@ -102,7 +102,7 @@ def _outliving(journal: Journal, kept: Path, *, resume: bool) -> Iterator[None]:
 
 def _comes_again(error: BaseException, *, resume: bool) -> bool:
     """Whether an error is of the inputs; in a run that is resumed they are those of before."""
-    fault = isinstance(error, JournalError | OutputError)
+    fault = isinstance(error, JournalError | LibraryError | OutputError)
     return isinstance(error, MrworkError) and not fault and not resume
 
 

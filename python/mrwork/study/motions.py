@@ -16,6 +16,7 @@ from mrwork.motions import GroundMotion
 from mrwork.motions.likeness import is_copy, likeness
 from mrwork.motions.processing import (
     baseline_corrected,
+    check_samples,
     resampled,
     scaled,
     scaled_to_peak,
@@ -43,17 +44,21 @@ class _Bare:
     file: Path | None
 
 
-def motions_of_study(tables: Sequence[MotionTable], folder: Path, seed: int) -> tuple[MotionOfStudy, ...]:
+def motions_of_study(
+    tables: Sequence[MotionTable], folder: Path, seed: int, *, sample_time: float
+) -> tuple[MotionOfStudy, ...]:
     """The motions of all tables, one for each factor or peak of each record; files are relative to `folder`.
 
     Raises
     ------
     SettingError
-        If a table contradicts itself, its file cannot be read, or a motion is for training and for testing; the message
-        has the line.
+        If a table contradicts itself, its file cannot be read, a motion is for training and for testing, or moves
+        nothing within a sample of the law, `sample_time` [s]; the message has the line.
     """
     bare = [each for table in tables for each in _bare_motions(table, folder, seed)]
     _refuse_both_uses(bare)
+    for each in bare:
+        _refuse_still(each, sample_time)
     return tuple(
         MotionOfStudy(ground=ground, use=each.table.use, synthetic=each.file is None)
         for each in bare
@@ -146,6 +151,20 @@ def _refuse_both_uses(bare: Sequence[_Bare]) -> None:
                 )
 
 
+def _refuse_still(bare: _Bare, sample_time: float) -> None:
+    """Refuse a motion without a response: scores divide by that at i = 0."""
+    name, duration = bare.ground.name, bare.ground.duration
+    if duration < sample_time:
+        bare.table.place.refuse(
+            f"motion {name!r} lasts {duration:.3g} s, less than a sample of the law, {sample_time:g} s; give a longer "
+            "one, or a shorter sample_time of the [hardware]"
+        )
+    if not bare.ground.acceleration.any():
+        bare.table.place.refuse(
+            f"motion {name!r} is zero throughout, so nothing moves and no score exists; leave it out"
+        )
+
+
 def _spectrum(table: MotionTable) -> SpectralDensity:
     soil = table.soil
     if soil is None:
@@ -180,6 +199,7 @@ def _processed(motion: GroundMotion, table: MotionTable) -> GroundMotion:
     if table.resample is not None:
         motion = resampled(motion, table.resample)
     if table.rest > 0.0:
+        check_samples(motion.duration + table.rest, motion.dt)
         still = np.zeros(round(table.rest / motion.dt))
         motion = replace(
             motion,

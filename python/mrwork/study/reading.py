@@ -73,7 +73,8 @@ def read_study(
     with located(place.within("building")):
         bare = building_from_table(table.building, place.within("building"), folder=folder)
     building, devices, chosen = equipped(bare, table.damper, folder, identified)
-    motions = motions_of_study(table.motion, folder, seed)
+    hardware = hardware_of(table.hardware, place.within("hardware"), seed)
+    motions = motions_of_study(table.motion, folder, seed, sample_time=hardware.sample_time)
     if not motions:
         place.refuse("the study has no motion; give a [[motion]]")
     training = tuple(motion.ground for motion in motions if motion.use == "training")
@@ -82,7 +83,6 @@ def read_study(
             'every motion is for training, and none is left to judge the controllers on; give a [[motion]] use = "test"'
         )
     _refuse_same([motion.name for motion in motions], place.within("motion"), "motions", "name")
-    hardware = hardware_of(table.hardware, place.within("hardware"), seed)
     problem = problem_of(table, building, devices, hardware)
     compared = arrangements(table, bare, problem, folder)
     clairvoyant = (

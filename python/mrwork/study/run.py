@@ -15,7 +15,7 @@ from mrwork.closed_loop.clairvoyant_search import Clairvoyant
 from mrwork.closed_loop.evaluation import score, values
 from mrwork.closed_loop.responses import Responses, history_signals
 from mrwork.closed_loop.simulate import simulate_loop
-from mrwork.errors import Interrupted, JournalError
+from mrwork.errors import Interrupted, JournalError, SimulationError
 from mrwork.motions import GroundMotion
 from mrwork.store import Journal
 from mrwork.store.codec import plain
@@ -32,6 +32,7 @@ from mrwork.study.run_result import (
 )
 from mrwork.study.study import Arrangement, Row, Study, digest_of_run, fingerprint_of
 from mrwork.study.varied import VariedResults, varied_criteria
+from mrwork.summary import listed
 from mrwork.units import STANDARD_GRAVITY
 
 # Histories that need more memory than this are simulated one at a time.
@@ -323,6 +324,12 @@ def _with_best_constant(
         criteria = [[_criteria(result, weight) for result in level] for level in levels]
         # The first level is i = 0. A command has no score if one of its runs failed.
         scores = [float(score(each, criteria[0])) for each in criteria]
+        if np.isnan(scores).all():
+            raise SimulationError(
+                f"{arrangement.row.label}: no constant command has a score, because under "
+                f"{listed([ground.name for ground in study.chosen_on])} the run at i = 0, or at every command, did not "
+                "finish or has no response; check the dampers and the step, or leave best_passive out"
+            )
         best = int(np.nanargmin(scores))
         known.update(
             (motion, run)

@@ -19,7 +19,7 @@ from jax import Array
 from mrwork.arguments import checked
 from mrwork.dampers.parameters import CurrentLaws, current_laws
 from mrwork.dampers.spec import DamperSpec, damper
-from mrwork.errors import SettingError, UnknownNameError
+from mrwork.errors import LibraryError, SettingError, UnknownNameError
 from mrwork.twins._base import Parameters  # also sets double precision
 
 Equation = Callable[[Parameters, Array, Array, Array], Array]
@@ -169,9 +169,18 @@ def begin() -> None:
     ------
     SettingError
         In a forked process whose parent has used JAX: its threads do not exist there, and a computation would not end.
+    LibraryError
+        If JAX finds no device, as where JAX_PLATFORMS names none of this machine.
     """
     global _process  # one JAX for each process
     if _process is None:
+        try:
+            jax.devices()
+        except RuntimeError as error:
+            reason = str(error).partition("\n")[0]
+            raise LibraryError(
+                f"JAX does not start on this machine ({reason}); unset JAX_PLATFORMS, or set it to cpu"
+            ) from None
         _process = os.getpid()
         keep_compiled()
     elif _process != os.getpid():

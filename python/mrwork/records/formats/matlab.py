@@ -10,7 +10,7 @@ import hashlib
 import math
 import struct
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Final
 
@@ -28,6 +28,9 @@ _HDF5: Final = b"\x89HDF"
 _LEAST_FOR_MATRICES: Final = 400 << 20
 # Largest index of any version.
 _LARGEST_INDEX: Final = 2**31
+# Dimensions of an array, and the bytes of the longest without items: what NumPy can shape.
+_MOST_DIMENSIONS: Final = 32
+_LARGEST_ARRAY: Final = 2**63 - 1
 # Bytes of a number as it is used, and of the pieces in which a variable is unpacked.
 _NUMBER: Final = 8
 _PIECE: Final = 1 << 20
@@ -113,12 +116,25 @@ def _array(
     items: Block, item: str, shape: tuple[int, ...], name: str, allowance: Allowance
 ) -> NDArray[np.generic]:
     """Array of the items, which the format stores column by column."""
-    if min(shape, default=0) < 0 or len(items) != math.prod(shape) * np.dtype(item).itemsize:
-        sides = " x ".join(str(side) for side in shape)
-        raise DamagedError(f"a {sides} matrix has {len(items)} bytes of {item[1:]} items")
+    if len(items) != math.prod(shape) * np.dtype(item).itemsize:
+        raise DamagedError(f"a {_sides(shape)} matrix has {len(items)} bytes of {item[1:]} items")
     # What the items take already has been counted.
     allowance.take(max(_NUMBER * math.prod(shape) - len(items), 0), f"variable '{name}'")
     return np.frombuffer(items, dtype=item).reshape(shape, order="F")
+
+
+def _shape(sides: Iterable[int]) -> tuple[int, ...]:
+    """Shape of a matrix of version 5, also of one without items."""
+    shape = tuple(int(side) for side in sides)
+    if len(shape) > _MOST_DIMENSIONS:
+        raise DamagedError(f"a matrix claims {len(shape)} dimensions, {_MOST_DIMENSIONS} at most are read")
+    if min(shape, default=0) < 0 or _NUMBER * math.prod(max(side, 1) for side in shape) > _LARGEST_ARRAY:
+        raise DamagedError(f"a matrix claims to be {_sides(shape)}")
+    return shape
+
+
+def _sides(shape: tuple[int, ...]) -> str:
+    return " x ".join(str(side) for side in shape)
 
 
 def _version_4(data: Block, allowance: Allowance) -> Variables:
@@ -220,7 +236,7 @@ def _matrix(
     elements = _elements(block, order)
     parts = [next(elements, (0, b""))[1] for _ in range(3)]
     flags = struct.unpack_from(f"{order}I", parts[0])[0]
-    shape = tuple(int(side) for side in _integers(parts[1], order))
+    shape = _shape(_integers(parts[1], order))
     name = _text(parts[2])
     matrix_class = flags & 0xFF
     if fields and matrix_class == _STRUCT and shape == (1, 1):

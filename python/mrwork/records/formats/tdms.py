@@ -14,7 +14,7 @@ from warnings import warn
 
 import numpy as np
 
-from mrwork.errors import MrworkWarning, RecordError
+from mrwork.errors import MrworkWarning, RecordError, reason_of
 from mrwork.records.column_names import unit_in_name
 from mrwork.records.table import ColumnTable, VectorTable
 from mrwork.store.input_file import RECORD, bytes_of
@@ -55,8 +55,7 @@ def open_tdms(path: Path) -> ColumnTable:
             units = {name: _unit(each) for name, each in zip(names, channels, strict=True)}
             steps = {_waveform(each) for each in channels if len(each)}
     except Exception as error:  # the library raises whatever a damaged file leads it to
-        first_line = str(error).partition("\n")[0]
-        raise RecordError(f"{path}: not a readable .tdms file ({first_line}); save it again") from error
+        raise RecordError(f"{path}: not a readable .tdms file ({reason_of(error)}); save it again") from error
     if reports:
         warn(
             f"{path}: npTDMS reports: {reports[0]}; check that no samples are missing, or save it again",

@@ -37,7 +37,7 @@ def _section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
     rows = _by_test(bands)
     groups: tuple[Group, ...]
     if rows:
-        names = _names(bands)
+        names = _names(bands, rows)
         figure = panel(
             "coverage",
             "Samples inside the bands",
@@ -80,10 +80,10 @@ def _by_test(bands: StoredBands) -> list[dict[float, LeftOutCoverage]]:
     return [row for row in found.values() if set(LEVELS) <= set(row)]
 
 
-def _names(bands: StoredBands) -> list[str]:
+def _names(bands: StoredBands, rows: list[dict[float, LeftOutCoverage]]) -> list[str]:
     """Names of the tests without their folders."""
     known = {each.test.label: each.test for each in bands.predictions}
-    tests = list(dict.fromkeys(row.test for row in bands.coverage))
+    tests = [row[MAIN_LEVEL].test for row in rows]
     return [known[name].name if name in known else name for name in tests]
 
 

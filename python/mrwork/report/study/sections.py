@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mrwork.closed_loop.evaluation import SCORE, criterion
+from mrwork.closed_loop.evaluation import SCORE, criterion, ratio
 from mrwork.records.operating_range import OperatingRange, covering
 from mrwork.report.numbers import fixed, significant
 from mrwork.report.section import NOTHING, Group, Section, Table, panel
@@ -120,7 +120,10 @@ def _balance_table(results: StudyResults) -> Table:
         done = [run for run in runs if run is not None and run.finished]
         if not done:
             continue
-        spent = [float(np.sum(run.device_energy)) / run.input_energy for run in done]
+        spent = ratio(
+            np.array([np.sum(run.device_energy) for run in done]),
+            np.array([run.input_energy for run in done]),
+        )
         rows.append(
             (
                 row.label,

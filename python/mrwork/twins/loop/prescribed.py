@@ -105,7 +105,6 @@ class PrescribedLoop:
     _stretches: tuple[tuple[StepGround, Array], ...] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        begin()
         ground = [self.ground[:-1:2], self.ground[1::2], self.ground[2::2]]
         stretches = []
         for start in range(0, self.places.size, _STRETCH):
@@ -194,6 +193,7 @@ def prescribed_loop(
     step_time, interval, delay
         Integration step, interval of a command, and its delay [s]; the first command has none.
     """
+    begin()
     n_steps = max(1, math.floor(duration / step_time * (1.0 + 1e-12)))
     times = np.maximum(np.arange(n_steps) * step_time - delay, 0.0)
     return PrescribedLoop(

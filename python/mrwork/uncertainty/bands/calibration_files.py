@@ -114,6 +114,12 @@ def read_bands(place: Path, fit: Fit) -> StoredBands | None:
             f"{place / PREDICTIONS} has {strange[0]}, which {CALIBRATION} beside it does not have; "
             f"run `mrwork calibrate {place}` again"
         )
+    strange = [row.test for row in covered.coverage if known and row.test not in known]
+    if strange:
+        raise RecordError(
+            f"{place / CALIBRATION} has the coverage of '{strange[0]}', which is none of its tests; "
+            f"run `mrwork calibrate {place}` again"
+        )
     return StoredBands(calibration=calibration, coverage=covered.coverage, predictions=predictions)
 
 
