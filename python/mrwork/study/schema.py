@@ -272,7 +272,10 @@ class ReportTable:
         "motion of the time histories and force loops; by default the test motion of the largest peak",
         default=None,
     )
-    controllers: tuple[str, ...] = key("labels of the arrangements drawn there; by default all", default=())
+    controllers: tuple[str, ...] = key(
+        "labels of the arrangements drawn there, by default all; of more than 24, the best are drawn",
+        default=(),
+    )
     histories: Literal["detailed", "all", "none"] = key(
         "histories to be stored: of the motion drawn in detail, of all motions, or none", default="detailed"
     )
