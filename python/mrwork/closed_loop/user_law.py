@@ -23,6 +23,8 @@ from mrwork.values import holds_arrays
 
 Floats = NDArray[np.float64]
 
+MOST_MEMORY = 1_000_000
+"""Most numbers that a run may keep from sample to sample."""
 # A command that is not a number fails safe.
 _COMMANDS = kind_of(AnyNumbers)
 
@@ -125,7 +127,7 @@ class UserLaw(Summarised):
     name: str
     command: Callable[[LoopSample, Floats], ArrayLike]
     n_candidates: Annotated[int, Within(least=1, most=1_000_000)] = 1
-    n_memory: Annotated[int, Within(least=0, most=1_000_000)] = 0
+    n_memory: Annotated[int, Within(least=0, most=MOST_MEMORY)] = 0
     source: str = ""
     notes: ClassVar[tuple[str, ...]] = ()
 

@@ -15,6 +15,7 @@ import numpy as np
 from mrwork.motions import GroundMotion
 from mrwork.motions.likeness import is_copy, likeness
 from mrwork.motions.processing import (
+    MOST_SAMPLES,
     baseline_corrected,
     resampled,
     scaled,
@@ -54,11 +55,14 @@ def motions_of_study(tables: Sequence[MotionTable], folder: Path, seed: int) -> 
     """
     bare = [each for table in tables for each in _bare_motions(table, folder, seed)]
     _refuse_both_uses(bare)
-    return tuple(
-        MotionOfStudy(ground=ground, use=each.table.use, synthetic=each.file is None)
-        for each in bare
-        for ground in _scaled(each.ground, each.table)
-    )
+    found: list[MotionOfStudy] = []
+    for each in bare:
+        with located(each.table.place):
+            found += [
+                MotionOfStudy(ground=ground, use=each.table.use, synthetic=each.file is None)
+                for ground in _scaled(each.ground, each.table)
+            ]
+    return tuple(found)
 
 
 def _bare_motions(table: MotionTable, folder: Path, seed: int) -> Iterator[_Bare]:
@@ -180,6 +184,11 @@ def _processed(motion: GroundMotion, table: MotionTable) -> GroundMotion:
     if table.resample is not None:
         motion = resampled(motion, table.resample)
     if table.rest > 0.0:
+        if motion.duration + table.rest > MOST_SAMPLES * motion.dt:
+            table.place.within("rest").refuse(
+                f"rest is {table.rest:g} s, and the motion has a sample every {motion.dt:g} s; give at most "
+                f"{MOST_SAMPLES * motion.dt - motion.duration:.4g} s, or a longer step by resample"
+            )
         still = np.zeros(round(table.rest / motion.dt))
         motion = replace(
             motion,
