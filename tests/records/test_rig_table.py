@@ -283,3 +283,12 @@ def test_the_work_of_a_table_grows_with_its_rows_and_not_with_their_square(tmp_p
 
     calls(2)  # Modules and annotations are loaded once.
     assert calls(1200) < 4.2 * calls(300)
+
+
+@pytest.mark.parametrize("paths", ["", [""]])
+def test_an_empty_name_is_not_the_current_folder(
+    rig: Path, monkeypatch: pytest.MonkeyPatch, paths: str | list[str]
+) -> None:
+    monkeypatch.chdir(rig)
+    with pytest.raises(RecordError, match="'' is no path of a file; check the name"):
+        read_damper_tests(paths)

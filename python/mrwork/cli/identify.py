@@ -35,6 +35,7 @@ from mrwork.cli.options import (
     parse_bounds,
     reading_of,
 )
+from mrwork.cli.paths import named_path
 from mrwork.cli.progress import IdentificationInWords
 from mrwork.cli.terminal import note
 from mrwork.dampers.spec import DamperSpec, damper
@@ -102,7 +103,7 @@ def add_parser(verbs: Any) -> None:
         dest="starts",
         action="append",
         default=[],
-        type=Path,
+        type=named_path,
         metavar="RUN",
         help="also start from an earlier fit of this model, or of a model with some of its parameters; repeat for more",
     )
@@ -152,7 +153,7 @@ def add_parser(verbs: Any) -> None:
         metavar="N",
     )
     add_threads(parser)
-    parser.add_argument("--out", type=Path, metavar="DIR", help="run folder, default out/TEST-MODEL")
+    parser.add_argument("--out", type=named_path, metavar="DIR", help="run folder, default out/TEST-MODEL")
     parser.add_argument(
         "--resume",
         action="store_true",
