@@ -267,12 +267,21 @@ def test_arrays_of_any_precision_are_taken() -> None:
         assert taken(number=kind(2))["number"] == 2
 
 
-def test_numbers_smaller_than_any_quantity_are_zero() -> None:
-    assert taken(number=1e-100)["number"] == 1e-100
-    assert taken(number=-1e-101)["number"] == 0.0
-    with pytest.raises(SettingError, match="`size` of Part is 0; give a number above 0"):
-        Part(size=5e-324)
-    np.testing.assert_array_equal(taken(strict=[1e-300, 1e-100])["strict"], [0.0, 1e-100])
-    np.testing.assert_array_equal(taken(loose=[5e-324, 1.0])["loose"], [0.0, 1.0])
-    given = np.array([0.0, 1e-100])
+def test_no_number_is_read_as_zero() -> None:
+    for number in (1e-100, -1e-101, 5e-324):
+        assert taken(number=number)["number"] == number
+    np.testing.assert_array_equal(taken(strict=[1e-300, 1e-100])["strict"], [1e-300, 1e-100])
+    np.testing.assert_array_equal(taken(loose=[5e-324, 1.0])["loose"], [5e-324, 1.0])
+    given = np.array([0.0, 1e-200])
     assert taken(strict=given)["strict"] is given
+
+
+def test_what_must_be_positive_is_refused_where_its_inverse_or_square_is_none() -> None:
+    assert Part(size=1e-100).size == 1e-100
+    for number in (1e-101, 5e-324):
+        with pytest.raises(
+            SettingError, match=f"`size` of Part is {number:g}; give a number of at least 1e-100"
+        ):
+            Part(size=number)
+    with pytest.raises(SettingError, match="`size` of Part is 0; give a number above 0"):
+        Part(size=0.0)

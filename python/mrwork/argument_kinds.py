@@ -18,13 +18,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mrwork.errors import ArgumentError, MrworkError, SettingError, UnknownChoiceError
-from mrwork.keys import suggestion
+from mrwork.keys import LARGEST, SMALLEST, suggestion
 
 # As many characters of a value as a message repeats.
 _SHOWN = 40
-# Products of three numbers up to this size are finite, and so are those of their inverses.
-LARGEST = 1e100
-_SMALLEST = 1.0 / LARGEST
 
 
 class May(Enum):
@@ -60,9 +57,11 @@ class Within:
         )
 
     def excludes(self, values: Any) -> Any:
-        """Which numbers lie outside; NaN does not."""
+        """Which numbers lie outside; NaN does not. What must be positive may be divided by, and squared."""
         return (
-            (values < self.least) | (values <= self.above) & (self.above > -math.inf)
+            (values < self.least)
+            | (values <= self.above) & (self.above > -math.inf)
+            | (values < SMALLEST) & (self.above == 0.0)
             | (values > self.most) | (values >= self.below) & (self.below < math.inf)
         )  # fmt: skip
 
@@ -198,9 +197,6 @@ def _float(notes: tuple[Any, ...]) -> Kind:
             plain = float(number)
         except OverflowError:
             raise Refusal(f"is {_described(value)}; give a smaller number", SettingError) from None
-        if 0.0 < abs(plain) < _SMALLEST:
-            # As `_flushed`.
-            number = plain = 0.0
         if notes or not abs(plain) <= LARGEST:
             _check_numbers(np.float64(plain), notes)
         exact = isinstance(number, float) or (isinstance(number, int) and abs(number) < 2**53)
@@ -279,7 +275,7 @@ def _array(scalar: type, notes: tuple[Any, ...]) -> Kind:
     )
 
     def accept(value: Any) -> Any:
-        array = _flushed(_as_array(value, kinds, words))
+        array = _as_array(value, kinds, words)
         if array.dtype.kind in "fciu":
             _check_numbers(array, notes)
         return array if array.dtype == scalar else array.astype(scalar)
@@ -293,12 +289,11 @@ def _array_like(notes: tuple[Any, ...]) -> Kind:
     def accept(value: Any) -> Any:
         if May.BE_TRACED in notes and _is_traced(value):
             return value
-        given = _as_array(value, "iuf", words)
-        array = _flushed(given)
+        array = _as_array(value, "iuf", words)
         _check_numbers(array, notes)
         if May.BE_TRACED in notes:
             return array.astype(np.float64, copy=False)
-        return value if array is given and isinstance(value, int | float | list | tuple) else array
+        return value if isinstance(value, int | float | list | tuple) else array
 
     return Kind(words, accept, rank=3)
 
@@ -328,15 +323,6 @@ def _as_array(value: Any, kinds: str, words: str) -> Any:
     return array if array.size else array.astype(np.float64 if "f" in kinds else np.int64)
 
 
-def _flushed(array: Any) -> Any:
-    """The array with zeros for numbers that are smaller than any quantity, and whose inverses would overflow."""
-    if array.dtype.kind not in "fc" or array.dtype.itemsize < 8:
-        return array
-    size = np.abs(array)
-    tiny = (size < _SMALLEST) & (size > 0.0)
-    return np.where(tiny, 0.0, array) if tiny.any() else array
-
-
 def _check_numbers(values: Any, notes: tuple[Any, ...]) -> None:
     """Refuse numbers that are not finite, and those out of the ranges among the notes."""
     numbers = "finite numbers" if np.ndim(values) else "a finite number"
@@ -353,8 +339,11 @@ def _check_numbers(values: Any, notes: tuple[Any, ...]) -> None:
             raise Refusal(f"{_worst(values, ~allowed)}; give {numbers}{most}", SettingError)
     for each in notes:
         if isinstance(each, Within) and np.any(out := each.excludes(values)):
+            first = values if np.ndim(values) == 0 else values[np.asarray(out)][0]
+            tiny = 0.0 < first < SMALLEST
+            words = f"of at least {SMALLEST:g}" if tiny and each.above == 0.0 else each.in_words
             raise Refusal(
-                f"{_worst(values, out)}; give {'numbers' if np.ndim(values) else 'a number'} {each.in_words}",
+                f"{_worst(values, out)}; give {'numbers' if np.ndim(values) else 'a number'} {words}",
                 SettingError,
             )
 

@@ -2,8 +2,9 @@
 
 `@checked` stands on functions, and on dataclasses that users build. A number or an array is finite unless its default
 is infinite or NaN, or its annotation says otherwise, as `Annotated[ArrayLike, May.BE_NAN]`; a range is written
-`Annotated[float, Within(above=0.0)]`. A number closer to zero than 1e-100 is zero. Lists become tuples, and numbers
-become arrays, where the annotation says so. An annotation that cannot be checked, such as `Any` or a type of a library
+`Annotated[float, Within(above=0.0)]`. What must be above zero is at least 1e-100, so that its inverse and its
+square are finite; other numbers are taken as they are. Lists become tuples, and numbers become arrays, where the
+annotation says so. An annotation that cannot be checked, such as `Any` or a type of a library
 that is loaded late, takes everything.
 A class says in `_made_by` how a user gets one of its objects.
 """
@@ -22,7 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mrwork.argument_kinds import Kind, May, Refusal, Shape, Within, kind_of, shape_of
-from mrwork.errors import InvalidSettingError, SettingError
+from mrwork.errors import InvalidSettingError, MrworkError, SettingError
 from mrwork.escaping import escaped
 
 __all__ = [
@@ -126,11 +127,19 @@ def _accepted(kinds: Mapping[str, Kind], function: str, parameter: str, value: A
     try:
         return kinds[parameter].accept(value)
     except Refusal as refusal:
-        sentence = escaped(f"`{parameter}{refusal.place}` of {function} {refusal.sentence}")
-        if owner is not object and issubclass(refusal.error, SettingError):
-            # A reader of a file finds the line of the field.
-            raise InvalidSettingError(parameter, sentence) from None
-        raise refusal.error(sentence) from None
+        raise _error(parameter, function, refusal, owner) from None
+
+
+def _error(parameter: str, function: str, refusal: Refusal, owner: type = object) -> MrworkError:
+    name = f"`{parameter}{refusal.place}`"
+    sentence = escaped(f"{name} of {function} {refusal.sentence}")
+    if owner is not object and issubclass(refusal.error, SettingError):
+        error: MrworkError = InvalidSettingError(parameter, sentence)
+    else:
+        error = refusal.error(sentence)
+        error.key = parameter
+    error.in_a_file = escaped(f"{name} {refusal.sentence}")
+    return error
 
 
 def _agree(shapes: Mapping[str, Shape], function: str, given: Mapping[str, Any]) -> None:
@@ -143,7 +152,7 @@ def _agree(shapes: Mapping[str, Shape], function: str, given: Mapping[str, Any])
         try:
             shape.check(value, known, parameter)
         except Refusal as refusal:
-            raise refusal.error(f"`{parameter}` of {function} {refusal.sentence}") from None
+            raise _error(parameter, function, refusal) from None
 
 
 def _shapes_of(function: Any, signature: inspect.Signature) -> dict[str, Shape]:

@@ -36,10 +36,14 @@ def __dir__() -> list[str]:
 class MrworkError(Exception):
     """Root of all errors that a caller can act on; its text is one clear sentence, in one line whatever it quotes.
 
-    `document` is the file whose place the text begins with; empty if the text does not begin with a place.
+    `document` is the file whose place the text begins with; empty if the text does not begin with a place. Of an
+    argument that is refused, `key` is the name, and `in_a_file` the text for who has written a file and called no
+    function; both are empty otherwise.
     """
 
     document: str = ""
+    key: str = ""
+    in_a_file: str = ""
 
     def __str__(self) -> str:
         """The sentence, with escapes for what a reader cannot see in what it quotes, and cut in the middle if long."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import unicodedata
 from abc import ABCMeta
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import MISSING, Field, dataclass, field, fields
@@ -17,6 +18,14 @@ from typing import Any, NoReturn, cast
 from mrwork.errors import InvalidSettingError, MrworkError, SettingError
 
 _REQUIRED: Any = MISSING
+# Products of three numbers up to this size are finite, and so are those of their inverses.
+LARGEST = 1e100
+SMALLEST = 1.0 / LARGEST
+"""Least positive number of a quantity that is divided by, or of which the logarithm or the square is taken."""
+LARGEST_SEED = 2**53 - 1
+"""Largest seed, an integer that every reader of JSON keeps."""
+# Whole numbers that a computer word holds.
+_LARGEST_WHOLE = 2**63 - 1
 # Controls, separators of lines and paragraphs.
 _CONTROLS = frozenset({"Cc", "Zl", "Zp"})
 
@@ -74,7 +83,13 @@ class Place:
         try:
             yield
         except MrworkError as error:
-            raise self.error(type(error), str(error)) from error
+            raise self.about(error, type(error)) from error
+
+    def about(self, error: MrworkError, kind: type[MrworkError]) -> MrworkError:
+        """The error of a value of this table as one whose message begins with the line of that value."""
+        own = isinstance(error, InvalidSettingError) or (*self.path, error.key) in self.lines
+        place = self.within(error.key) if own else self
+        return place.error(kind, error.in_a_file or str(error))
 
     def error(self, kind: type[MrworkError], sentence: str) -> MrworkError:
         """An error whose message begins with this place."""
@@ -102,6 +117,8 @@ def key(
     default: Any = _REQUIRED,
     least: float = -math.inf,
     above: float = -math.inf,
+    most: float = math.inf,
+    most_items: float = math.inf,
     may_be_nan: bool = False,
     matrix: bool = False,
     label: bool = False,
@@ -117,8 +134,10 @@ def key(
         SI unit of a number. A file may also give such a number as a text with another unit.
     default
         Value if the key is absent; a key without a default is required.
-    least, above
-        Bounds of a number: it must not be less than `least`, and must exceed `above`.
+    least, above, most
+        Bounds of a number: it must not be less than `least`, must exceed `above`, and must not be more than `most`.
+    most_items
+        Largest length of an array.
     may_be_nan
         Whether a number may be NaN, as the value of a broken sensor.
     matrix
@@ -133,6 +152,8 @@ def key(
         "unit": unit,
         "least": least,
         "above": above,
+        "most": most,
+        "most_items": most_items,
         "may_be_nan": may_be_nan,
         "matrix": matrix,
         "label": label,
@@ -181,17 +202,42 @@ def described(entry: Field[Any]) -> str:
 
 def out_of_range(name: str, value: float, entry: Field[Any]) -> str:
     """Message for a number out of the range of its key; empty if it is in range."""
-    least, above = entry.metadata["least"], entry.metadata["above"]
+    least, above, most = (entry.metadata[bound] for bound in ("least", "above", "most"))
     # A number whose default is infinite may be so, too: it means no limit.
     if (math.isnan(value) and not entry.metadata["may_be_nan"]) or (
         math.isinf(value) and entry.default != math.inf
     ):
         return f"{name} is {value}; give a finite number"
+    if isinstance(value, int) and abs(value) > _LARGEST_WHOLE:
+        return f"{name} is a whole number of {len(str(abs(value)))} digits; give one of at most 18"
     if value < least:
         return f"{name} is {value:g}; it can be no less than {least:g}"
     if value <= above:
         return f"{name} is {value:g}; it must be more than {above:g}"
+    if value > most:
+        return f"{name} is {value:g}; it can be no more than {most:.10g}"
+    if abs(value) > LARGEST and not math.isinf(value):
+        return f"{name} is {value:g}; give a number of at most {LARGEST:g}"
+    if above == 0.0 and value < SMALLEST:
+        return f"{name} is {value:g}; a positive number is at least {SMALLEST:g}"
     return ""
+
+
+def repeated(name: str, values: Sequence[object]) -> str:
+    """Message for a text that stands in an array twice; empty if there is none."""
+    texts = [value for value in values if isinstance(value, str)]
+    twice = next((text for text, count in Counter(texts).items() if count > 1), None)
+    return "" if twice is None else f"{name} has {twice!r} twice; give each once"
+
+
+def range_in_words(entry: Field[Any]) -> str:
+    """The range of a key as the schema states it, as "at least 0, at most 1"; empty without bounds."""
+    notes = entry.metadata
+    bounds = (("at least", notes["least"]), ("above", notes["above"]), ("at most", notes["most"]))
+    parts = [f"{words} {bound:.10g}" for words, bound in bounds if math.isfinite(bound)]
+    if math.isfinite(notes["most_items"]):
+        parts.append(f"at most {notes['most_items']} of them")
+    return ", ".join(parts)
 
 
 def control_in(label: str) -> str:
@@ -220,10 +266,12 @@ def check_keys(table: Any) -> None:
     Raises
     ------
     InvalidSettingError
-        If one is out of range.
+        If one is out of range, or a name stands twice in an array.
     """
     for entry in fields(table):
         given = getattr(table, entry.name)
+        if isinstance(given, tuple) and (refusal := repeated(entry.name, given)):
+            raise InvalidSettingError(entry.name, refusal)
         for value in given if isinstance(given, tuple) else (given,):
             if isinstance(value, int | float) and (refusal := out_of_range(entry.name, value, entry)):
                 raise InvalidSettingError(entry.name, refusal)

@@ -153,6 +153,18 @@ def test_unknown_instruction_sets_are_refused(spec, theta, history, measured, mo
             call(theta)
 
 
+def test_an_empty_choice_of_the_instruction_set_is_none(spec, theta, history, measured, monkeypatch):
+    monkeypatch.setenv("MRWORK_INSTRUCTION_SET", "")
+    for call in batch_calls(spec.name, history, measured):
+        call(theta)
+
+
+def test_an_instruction_set_that_is_no_text_is_refused(monkeypatch):
+    monkeypatch.setenv("MRWORK_INSTRUCTION_SET", "\udcff")
+    with pytest.raises(ValueError, match=r"_SET is .*, this machine has .*plain"):
+        _rust.instruction_set()
+
+
 @pytest.mark.parametrize("with_velocity", [True, False])
 def test_histories_pickle(spec, theta, with_velocity):
     motion = sine(n_time=N_TIME)

@@ -16,6 +16,7 @@ from study_texts import study_text
 
 from mrwork.cli.door import parser, verbs
 from mrwork.cli.numbers import Listed, OrWord, Range
+from mrwork.cli.paths import named_path
 
 NO_NUMBERS = (
     *("nan", "-nan", "inf", "-inf", "1e400", "-1e400", "1e30", "-1e30", str(2**70), str(-(2**70))),
@@ -30,7 +31,7 @@ NO_TEXTS = (
     *("", "=", "nan", "1", "=1", "\x1b[31m", "\udcff", "x" * 300, "a\nb", "lowpass=0", "average=1e5"),
     *(f"{name}={value}" for name, value in zip(cycle(NAMES), NO_VALUES, strict=False)),
 )
-NO_PATHS = ("x" * 300, "/dev/null/x", "/dev/null/\x1b[31m", "/dev/null/\u202e\udcff")
+NO_PATHS = ("", "x" * 300, "/dev/null/x", "/dev/null/\x1b[31m", "/dev/null/\u202e\udcff")
 
 
 def options_of(verb: str) -> list[argparse.Action]:
@@ -46,7 +47,7 @@ def is_number(option: argparse.Action) -> bool:
 OPTIONS = [(verb, option) for verb in verbs() for option in options_of(verb) if option.option_strings]
 NUMBERS = [(verb, option) for verb, option in OPTIONS if is_number(option)]
 CHOICES = [(verb, option) for verb, option in OPTIONS if option.choices]
-PATHS = [(verb, option) for verb, option in OPTIONS if option.type is Path]
+PATHS = [(verb, option) for verb, option in OPTIONS if option.type is named_path]
 TEXTS = [(verb, option) for verb, option in OPTIONS if option.type is None and not option.choices]
 ARGUMENTS = [(verb, each) for verb in verbs() for each in options_of(verb) if not each.option_strings]
 
@@ -156,5 +157,5 @@ def test_an_impossible_argument_is_refused(
     verb: str, argument: argparse.Action, record: Path, run: Path
 ) -> None:
     first = [run] if argument.dest == "files" and verb in ("predict", "calibrate") else []
-    for value in (*NO_PATHS, "", "nan", "\x1b[31m\n", "\udcff"):
+    for value in (*NO_PATHS, "nan", "\x1b[31m\n", "\udcff"):
         refused(mrwork(verb, *first, value), value)

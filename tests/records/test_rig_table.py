@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import mrwork
+from counted_calls import calls_of
 from record_files import clean_columns, write_text
 
 import mrwork as mr
@@ -270,3 +271,24 @@ def test_a_table_that_exists_is_not_overwritten(rig: Path) -> None:
     assert (refused.returncode, "exists already" in refused.stderr) == (2, True)
     assert "z.csv,test" in path.read_text()
     assert mrwork("check", rig, "--table", rig / "guess.csv").returncode == 0
+
+
+def test_the_work_of_a_table_grows_with_its_rows_and_not_with_their_square(tmp_path: Path) -> None:
+    """Four times the rows take four times the calls; comparing each row with each took ten times."""
+
+    def calls(count: int) -> int:
+        (tmp_path / str(count)).mkdir()
+        path = table(tmp_path / str(count), *(f"r{n}.csv,fit,t:s,x:mm,F:kN,,0.5 A," for n in range(count)))
+        return calls_of(lambda: listed_tests([path]))
+
+    calls(2)  # Modules and annotations are loaded once.
+    assert calls(1200) < 4.2 * calls(300)
+
+
+@pytest.mark.parametrize("paths", ["", [""]])
+def test_an_empty_name_is_not_the_current_folder(
+    rig: Path, monkeypatch: pytest.MonkeyPatch, paths: str | list[str]
+) -> None:
+    monkeypatch.chdir(rig)
+    with pytest.raises(RecordError, match="'' is no path of a file; check the name"):
+        read_damper_tests(paths)

@@ -11,12 +11,17 @@ import headless_browser
 import numpy as np
 import pytest
 import study_samples
+from counted_calls import calls_of
 
 from mrwork.cli.study_text import study_text
 from mrwork.report.study.criteria_tables import overview_table, ratio_table, value_table
 from mrwork.report.study.figures import strokes
 from mrwork.report.study.history_figures import envelope
 from mrwork.report.study.page import study_page
+from mrwork.report.study.shown_rows import MOST_DRAWN, MOST_LISTED
+from mrwork.study.comparison import compared
+from mrwork.study.results import StudyResults
+from mrwork.study.study import Row
 
 
 def page_of(**changes: object) -> str:
@@ -50,7 +55,8 @@ def test_the_page_needs_nothing_from_elsewhere_and_its_names_are_unique(page: st
 
 def test_the_best_law_of_each_column_is_bold_and_the_reference_never_is() -> None:
     results = study_samples.results()
-    for table in (overview_table(results), ratio_table(results, 0)):
+    rows = range(len(results.rows))
+    for table in (overview_table(compared(results), rows), ratio_table(results, 0, rows)):
         # Each row of the samples swings less than those before it; i = 0 and isolation are the only ones of their kind.
         assert {table.rows[row][0] for row, _ in table.strong} == {"Lyapunov <1 A>"}
         assert {column for _, column in table.strong} == set(range(1, len(table.columns)))
@@ -58,7 +64,8 @@ def test_the_best_law_of_each_column_is_bold_and_the_reference_never_is() -> Non
 
 
 def test_a_building_without_dampers_shows_no_force() -> None:
-    table = value_table(study_samples.results(), (0,))
+    results = study_samples.results()
+    table = value_table(results, (0,), range(len(results.rows)))
     assert table.rows[0][table.columns.index("Force (kN)")] == "–"
     assert table.rows[1][table.columns.index("Force (kN)")] != "–"
     # Isolators are no dampers with a command.
@@ -127,7 +134,12 @@ def test_a_run_that_nothing_moved_has_a_page_with_a_dash() -> None:
 
 def test_headings_of_tables_are_capitalised() -> None:
     results = study_samples.results()
-    for table in (overview_table(results), ratio_table(results, 0), value_table(results, (0,))):
+    rows = range(len(results.rows))
+    for table in (
+        overview_table(compared(results), rows),
+        ratio_table(results, 0, rows),
+        value_table(results, (0,), rows),
+    ):
         assert all(heading[0].isupper() for heading in table.columns if heading)
 
 
@@ -151,3 +163,51 @@ def test_of_many_motions_the_terminal_shows_the_spread() -> None:
     assert "Score, the mean of these ratios over 10 test motions, lowest first:" in text
     assert "soft soil (5)" in text
     assert len(text.splitlines()) < 70
+
+
+def many_laws(count: int) -> StudyResults:
+    """The study with so many control laws, each of which lowers the response a little more than the one before."""
+    laws = tuple(Row(label=f"law {number}", kind="controller") for number in range(count))
+    rows = (*study_samples.ROWS[:3], *laws)
+    few = study_samples.results()
+    runs = {
+        (row, 0): few.runs[row, 0] if row < 3 else study_samples.run(0.04 - 0.02 * (row - 3) / count, 2)
+        for row in range(len(rows))
+    }
+    return replace(few, rows=rows, motions=few.motions[:1], runs=runs)
+
+
+def page_of_many(results: StudyResults) -> str:
+    return study_page(
+        results,
+        lambda row, motion: study_samples.history(0.03, 0 if row == 0 else 2),
+        motion=0,
+        drawn=range(len(results.rows)),
+    )
+
+
+def test_of_many_laws_the_page_shows_the_best_and_says_so() -> None:
+    page = page_of_many(many_laws(100))
+    assert f"Tables show {MOST_LISTED} of 103 arrangements" in page
+    assert f"figures show {MOST_DRAWN} of 103" in page
+    assert f"histories are drawn of {MOST_DRAWN} of 103" in page
+    shown = {int(number) for number in re.findall(r'class="name">law (\d+)<', page)}
+    # The sample has two references and isolation, whose rank is its own.
+    assert shown == set(range(100 - (MOST_LISTED - 3), 100))
+    assert page.count("Command of damper 1 under") <= MOST_DRAWN
+    # What is counted is counted over all.
+    assert "Control laws that are worse, of 100" in page
+    assert "lowest score of 100 control laws" in page
+
+
+def test_of_few_laws_the_page_shows_all_and_says_nothing() -> None:
+    page = page_of_many(many_laws(5))
+    assert "arrangements, and mark" not in page
+    assert all(f'class="name">law {number}<' in page for number in range(5))
+
+
+def test_the_work_of_a_page_hardly_grows_with_the_number_of_laws() -> None:
+    """What is drawn and listed is bounded; what is counted over all laws costs little."""
+    few, many = many_laws(80), many_laws(320)
+    page_of_many(few)
+    assert calls_of(lambda: page_of_many(many)) < 1.5 * calls_of(lambda: page_of_many(few))

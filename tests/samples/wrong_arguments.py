@@ -154,7 +154,7 @@ def _lists(value: Any) -> Iterator[tuple[str, Any]]:
 
 def smallest(value: Any) -> Iterator[tuple[str, Any]]:
     """The value with numbers in it whose inverses or squares are not finite."""
-    for number in (1e-100, 5e-324, 0.0):
+    for number in (1e-100, 1e-160, 5e-324, 0.0):
         for place, other in _with_number(value, number):
             yield f"{number} {place}", other
 

@@ -115,7 +115,7 @@ def test_the_page_leads_with_the_changes_and_colours_the_worse_ones() -> None:
     comparison = compared(results)
     line = [entry.name for entry in compared_quantities()].index("peak_acceleration")
     assert (line, 1) in leading_table(comparison, SHAKEN).alarming
-    table = change_table(comparison, 0)
+    table = change_table(comparison, 0, range(len(comparison.results.rows)))
     assert table.rows[0][0] == "Lyapunov <1 A>"
     assert (0, line + 1) in table.alarming
     assert table.rows[0][-1] == "Acc. +68, filtered noise"
@@ -157,9 +157,12 @@ def test_one_motion_has_no_mean_and_many_laws_are_counted() -> None:
     )
     comparison = compared(one)
     assert "mean" not in comparison.heading(4)
-    assert change_table(comparison, 0).columns[-1] == "RMS shear"
+    assert change_table(comparison, 0, range(len(comparison.results.rows))).columns[-1] == "RMS shear"
     # Of the two laws, the last one.
     counts = comparison.worse_counts(0)
     assert counts["peak_acceleration"] == 1
     assert counts["peak_drift"] == 0
-    assert change_table(comparison, 0).foot[0] == "Control laws that are worse, of 2"
+    assert (
+        change_table(comparison, 0, range(len(comparison.results.rows))).foot[0]
+        == "Control laws that are worse, of 2"
+    )

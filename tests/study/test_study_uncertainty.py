@@ -142,7 +142,7 @@ def test_a_band_of_a_run_that_failed_is_open() -> None:
     ("more", "sentence"),
     [
         ("[uncertainty]\n", "nothing in .uncertainty. is uncertain"),
-        ("[uncertainty]\nstiffness = 1.5\n", "below 1"),
+        ("[uncertainty]\nstiffness = 1.5\n", "no more than 0.999"),
         ("[uncertainty]\nstifness = 0.1\n", "did you mean stiffness"),
     ],
 )

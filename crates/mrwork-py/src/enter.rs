@@ -15,7 +15,7 @@ use pyo3::prelude::*;
 /// Time between two checks for Ctrl-C.
 const WATCH: Duration = Duration::from_millis(20);
 
-/// Environment variable that forces an instruction set.
+/// Environment variable that forces an instruction set; empty is as if it were not set.
 const INSTRUCTION_SET: &str = "MRWORK_INSTRUCTION_SET";
 
 /// Runs `work` without the interpreter; `work` must often call its argument, which says whether to stop.
@@ -85,10 +85,12 @@ pub fn value_error(error: DynamicsError) -> PyErr {
 
 /// The instruction set to run on: the fastest, or the one that the environment forces.
 pub fn chosen_instruction_set() -> PyResult<InstructionSet> {
-    let Ok(wanted) = std::env::var(INSTRUCTION_SET) else {
+    let Some(wanted) = std::env::var_os(INSTRUCTION_SET).filter(|wanted| !wanted.is_empty()) else {
         return Ok(InstructionSet::detect());
     };
-    InstructionSet::ALL.into_iter().find(|set| set.name() == wanted && set.is_supported()).ok_or_else(|| {
+    let forced =
+        InstructionSet::ALL.into_iter().find(|set| wanted.to_str() == Some(set.name()) && set.is_supported());
+    forced.ok_or_else(|| {
         let usable: Vec<&str> = InstructionSet::ALL
             .into_iter()
             .filter(|set| set.is_supported())

@@ -14,6 +14,7 @@ from mrwork.buildings.elements import carried
 from mrwork.buildings.matrices import Building
 from mrwork.buildings.modes import modes_of
 from mrwork.errors import SettingError
+from mrwork.keys import SMALLEST
 
 
 @checked
@@ -357,8 +358,9 @@ def mode_at_floor(building: Building, floor: int | str, mode: int, name: str) ->
 
 def check_positive(value: float, message: str, example: str = "") -> None:
     """Refuse a number of an addition that is not positive; `message` begins the message, `example` ends it."""
-    if not (np.isfinite(value) and value > 0.0):
-        raise SettingError(f"{message}; give a number above zero{example}")
+    if not (np.isfinite(value) and value >= SMALLEST):
+        words = "above zero" if value <= 0.0 else f"of at least {SMALLEST:g}"
+        raise SettingError(f"{message}; give a number {words}{example}")
 
 
 def check_not_negative(value: float, message: str) -> None:

@@ -18,6 +18,7 @@ from mrwork.buildings.additions import (
 from mrwork.buildings.elements import PassiveElement, carried
 from mrwork.buildings.matrices import Building
 from mrwork.errors import SettingError
+from mrwork.keys import SMALLEST
 from mrwork.units import STANDARD_GRAVITY
 
 Floats = NDArray[np.float64]
@@ -293,7 +294,7 @@ def liquid_column_optimum(mass_ratio: float, width_ratio: float) -> tuple[float,
     SettingError
         If a ratio is out of range.
     """
-    if not (np.isfinite(mass_ratio) and mass_ratio > 0.0 and 0.0 < width_ratio < 1.0):
+    if not (np.isfinite(mass_ratio) and mass_ratio >= SMALLEST and 0.0 < width_ratio < 1.0):
         raise SettingError(
             f"a liquid column of mass ratio {mass_ratio:g} and width ratio {width_ratio:g}; give a mass ratio above "
             "zero and a width ratio between 0 and 1"

@@ -14,6 +14,7 @@ from mrwork.arguments import checked
 from mrwork.buildings.additions import check_not_negative, check_positive, mode_at_floor, with_coordinate
 from mrwork.buildings.matrices import Building
 from mrwork.errors import SettingError, UnknownNameError
+from mrwork.keys import SMALLEST
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -154,7 +155,7 @@ def with_optimal_tuned_mass(
     """
     if tuning not in TUNINGS:
         raise UnknownNameError(f"there is no tuning {tuning!r}; choose one of {', '.join(TUNINGS)}")
-    if not (np.isfinite(mass_ratio) and mass_ratio > 0.0):
+    if not (np.isfinite(mass_ratio) and mass_ratio >= SMALLEST):
         raise SettingError(
             f"{name} on {building.name}: the mass ratio is {mass_ratio:g}; give a number such as 0.02"
         )

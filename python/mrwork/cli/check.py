@@ -12,6 +12,7 @@ import numpy as np
 
 from mrwork.cli.options import add_files, add_json, reading_of
 from mrwork.cli.output import print_json
+from mrwork.cli.paths import named_path
 from mrwork.cli.terminal import note, show
 from mrwork.errors import MrworkError, SettingError
 from mrwork.escaping import escaped
@@ -34,7 +35,7 @@ def add_parser(verbs: Any) -> None:
     parser.add_argument(
         "--table",
         nargs="?",
-        type=Path,
+        type=named_path,
         const=Path(),
         metavar="TABLE",
         help="write a table of the tests with a first guess of columns, units and commands, and with what is in doubt; "

@@ -37,6 +37,7 @@ from mrwork.cli.options import (
     parse_bounds,
     reading_of,
 )
+from mrwork.cli.paths import named_path
 from mrwork.cli.progress import IdentificationInWords
 from mrwork.cli.terminal import note
 from mrwork.dampers.spec import DamperSpec, damper
@@ -103,7 +104,7 @@ def add_parser(verbs: Any) -> None:
         dest="starts",
         action="append",
         default=[],
-        type=Path,
+        type=named_path,
         metavar="RUN",
         help="also start from an earlier fit of this model, or of a model with some of its parameters; repeat for more",
     )

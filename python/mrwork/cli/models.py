@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import asdict
-from pathlib import Path
 from typing import Any
 
 from mrwork.cli.numbers import AMPLITUDE, FREQUENCY, add_number
 from mrwork.cli.options import add_json
 from mrwork.cli.output import print_json
+from mrwork.cli.paths import named_path
 from mrwork.cli.terminal import show
 from mrwork.dampers.spec import DamperSpec, Preset, damper, damper_models
 from mrwork.errors import SettingError
@@ -23,7 +23,7 @@ def add_parser(verbs: Any) -> None:
     parser.add_argument("name", nargs="?", metavar="NAME", help="model to show")
     parser.add_argument(
         "--figure",
-        type=Path,
+        type=named_path,
         metavar="FILE",
         help="draw the loops of the model with each parameter halved and doubled, as an .svg or a .png file",
     )

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import get_args
 
 from mrwork.cli.numbers import EVERY, INSTANT, SEED, SETTLE, THREADS, add_number
+from mrwork.cli.paths import named_path
 from mrwork.dampers.parameters import CommandUnit, LawName
 from mrwork.errors import SettingError
 from mrwork.identification.nuisance import NuisanceName
@@ -87,7 +88,7 @@ def add_observation(
 
 def add_run(parser: argparse.ArgumentParser) -> None:
     """RUN, the folder of an identification, as `options.run_folder`."""
-    parser.add_argument("run_folder", type=Path, metavar="RUN", help="run folder of mrwork identify")
+    parser.add_argument("run_folder", type=named_path, metavar="RUN", help="run folder of mrwork identify")
 
 
 def add_threads(parser: argparse.ArgumentParser) -> None:
@@ -102,7 +103,7 @@ def add_seed(parser: argparse.ArgumentParser, of: str) -> None:
 
 def add_out(parser: argparse.ArgumentParser, what: str) -> None:
     """--out, which `what` describes, and --replace."""
-    parser.add_argument("--out", type=Path, metavar="DIR", help=what)
+    parser.add_argument("--out", type=named_path, metavar="DIR", help=what)
     parser.add_argument(
         "--replace",
         action="store_true",

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from mrwork.cli.numbers import AMPLITUDES, COMMANDS, FREQUENCIES, STROKE, VELOCITY, add_number
 from mrwork.cli.options import add_json, add_quiet, add_run, add_seed, add_threads
 from mrwork.cli.output import print_json, renew_page, table_lines
+from mrwork.cli.paths import named_path
 from mrwork.cli.terminal import note, show
 from mrwork.dampers.parameters import CommandUnit
 from mrwork.errors import SettingError
@@ -47,7 +48,7 @@ def add_parser(verbs: Any) -> None:
     )
     parser.add_argument(
         "--candidates",
-        type=Path,
+        type=named_path,
         metavar="FILE",
         help="CSV with the columns amplitude [m], frequency [Hz] and, with current laws, current",
     )
@@ -68,7 +69,7 @@ def add_parser(verbs: Any) -> None:
     add_number(parser, "--peak-velocity", VELOCITY, "largest velocity of the rig", metavar="V")
     parser.add_argument(
         "--targets",
-        type=Path,
+        type=named_path,
         metavar="FILE",
         help="CSV as in --candidates with the excitations for which the band is computed; default: the candidates",
     )

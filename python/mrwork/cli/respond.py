@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from mrwork.cli.options import add_json, add_out, add_quiet, add_seed, add_threads
 from mrwork.cli.output import print_json, stopped_in_words
+from mrwork.cli.paths import named_path
 from mrwork.cli.progress import PATIENCE, ProgressLine, study_described
 from mrwork.cli.study_manifest import command_line, study_manifest
 from mrwork.cli.terminal import keep_stdout, note, show
@@ -29,7 +30,7 @@ def add_parser(verbs: Any) -> None:
         description="Simulate a building with dampers and control laws under ground motions, as described in a study "
         "file.",
     )
-    parser.add_argument("study", nargs="?", type=Path, metavar="STUDY.toml", help="study file")
+    parser.add_argument("study", nargs="?", type=named_path, metavar="STUDY.toml", help="study file")
     parser.add_argument("--schema", action="store_true", help="print the keys of a study file and exit")
     parser.add_argument(
         "--laws", action="store_true", help="print the control laws with their settings and exit"

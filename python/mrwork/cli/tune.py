@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from mrwork.cli.options import add_json, add_out, add_quiet, add_seed, add_threads
 from mrwork.cli.output import print_json, stopped_in_words, table_lines
+from mrwork.cli.paths import named_path
 from mrwork.cli.progress import PATIENCE, ProgressLine, tuning_described
 from mrwork.cli.study_manifest import command_line, study_manifest
 from mrwork.cli.terminal import keep_stdout, note, show
@@ -35,7 +36,7 @@ def add_parser(verbs: Any) -> None:
         "weights. The folder has the chosen settings as a study file for mrwork respond. mrwork respond --schema "
         "prints the keys of [[tune]].",
     )
-    parser.add_argument("study", type=Path, metavar="STUDY.toml", help="study file")
+    parser.add_argument("study", type=named_path, metavar="STUDY.toml", help="study file")
     parser.add_argument(
         "--law",
         action="append",

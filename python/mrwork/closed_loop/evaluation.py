@@ -106,14 +106,15 @@ def values(responses: object, *, weight: Positive) -> dict[str, Floats]:
 
 @checked
 def ratio(numerator: AnyNumbers, denominator: AnyNumbers) -> Floats:
-    """The quotient, NaN for a zero denominator."""
+    """The quotient, NaN for a zero denominator, infinite beyond the range of numbers."""
     try:
         above, below = np.broadcast_arrays(numerator, denominator)
     except ValueError:
         raise SettingError(
             f"`numerator` has shape {numerator.shape} and `denominator` {denominator.shape}; give shapes that broadcast"
         ) from None
-    quotient: Floats = np.divide(above, below, out=np.full(above.shape, np.nan), where=below != 0.0)
+    with np.errstate(over="ignore"):
+        quotient: Floats = np.divide(above, below, out=np.full(above.shape, np.nan), where=below != 0.0)
     return quotient
 
 

@@ -25,6 +25,8 @@ from mrwork.values import holds_arrays
 
 Floats = NDArray[np.float64]
 
+MOST_MEMORY = 1_000_000
+"""Most numbers that a run may keep from sample to sample."""
 # A command that is not a number fails safe where a reading is not.
 _COMMANDS = kind_of(AnyNumbers)
 # A run with larger readings [m, m/s, N] diverges, and a law may overflow on them.
@@ -137,7 +139,7 @@ class UserLaw(Summarised):
     name: str
     command: Callable[[LoopSample, Floats], ArrayLike]
     n_candidates: Annotated[int, Within(least=1, most=1_000_000)] = 1
-    n_memory: Annotated[int, Within(least=0, most=1_000_000)] = 0
+    n_memory: Annotated[int, Within(least=0, most=MOST_MEMORY)] = 0
     source: str = ""
     notes: ClassVar[tuple[str, ...]] = ()
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.dampers.spec import DamperSpec
+from mrwork.keys import SMALLEST
 from mrwork.records import DamperTest
 from mrwork.records.checks import FORCE_OFFSET
 from mrwork.records.observation import delayed
@@ -190,7 +191,9 @@ def scaled(columns: Any) -> tuple[Any, Any]:
     sample.
     """
     xp = columns.__array_namespace__()
-    length = xp.maximum(xp.linalg.norm(columns, axis=-1), np.finfo(float).tiny)
+    # A column without a length, of a force that is nearly zero, has the coefficient zero.
+    length = xp.linalg.norm(columns, axis=-1)
+    length = xp.where(length < SMALLEST, np.inf, length)
     return columns / length[..., None], length
 
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from mrwork.arguments import AnyNumbers, May, checked
 from mrwork.errors import RecordError
+from mrwork.keys import SMALLEST
 from mrwork.summary import Summarised, Summary
 from mrwork.values import holds_arrays, keep_arrays
 
@@ -47,7 +48,7 @@ class GroundMotion(Summarised):
         if not np.isfinite(self.acceleration).all():
             first = int(np.flatnonzero(~np.isfinite(self.acceleration))[0])
             raise RecordError(f"ground motion {self.name}: sample {first} is not a finite number")
-        if not (np.isfinite(self.dt) and self.dt > 0.0):
+        if not (np.isfinite(self.dt) and self.dt >= SMALLEST):
             raise RecordError(f"ground motion {self.name}: its step is {self.dt} s; give a positive number")
 
     @property

@@ -179,7 +179,8 @@ def _n_time(motion: GroundMotion, dt: float) -> int:
     return math.floor(motion.duration / dt * (1.0 + 1e-12) + 1e-9) + 1
 
 
-_HIGHEST_ORDER = 10
+HIGHEST_ORDER = 10
+"""Highest order of the polynomial of a baseline."""
 
 
 @checked
@@ -197,7 +198,7 @@ def baseline_corrected(motion: GroundMotion, *, order: int) -> GroundMotion:
     SettingError
         The order is negative, above 10, or too high for the length of the record.
     """
-    highest = min(_HIGHEST_ORDER, motion.n_time - 2)
+    highest = min(HIGHEST_ORDER, motion.n_time - 2)
     if not 0 <= order <= highest:
         raise SettingError(f"ground motion {motion.name}: baseline of order {order}; give 0 to {highest}")
     # Legendre polynomials on [-1, 1] keep the fit well conditioned where powers of seconds do not.

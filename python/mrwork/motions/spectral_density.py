@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from mrwork.arguments import checked
 from mrwork.errors import SettingError
+from mrwork.keys import SMALLEST
 from mrwork.values import holds_arrays
 
 Floats = NDArray[np.float64]
@@ -56,7 +57,7 @@ class KanaiTajimi:
             ("damping", self.damping),
             ("intensity", self.intensity),
         ):
-            if not (math.isfinite(value) and value > 0.0):
+            if not (math.isfinite(value) and value >= SMALLEST):
                 raise SettingError(f"{name} of a Kanai-Tajimi spectrum is {value}; give a positive number")
 
     @property
@@ -107,7 +108,7 @@ class CloughPenzien:
 
     def __post_init__(self) -> None:
         for name, value in (("frequency", self.frequency), ("damping", self.damping)):
-            if not (math.isfinite(value) and value > 0.0):
+            if not (math.isfinite(value) and value >= SMALLEST):
                 raise SettingError(f"{name} of a Clough-Penzien spectrum is {value}; give a positive number")
 
     @property

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mrwork.arguments import checked
 from mrwork.errors import SettingError
+from mrwork.keys import SMALLEST
 from mrwork.motions.ground_motion import GroundMotion
 from mrwork.summary import Summarised, Summary, rounded
 from mrwork.values import holds_arrays
@@ -103,7 +104,7 @@ def response_spectrum(motion: GroundMotion, periods: ArrayLike, *, damping: floa
     (3,)
     """
     period = np.atleast_1d(np.asarray(periods, dtype=np.float64))
-    if period.ndim != 1 or period.size == 0 or not (period > 0.0).all():
+    if period.ndim != 1 or period.size == 0 or not (period >= SMALLEST).all():
         raise SettingError(
             "periods of a response spectrum must be positive numbers; give one or more in seconds"
         )

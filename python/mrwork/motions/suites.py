@@ -45,6 +45,9 @@ from mrwork.motions.processing import brought_to_rest, scaled_to_peak
 from mrwork.motions.spectral_density import CloughPenzien, KanaiTajimi
 from mrwork.motions.synthetic import GammaEnvelope, near_fault_pulse, synthetic_motion
 
+MOST_OF_A_SUITE = 100_000
+"""Most motions of a suite."""
+
 Soil = Literal["firm", "medium", "soft", "rock"]
 """Grounds of a suite; rock is drawn on request only."""
 
@@ -68,7 +71,7 @@ _LONGEST_PERIOD = 5.0
 @checked
 def suite(
     soil: Soil | Sequence[Soil] = USUAL_SOILS,
-    n: Annotated[int, Within(most=100_000)] = 24,
+    n: Annotated[int, Within(most=MOST_OF_A_SUITE)] = 24,
     *,
     rng: np.random.Generator | Seed,
     pulses: Pulses = "both",

@@ -10,12 +10,15 @@ from numpy.typing import NDArray
 
 from mrwork.arguments import Seed, checked
 from mrwork.errors import SettingError
+from mrwork.keys import SMALLEST
 from mrwork.motions.ground_motion import GroundMotion
 from mrwork.motions.processing import check_samples, scaled_to_peak
 from mrwork.motions.spectral_density import CloughPenzien, SpectralDensity
 
 # Run-in time of the filter before the motion begins, in its longest time constant.
 _RUN_IN = 8.0
+# A filter that decays slower [1/s] would want a run-in of months.
+_SLOWEST = 1e-6
 
 
 @checked
@@ -85,9 +88,19 @@ def synthetic_motion(
 
 
 def _memory(spectrum: SpectralDensity) -> float:
-    """Longest time constant of the filter [s]."""
-    eigenvalues = np.linalg.eigvals(spectrum.filter_matrices().state)
-    return float(1.0 / np.abs(eigenvalues.real).min())
+    """Longest time constant of the filter [s].
+
+    Raises
+    ------
+    SettingError
+        The filter hardly decays.
+    """
+    slowest = float(np.abs(np.linalg.eigvals(spectrum.filter_matrices().state).real).min())
+    if slowest < _SLOWEST:
+        raise SettingError(
+            f"the filter of {spectrum.name} noise decays at {slowest:g} 1/s; give a larger damping ratio or frequency"
+        )
+    return 1.0 / slowest
 
 
 @checked
@@ -255,8 +268,8 @@ def _sampled(name: str, frequency: float, dt: float) -> float:
 
 
 def _positive(name: str, value: float) -> float:
-    if not (math.isfinite(value) and value > 0.0):
-        raise SettingError(f"{name} of a pulse is {value}; give a positive number")
+    if not (math.isfinite(value) and value >= SMALLEST):
+        raise SettingError(f"{name} of a pulse is {value}; give a number of at least {SMALLEST:g}")
     return value
 
 

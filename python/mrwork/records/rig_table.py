@@ -169,7 +169,7 @@ def read_test_table(path: str | os.PathLike[str]) -> tuple[ListedTest, ...]:
             f"{place}, line {filled[0][0]}: a table of tests has the columns {', '.join(_HEADER)}, each at most once; "
             f"{f'there is none called {unknown[0]!r}' if unknown else f'these are {listed(header, 8)}'}"
         )
-    rows: list[ListedTest] = []
+    rows: dict[str, ListedTest] = {}
     for number, line in filled[1:]:
         fields = [entry.strip() for entry in split(line, delimiter)]
         if len(fields) < len(header) or any(fields[len(header) :]):
@@ -181,16 +181,17 @@ def read_test_table(path: str | os.PathLike[str]) -> tuple[ListedTest, ...]:
         if not entries:
             continue
         try:
-            rows.append(_row(entries, place.parent))
+            row = _row(entries, place.parent)
         except MrworkError as error:
             raise RecordError(f"{place}, line {number}: {error}") from error
-        if any(rows[-1].file == other.file for other in rows[:-1]):
+        if row.file in rows:
             raise RecordError(
                 f"{place}, line {number}: '{entries['file']}' is in the table twice; delete one"
             )
+        rows[row.file] = row
     if not rows:
         raise RecordError(f"{place}: the table has no tests; add a line for each file")
-    return tuple(rows)
+    return tuple(rows.values())
 
 
 @checked

@@ -124,6 +124,7 @@ def listed_files(paths: str | os.PathLike[str] | Iterable[str | os.PathLike[str]
     """
     if isinstance(paths, str | os.PathLike):
         pattern = os.fspath(paths)
+        _refuse_nameless(pattern)
         # An existing file whose name contains brackets is not a pattern.
         found = glob.glob(pattern, recursive=True)  # noqa: PTH207 - `Path.glob` takes no absolute patterns
         files = [pattern] if exists(pattern) else sorted(found)
@@ -134,6 +135,11 @@ def listed_files(paths: str | os.PathLike[str] | Iterable[str | os.PathLike[str]
     if not files:
         raise RecordError(none)
     for file in files:
-        if "\0" in file:
-            raise RecordError(f"{file!r} is no path of a file; check the name")
+        _refuse_nameless(file)
     return files
+
+
+def _refuse_nameless(file: str) -> None:
+    # An empty name would be the current folder.
+    if not file or "\0" in file:
+        raise RecordError(f"{file!r} is no path of a file; check the name")

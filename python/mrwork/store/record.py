@@ -17,10 +17,10 @@ from typing import Annotated, Any, Literal, TypeVar, Union, cast, get_args, get_
 
 import numpy as np
 
-from mrwork.argument_kinds import LARGEST
 from mrwork.arguments import May, Within
 from mrwork.errors import MrworkError, RecordError
 from mrwork.escaping import escaped
+from mrwork.keys import LARGEST
 from mrwork.store.input_file import is_there, stored, text_of
 from mrwork.store.parse import json_value
 

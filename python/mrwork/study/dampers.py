@@ -296,16 +296,17 @@ def equipped(
         # Braces of later dampers add coordinates, which do not move this one.
         whole = np.append(row, np.zeros(building.n_coordinates - len(row)))
         where = bare.storey_name(table.storey)
-        devices.append(
-            Device(
-                name=f"damper in {where}",
-                spec=one.spec,
-                theta=one.theta,
-                row=whole,
-                count=table.count,
-                differential=table.differential,
-                largest_command=one.largest_command,
-                tested=one.tested,
+        with located(table.place):
+            devices.append(
+                Device(
+                    name=f"damper in {where}",
+                    spec=one.spec,
+                    theta=one.theta,
+                    row=whole,
+                    count=table.count,
+                    differential=table.differential,
+                    largest_command=one.largest_command,
+                    tested=one.tested,
+                )
             )
-        )
     return building, tuple(devices), chosen

@@ -13,8 +13,18 @@ from contextlib import contextmanager
 from dataclasses import Field, field, is_dataclass
 from typing import Any, Literal, NoReturn, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
-from mrwork.errors import InvalidSettingError, MrworkError, SettingError
-from mrwork.keys import Place, control_in, described, is_required, keys_of, out_of_range, shown, suggestion
+from mrwork.errors import MrworkError, SettingError
+from mrwork.keys import (
+    Place,
+    control_in,
+    described,
+    is_required,
+    keys_of,
+    out_of_range,
+    repeated,
+    shown,
+    suggestion,
+)
 from mrwork.units import number_in
 
 T = TypeVar("T")
@@ -25,12 +35,10 @@ def located(place: Place) -> Iterator[None]:
     """Begin the message of an error in the block with the place in the file."""
     try:
         yield
-    except InvalidSettingError as error:
-        place.within(error.key).refuse(str(error))
     except MrworkError as error:
         if error.document == place.origin:
             raise SettingError(str(error)) from error
-        raise place.error(SettingError, str(error)) from error
+        raise place.about(error, SettingError) from error
 
 
 def read_table(kind: type[T], table: Mapping[str, Any], place: Place) -> T:
@@ -91,6 +99,13 @@ def _value(kind: Any, value: Any, place: Place, entry: Field[Any]) -> Any:
         if not value and place.path[-1] == entry.name and not is_dataclass(arguments[0]):
             leave = "" if is_required(entry) else ", or leave it out"
             place.refuse(f"{_name(place)} is empty; give {described(entry)}{leave}")
+        if len(value) > entry.metadata["most_items"]:
+            place.refuse(
+                f"{_name(place)} has {len(value)} entries; give at most {entry.metadata['most_items']}"
+            )
+        names = arguments[0] is str or get_origin(arguments[0]) is Literal
+        if names and (twice := repeated(_name(place), value)):
+            place.refuse(twice)
         # Bounds are those of a number or of an array of numbers; entries beside the diagonal of a matrix have none.
         notes = {**entry.metadata, "least": -math.inf, "above": -math.inf} if _is_nested(kind) else {}
         inner = field(metadata=notes) if notes else entry
@@ -100,6 +115,8 @@ def _value(kind: Any, value: Any, place: Place, entry: Field[Any]) -> Any:
     if origin in (dict, Mapping):
         if not isinstance(value, dict):
             _refuse(place, value, "a table, as { name = 1 }")
+        if not value and arguments and arguments[1] is not Any:
+            place.refuse(f"{_name(place)} is empty; give {described(entry)}, or leave it out")
         return {
             name: _value(arguments[1], each, place.within(name), entry) if arguments else each
             for name, each in value.items()

@@ -12,7 +12,7 @@ from types import ModuleType
 from typing import Any
 
 from mrwork.closed_loop.user_code import Undone, in_words, place_of, place_raised
-from mrwork.closed_loop.user_law import UserLaw
+from mrwork.closed_loop.user_law import MOST_MEMORY, UserLaw
 from mrwork.keys import Place, key, suggestion
 from mrwork.store import digest_of
 from mrwork.store.input_file import FileKind, text_of
@@ -31,7 +31,9 @@ class LawFileTable:
 
     file: str = key("Python file of the law, relative to the study file")
     function: str = key("function in it, of a LoopSample and the memory, that returns the commands")
-    memory: int = key("numbers that each run keeps from sample to sample", default=0, least=0)
+    memory: int = key(
+        "numbers that each run keeps from sample to sample", default=0, least=0, most=MOST_MEMORY
+    )
     place: Place
 
 

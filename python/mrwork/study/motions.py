@@ -57,13 +57,15 @@ def motions_of_study(
     """
     bare = [each for table in tables for each in _bare_motions(table, folder, seed)]
     _refuse_both_uses(bare)
+    found: list[MotionOfStudy] = []
     for each in bare:
         _refuse_still(each, sample_time)
-    return tuple(
-        MotionOfStudy(ground=ground, use=each.table.use, synthetic=each.file is None)
-        for each in bare
-        for ground in _scaled(each.ground, each.table)
-    )
+        with located(each.table.place):
+            found += [
+                MotionOfStudy(ground=ground, use=each.table.use, synthetic=each.file is None)
+                for ground in _scaled(each.ground, each.table)
+            ]
+    return tuple(found)
 
 
 def _bare_motions(table: MotionTable, folder: Path, seed: int) -> Iterator[_Bare]:

@@ -14,7 +14,7 @@ from mrwork.buildings import from_file
 from mrwork.control.design.wishes import WeightWishes
 from mrwork.control.law_settings import SETTINGS
 from mrwork.control.laws import control_laws
-from mrwork.keys import is_required, keys_of
+from mrwork.keys import is_required, keys_of, range_in_words
 from mrwork.study.arrangements import CONSTANT_LAWS
 from mrwork.study.schema import StudyTable
 
@@ -99,7 +99,8 @@ def key_lines(kind: type) -> list[str]:
     for entry, hint in keys:
         unit = entry.metadata["unit"]
         form = f"{in_words(hint)}{' or name of a text file' if entry.metadata['matrix'] else ''}"
-        meaning = f"{entry.metadata['says']} ({form}{f' [{unit}]' if unit else ''}){_searched(entry)}"
+        bounds = f", {words}" if (words := range_in_words(entry)) else ""
+        meaning = f"{entry.metadata['says']} ({form}{f' [{unit}]' if unit else ''}{bounds}){_searched(entry)}"
         head = f"  {entry.name:<{names}}  {_default(entry):<{defaults}}  "
         lines += textwrap.wrap(
             meaning,

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.buildings.devices import Device
-from mrwork.errors import SettingError
 from mrwork.search.unit_cube import Streams, latin_hypercube
 from mrwork.store import digest_of
 from mrwork.summary import Summarised
@@ -23,8 +22,6 @@ if TYPE_CHECKING:
     from mrwork.study.tuning_schema import UncertaintyTable
 
 Floats = NDArray[np.float64]
-
-_MOST = 10_000
 
 
 @holds_arrays
@@ -74,19 +71,8 @@ def realisations_of(
     posterior
         Draws of the parameters of each device, shape (n_draws, n_params), `None` where there are none.
 
-    Raises
-    ------
-    SettingError
-        If a range makes a factor negative, nothing is uncertain, or there are more than 10000 realisations.
     """
     n = table.realisations
-    if n > _MOST:
-        raise SettingError(f"{n:,} realisations are more than any study runs; give {_MOST:,} at most")
-    for name in ("stiffness", "damping"):
-        if getattr(table, name) >= 1.0:
-            raise SettingError(
-                f"{name} is {getattr(table, name):g}; give half the range of a factor, below 1"
-            )
     streams = Streams(rng=table.seed, replicate=np.zeros(1, np.int64), generation=np.zeros(1, np.int64))
     unit = latin_hypercube(streams, n, 4)[0]
     theta = []

@@ -186,11 +186,12 @@ class StudyCriteria(Summarised, ABC):
     def warnings(self) -> list[str]:
         """Warnings on undamped modes, dampers out of tested ranges, runs that did not finish or do not balance."""
         warnings = [*self.building_warnings, *self.damper_warnings]
+        ends = self.ends
         for number, row in enumerate(self.rows):
             runs = [
-                (self.motions[motion].name, run)
-                for (each, motion), run in sorted(self.ends.items(), key=lambda item: item[0])
-                if each == number
+                (each.name, ends[number, motion])
+                for motion, each in enumerate(self.motions)
+                if (number, motion) in ends
             ]
             for name, run in runs:
                 if run.outcome != "finished":
@@ -255,6 +256,8 @@ class StudyResults(StudyCriteria):
     varied: VariedResults | None = None
     chosen_on: tuple[str, ...] = ()
     building_warnings: tuple[str, ...] = ()
+    # Tables ask for the criteria of a reference once for every row.
+    _known: dict[Key, dict[str, float]] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @arguments.checked
     def demands(self, row: int, motion: int) -> tuple[DeviceDemand, ...]:
@@ -287,7 +290,12 @@ class StudyResults(StudyCriteria):
     def criteria(self, row: int, motion: int) -> dict[str, float] | None:
         """Every criterion of a run that finished."""
         self.check_place(row, motion)
-        return self._criteria(self.runs.get((row, motion)))
+        if (row, motion) not in self._known:
+            found = self._criteria(self.runs.get((row, motion)))
+            if found is None:
+                return None
+            self._known[row, motion] = found
+        return dict(self._known[row, motion])
 
     @arguments.checked
     def step_changes(self, row: int, motion: int) -> dict[str, float] | None:

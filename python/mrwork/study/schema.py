@@ -15,8 +15,9 @@ from typing import Any, Literal
 
 from mrwork.closed_loop.hardware import Feedback, Hardware, LoopSignal
 from mrwork.dampers.parameters import CommandUnit, LawName
-from mrwork.keys import Place, key
-from mrwork.motions.suites import USUAL_SOILS, Pulses, Soil
+from mrwork.keys import LARGEST_SEED, Place, key
+from mrwork.motions.processing import HIGHEST_ORDER
+from mrwork.motions.suites import MOST_OF_A_SUITE, USUAL_SOILS, Pulses, Soil
 from mrwork.study.clairvoyant_row import ClairvoyantTable
 from mrwork.study.law_file import LawFileTable
 from mrwork.study.study import Use
@@ -24,6 +25,8 @@ from mrwork.study.tuning_schema import TuneTable, UncertaintyTable
 
 Synthetic = Literal["kanai_tajimi", "clough_penzien"]
 
+# Motions that one record is scaled to: each is simulated with every arrangement.
+_MOST_SCALED = 1000
 # A study takes the defaults of the loop from the class that it builds.
 _LOOP = Hardware()
 
@@ -155,7 +158,7 @@ class SoilTable:
 class SuiteTable:
     """Synthetic motions drawn from distributions, equally many of each soil, with and without a near-fault pulse."""
 
-    motions: int = key("number of motions", default=24, least=1)
+    motions: int = key("number of motions", default=24, least=1, most=MOST_OF_A_SUITE)
     soils: tuple[Soil, ...] = key("soils of the motions; rock is the fourth", default=USUAL_SOILS)
     pulses: Pulses = key("whether half of the motions have a near-fault pulse, all or none", default="both")
     place: Place
@@ -194,12 +197,17 @@ class MotionTable:
         "length of a synthetic motion, 30 s by default", unit="s", default=None, above=0.0
     )
     seed: int = key(
-        "seed of a synthetic motion or a suite, added to that of the command line", default=0, least=0
+        "seed of a synthetic motion or a suite, added to that of the command line",
+        default=0,
+        least=0,
+        most=LARGEST_SEED,
     )
     soil: SoilTable | None = key("soil of a synthetic motion", default=None)
-    factor: float | tuple[float, ...] | None = key("factor of the amplitude", default=None)
+    factor: float | tuple[float, ...] | None = key(
+        "factor of the amplitude", default=None, most_items=_MOST_SCALED
+    )
     pga: float | tuple[float, ...] | None = key(
-        "peak that the motion is scaled to", unit="m/s2", default=None
+        "peak that the motion is scaled to", unit="m/s2", default=None, most_items=_MOST_SCALED
     )
     time_scale: float = key("factor of the time axis", default=1.0, above=0.0)
     start: float = key(
@@ -208,7 +216,9 @@ class MotionTable:
     end: float | None = key(
         "end of the part that is used, in the time of the file", unit="s", default=None, above=0.0
     )
-    baseline: int | None = key("order of the polynomial of the baseline correction", default=None, least=0)
+    baseline: int | None = key(
+        "order of the polynomial of the baseline correction", default=None, least=0, most=HIGHEST_ORDER
+    )
     resample: float | None = key("step that the motion is resampled to", unit="s", default=None, above=0.0)
     rest: float = key("time at rest appended to the motion", unit="s", default=0.0, least=0.0)
     use: Use = key("use: controllers are tuned on training motions, judged on test motions", default="test")
@@ -272,7 +282,10 @@ class ReportTable:
         "motion of the time histories and force loops; by default the test motion of the largest peak",
         default=None,
     )
-    controllers: tuple[str, ...] = key("labels of the arrangements drawn there; by default all", default=())
+    controllers: tuple[str, ...] = key(
+        "labels of the arrangements drawn there, by default all; of more than 24, the best are drawn",
+        default=(),
+    )
     histories: Literal["detailed", "all", "none"] = key(
         "histories to be stored: of the motion drawn in detail, of all motions, or none", default="detailed"
     )

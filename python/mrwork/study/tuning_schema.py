@@ -10,10 +10,14 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
 
 from mrwork.arguments import checked
-from mrwork.keys import Place, check_keys, key
+from mrwork.keys import LARGEST_SEED, Place, check_keys, key
+from mrwork.search.rules import LARGEST_POPULATION
 
 Risk = Literal["mean", "max", "cvar"]
 Baseline = Literal["passive_off", "best_passive"]
+# A factor must stay positive.
+_WIDEST = 0.999
+
 Combination = Literal["mean", "largest"]
 
 
@@ -24,7 +28,7 @@ class UncertaintyTable:
     The laws are designed for the nominal study. All laws and candidates are simulated with the same realisations.
     """
 
-    realisations: int = key("number of realisations", default=16, least=1)
+    realisations: int = key("number of realisations", default=16, least=1, most=10_000)
     damper: bool = key(
         "whether the parameters of identified dampers are drawn from the posterior of their run, of mrwork sample",
         default=True,
@@ -33,10 +37,13 @@ class UncertaintyTable:
         "half the range of a factor of the stiffness of the building, as 0.1 for +-10 %",
         default=0.0,
         least=0.0,
+        most=_WIDEST,
     )
-    damping: float = key("half the range of a factor of the damping of the building", default=0.0, least=0.0)
+    damping: float = key(
+        "half the range of a factor of the damping of the building", default=0.0, least=0.0, most=_WIDEST
+    )
     delay: float = key("largest additional delay of the command", unit="s", default=0.0, least=0.0)
-    seed: int = key("seed of the realisations", default=0, least=0)
+    seed: int = key("seed of the realisations", default=0, least=0, most=LARGEST_SEED)
     place: Place | None = None
 
 
@@ -80,7 +87,9 @@ class TuneTable:
         "number of all motions and realisations: their mean, the largest, or the mean of the worst share `tail`",
         default="mean",
     )
-    tail: float | None = key("share of the worst for cvar, up to 1, by default 0.2", default=None, above=0.0)
+    tail: float | None = key(
+        "share of the worst for cvar, up to 1, by default 0.2", default=None, above=0.0, most=1.0
+    )
     constraints: Mapping[str, float | str] | None = key(
         'upper limits of criteria under every motion, as { peak_stroke = "20 mm", rms_current = 0.5 }',
         default=None,
@@ -90,14 +99,19 @@ class TuneTable:
         "search algorithm; cma (extra peers) for laws of many numbers, as signal_network",
         default="differential_evolution",
     )
-    population: int = key("candidates of a generation", default=24, least=5)
-    budget: int = key("candidates of each law, apart from the first ones", default=384, least=5)
+    population: int = key("candidates of a generation", default=24, least=5, most=LARGEST_POPULATION)
+    budget: int = key(
+        "candidates of each law, apart from the first ones", default=384, least=5, most=LARGEST_POPULATION
+    )
     gradient_steps: int = key(
         "steps of L-BFGS-B on the twin after the search, for laws that are smooth: proportional_direct, signal_network",
         default=0,
         least=0,
+        most=10_000,
     )
-    seed: int = key("seed of the search, added to that of the command line", default=0, least=0)
+    seed: int = key(
+        "seed of the search, added to that of the command line", default=0, least=0, most=LARGEST_SEED
+    )
     place: Place | None = None
 
     def __post_init__(self) -> None:

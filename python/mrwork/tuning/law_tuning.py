@@ -84,7 +84,7 @@ def check_settings(plan: Plan, bench: Bench) -> None:
     except InvalidSettingError as error:
         if plan.table.place is None:
             raise
-        raise plan.table.place.within("settings", error.key).error(SettingError, str(error)) from error
+        raise plan.table.place.within("settings").about(error, SettingError) from error
     except SettingError:
         # The middle of the ranges may have no gain where other places of them do.
         return

@@ -135,10 +135,6 @@ def objective_of(table: TuneTable, command_unit: str) -> Objective:
         scored_criterion(table, "criteria", name)
         if not (weight > 0.0 and math.isfinite(weight)):
             _refuse(table, "criteria", f"the weight of {name} is {weight:g}; give a positive number")
-    if table.tail is not None and table.tail > 1.0:
-        _refuse(
-            table, "tail", f"tail is {table.tail:g}; give a share of the motions and realisations, up to 1"
-        )
     if table.tail is not None and table.risk != "cvar":
         _refuse(
             table,

@@ -143,7 +143,7 @@ class Iid(Noise):
         """Log-likelihood from sums of squared residuals, shape (n_batch,)."""
         sigma = noise[:, 0]
         # What is no deviation has no likelihood.
-        with np.errstate(divide="ignore", invalid="ignore"):
+        with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
             return np.asarray(-0.5 * squared / sigma**2 - n_time * (np.log(sigma) + 0.5 * _LOG_2_PI))
 
     def _draw(self, force: Array, noise: Array, rng: np.random.Generator) -> Array:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.errors import RecordError, SettingError, UnitError
+from mrwork.keys import SMALLEST
 from mrwork.motions.formats.format import (
     Format,
     Lines,
@@ -283,7 +284,7 @@ def _series(lines: Lines, first: int, delimiter: str, stated: Stated) -> GroundM
 
 
 def _step(dt: float, path: Path) -> float:
-    if not (np.isfinite(dt) and dt > 0.0):
+    if not (np.isfinite(dt) and dt >= SMALLEST):
         raise SettingError(f"{path}: `dt` is {dt} s; give a positive step")
     return dt
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 
 from mrwork.closed_loop.evaluation import Criterion
 from mrwork.report.numbers import fixed
@@ -45,8 +46,8 @@ def leading_table(comparison: Comparison, row: int) -> Table:
     )
 
 
-def change_table(comparison: Comparison, reference: int) -> Table:
-    """The changes of every row against a reference, the rows of each rank together."""
+def change_table(comparison: Comparison, reference: int, shown: Collection[int]) -> Table:
+    """The changes of the shown rows against a reference, the rows of each rank together."""
     results = comparison.results
     quantities = compared_quantities()
     several = len(results.judged) > 1
@@ -55,7 +56,7 @@ def change_table(comparison: Comparison, reference: int) -> Table:
     strong: set[tuple[int, int]] = set()
     alarming: set[tuple[int, int]] = set()
     for rank, rows in comparison.ranks:
-        others = [row for row in rows if row != reference]
+        others = [row for row in rows if row != reference and row in shown]
         if not others:
             continue
         start = len(cells)

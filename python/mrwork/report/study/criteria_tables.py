@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from types import MappingProxyType
 
 import numpy as np
@@ -11,9 +11,9 @@ import numpy as np
 from mrwork.closed_loop.evaluation import criterion
 from mrwork.report.numbers import fixed, significant
 from mrwork.report.section import Table
-from mrwork.study.comparison import RANKS, compared
+from mrwork.study.comparison import RANKS, Comparison
 from mrwork.study.over_motions import judged_in_words
-from mrwork.study.results import StudyResults
+from mrwork.study.results import StudyCriteria, StudyResults
 from mrwork.study.study import Kind
 
 # Criterion, its name in a narrow column, displayed unit, and factor to that unit.
@@ -34,57 +34,55 @@ _AGAINST: tuple[Kind, ...] = ("uncontrolled", "passive_off")
 _DECIMALS = 3
 
 
-def overview_table(results: StudyResults) -> Table:
+def overview_table(comparison: Comparison, shown: Collection[int]) -> Table:
     """The score, and the mean of each ratio over the motions, the rows of each rank together."""
-    comparison = compared(results)
-    motions = results.judged
-    order = [row for _, rows in comparison.ranks for row in rows]
-
-    def mean(row: int, against: Kind, name: str) -> float:
-        return float(np.mean([results.ratios(row, motion, against)[name] for motion in motions]))
-
-    columns = [[results.score(row) for row in order]]
-    for against in _AGAINST:
-        columns += [[mean(row, against, name) for row in order] for name in _RATIOS]
+    results = comparison.results
+    ranks = [
+        (rank, found) for rank, rows in comparison.ranks if (found := [row for row in rows if row in shown])
+    ]
+    order = [row for _, rows in ranks for row in rows]
+    columns = [[results.score(row) for row in order], *_ratio_columns(results, order, results.judged)]
     return _ratio_table(
         results,
         order,
         columns,
         label=f"Score and mean ratios over {judged_in_words(results)}",
         first=("Score",),
-        headings={order.index(rows[0]): rank.title for rank, rows in comparison.ranks},
+        headings={order.index(rows[0]): rank.title for rank, rows in ranks},
         note="The score is our own: the mean over the motions of peak and RMS drift and acceleration, each over "
         "its value with the dampers without a command. A low score may hide a quantity that became worse: see the "
         "changes. Ratios are means over the motions. Control laws, passive dampers and other devices are ranked apart, "
         "and the best of each column is bold in each."
-        + "".join(f" {rank.note}" for rank, _ in comparison.ranks if rank.note),
+        + "".join(f" {rank.note}" for rank, _ in ranks if rank.note),
     )
 
 
-def ratio_table(results: StudyResults, motion: int) -> Table:
+def ratio_table(results: StudyResults, motion: int, rows: Sequence[int]) -> Table:
     """The ratios under one motion."""
-    rows = range(len(results.rows))
-    columns = [
-        [results.ratios(row, motion, against)[name] for row in rows]
-        for against in _AGAINST
-        for name in _RATIOS
-    ]
+    columns = _ratio_columns(results, rows, (motion,))
     return _ratio_table(
         results, rows, columns, label=f"Ratios under {results.motions[motion].name}", first=(), note=""
     )
 
 
-def value_table(results: StudyResults, motions: Sequence[int]) -> Table:
+def _ratio_columns(results: StudyCriteria, rows: Sequence[int], motions: Sequence[int]) -> list[list[float]]:
+    """A column for each reference and ratio: its mean over the motions for each row."""
+    columns: list[list[float]] = []
+    for against in _AGAINST:
+        found = [[results.ratios(row, motion, against) for motion in motions] for row in rows]
+        columns += [[float(np.mean([each[name] for each in of_row])) for of_row in found] for name in _RATIOS]
+    return columns
+
+
+def value_table(results: StudyResults, motions: Sequence[int], rows: Sequence[int]) -> Table:
     """The criteria themselves under one motion, or their medians over several."""
     unit = results.command_unit
     several, under = len(motions) > 1, results.motions[motions[0]].name
     cells: list[tuple[str, ...]] = []
     columns: list[list[float]] = []
+    found = [[_values(results, row, motion) for motion in motions] for row in rows]
     for name, _, _, factor in _VALUES:
-        numbers = [
-            factor * float(np.median([_value(results, row, motion, name) for motion in motions]))
-            for row in range(len(results.rows))
-        ]
+        numbers = [factor * float(np.median([each[name] for each in of_row])) for of_row in found]
         columns.append(numbers)
         cells.append(tuple(significant(number, 3) for number in numbers))
     drive = f"RMS {'current' if unit == 'A' else 'voltage'} ({unit})"
@@ -93,24 +91,28 @@ def value_table(results: StudyResults, motions: Sequence[int]) -> Table:
         label=f"Criteria{f', median of {len(motions)} motions' if several else f' under {under}'}",
         columns=("", *heads),
         rows=tuple(
-            (row.label, *(column[number] for column in cells)) for number, row in enumerate(results.rows)
+            (results.rows[row].label, *(column[place] for column in cells)) for place, row in enumerate(rows)
         ),
-        strong=_best(results, range(len(results.rows)), columns[:5]),
+        strong=_best(results, rows, columns[:5]),
         note="Peaks unless stated otherwise, of the worst floor, storey or damper. The best control law and the best "
         "passive damper of each column are bold.",
     )
 
 
-def _value(results: StudyResults, row: int, motion: int, name: str) -> float:
-    """A criterion; NaN if the run did not finish, or has nothing of its quantity: no dampers, no stroke."""
+def _values(results: StudyResults, row: int, motion: int) -> dict[str, float]:
+    """The criteria; NaN if the run did not finish, or has nothing of a quantity: no dampers, no stroke."""
     found = results.criteria(row, motion)
-    if found is None or np.size(getattr(results.runs[row, motion], criterion(name).quantity)) == 0:
-        return math.nan
-    return found[name]
+    if found is None:
+        return {name: math.nan for name, *_ in _VALUES}
+    run = results.runs[row, motion]
+    return {
+        name: found[name] if np.size(getattr(run, criterion(name).quantity)) else math.nan
+        for name, *_ in _VALUES
+    }
 
 
 def _ratio_table(
-    results: StudyResults,
+    results: StudyCriteria,
     rows: Sequence[int],
     columns: Sequence[Sequence[float]],
     *,
@@ -133,7 +135,7 @@ def _ratio_table(
     )
 
 
-def _over(results: StudyResults, against: Kind) -> str:
+def _over(results: StudyCriteria, against: Kind) -> str:
     """Heading of the ratios to a reference."""
     reference = results.row_of(against)
     if against == "uncontrolled" or reference is None:
@@ -142,7 +144,7 @@ def _over(results: StudyResults, against: Kind) -> str:
 
 
 def _best(
-    results: StudyResults, rows: Sequence[int], columns: Sequence[Sequence[float]]
+    results: StudyCriteria, rows: Sequence[int], columns: Sequence[Sequence[float]]
 ) -> frozenset[tuple[int, int]]:
     """Cells with the smallest printed number of each column, among the rows of each rank; none of a rank of one."""
     strong = set()

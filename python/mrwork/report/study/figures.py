@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -52,12 +52,12 @@ def strokes(results: StudyResults) -> tuple[Stroke, ...]:
 
 
 @style.drawn_in_style()
-def profile_figure(results: StudyResults, motion: int, quantity: str) -> Figure:
-    """A quantity of storeys or floors, peak drift or acceleration, over the height, a line for each row."""
+def profile_figure(results: StudyResults, motion: int, quantity: str, rows: Collection[int]) -> Figure:
+    """A quantity of storeys or floors, peak drift or acceleration, over the height, a line for each of the rows."""
     drift = axis_of(quantity) == "storey"
     names = results.storey_names if drift else results.floor_names
     factor, label = (1e3, "mm") if drift else (1.0, "m/s²")
-    shown = results.finished(motion)
+    shown = [row for row in results.finished(motion) if row in rows]
     key_lines = (len(shown) + 1) // 2
     figure, axes = column_axes(
         left=_LEFT_OF_NAMES,
@@ -86,9 +86,9 @@ def profile_figure(results: StudyResults, motion: int, quantity: str) -> Figure:
 
 
 @style.drawn_in_style()
-def energy_figure(results: StudyResults, motion: int) -> Figure:
-    """Distribution of the input energy at the end of the motion, a bar for each row."""
-    shown = results.finished(motion)
+def energy_figure(results: StudyResults, motion: int, rows: Collection[int]) -> Figure:
+    """Distribution of the input energy at the end of the motion, a bar for each of the rows."""
+    shown = [row for row in results.finished(motion) if row in rows]
     names = [short(results.rows[row].label, 29) for row in reversed(shown)]
     figure, axes = column_axes(left=room_for(names), top=0.42, height=0.95 + _BAR * len(shown))
     largest = 0.0

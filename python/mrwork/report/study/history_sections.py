@@ -34,6 +34,7 @@ def history_section(
         return None
     storey = int(np.abs(reference.drift).max(axis=0).argmax())
     name, storey_name = results.motions[motion].name, results.storey_names[storey]
+    of_row = strokes(results)
     panels = [panel("ground", "Ground", ground_figure(reference), f"Ground acceleration of {name}")]
     for row in rows:
         history = histories(row, motion)
@@ -42,7 +43,7 @@ def history_section(
             panel(
                 f"drift-{row}",
                 results.rows[row].label,
-                drift_figure(history, reference, storey, strokes(results)[row]),
+                drift_figure(history, reference, storey, of_row[row]),
                 f"Drift of {storey_name} under {name}: {results.rows[row].label}, and without dampers in grey",
             )
         )
@@ -77,9 +78,9 @@ def device_section(
     largest = max(float(history.current[:, 0].max()) for _, history in shown) or 1.0
     unit = style.force_unit(peak)
     device = results.device_names[0]
-    groups = []
+    groups, of_row = [], strokes(results)
     for row, history in shown:
-        label, stroke = results.rows[row].label, strokes(results)[row]
+        label, stroke = results.rows[row].label, of_row[row]
         panels: list[Panel] = [
             panel(
                 f"loop-{suffix}-{row}",

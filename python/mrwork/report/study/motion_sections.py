@@ -12,6 +12,7 @@ from mrwork.report.canvas import column_axes, room_for
 from mrwork.report.numbers import fixed, significant
 from mrwork.report.section import NOTHING, Group, Section, Table, panel
 from mrwork.report.study.figures import short, strokes
+from mrwork.report.study.shown_rows import ShownRows
 from mrwork.study.comparison import Comparison
 from mrwork.study.over_motions import chosen_in_words, judged_in_words, motion_groups, times_better
 from mrwork.study.results import StudyResults
@@ -21,11 +22,13 @@ _ROW = 0.26
 _NAME = 36
 
 
-def spread_section(comparison: Comparison) -> Section | None:
+def spread_section(comparison: Comparison, shown: ShownRows) -> Section | None:
     """Least, quartiles and most of the scores under single motions, and scores of groups; `None` of a single motion."""
     results = comparison.results
     assert isinstance(results, StudyResults)
-    rows = [row for _, rows in comparison.ranks for row in rows if math.isfinite(results.score(row))]
+    scored = [row for _, rows in comparison.ranks for row in rows if math.isfinite(results.score(row))]
+    rows = [row for row in scored if row in shown.listed]
+    drawn = [row for row in scored if row in shown.drawn]
     if len(results.judged) < 2 or not rows:
         return None
     groups = [
@@ -35,8 +38,8 @@ def spread_section(comparison: Comparison) -> Section | None:
                 panel(
                     "score-spread",
                     "Score under each motion",
-                    score_figure(results, rows),
-                    f"Score of each arrangement under each of {judged_in_words(results)}, with the median",
+                    score_figure(results, drawn),
+                    f"Score of {len(drawn)} arrangements under each of {judged_in_words(results)}, with the median",
                     note="A dot for each test motion, circles for training motions; the line is the median.",
                 ),
             )

@@ -20,6 +20,7 @@ from mrwork.report.study.sections import (
     step_section,
     uncertainty_section,
 )
+from mrwork.report.study.shown_rows import ShownRows, shown_rows
 from mrwork.study.comparison import ADD_BEST_PASSIVE, Comparison, compared
 from mrwork.study.over_motions import MOST_IN_DETAIL, judged_in_words
 from mrwork.study.results import OFF_BALANCE, StudyResults
@@ -44,7 +45,7 @@ def study_page(
     motion
         Index of the motion of the time histories.
     drawn
-        Indices of the rows that are drawn there.
+        Indices of the rows that are drawn there; of many, the best.
     status
         Heading, value and note of the last number of the headline.
     command
@@ -56,17 +57,18 @@ def study_page(
         HTML with embedded styles and figures.
     """
     comparison = compared(results)
+    shown = shown_rows(comparison, drawn)
     sections = [
-        _comparison_section(comparison),
-        spread_section(comparison),
-        _criteria_section(results, comparison),
-        profile_section(results, motion),
-        history_section(results, histories, motion, drawn),
-        device_section(results, histories, motion, drawn),
-        uncertainty_section(results),
+        _comparison_section(comparison, shown),
+        spread_section(comparison, shown),
+        _criteria_section(comparison, shown),
+        profile_section(results, motion, shown),
+        history_section(results, histories, motion, shown.with_histories),
+        device_section(results, histories, motion, shown.with_histories),
+        uncertainty_section(results, shown),
         demand_section(results),
-        energy_section(results, motion),
-        step_section(results),
+        energy_section(results, motion, shown),
+        step_section(results, shown),
         motion_section(results),
     ]
     return filled_in(
@@ -75,6 +77,7 @@ def study_page(
         motions=results.motions,
         banner=_banner(results),
         leading=_leading_in_words(comparison),
+        shown=shown.in_words,
         headline=_headline(comparison),
         status=status,
         warnings=results.warnings(),
@@ -84,7 +87,7 @@ def study_page(
     )
 
 
-def _comparison_section(comparison: Comparison) -> Section | None:
+def _comparison_section(comparison: Comparison, shown: ShownRows) -> Section | None:
     if comparison.leading is None:
         return None
     results, leading = comparison.results, comparison.leading
@@ -94,9 +97,10 @@ def _comparison_section(comparison: Comparison) -> Section | None:
         Group(title=comparison.heading(leading), table=leading_table(comparison, leading)),
         *(
             Group(
-                title=f"Every arrangement against {results.rows[reference].label}",
+                title=f"{'Every arrangement' if len(shown.listed) == len(results.rows) else 'Arrangements'} against "
+                f"{results.rows[reference].label}",
                 prose=lacking if reference == comparison.passive else (),
-                table=change_table(comparison, reference),
+                table=change_table(comparison, reference, shown.listed),
             )
             for reference in comparison.references
         ),
@@ -104,9 +108,16 @@ def _comparison_section(comparison: Comparison) -> Section | None:
     return Section(anchor="changes", title="Changes", summary=" ".join(words), groups=tuple(groups))
 
 
-def _criteria_section(results: StudyResults, comparison: Comparison) -> Section:
+def _criteria_section(comparison: Comparison, shown: ShownRows) -> Section:
+    results = comparison.results
+    assert isinstance(results, StudyResults)
     groups = (
-        [Group(title=f"Score and ratios over {judged_in_words(results)}", table=overview_table(results))]
+        [
+            Group(
+                title=f"Score and ratios over {judged_in_words(results)}",
+                table=overview_table(comparison, shown.listed),
+            )
+        ]
         if len(results.motions) > 1
         else []
     )
@@ -115,7 +126,7 @@ def _criteria_section(results: StudyResults, comparison: Comparison) -> Section:
         groups += [
             Group(
                 title=f"Criteria, median of {judged_in_words(results)}",
-                table=value_table(results, results.judged),
+                table=value_table(results, results.judged, shown.listed),
                 prose=(
                     f"The criteria of all {len(results.motions)} motions are in `criteria.csv` and `results.json`.",
                 ),
@@ -123,9 +134,13 @@ def _criteria_section(results: StudyResults, comparison: Comparison) -> Section:
         ]
     for number, motion in enumerate(() if many else results.motions):
         groups.append(
-            Group(title=motion.name, synthetic=motion.synthetic, table=ratio_table(results, number))
+            Group(
+                title=motion.name,
+                synthetic=motion.synthetic,
+                table=ratio_table(results, number, shown.listed),
+            )
         )
-        groups.append(Group(table=value_table(results, (number,))))
+        groups.append(Group(table=value_table(results, (number,), shown.listed)))
     return Section(
         anchor="criteria", title="Criteria", summary=comparison.scores_in_words(), groups=tuple(groups)
     )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from mrwork.closed_loop.evaluation import SCORE, criterion, ratio
@@ -9,6 +11,7 @@ from mrwork.records.operating_range import OperatingRange, covering
 from mrwork.report.numbers import fixed, significant
 from mrwork.report.section import NOTHING, Group, Section, Table, panel
 from mrwork.report.study.figures import energy_figure, profile_figure
+from mrwork.report.study.shown_rows import ShownRows
 from mrwork.study.batches import BAND, Band
 from mrwork.study.over_motions import MOST_IN_DETAIL
 from mrwork.study.results import StudyResults
@@ -17,7 +20,7 @@ from mrwork.study.step_check import ON_OFF, largest_step_changes
 _QUANTITIES = (("peak_drift", "Peak drift"), ("peak_acceleration", "Peak acceleration"))
 
 
-def profile_section(results: StudyResults, detailed: int) -> Section:
+def profile_section(results: StudyResults, detailed: int, shown: ShownRows) -> Section:
     """Peak drift and acceleration over the height: of the motion of the time histories, and of others if few."""
     others = range(len(results.motions)) if len(results.motions) <= MOST_IN_DETAIL else ()
     order = [detailed, *(number for number in others if number != detailed)]
@@ -29,8 +32,8 @@ def profile_section(results: StudyResults, detailed: int) -> Section:
                 panel(
                     f"profile-{motion}-{quantity.replace('_', '-')}",
                     title,
-                    profile_figure(results, motion, quantity),
-                    f"{title} of each storey or floor under {results.motions[motion].name}, for {len(results.rows)} "
+                    profile_figure(results, motion, quantity, shown.drawn),
+                    f"{title} of each storey or floor under {results.motions[motion].name}, for {len(shown.drawn)} "
                     "arrangements",
                 )
                 for quantity, title in _QUANTITIES
@@ -42,12 +45,12 @@ def profile_section(results: StudyResults, detailed: int) -> Section:
     return Section(
         anchor="profiles",
         title="Storey profiles",
-        summary="peak drift and absolute acceleration over the height, for every arrangement.",
+        summary=f"peak drift and absolute acceleration over the height, for {_drawn_in_words(results, shown)}.",
         groups=groups,
     )
 
 
-def energy_section(results: StudyResults, motion: int) -> Section | None:
+def energy_section(results: StudyResults, motion: int, shown: ShownRows) -> Section | None:
     """Distribution of the input energy, and the error of its balance."""
     if not results.finished(motion):
         return None
@@ -64,14 +67,20 @@ def energy_section(results: StudyResults, motion: int) -> Section | None:
                     panel(
                         "energy",
                         "Energy at the end of the motion",
-                        energy_figure(results, motion),
-                        f"Energy dissipated by dampers and structure under {name}, for each arrangement",
+                        energy_figure(results, motion, shown.drawn),
+                        f"Energy dissipated by dampers and structure under {name}, for "
+                        f"{_drawn_in_words(results, shown)}",
                     ),
                 ),
             ),
-            Group(title="Balance", table=_balance_table(results)),
+            Group(title="Balance", table=_balance_table(results, shown.listed)),
         ),
     )
+
+
+def _drawn_in_words(results: StudyResults, shown: ShownRows) -> str:
+    count, total = len(shown.drawn), len(results.rows)
+    return "every arrangement" if count == total else f"{count} of {total} arrangements"
 
 
 def demand_section(results: StudyResults) -> Section | None:
@@ -113,9 +122,10 @@ def demand_section(results: StudyResults) -> Section | None:
     )
 
 
-def _balance_table(results: StudyResults) -> Table:
+def _balance_table(results: StudyResults, listed: Sequence[int]) -> Table:
     rows = []
-    for number, row in enumerate(results.rows):
+    for number in listed:
+        row = results.rows[number]
         runs = [results.runs.get((number, motion)) for motion in range(len(results.motions))]
         done = [run for run in runs if run is not None and run.finished]
         if not done:
@@ -148,7 +158,7 @@ def _balance_in_words(results: StudyResults) -> str:
     return f"the largest error of the energy balance is {significant(max(errors), 2)} of the largest energy."
 
 
-def step_section(results: StudyResults) -> Section | None:
+def step_section(results: StudyResults, shown: ShownRows) -> Section | None:
     """The largest change of each row; `None` if the step was not checked."""
     changes = largest_step_changes(results)
     if not changes:
@@ -177,6 +187,7 @@ def step_section(results: StudyResults) -> Section | None:
                             each.in_words(results),
                         )
                         for each in changes
+                        if each.row in shown.listed
                     ),
                     words=(2,),
                     note=f"Every run was repeated with half its integration step; changes are relative to the value. "
@@ -187,14 +198,15 @@ def step_section(results: StudyResults) -> Section | None:
     )
 
 
-def uncertainty_section(results: StudyResults) -> Section | None:
+def uncertainty_section(results: StudyResults, shown: ShownRows) -> Section | None:
     """Bands of score and ratios over the realisations of the study, if it has any."""
     varied = results.varied
     if varied is None or not varied.rows:
         return None
     off = results.row_of("passive_off")
     rows = []
-    for number, row in enumerate(results.rows):
+    for number in shown.listed:
+        row = results.rows[number]
         bands = [varied.score_band(number, off, results.judged)]
         bands += [varied.ratio_band(number, off, results.judged, name) for name in SCORE]
         rows.append((row.label, *map(_band, bands)))
