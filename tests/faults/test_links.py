@@ -1,0 +1,212 @@
+"""A symbolic link in the place of whatever a verb writes: what it leads to stays as it is, and the verb ends in order.
+
+What a verb writes is not listed here: the interpreter tells of every file that is opened for writing, made, linked or
+renamed while the verb runs. `MRWORK_LINKS=all` tries every kind of link in every place, otherwise there is one in each.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+import shutil
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+from command_line import Ended, mrwork
+from study_texts import study_text
+from test_command_line_options import written_record
+from tuning_samples import study_file
+
+from mrwork.cli.door import verbs
+
+EVERY = os.environ.get("MRWORK_LINKS") == "all"
+WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
+KINDS = ("file", "folder", "nowhere")
+# Folders with names that nobody can know before.
+RANDOM = (".mrwork-", ".mrwork_probe-")
+# The folders that the user names: one that is a link is followed.
+NAMED = ("run", "out")
+_seen: list[str] | None = None
+
+
+def _watch(event: str, arguments: tuple[object, ...]) -> None:
+    if _seen is None:
+        return
+    if event == "open":
+        path, _, flags = arguments
+        if isinstance(path, str) and isinstance(flags, int) and flags & WRITING:
+            _seen.append(path)
+    elif event in ("os.rename", "os.link"):
+        _seen.append(os.fspath(arguments[1]))  # type: ignore[arg-type] # a path
+    elif event == "os.mkdir":
+        _seen.append(os.fspath(arguments[0]))  # type: ignore[arg-type] # a path
+
+
+sys.addaudithook(_watch)
+
+
+@contextlib.contextmanager
+def watched() -> Iterator[list[str]]:
+    """Paths that are written in the block."""
+    global _seen
+    _seen = found = []
+    try:
+        yield found
+    finally:
+        _seen = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Job:
+    """A command in a folder, those that have run there before, and folders that are there."""
+
+    words: str
+    before: tuple[str, ...] = ()
+    there: tuple[str, ...] = ()
+
+
+FIT = "identify one.csv --model static_hysteretic --fix x_s=1e-4 --every 4 --out run"
+TWO = "identify one.csv two.csv --model static_hysteretic --fix x_s=1e-4 --every 4 --out run"
+COMPARED = "identify one.csv two.csv --model bingham,static_hysteretic --every 4 --out out"
+STUDY = "respond small.toml --out out"
+TUNED = "tune study.toml --quick --out out"
+SAMPLED = "sample run --steps 4 --walkers 16"
+
+JOBS = {
+    "identify": Job(words=FIT),
+    "identify --resume": Job(words=f"{FIT} --resume", before=(FIT,)),
+    "identify --model A,B": Job(words=COMPARED),
+    "identify --model A,B --resume": Job(words=f"{COMPARED} --resume", there=("out.part/models",)),
+    "profile": Job(words="profile run", before=(FIT,)),
+    "sample": Job(words=SAMPLED, before=(FIT,)),
+    "sample --resume": Job(words=f"{SAMPLED} --resume", before=(FIT, SAMPLED)),
+    "calibrate": Job(words="calibrate run two.csv", before=(FIT,)),
+    "calibrate by folds": Job(words="calibrate run", before=(TWO,)),
+    "report": Job(words="report run --figures", before=(FIT,)),
+    "plan": Job(words="plan run --amplitudes 0.01,0.02 --frequencies 1", before=(FIT,)),
+    "respond": Job(words=STUDY),
+    "respond --resume": Job(words=f"{STUDY} --resume", before=(STUDY,)),
+    "tune": Job(words=TUNED),
+    "tune --resume": Job(words=f"{TUNED} --resume", before=(TUNED,)),
+    "models": Job(words="models bingham --figure figure.svg"),
+    "check": Job(words="check one.csv two.csv --table table.csv"),
+}
+# Verbs that write nothing.
+READING = {"predict", "convert"}
+
+
+def done(words: str, folder: Path) -> Ended:
+    with contextlib.chdir(folder):
+        quiet = ("--quiet",) if words.split()[0] not in ("models", "check") else ()
+        return mrwork(*words.split(), *quiet, "--json")
+
+
+@pytest.fixture(scope="module")
+def records(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The files that the commands read."""
+    place = tmp_path_factory.mktemp("records")
+    written_record(place / "one.csv")
+    lines = (place / "one.csv").read_text().splitlines()
+    rows = [[float(number) for number in line.split(",")] for line in lines[1:]]
+    wider = [f"{t},{1.5 * x},{f}" for t, x, f in rows]
+    (place / "two.csv").write_text("\n".join([lines[0], *wider]) + "\n")
+    small = study_text("control_weight = 1e-13").replace("duration = 2", "duration = 0.4")
+    (place / "small.toml").write_text(small)
+    study_file(place)
+    return place
+
+
+def listed(folder: Path) -> dict[str, object]:
+    """Everything below a folder."""
+    return {
+        str(path.relative_to(folder)): (
+            path.readlink() if path.is_symlink() else path.read_bytes() if path.is_file() else None
+        )
+        for path in sorted(folder.rglob("*"))
+    }
+
+
+def plant(path: Path, kind: str, victims: Path) -> None:
+    """Put a link in a place; what is there becomes its target."""
+    (victims / "folder").mkdir(parents=True)
+    for victim in (victims / "file", victims / "folder" / "file"):
+        victim.write_text("precious")
+    if os.path.lexists(path):
+        path.rename(victims / "itself")
+        kind = "itself"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.symlink_to(victims / kind)
+
+
+def outermost(places: Sequence[str]) -> list[str]:
+    """The places that are not below another one."""
+    return [place for place in places if not any(str(above) in places for above in Path(place).parents)]
+
+
+def named_in(sentence: str, places: Sequence[str]) -> list[str]:
+    """Those of the places that a refusal names: the one of a link, or all that a run would lose."""
+    if "would lose" in sentence:
+        within = {place: place.partition("/")[2] for place in places}
+        return [
+            place
+            for place, name in within.items()
+            if name and re.search(rf" {re.escape(name)}[,;]", sentence)
+        ]
+    found = [place for place in places if re.search(f"{re.escape(place)}[ :]", sentence)]
+    return sorted(found, key=len)[-1:]
+
+
+def test_every_verb_has_a_job() -> None:
+    assert {job.words.split()[0] for job in JOBS.values()} | READING == set(verbs())
+
+
+@pytest.mark.parametrize("turn", range(len(KINDS)) if EVERY else range(1))
+@pytest.mark.parametrize("name", JOBS)
+def test_what_a_link_leads_to_is_not_written(name: str, turn: int, records: Path, tmp_path: Path) -> None:
+    job, base, work, victims = JOBS[name], tmp_path / "base", tmp_path / "work", tmp_path / "victims"
+    shutil.copytree(records, base)
+    for words in job.before:
+        assert done(words, base).returncode == 0
+    for folder in job.there:
+        (base / folder).mkdir(parents=True)
+    shutil.copytree(base, work)
+    with watched() as seen:
+        ended = done(job.words, work)
+    assert ended.returncode == 0, ended.stderr
+    within = {os.path.relpath(work / path, work) for path in seen}
+    for folder in NAMED:
+        # A folder that is not there yet has no links, and one with links only is no run folder.
+        there = {str(path.relative_to(base)) for path in (base / folder).rglob("*")}
+        within = {path for path in within if there or not path.startswith(f"{folder}/")} | there
+    places = sorted(
+        path for path in within if path not in (".", *NAMED) and not path.startswith(("..", *RANDOM))
+    )
+    assert places
+    kinds = {place: KINDS[(number + turn) % len(KINDS)] for number, place in enumerate(places)}
+    # Links in all places at once; one that is refused is named, and left out the next time.
+    left = places
+    while left:
+        planted = outermost(left)
+        shutil.rmtree(work)
+        shutil.copytree(base, work)
+        shutil.rmtree(victims, ignore_errors=True)
+        for number, place in enumerate(planted):
+            plant(work / place, kinds[place], victims / str(number))
+        before = listed(victims)
+        ended = done(job.words, work)
+        assert listed(victims) == before, (planted, ended)
+        if ended.returncode == 0:
+            tried = planted
+        else:
+            assert ended.returncode == 2, ended
+            said = [line for line in ended.stderr.splitlines() if "warning: " not in line]
+            assert len(said) == 1, ended
+            assert said[0].startswith("mrwork: "), ended
+            tried = named_in(said[0], planted)
+            assert tried, (planted, said)
+        print(f"{name}: {ended.returncode} {tried}")
+        left = [place for place in left if place not in tried]
