@@ -15,6 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 
+from mrwork.values import holds_arrays
+
 Floats = NDArray[np.float64]
 
 UNDAMPED: Final = 1e-6
@@ -31,6 +33,7 @@ _OF_ADDITIONS: Final = 0.9
 _MOST_COUPLED: Final = 300
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ModalDamping:
     """Frequencies [Hz] and damping ratios of the modes with stiffness, lowest first, and how many have none.
