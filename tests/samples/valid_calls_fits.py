@@ -160,12 +160,12 @@ def identification_calls(_: Path) -> Calls:
             identification.joint_starts,
             spec=laws,
             levels=[
-                identification.LevelFit(command=each, minima=theta[None], search=None) for each in (0.0, 1.0)
+                identification.LevelFit(command=each, minima=theta[None]) for each in (0.0, 1.0)
             ],
             n_starts=2,
             rng=0,
         ),
-        "LevelFit": lambda: call(identification.LevelFit, command=1.0, minima=theta[None], search=None),
+        "LevelFit": lambda: call(identification.LevelFit, command=1.0, minima=theta[None]),
     }
 
 

@@ -82,7 +82,8 @@ fn nominal(damper: &dyn Damper) -> Vec<f64> {
 }
 
 fn law() -> impl Strategy<Value = CurrentLaw> {
-    prop_oneof![6 => Just(CurrentLaw::Constant), 1 => select(CurrentLaw::ALL.to_vec())]
+    let values = CurrentLaw::of_name("values:-0.5,0.1,1").expect("a law");
+    prop_oneof![6 => Just(CurrentLaw::Constant), 1 => select(CurrentLaw::NAMED.to_vec()), 1 => Just(values)]
 }
 
 proptest! {
@@ -111,7 +112,7 @@ proptest! {
             let n = REGISTRY[model].spec().parameters.len();
             (Just(model), length(n).prop_flat_map(|n| vec(law(), n)), 0..6_usize)
         }).prop_flat_map(|(model, laws, rows)| {
-            let n = laws.iter().map(|law| law.n_coefficients()).sum::<usize>() * rows;
+            let n = laws.iter().map(CurrentLaw::n_coefficients).sum::<usize>() * rows;
             (Just(model), Just(laws), length(n).prop_flat_map(|n| vec(number(), n)))
         }),
         factors in vec(prop_oneof![10 => Just(1.0), 1 => number()], 200),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
@@ -10,14 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.dampers.coordinates import Box
-from mrwork.dampers.parameters import CommandUnit, LawName, ParamSpec, current_laws, polynomial_laws
+from mrwork.dampers.parameters import CommandUnit, LawName, law_named, polynomial_laws
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
 from mrwork.identification.equivalent import identifiable_form
 from mrwork.identification.fit import Fit
 from mrwork.identification.folded import FoldedFit, FoldedTests
 from mrwork.identification.law_coefficients import joint_box, with_other_laws
-from mrwork.identification.level_search import command_is_constant, levels_of
+from mrwork.identification.level_search import command_is_constant, levels_of, spec_by_values
 from mrwork.identification.progress import interruptible
 from mrwork.identification.settings import FitSettings, Start
 from mrwork.records import DamperTest
@@ -43,6 +43,8 @@ _SIMPLER = 3
 _MOST_TRIED = 40
 # Damping of the steps of the linearised fits, relative to the sensitivity of each parameter.
 _DAMPING = 1e-3
+# Step in latent coordinates by which the subspace of a move is found.
+_SMALL = 1e-4
 # NRMSE of a prediction by the mean force: that of a test that cannot be predicted.
 _NOT_PREDICTED = 1.0
 # Number of motions from which on a motion is left out, and not a test.
@@ -132,11 +134,7 @@ class LawSearch:
                 worse += 1
 
     def _moves(self, current: Candidate, change: int) -> list[_Move]:
-        """Laws of which one differs by a degree and that were not tried, the best promise of the linearised fit first.
-
-        All tests are linearised once, with every law as high as any move makes it. Each move is a subset of the
-        coefficients.
-        """
+        """Laws not tried yet of which one differs by a degree, the best promise of the linearised fit first."""
         done = [each.laws for each in self.found]
         moves = [
             (name, _degree(current.laws, name) + change)
@@ -156,33 +154,41 @@ class LawSearch:
         return sorted(found, key=lambda move: -move.fit_percent)
 
     def _promised(self, current: Candidate, moves: Sequence[tuple[str, int]]) -> _Promise:
+        """All tests are linearised once, with every law as high as any move makes it; a move spans a subspace there."""
         higher = dict(current.laws)
         for name, degree in moves:
             higher = _with_degree(higher, name, max(degree, _degree(higher, name)))
-        spec, box = self._model(higher)
-        theta = self._transferred(current, spec, box)[:1]
-        latent = np.asarray(box.latent_from_theta(theta))
+        spec, box = self.model(higher)
+        latent = np.asarray(box.latent_from_theta(self._transferred(current, spec, box)[:1]))
         here = self.folded.linearised(spec, box, latent)
-        away = (-theta[:, list(box.free)] / np.exp(box.log_slope(latent)))[0]
         gradient = np.einsum("t,tp->p", self.folded.shares[0], here.gradient[0])
         matrix = np.einsum("t,tpq->pq", self.folded.shares[0], here.matrix[0])
         squared = float(self.folded.misfit(here.squared, self.folded.shares[:1])[0])
         promised = []
         for name, degree in moves:
-            degrees = {each: _degree(current.laws, each) for each in self.free} | {name: degree}
-            kept = np.array([_has(degrees, spec.parameters[index]) for index in box.free])
-            # Coefficients that the move removes go to zero; those of higher laws are there already.
-            step = _best_step(matrix, gradient, np.where(kept, 0.0, away), kept)
+            move_spec, move_box = self.model(_with_degree(current.laws, name, degree))
+            start = np.asarray(
+                move_box.latent_from_theta(self._transferred(current, move_spec, move_box)[:1])
+            )
+
+            def lifted(rows: Array, move_spec: DamperSpec = move_spec, move_box: Box = move_box) -> Array:
+                theta = np.asarray(move_box.theta_from_latent(rows))
+                inside = [with_other_laws(move_spec, row, spec, self.commands) for row in theta]
+                return np.asarray(box.latent_from_theta(box.inside(np.clip(inside, box.lower, box.upper))))
+
+            moved = lifted(np.concatenate([start, start + _SMALL * np.eye(start.shape[1])]))
+            away, along = moved[0] - latent[0], (moved[1:] - moved[0]).T / _SMALL
+            step = away + along @ _best_step(along.T @ matrix @ along, along.T @ (gradient + matrix @ away))
             after = squared + 2.0 * float(gradient @ step) + float(step @ matrix @ step)
             promised.append(100.0 * (1.0 - np.sqrt(max(after, 0.0))))
         return _Promise(fit_percent=np.array(promised))
 
     def _moved(self, current: Candidate, laws: Laws) -> Candidate:
-        spec, box = self._model(laws)
+        spec, box = self.model(laws)
         return self._fitted(laws, self._transferred(current, spec, box))
 
     def _fitted(self, laws: Laws, starts: Array) -> Candidate:
-        spec, box = self._model(laws)
+        spec, box = self.model(laws)
         self.report(
             f"fitting {', '.join(f'{name} {law}' for name, law in laws.items()) or 'constant parameters'}"
         )
@@ -203,12 +209,13 @@ class LawSearch:
         nrmse = np.minimum(np.sqrt(squared), _NOT_PREDICTED)
         return [nrmse[row, members] for row, members in enumerate(self.folds, start=1)]
 
-    def _model(self, laws: Laws) -> tuple[DamperSpec, Box]:
-        spec = self.plain.with_current_laws(self.given | laws, unit=self.unit)
+    def model(self, laws: Laws) -> tuple[DamperSpec, Box]:
+        """The model with laws by values, as many as polynomials of these degrees have coefficients."""
+        spec = spec_by_values(self.plain.with_current_laws(self.given | laws, unit=self.unit), self.commands)
         return spec, joint_box(identifiable_form(spec, self.settings.bounds), self.tests, self.commands)
 
     def _transferred(self, current: Candidate, spec: DamperSpec, box: Box) -> Array:
-        """Parameters of each row of the present laws as a start of other laws; coefficients that are new are zero."""
+        """Parameters of each row of the present laws as a start of other laws, on the curves of the present ones."""
         rows = [with_other_laws(current.spec, theta, spec, self.commands) for theta in current.fit.theta]
         return np.asarray(box.inside(np.clip(rows, box.lower, box.upper)))
 
@@ -218,26 +225,16 @@ class LawSearch:
         return self.journal.once(step, digest_of(*inputs), kind, compute)
 
 
-def _best_step(matrix: Array, gradient: Array, away: Array, kept: NDArray[np.bool_]) -> Array:
-    """Damped least-squares step of what is `kept` after the step `away` of the others, all of shape (n_free,)."""
-    slope = (gradient + matrix @ away)[kept]
-    inner = matrix[np.ix_(kept, kept)]
-    scale = np.sqrt(np.maximum(np.diag(inner), np.finfo(float).tiny))
-    scaled = inner / scale[:, None] / scale + _DAMPING * np.eye(len(scale))
-    step = away.copy()
-    step[kept] = -np.linalg.solve(scaled, slope / scale) / scale
-    return np.asarray(step)
-
-
-def _has(degrees: Mapping[str, int], parameter: ParamSpec) -> bool:
-    """Whether laws of these degrees have a coefficient; parameters that are not listed keep their laws."""
-    place = parameter.coefficient
-    return place is None or place.parameter not in degrees or place.number <= degrees[place.parameter]
+def _best_step(matrix: Array, gradient: Array) -> Array:
+    """Damped least-squares step, shape (n_free,), for the normal matrix and half the gradient of the misfit."""
+    scale = np.sqrt(np.maximum(np.diag(matrix), np.finfo(float).tiny))
+    scaled = matrix / scale[:, None] / scale + _DAMPING * np.eye(len(scale))
+    return np.asarray(-np.linalg.solve(scaled, gradient / scale) / scale)
 
 
 def _degree(laws: Laws, name: str) -> int:
     """Degree of the law of a parameter."""
-    degree = current_laws()[laws.get(name, polynomial_laws()[0])].degree
+    degree = law_named(laws.get(name, polynomial_laws()[0])).degree
     assert degree is not None  # laws that are chosen are polynomials
     return degree
 

@@ -145,7 +145,7 @@ def choose_laws(
         finally:
             journal.close()
 
-    first_spec = plain.with_current_laws(search.given | first_laws, unit=unit)
+    first_spec, _ = search.model(first_laws)
     try:
         first = journalled(
             "first",
