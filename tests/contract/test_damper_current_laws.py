@@ -15,7 +15,7 @@ from mrwork.errors import MrworkError, SettingError, UnknownNameError
 from mrwork.simulate import Outcome, simulate_force, simulate_forces
 from mrwork.twins.models import parameters_at, simulate
 
-LAWS = ("linear", "values:0,0.5,1", "quadratic", "values:0.2,0.8", "cubic", "exponential")
+LAWS = ("linear", "values:0,0.5,1", "quadratic", "linear:0.2,0.8", "cubic", "exponential")
 
 
 def followed(spec):
@@ -150,7 +150,7 @@ def test_laws_that_do_not_exist_are_refused(spec):
     name = followed(spec)[0]
     with pytest.raises(UnknownNameError, match="no parameter 'nothing'"):
         spec.with_current_laws({"nothing": "linear"})
-    with pytest.raises(UnknownNameError, match="'parabolic'.*quadratic"):
+    with pytest.raises(UnknownNameError, match=r"'parabolic'.*quadratic"):
         spec.with_current_laws({name: "parabolic"})
     with pytest.raises(MrworkError, match="has current laws already"):
         with_laws(spec).with_current_laws({})

@@ -22,8 +22,11 @@ pub enum CurrentLaw {
     Cubic,
     /// `a + b exp(c u)`.
     Exponential,
-    /// Values at several commands, and the curve through them.
+    /// Values at several commands, and the polynomial through them, or through their logarithms where the scale of the
+    /// parameter is logarithmic.
     Values(Nodes),
+    /// Values at several commands, and the polynomial through them.
+    Through(Nodes),
 }
 
 impl CurrentLaw {
@@ -31,7 +34,7 @@ impl CurrentLaw {
     pub const NAMED: [Self; 5] =
         [Self::Constant, Self::Linear, Self::Quadratic, Self::Cubic, Self::Exponential];
 
-    /// Name of a law; that of values is followed by a colon and their commands.
+    /// Name of a law; one that has values at commands is called by it, a colon and the commands.
     #[must_use]
     pub const fn name(&self) -> &'static str {
         match self {
@@ -41,21 +44,30 @@ impl CurrentLaw {
             Self::Cubic => "cubic",
             Self::Exponential => "exponential",
             Self::Values(_) => "values",
+            Self::Through(nodes) => match nodes.count {
+                2 => "linear",
+                3 => "quadratic",
+                _ => "cubic",
+            },
         }
     }
 
-    /// The law of a name, such as `quadratic`, or `values:0,0.5,1`.
+    /// The law of a name, such as `quadratic`, `quadratic:0,0.5,1` or `values:0,0.5,1`.
     ///
     /// # Errors
-    /// If there is no such law, or its commands are not 2 to [`MOST_NODES`] rising numbers.
+    /// If there is no such law, or its commands are not as many rising numbers as it takes.
     pub fn of_name(name: &str) -> Result<Self, DynamicsError> {
         let unknown = || DynamicsError::UnknownLaw(name.into());
-        if let Some(commands) = name.strip_prefix("values:") {
-            let commands: Result<Vec<f64>, _> = commands.split(',').map(|text| text.trim().parse()).collect();
-            let nodes = commands.ok().and_then(|commands| Nodes::at(&commands));
-            return nodes.map(Self::Values).ok_or_else(unknown);
+        let Some((law, commands)) = name.split_once(':') else {
+            return Self::NAMED.into_iter().find(|law| law.name() == name).ok_or_else(unknown);
+        };
+        let commands: Result<Vec<f64>, _> = commands.split(',').map(|text| text.trim().parse()).collect();
+        let nodes = commands.ok().and_then(|commands| Nodes::at(&commands)).ok_or_else(unknown)?;
+        match (law, nodes.count) {
+            ("values", _) => Ok(Self::Values(nodes)),
+            ("linear", 2) | ("quadratic", 3) | ("cubic", 4) => Ok(Self::Through(nodes)),
+            _ => Err(unknown()),
         }
-        Self::NAMED.into_iter().find(|law| law.name() == name).ok_or_else(unknown)
     }
 
     /// Number of coefficients.
@@ -66,7 +78,7 @@ impl CurrentLaw {
             Self::Linear => 2,
             Self::Quadratic | Self::Exponential => 3,
             Self::Cubic => 4,
-            Self::Values(nodes) => nodes.count,
+            Self::Values(nodes) | Self::Through(nodes) => nodes.count,
         }
     }
 
@@ -78,20 +90,24 @@ impl CurrentLaw {
             Self::Linear => Some(1),
             Self::Quadratic => Some(2),
             Self::Cubic => Some(3),
-            Self::Exponential | Self::Values(_) => None,
+            Self::Exponential | Self::Values(_) | Self::Through(_) => None,
         }
     }
 
     /// What [`Self::value`] takes in place of the coefficients; worked out once, it saves the logarithms of every step.
     #[inline(always)]
     fn prepare<R: Real>(&self, coefficients: &mut [R], scale: Scale) {
-        if let Self::Values(nodes) = self {
-            if scale == Scale::Log {
-                for value in &mut *coefficients {
-                    *value = ln(*value);
+        match self {
+            Self::Values(nodes) => {
+                if scale == Scale::Log {
+                    for value in &mut *coefficients {
+                        *value = ln(*value);
+                    }
                 }
+                nodes.prepare(coefficients);
             }
-            nodes.prepare(coefficients);
+            Self::Through(nodes) => nodes.prepare(coefficients),
+            _ => {}
         }
     }
 
@@ -108,6 +124,7 @@ impl CurrentLaw {
                 let curve = nodes.value(prepared, u);
                 if scale == Scale::Log { exp(curve) } else { curve }
             }
+            (Self::Through(nodes), prepared) if prepared.len() == nodes.count => nodes.value(prepared, u),
             _ => R::splat(f64::NAN),
         }
     }
@@ -191,8 +208,7 @@ impl Nodes {
 /// The current laws of all parameters of a model, and whether the driver has a lag.
 ///
 /// The columns of `theta` are the coefficients, parameter by parameter; with a lag `eta` [1/s] follows, the rate of the
-/// first-order driver `u' = -eta (u - command)`. Values at commands are interpolated in the logarithm where the scale of
-/// the parameter is logarithmic. A parameter that depends on the current is limited to the range that its model admits,
+/// first-order driver `u' = -eta (u - command)`. A parameter that depends on the current is limited to the range that its model admits,
 /// because a polynomial may leave it between or beyond the currents it was fitted at.
 #[derive(Clone, Debug)]
 pub struct CurrentLaws {

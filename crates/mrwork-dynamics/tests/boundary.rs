@@ -82,8 +82,9 @@ fn nominal(damper: &dyn Damper) -> Vec<f64> {
 }
 
 fn law() -> impl Strategy<Value = CurrentLaw> {
-    let values = CurrentLaw::of_name("values:-0.5,0.1,1").expect("a law");
-    prop_oneof![6 => Just(CurrentLaw::Constant), 1 => select(CurrentLaw::NAMED.to_vec()), 1 => Just(values)]
+    let by_values = ["values:-0.5,0.1,1", "linear:0,2"].map(|name| CurrentLaw::of_name(name).expect("a law"));
+    let others = [CurrentLaw::NAMED.to_vec(), by_values.to_vec()].concat();
+    prop_oneof![6 => Just(CurrentLaw::Constant), 1 => select(others)]
 }
 
 proptest! {

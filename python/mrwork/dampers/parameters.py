@@ -19,7 +19,7 @@ from mrwork.errors import UnknownChoiceError, UnknownNameError
 Array = Any
 
 Scale = Literal["linear", "log", "offset"]
-# A name of `current_laws`, or "values:" and the commands at which a law has values, as in "values:0,0.5,1".
+# A name of `current_laws`, or that of a law by values at commands, such as "values:0,0.5,1" or "quadratic:0,0.5,1".
 LawName = str
 CommandUnit = Literal["A", "V"]
 
@@ -77,10 +77,10 @@ class CurrentLaws:
     """Laws by which the parameters of the plain model depend on the command, which is in `unit`.
 
     With `u` the command received by the coil: constant `p = p.0`; linear, quadratic and cubic
-    `p = p.0 + p.1 u + p.2 u^2 + p.3 u^3`; exponential `p = p.0 + p.1 exp(p.2 u)`; values at commands, as in
-    "values:0,0.5,1": the polynomial through them, of their logarithms where the scale of the parameter is logarithmic,
-    beyond the first and the last command its tangent. A parameter that follows the command is limited to the admissible
-    range of the plain model. A lagged driver has `u' = -eta (u - command)`.
+    `p = p.0 + p.1 u + p.2 u^2 + p.3 u^3`; exponential `p = p.0 + p.1 exp(p.2 u)`; "quadratic:0,0.5,1" is the polynomial
+    through values at these commands, "values:0,0.5,1" the one through their logarithms where the scale of the parameter
+    is logarithmic; beyond the first and the last command they continue along their tangents. A parameter that follows
+    the command is limited to the admissible range of the plain model. A lagged driver has `u' = -eta (u - command)`.
     """
 
     _made_by: ClassVar[str] = "spec.with_current_laws(laws).current"
@@ -141,14 +141,15 @@ _DRIVER_RATE = ParamSpec(
 class CurrentLaw:
     """A law by which a parameter follows the command.
 
-    `degree` is that of a polynomial in the command, `None` for other laws; `nodes` are the commands at which a law by
-    values has them.
+    `degree` is that of a polynomial by its coefficients, `None` for other laws; `nodes` are the commands at which a law
+    by values has them, and `takes_logarithms` says whether it interpolates those of a positive parameter.
     """
 
     name: LawName
     n_coefficients: int
     degree: int | None
     nodes: tuple[float, ...] = ()
+    takes_logarithms: bool = False
 
     @property
     def is_exponential(self) -> bool:
@@ -160,10 +161,12 @@ class CurrentLaw:
     ) -> NDArray[np.float64]:
         """The parameter at commands, shape (n,); it may lie outside the admissible range of the model.
 
-        `log` says whether the scale of the parameter is logarithmic: its values are then interpolated in the logarithm.
+        `log` says whether the scale of the parameter is logarithmic.
         """
         if self.nodes:
-            return np.asarray(interpolated(self.nodes, coefficients, command, log=log))
+            return np.asarray(
+                interpolated(self.nodes, coefficients, command, log=log and self.takes_logarithms)
+            )
         if self.is_exponential:
             at_zero, factor, exponent = coefficients
             return np.asarray(at_zero + factor * np.exp(exponent * command))
@@ -176,6 +179,7 @@ class CurrentLaw:
         if self.nodes:
             # The values of the polynomial at `factor` times the nodes.
             there = _powers(self.nodes, factor * np.array(self.nodes)) @ _basis(self.nodes)
+            log = log and self.takes_logarithms
             given = np.log(coefficients) if log else coefficients
             return np.asarray(np.exp(given @ there.T) if log else given @ there.T)
         powers = np.arange(coefficients.shape[-1], dtype=np.float64)
@@ -223,17 +227,17 @@ def _basis(nodes: tuple[float, ...]) -> NDArray[np.float64]:
     return np.asarray(np.linalg.inv(_powers(nodes, np.array(nodes))), dtype=np.float64)
 
 
-_VALUES = "values:"
+_VALUES = "values"
 
 
-def law_of_values(commands: Iterable[float]) -> LawName:
-    """Name of the law that has values at these commands [A or V], as in "values:0,0.5,1"."""
-    return _VALUES + ",".join(f"{command:.12g}" for command in commands)
+def law_at(law: LawName, commands: Iterable[float]) -> LawName:
+    """Name of a law by values at these commands [A or V], as in "values:0,0.5,1"; `law` is what precedes the colon."""
+    return f"{law}:{','.join(f'{command:.12g}' for command in commands)}"
 
 
 @cache
 def law_named(name: LawName) -> CurrentLaw:
-    """The law of a name, such as "quadratic" or "values:0,0.5,1".
+    """The law of a name, such as "quadratic", "quadratic:0,0.5,1" or "values:0,0.5,1".
 
     Raises
     ------
@@ -242,23 +246,33 @@ def law_named(name: LawName) -> CurrentLaw:
     """
     if name in current_laws():
         return current_laws()[name]
+    law, _, commands = name.partition(":")
     try:
-        nodes = tuple(float(text) for text in name.removeprefix(_VALUES).split(","))
+        nodes = tuple(float(text) for text in commands.split(","))
     except ValueError:
         nodes = ()
-    rising = all(before < after for before, after in pairwise(nodes))
-    if not (
-        name.startswith(_VALUES) and rising and 2 <= len(nodes) <= _MOST_NODES and np.isfinite(nodes).all()
-    ):
+    rising = all(before < after for before, after in pairwise(nodes)) and bool(np.isfinite(nodes).all())
+    polynomials = [
+        each.n_coefficients for each in current_laws().values() if each.name == law and each.degree
+    ]
+    counts = range(2, _MOST_NODES + 1) if law == _VALUES else polynomials
+    if not (rising and len(nodes) in counts):
         raise UnknownChoiceError(
-            f"no current law is called {name!r}; choose one of {', '.join(current_laws())}, or give 2 to {_MOST_NODES} "
-            "rising commands at which it has values, as in values:0,0.5,1"
+            f"no current law is called {name!r}; choose one of {', '.join(current_laws())}, or give rising commands at "
+            f"which it has values: two to {_MOST_NODES}, as in values:0,0.5,1, or those of a polynomial, as in "
+            "quadratic:0,0.5,1"
         )
-    return CurrentLaw(name=law_of_values(nodes), n_coefficients=len(nodes), degree=None, nodes=nodes)
+    return CurrentLaw(
+        name=law_at(law, nodes),
+        n_coefficients=len(nodes),
+        degree=None,
+        nodes=nodes,
+        takes_logarithms=law == _VALUES,
+    )
 
 
 def law_over(law: LawName, commands: Sequence[float]) -> LawName:
-    """A polynomial as the law by values with as many coefficients, at commands of the tests; another law as it is.
+    """A polynomial by its coefficients as the same one by values at commands of the tests; another law as it is.
 
     The nodes are the commands, each taken once, that are nearest to evenly spaced ones.
     """
@@ -270,7 +284,7 @@ def law_over(law: LawName, commands: Sequence[float]) -> LawName:
     for wanted in np.linspace(levels[0], levels[-1], degree + 1):
         left = [level for level in levels if level not in nodes]
         nodes.append(min(left, key=lambda level: abs(level - float(wanted))))
-    return law_of_values(sorted(nodes))
+    return law_at(law, sorted(nodes))
 
 
 @cache
@@ -330,7 +344,7 @@ def _coefficients(parameter: ParamSpec, law: CurrentLaw, unit: CommandUnit) -> l
 def _equation(parameter: ParamSpec, law: CurrentLaw, unit: CommandUnit) -> str:
     name = parameter.name
     if law.nodes:
-        what = f"ln {name}" if parameter.scale == "log" else name
+        what = f"ln {name}" if parameter.scale == "log" and law.takes_logarithms else name
         return f"{what} = polynomial in u through its values at {', '.join(f'{node:g}' for node in law.nodes)} {unit}"
     if law.is_exponential:
         return f"{name} = {name}.0 + {name}.1 exp({name}.2 u)"

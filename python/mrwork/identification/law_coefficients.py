@@ -16,6 +16,8 @@ from mrwork.records import DamperTest
 _EXPONENT = 5.0
 # Coefficients may reach this multiple of the range that is searched.
 _MARGIN = 10.0
+# A value of a positive parameter is at least this share of the largest to which its law is fitted.
+_LEAST_SHARE = 1e-3
 
 
 def fitted_laws(
@@ -59,12 +61,15 @@ def _values_at_nodes(
     law: CurrentLaw, parameter: ParamSpec, commands: NDArray[np.float64], column: NDArray[np.float64]
 ) -> list[float]:
     """Values at the nodes of the curve that is nearest to the values at the commands, logarithms to logarithms."""
-    log = parameter.scale == "log"
+    log = parameter.scale == "log" and law.takes_logarithms
     given = np.log(np.maximum(column, parameter.lower)) if log else column
     # The curve is linear in the values at the nodes, or in their logarithms.
     curves = [law.values(unit, commands) for unit in np.eye(len(law.nodes))]
     values = np.linalg.lstsq(np.transpose(curves), given, rcond=None)[0]
-    return [float(value) for value in (np.exp(values) if log else values)]
+    if parameter.scale != "log":
+        return [float(value) for value in values]
+    least = max(parameter.lower, _LEAST_SHARE * float(np.max(column)))
+    return [max(float(value), least) for value in (np.exp(values) if log else values)]
 
 
 def with_other_laws(

@@ -45,6 +45,8 @@ from mrwork.identification.multistart import (
     distinct_minima,
     search_starts,
 )
+from mrwork.identification.nested import nested_fit
+from mrwork.identification.objective import Objective
 from mrwork.identification.problem import Problem
 from mrwork.identification.search_ranges import search_box
 from mrwork.records import DamperTest
@@ -154,8 +156,9 @@ def points_from_levels(
         partial = interrupt.result if isinstance(interrupt, Interrupted) else None
         if best is not None and isinstance(partial, MultistartResult) and len(partial.theta):
             best, trace = partial.theta[0], trace_of(partial)
-        elif best is None and fits:
-            best = joint_starts(joint.spec, fits, 1, rng=rng)[0]
+        elif best is None:
+            known = fits or ([partial] if isinstance(partial, LevelFit) else [])
+            best = joint_starts(joint.spec, known, 1, rng=rng)[0] if known else None
         if best is None:
             raise Interrupted(None, "search") from interrupt
         raise interrupted_at(
@@ -274,6 +277,11 @@ def _fit_level(
     """Fit the plain model at one command by the search, and from the minima at the nearest command.
 
     `relative` has the magnitude of the measured force at each command.
+
+    Raises
+    ------
+    Interrupted
+        On Ctrl-C, carrying the `LevelFit` of the best point so far; `None` where there is none.
     """
     plain, box = plain_of(problem.form)
     objective = problem.objective.on(plain, tests)
@@ -286,38 +294,71 @@ def _fit_level(
         ratio = relative[command] / relative[nearest.command]
         scaled = np.where(is_force, ratio * nearest.minima, nearest.minima)
         starts = np.concatenate([nearest.minima, scaled])
+    try:
+        theta = _minima_of(
+            objective, near, searched, starts, search, problem.settings.rng, on_search, on_iteration
+        )
+    except Interrupted as interrupt:
+        raise _with_best(interrupt, command, searched) from interrupt
+    if not len(theta):
+        raise no_simulation(plain, objective.tally.simulations)
+    return LevelFit(command=command, minima=theta[:_MINIMA])
+
+
+def _minima_of(
+    objective: Objective,
+    near: Box,
+    searched: Box,
+    starts: Array,
+    search: Multistart | Optimiser[Any],
+    rng: int,
+    on_search: OnSearch,
+    on_iteration: Callable[[MultistartResult, float], None],
+) -> Array:
+    """Minima of the plain model, best first, shape (n_minima, n_plain)."""
     if isinstance(search, Multistart):
         settings = replace(search, least_rounds=1, most_rounds=min(search.most_rounds, _LEVEL_ROUNDS))
+        nested = (
+            nested_fit(objective, near, settings, rng=rng, on_iteration=on_iteration)
+            if not len(starts)
+            else None
+        )
         found = search_starts(
             objective,
             near,
             searched,
             settings,
-            rng=problem.settings.rng,
-            nested=_inside(near, starts),
+            rng=rng,
+            nested=_inside(near, starts) if nested is None else nested.starts,
             on_iteration=on_iteration,
         )
-        theta = found.theta
-    else:
-        ended = optimise_in_box(
-            search,
-            objective,
-            searched,
-            rng=problem.settings.rng,
-            on_generation=generation_reporter(search, on_search),
-        )
-        refuse_empty_elite(plain, ended)
-        starts = np.concatenate([starts, np.asarray(searched.theta_from_unit(ended.elite))])
-        minima = find_minima(
-            objective,
-            near,
-            _inside(near, starts),
-            max_iterations=_ITERATIONS,
-        )
-        theta = minima.theta[np.argsort(minima.misfit, kind="stable")]
-    if not len(theta):
-        raise no_simulation(plain, objective.tally.simulations)
-    return LevelFit(command=command, minima=theta[:_MINIMA])
+        return found.theta
+    ended = optimise_in_box(
+        search,
+        objective,
+        searched,
+        rng=rng,
+        on_generation=generation_reporter(search, on_search),
+    )
+    refuse_empty_elite(objective.spec, ended)
+    starts = np.concatenate([starts, np.asarray(searched.theta_from_unit(ended.elite))])
+    minima = find_minima(
+        objective,
+        near,
+        _inside(near, starts),
+        max_iterations=_ITERATIONS,
+    )
+    return np.asarray(minima.theta[np.argsort(minima.misfit, kind="stable")])
+
+
+def _with_best(interrupt: Interrupted[Any], command: float, searched: Box) -> Interrupted[LevelFit | None]:
+    """An interrupt of a search at one command, carrying the best point so far as a fit at this command."""
+    partial, best = interrupt.result, None
+    if isinstance(partial, MultistartResult):
+        best = partial.theta[:1] if len(partial.theta) else None
+    elif partial is not None and np.isfinite(partial.best_misfit):
+        best = np.asarray(searched.theta_from_unit(partial.best_unit))[None]
+    return Interrupted(None if best is None else LevelFit(command=command, minima=best), "search")
 
 
 def _inside(box: Box, theta: Array) -> Array:

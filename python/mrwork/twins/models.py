@@ -71,7 +71,8 @@ def parameters_at(spec: DamperSpec, theta: Array, received: Array) -> Any:
         value, *further = islice(columns, kind.n_coefficients)
         if kind.nodes:
             at_nodes = jnp.stack([value, *further])
-            value = interpolated(kind.nodes, at_nodes, received, log=parameter.scale == "log", xp=jnp)
+            log = parameter.scale == "log" and kind.takes_logarithms
+            value = interpolated(kind.nodes, at_nodes, received, log=log, xp=jnp)
         elif kind.is_exponential:
             factor, exponent = further
             value = value + factor * jnp.exp(exponent * received)
