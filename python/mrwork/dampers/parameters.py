@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from mrwork import _rust
 from mrwork.errors import UnknownChoiceError, UnknownNameError
+from mrwork.keys import suggestion
 
 # NumPy or JAX array; no annotation covers both without importing JAX.
 Array = Any
@@ -257,10 +258,10 @@ def law_named(name: LawName) -> CurrentLaw:
     ]
     counts = range(2, _MOST_NODES + 1) if law == _VALUES else polynomials
     if not (rising and len(nodes) in counts):
+        near = suggestion(law, [*current_laws(), _VALUES]) if law == name else ""
         raise UnknownChoiceError(
-            f"no current law is called {name!r}; choose one of {', '.join(current_laws())}, or give rising commands at "
-            f"which it has values: two to {_MOST_NODES}, as in values:0,0.5,1, or those of a polynomial, as in "
-            "quadratic:0,0.5,1"
+            f"no current law is called {name!r}{near}; a law by values takes rising commands: two to {_MOST_NODES}, as "
+            "in values:0,0.5,1, or as many as a polynomial has coefficients, as in quadratic:0,0.5,1"
         )
     return CurrentLaw(
         name=law_at(law, nodes),
@@ -271,11 +272,18 @@ def law_named(name: LawName) -> CurrentLaw:
     )
 
 
-def law_over(law: LawName, commands: Sequence[float]) -> LawName:
-    """A polynomial by its coefficients as the same one by values at commands of the tests; another law as it is.
+def law_by_values(law: LawName, commands: Sequence[float]) -> LawName:
+    """A polynomial as the law by as many values at commands of the tests; another law as it is."""
+    return _at_nodes(law, _VALUES, commands)
 
-    The nodes are the commands, each taken once, that are nearest to evenly spaced ones.
-    """
+
+def law_through(law: LawName, commands: Sequence[float]) -> LawName:
+    """A polynomial by its coefficients as the same one through values at commands of the tests; another law as it is."""
+    return _at_nodes(law, law, commands)
+
+
+def _at_nodes(law: LawName, by_values: LawName, commands: Sequence[float]) -> LawName:
+    """The nodes are the commands, each taken once, that are nearest to evenly spaced ones."""
     degree = law_named(law).degree
     if not degree or len(commands) <= degree:
         return law
@@ -284,7 +292,7 @@ def law_over(law: LawName, commands: Sequence[float]) -> LawName:
     for wanted in np.linspace(levels[0], levels[-1], degree + 1):
         left = [level for level in levels if level not in nodes]
         nodes.append(min(left, key=lambda level: abs(level - float(wanted))))
-    return law_at(law, sorted(nodes))
+    return law_at(by_values, sorted(nodes))
 
 
 @cache
