@@ -184,7 +184,7 @@ def test_a_test_without_the_models_command_is_refused(tests: tuple[DamperTest, .
 
 def test_an_interrupt_of_the_first_search_keeps_its_best(tests: tuple[DamperTest, ...]) -> None:
     def interrupt(progress: Progress) -> None:
-        if progress.stage == "search" and progress.count > 30:
+        if progress.stage == "search" and progress.count > 500:
             raise KeyboardInterrupt
 
     with pytest.raises(Interrupted) as caught:

@@ -278,7 +278,7 @@ def law_by_values(law: LawName, commands: Sequence[float]) -> LawName:
 
 
 def law_through(law: LawName, commands: Sequence[float]) -> LawName:
-    """A polynomial by its coefficients as the same one through values at commands of the tests; another law as it is."""
+    """A polynomial by its coefficients as the same one through values at tested commands; another law as it is."""
     return _at_nodes(law, law, commands)
 
 

@@ -63,9 +63,8 @@ def _values_at_nodes(
     """Values at the nodes of the curve that is nearest to the values at the commands, logarithms to logarithms."""
     log = parameter.scale == "log" and law.takes_logarithms
     given = np.log(np.maximum(column, parameter.lower)) if log else column
-    # The curve is linear in the values at the nodes, or in their logarithms.
-    curves = [law.values(unit, commands) for unit in np.eye(len(law.nodes))]
-    values = np.linalg.lstsq(np.transpose(curves), given, rcond=None)[0]
+    degree = min(len(law.nodes), len(commands)) - 1
+    values = np.polyval(np.polyfit(commands, given, degree), law.nodes)
     if parameter.scale != "log":
         return [float(value) for value in values]
     least = max(parameter.lower, _LEAST_SHARE * float(np.max(column)))
