@@ -48,7 +48,8 @@ class StartingPoints:
     """Starting points, shape (n_starts, n_params), best first, and the trace of the search that found them.
 
     `objective` compares them, and they are fitted inside the box of `form`. Where they are `minima` already, no
-    screening is needed to select the best; `warnings` say what makes the best suspicious.
+    screening is needed to select the best; `warnings` say what makes the best suspicious, and `is_suspected` that it is
+    taken for a false minimum.
     """
 
     objective: Objective
@@ -57,6 +58,7 @@ class StartingPoints:
     trace: SearchTrace
     minima: bool = False
     warnings: tuple[str, ...] = ()
+    is_suspected: bool = False
 
     def with_given(self, spec: DamperSpec, given: Sequence[Start]) -> StartingPoints:
         """The same with the starts that the user gave, in parameters of the requested model `spec`, appended.

@@ -293,7 +293,7 @@ class _Ending:
             n_effective=polished.n_effective,
             trace=points.trace,
             steps=polished.steps,
-            status="converged" if polished.converged else "not_converged",
+            status="converged" if polished.converged and not points.is_suspected else "not_converged",
             seconds=reporter.seconds,
         )
         objective = problem.objective

@@ -49,6 +49,7 @@ from mrwork.identification.nested import nested_fit
 from mrwork.identification.objective import Objective
 from mrwork.identification.problem import Problem
 from mrwork.identification.search_ranges import search_box
+from mrwork.identification.suspicion import far_worse, far_worse_sentence
 from mrwork.records import DamperTest
 from mrwork.records.command import command_level
 from mrwork.records.command_signal import levels_of_command
@@ -66,6 +67,8 @@ _PER_CYCLE = 100
 _MINIMA = 4
 _LEVEL_ROUNDS = 3
 _ITERATIONS = 60
+# Iterations of the fit of a test alone, which starts from the minima at its command.
+_OWN_ITERATIONS = 30
 # Commands whose minimum gives further starts of the joint fit; starts with a minimum at random at each command.
 _MOST_SHAPES = 4
 _RANDOM_STARTS = 4
@@ -122,7 +125,23 @@ def points_from_levels(
         rows = [with_other_laws(joint.spec, row, form.spec, commands) for row in theta]
         return _inside(own_form.box, np.array(rows))
 
+    on_tests = objective.on(joint.spec, excerpts)
+
+    def search_joint(starts: Array, seed: int) -> MultistartResult:
+        return search_starts(
+            on_tests,
+            joint.box,
+            search_box(joint.spec, joint.box, excerpts),
+            settings,
+            rng=seed,
+            mirrored=joint.mirrored,
+            nested=_inside(joint.box, starts),
+            on_iteration=on_iteration,
+        )
+
     best: Array | None = None
+    doubts: tuple[str, ...] = ()
+    suspected = False
     try:
         middle = len(commands) // 2
         for command in (*commands[middle:].tolist(), *commands[:middle][::-1].tolist()):
@@ -142,16 +161,22 @@ def points_from_levels(
         fits.sort(key=lambda fit: fit.command)
         starts = _starts_of_levels(joint.spec, fits, relative, rng)
         best = starts[0]
-        found = search_starts(
-            objective.on(joint.spec, excerpts),
-            joint.box,
-            search_box(joint.spec, joint.box, excerpts),
-            settings,
-            rng=rng,
-            mirrored=joint.mirrored,
-            nested=_inside(joint.box, starts),
-            on_iteration=on_iteration,
-        )
+        alone = _fit_each(problem, excerpts, fits)
+        found = search_joint(starts, rng)
+        worse = alone.worse_in(on_tests, found)
+        if len(found.theta) and worse.size:
+            # More starts: each command that has such tests takes the parameters of their own fits.
+            again = search_joint(
+                _starts_of_levels(joint.spec, alone.at(worse, fits), relative, rng + 1), rng + 1
+            )
+            found = _merged(found, again)
+            worse = alone.worse_in(on_tests, found)
+            if worse.size:
+                least = (1.0 + settings.closeness) * found.misfit[0]
+                found_again = int(np.count_nonzero(found.misfit <= least)) >= settings.found
+                nrmse = on_tests.nrmse_of_tests(found.theta[:1])[:, 0]
+                doubts = (far_worse_sentence(excerpts, worse, nrmse, alone.nrmse, found_again=found_again),)
+                suspected = not found_again
     except KeyboardInterrupt as interrupt:
         partial = interrupt.result if isinstance(interrupt, Interrupted) else None
         if best is not None and isinstance(partial, MultistartResult) and len(partial.theta):
@@ -172,7 +197,72 @@ def points_from_levels(
         theta=in_own_laws(distinct_minima(joint.box, found.theta, found.misfit)),
         trace=trace_of(found),
         minima=True,
-        warnings=doubts_about(found, None, settings),
+        warnings=(*doubts_about(found, None, settings), *doubts),
+        is_suspected=suspected,
+    )
+
+
+@holds_arrays
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _OwnFits:
+    """Fits of the plain model to each test alone: command, parameters (n_tests, n_plain), NRMSE (n_tests,).
+
+    All NaN for a test whose command varies.
+    """
+
+    command: Array
+    theta: Array
+    nrmse: Array
+
+    def worse_in(self, objective: Objective, found: MultistartResult) -> NDArray[np.intp]:
+        """The tests that the best minimum describes far worse than their own fits do."""
+        if not len(found.theta):
+            return np.empty(0, dtype=np.intp)
+        return far_worse(objective.nrmse_of_tests(found.theta[:1])[:, 0], self.nrmse)
+
+    def at(self, tests: NDArray[np.intp], fits: Sequence[LevelFit]) -> list[LevelFit]:
+        """The fits at single commands, with the parameters of these tests first."""
+        found = []
+        for fit in fits:
+            own = self.theta[[index for index in tests if self.command[index] == fit.command]]
+            found.append(LevelFit(command=fit.command, minima=np.concatenate([own, fit.minima])))
+        return found
+
+
+def _fit_each(problem: Problem, tests: tuple[DamperTest, ...], fits: Sequence[LevelFit]) -> _OwnFits:
+    """Fit the plain model to each test alone, from the minima at its command."""
+    plain, box = plain_of(problem.form)
+    theta = np.full((len(tests), len(plain.names)), np.nan)
+    command, nrmse = np.full(len(tests), np.nan), np.full(len(tests), np.nan)
+    for index, test in enumerate(tests):
+        if not command_is_constant(test, problem.form.spec):
+            continue
+        own = float(np.mean(np.asarray(loading_of(test, problem.form.spec).command)))
+        fit = min(fits, key=lambda fit: abs(fit.command - own))
+        searched = search_box(plain, box, (test,))
+        near = box.with_bounds(_widened(searched, box))
+        minima = find_minima(
+            problem.objective.on(plain, (test,)),
+            near,
+            _inside(near, fit.minima),
+            max_iterations=_OWN_ITERATIONS,
+        )
+        least = int(np.argmin(minima.misfit))
+        command[index], theta[index], nrmse[index] = fit.command, minima.theta[least], minima.misfit[least]
+    return _OwnFits(command=command, theta=theta, nrmse=nrmse)
+
+
+def _merged(first: MultistartResult, second: MultistartResult) -> MultistartResult:
+    """Minima of two searches, best first; the trace of both."""
+    theta, misfit = np.concatenate([first.theta, second.theta]), np.concatenate([first.misfit, second.misfit])
+    order = np.argsort(misfit, kind="stable")
+    return MultistartResult(
+        theta=theta[order],
+        misfit=misfit[order],
+        stop_reason=second.stop_reason,
+        evaluations=(*first.evaluations, *second.evaluations),
+        best=(*first.best, *(min(first.best[-1], each) for each in second.best)),
+        median=(*first.median, *second.median),
     )
 
 
