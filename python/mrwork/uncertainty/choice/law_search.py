@@ -35,9 +35,11 @@ Laws = dict[str, LawName]
 
 # Samples per cycle of the excerpts on which laws are compared: fits differ by 0.02 points from those with 400.
 _PER_CYCLE = 100
-# The path of rising degrees ends where the best of them promises no more than this [points] of the fit to all tests.
+# Degree of the first laws.
+_FIRST_DEGREE = 2
+# Higher degrees are tried where the best of them promises at least this [points] of the fit to all tests.
 _WORTH_TRYING = 0.02
-# Simpler laws are tried until so many in a row were not as good as the best.
+# Simpler and richer laws are tried until so many in a row were not as good as the best.
 _SIMPLER = 3
 # Largest number of sets of laws that are fitted.
 _MOST_TRIED = 40
@@ -102,17 +104,22 @@ class LawSearch:
     report: Callable[[str], None] = lambda task: None
     found: list[Candidate] = field(default_factory=list)
 
-    def run(self, first: Fit, laws: Laws) -> None:
-        """Try laws from `laws` on, whose fit is `first`: a path of rising degrees, then simpler ones than the best."""
+    @property
+    def first_laws(self) -> Laws:
+        """Laws from which the search starts: every positive parameter as high as `_FIRST_DEGREE`.
+
+        Such laws nearly pass through the fits at single commands, so that their minimum is easily found.
+        """
+        law = polynomial_laws()[min(_FIRST_DEGREE, self.most)]
+        return {
+            each.name: law for each in self.plain.parameters if each.name in self.free and each.scale == "log"
+        }
+
+    def run(self, first: Fit) -> None:
+        """Try laws from the first ones on, whose fit is `first`: simpler ones, then richer ones than the best."""
         starts = np.repeat(np.array(first.theta)[None], 1 + len(self.folds), axis=0)
-        current = self._fitted(laws, starts)
-        while len(self.found) < _MOST_TRIED:
-            moves = self._moves(current, 1)
-            misfit = self.folded.misfit(current.fit.squared[:1], self.folded.shares[:1])[0]
-            if not moves or moves[0].fit_percent < 100.0 * (1.0 - np.sqrt(misfit)) + _WORTH_TRYING:
-                break
-            current = self._moved(current, moves[0].laws)
-        self._simplify(min(self.found, key=lambda each: each.score))
+        self._simplify(self._fitted(self.first_laws, starts))
+        self._enrich()
 
     def started_from(self, tried: TriedLaws) -> tuple[Candidate, Start]:
         """The candidate of these laws, and the start that its fit to all tests is."""
@@ -132,6 +139,16 @@ class LawSearch:
                 current, worse = candidate, 0
             else:
                 worse += 1
+
+    def _enrich(self) -> None:
+        """Raise degrees of the best laws one by one, the one that promises most first, while predictions improve."""
+        worse = 0
+        while worse < _SIMPLER and len(self.found) < _MOST_TRIED:
+            best = min(self.found, key=lambda each: each.score)
+            moves = self._moves(best, 1)
+            if not moves or moves[0].fit_percent < best.tried.fit_percent + _WORTH_TRYING:
+                return
+            worse = 0 if self._moved(best, moves[0].laws).score < best.score else worse + 1
 
     def _moves(self, current: Candidate, change: int) -> list[_Move]:
         """Laws not tried yet of which one differs by a degree, the best promise of the linearised fit first."""
@@ -193,16 +210,31 @@ class LawSearch:
             f"fitting {', '.join(f'{name} {law}' for name, law in laws.items()) or 'constant parameters'}"
         )
         fit = self._once(
-            "laws", FoldedFit, lambda: interruptible(lambda: self.folded.fit(spec, box, starts)), box, starts
+            "laws", FoldedFit, lambda: interruptible(lambda: self._fit(spec, box, starts)), box, starts
         )
         tried = TriedLaws.of(
             self.given | laws,
             n_params=len(box.free),
-            fit_percent=100.0 * (1.0 - float(np.sqrt(np.mean(fit.squared[0])))),
+            fit_percent=100.0 * (1.0 - min(float(np.sqrt(np.mean(fit.squared[0]))), _NOT_PREDICTED)),
             left_out=self._left_out(fit.squared),
+            not_predicted=[
+                self.tests[index].name
+                for row, members in enumerate(self.folds, start=1)
+                for index in members
+                if not np.isfinite(fit.squared[row, index])
+            ],
         )
         self.found.append(Candidate(spec=spec, box=box, laws=laws, fit=fit, tried=tried))
         return self.found[-1]
+
+    def _fit(self, spec: DamperSpec, box: Box, starts: Array) -> FoldedFit:
+        """Fit every row; rows that no simulation could start from begin at the best of the others."""
+        fit = self.folded.fit(spec, box, starts)
+        misfit = self.folded.misfit(fit.squared, self.folded.shares)
+        failed = ~np.isfinite(misfit)
+        if not failed.any() or failed.all():
+            return fit
+        return self.folded.fit(spec, box, np.where(failed[:, None], fit.theta[np.argmin(misfit)], fit.theta))
 
     def _left_out(self, squared: Array) -> list[Array]:
         """NRMSE of the tests of each fold without which they were fitted, from the squares, (n_rows, n_tests)."""
