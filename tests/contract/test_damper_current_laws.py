@@ -15,7 +15,7 @@ from mrwork.errors import MrworkError, SettingError, UnknownNameError
 from mrwork.simulate import Outcome, simulate_force, simulate_forces
 from mrwork.twins.models import parameters_at, simulate
 
-LAWS = ("linear", "quadratic", "cubic", "exponential")
+LAWS = ("linear", "values:0,0.5,1", "quadratic", "linear:0.2,0.8", "cubic", "exponential")
 
 
 def followed(spec):
@@ -34,14 +34,16 @@ def theta_of(model):
     values = []
     base = 0.0
     for parameter in model.parameters:
-        _, _, power = parameter.name.partition(".")
-        if power == "" or power == "0":
+        place = parameter.coefficient
+        if place is None or (place.number == 0 and place.command is None):
             base = parameter.nominal
             values.append(base)
-        elif parameter.nominal == -1.0:
+        elif place.command is not None:
+            values.append(parameter.nominal * (1.0 + 0.2 * place.command + 0.05 * place.command**2))
+        elif place.is_exponent:
             values.append(-1.0)
         else:
-            values.append(base * {"1": 0.2, "2": 0.05, "3": -0.05}[power])
+            values.append(base * {1: 0.2, 2: 0.05, 3: -0.05}[place.number])
     return np.array(values)
 
 
@@ -55,7 +57,7 @@ def stepped_command():
 
 def test_coefficients_are_named_after_their_parameter(spec):
     model = with_laws(spec)
-    names = {parameter.name.partition(".")[0] for parameter in model.parameters}
+    names = {parameter.plain_name for parameter in model.parameters}
     assert names == {parameter.name for parameter in spec.plain}
     assert len(model.names) == len(set(model.names)) > len(spec.names)
     assert with_laws(spec, lagged=True).names == (*model.names, "eta")
@@ -148,7 +150,7 @@ def test_laws_that_do_not_exist_are_refused(spec):
     name = followed(spec)[0]
     with pytest.raises(UnknownNameError, match="no parameter 'nothing'"):
         spec.with_current_laws({"nothing": "linear"})
-    with pytest.raises(UnknownNameError, match=r"is 'parabolic'.*quadratic"):
+    with pytest.raises(UnknownNameError, match=r"'parabolic'.*quadratic"):
         spec.with_current_laws({name: "parabolic"})
     with pytest.raises(MrworkError, match="has current laws already"):
         with_laws(spec).with_current_laws({})

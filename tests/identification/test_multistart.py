@@ -14,7 +14,6 @@ from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import damper
 from mrwork.errors import Interrupted, SettingError
 from mrwork.identification.equivalent import identifiable_form
-from mrwork.identification.identify import identify
 from mrwork.identification.levenberg_marquardt import find_minima, find_minimum
 from mrwork.identification.linearisation import linearised
 from mrwork.identification.multistart import (
@@ -147,12 +146,6 @@ def test_an_insensitive_parameter_does_not_move() -> None:
     minima = find_minima(objective(), form.box, start, max_iterations=9)
     np.testing.assert_allclose(minima.theta, start, rtol=1e-9)
     assert minima.misfit[0] == objective()(start)[0]
-
-
-def test_multistart_refuses_current_laws() -> None:
-    model = damper("normalised_bouc_wen").with_current_laws({"c": "linear"}, unit="A")
-    with pytest.raises(SettingError, match="EfficientGA"):
-        identify(model, TEST, search=Multistart())
 
 
 def test_settings_of_another_search_are_refused(capsys: pytest.CaptureFixture[str]) -> None:

@@ -161,9 +161,9 @@ def test_an_unusable_start_is_named_before_anything_is_searched(
     [
         (
             BOUC_WEN.with_current_laws({"k_w": "exponential", "c": "linear"}),
-            "k_w is linear .* exponential in",
+            "k_w is linear .* exponential now",
         ),
-        (BOUC_WEN, "is linear in the earlier fit and constant"),
+        (BOUC_WEN, "is linear in the earlier fit and constant now"),
         (BOUC_WEN.with_current_laws(LAWS, unit="V"), "laws of the earlier fit take A, .* V"),
         (damper("hyperbolic_tangent_guo"), "shares no parameter with normalised_bouc_wen"),
     ],

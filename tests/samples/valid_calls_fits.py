@@ -159,13 +159,11 @@ def identification_calls(_: Path) -> Calls:
         "joint_starts": lambda: call(
             identification.joint_starts,
             spec=laws,
-            levels=[
-                identification.LevelFit(command=each, minima=theta[None], search=None) for each in (0.0, 1.0)
-            ],
+            levels=[identification.LevelFit(command=each, minima=theta[None]) for each in (0.0, 1.0)],
             n_starts=2,
             rng=0,
         ),
-        "LevelFit": lambda: call(identification.LevelFit, command=1.0, minima=theta[None], search=None),
+        "LevelFit": lambda: call(identification.LevelFit, command=1.0, minima=theta[None]),
     }
 
 

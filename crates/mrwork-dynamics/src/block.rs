@@ -142,6 +142,7 @@ pub(crate) fn steady<M: DamperModel, R: Real>(
     let Block { laws, loading, .. } = *block;
     if let (false, Command::Held(command)) = (laws.are_constant(), loading.command()) {
         let mut values = vec![R::splat(f64::NAN); laws.n_params()];
+        laws.prepare(&mut columns);
         laws.evaluate(&columns, R::splat(*command), &mut values);
         columns = values;
     }

@@ -1,13 +1,16 @@
 //! Current laws: each parameter of a model as a function of the coil current.
 
 use crate::damper::model::DamperSpec;
-use crate::elementary::exp;
+use crate::elementary::{exp, ln};
 use crate::error::DynamicsError;
-use crate::parameters::ParamSpec;
+use crate::parameters::{ParamSpec, Scale};
 use crate::real::Real;
 
+/// Largest number of commands at which a law may have values.
+pub const MOST_NODES: usize = 8;
+
 /// One parameter as a function of the current `u` [A or V].
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum CurrentLaw {
     /// `a`.
     Constant,
@@ -19,67 +22,194 @@ pub enum CurrentLaw {
     Cubic,
     /// `a + b exp(c u)`.
     Exponential,
+    /// Values at several commands, and the polynomial through them, or through their logarithms where the scale of the
+    /// parameter is logarithmic.
+    Values(Nodes),
+    /// Values at several commands, and the polynomial through them.
+    Through(Nodes),
 }
 
 impl CurrentLaw {
-    /// All laws.
-    pub const ALL: [Self; 5] =
+    /// The laws that have a name of their own.
+    pub const NAMED: [Self; 5] =
         [Self::Constant, Self::Linear, Self::Quadratic, Self::Cubic, Self::Exponential];
 
-    /// Its name in settings and results.
+    /// Name of a law; one that has values at commands is called by it, a colon and the commands.
     #[must_use]
-    pub const fn name(self) -> &'static str {
+    pub const fn name(&self) -> &'static str {
         match self {
             Self::Constant => "constant",
             Self::Linear => "linear",
             Self::Quadratic => "quadratic",
             Self::Cubic => "cubic",
             Self::Exponential => "exponential",
+            Self::Values(_) => "values",
+            Self::Through(nodes) => match nodes.count {
+                2 => "linear",
+                3 => "quadratic",
+                _ => "cubic",
+            },
+        }
+    }
+
+    /// The law of a name, such as `quadratic`, `quadratic:0,0.5,1` or `values:0,0.5,1`.
+    ///
+    /// # Errors
+    /// If there is no such law, or its commands are not as many rising numbers as it takes.
+    pub fn of_name(name: &str) -> Result<Self, DynamicsError> {
+        let unknown = || DynamicsError::UnknownLaw(name.into());
+        let Some((law, commands)) = name.split_once(':') else {
+            return Self::NAMED.into_iter().find(|law| law.name() == name).ok_or_else(unknown);
+        };
+        let commands: Result<Vec<f64>, _> = commands.split(',').map(|text| text.trim().parse()).collect();
+        let nodes = commands.ok().and_then(|commands| Nodes::at(&commands)).ok_or_else(unknown)?;
+        match (law, nodes.count) {
+            ("values", _) => Ok(Self::Values(nodes)),
+            ("linear", 2) | ("quadratic", 3) | ("cubic", 4) => Ok(Self::Through(nodes)),
+            _ => Err(unknown()),
         }
     }
 
     /// Number of coefficients.
     #[must_use]
-    pub const fn n_coefficients(self) -> usize {
+    pub const fn n_coefficients(&self) -> usize {
         match self {
             Self::Constant => 1,
             Self::Linear => 2,
             Self::Quadratic | Self::Exponential => 3,
             Self::Cubic => 4,
+            Self::Values(nodes) | Self::Through(nodes) => nodes.count,
         }
     }
 
-    /// Degree of the polynomial; `None` for a law that is not a polynomial.
+    /// Degree of the polynomial in the command; `None` for a law that is not one.
     #[must_use]
-    pub const fn degree(self) -> Option<usize> {
+    pub const fn degree(&self) -> Option<usize> {
         match self {
             Self::Constant => Some(0),
             Self::Linear => Some(1),
             Self::Quadratic => Some(2),
             Self::Cubic => Some(3),
-            Self::Exponential => None,
+            Self::Exponential | Self::Values(_) | Self::Through(_) => None,
         }
     }
 
-    /// The parameter at `u`; not a number for a wrong number of coefficients.
+    /// What [`Self::value`] takes in place of the coefficients; worked out once, it saves the logarithms of every step.
     #[inline(always)]
-    fn value<R: Real>(self, coefficients: &[R], u: R) -> R {
-        match (self, coefficients) {
+    fn prepare<R: Real>(&self, coefficients: &mut [R], scale: Scale) {
+        match self {
+            Self::Values(nodes) => {
+                if scale == Scale::Log {
+                    for value in &mut *coefficients {
+                        *value = ln(*value);
+                    }
+                }
+                nodes.prepare(coefficients);
+            }
+            Self::Through(nodes) => nodes.prepare(coefficients),
+            _ => {}
+        }
+    }
+
+    /// The parameter at `u` from prepared coefficients; not a number for a wrong number of them.
+    #[inline(always)]
+    fn value<R: Real>(&self, prepared: &[R], u: R, scale: Scale) -> R {
+        match (self, prepared) {
             (Self::Constant, &[a]) => a,
             (Self::Linear, &[a, b]) => b.mul_add(u, a),
             (Self::Quadratic, &[a, b, c]) => c.mul_add(u, b).mul_add(u, a),
             (Self::Cubic, &[a, b, c, d]) => d.mul_add(u, c).mul_add(u, b).mul_add(u, a),
             (Self::Exponential, &[a, b, c]) => b.mul_add(exp(c * u), a),
+            (Self::Values(nodes), prepared) if prepared.len() == nodes.count => {
+                let curve = nodes.value(prepared, u);
+                if scale == Scale::Log { exp(curve) } else { curve }
+            }
+            (Self::Through(nodes), prepared) if prepared.len() == nodes.count => nodes.value(prepared, u),
             _ => R::splat(f64::NAN),
         }
+    }
+}
+
+/// Commands at which a law has values, and the polynomial through values there.
+///
+/// Beyond the first and the last command the curve continues along its tangent.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Nodes {
+    count: usize,
+    centre: f64,
+    per_half: f64,
+    /// Coefficients of t^m, with t from -1 at the first command to 1 at the last, for a value of 1 at node j; row m.
+    basis: Vec<f64>,
+}
+
+impl Nodes {
+    /// Nodes at rising commands [A or V]; `None` where they are not 2 to [`MOST_NODES`] finite, rising numbers.
+    #[must_use]
+    pub fn at(commands: &[f64]) -> Option<Self> {
+        let (&[first, ..], &[.., last]) = (commands, commands) else { return None };
+        let rising = commands.iter().zip(&commands[1..]).all(|(before, after)| before < after);
+        if !(2..=MOST_NODES).contains(&commands.len()) || !rising || !(last - first).is_finite() {
+            return None;
+        }
+        let (centre, per_half) = (0.5 * (first + last), 2.0 / (last - first));
+        if !per_half.is_finite() {
+            return None;
+        }
+        let places: Vec<f64> = commands.iter().map(|command| (command - centre) * per_half).collect();
+        let count = places.len();
+        let mut basis = vec![0.0; count * count];
+        for (node, &place) in places.iter().enumerate() {
+            // The product of (t - t_i)/(t_j - t_i) over the other nodes i, one factor after the other.
+            let mut product = vec![0.0; count];
+            product[0] = 1.0;
+            for (_, &other) in places.iter().enumerate().filter(|&(other, _)| other != node) {
+                let mut lower = 0.0;
+                for coefficient in &mut product {
+                    let raised = (lower - other * *coefficient) / (place - other);
+                    lower = *coefficient;
+                    *coefficient = raised;
+                }
+            }
+            for (row, coefficient) in basis.chunks_exact_mut(count).zip(product) {
+                row[node] = coefficient;
+            }
+        }
+        Some(Self { count, centre, per_half, basis })
+    }
+
+    /// Replaces values at the nodes by the coefficients of the polynomial through them.
+    #[inline(always)]
+    fn prepare<R: Real>(&self, values: &mut [R]) {
+        let given = values.to_vec();
+        for (coefficient, row) in values.iter_mut().zip(self.basis.chunks_exact(self.count)) {
+            *coefficient = R::splat(0.0);
+            for (&value, &share) in given.iter().zip(row) {
+                *coefficient = value.mul_add(R::splat(share), *coefficient);
+            }
+        }
+    }
+
+    /// The polynomial at `u`, beyond the nodes its tangent.
+    #[inline(always)]
+    fn value<R: Real>(&self, coefficients: &[R], u: R) -> R {
+        let one = R::splat(1.0);
+        let t = (u - R::splat(self.centre)) * R::splat(self.per_half);
+        let from_below = R::select(t.less(-one), -one, t);
+        let inside = R::select(one.less(from_below), one, from_below);
+        let (mut value, mut slope) = (R::splat(0.0), R::splat(0.0));
+        for &coefficient in coefficients.iter().rev() {
+            slope = slope.mul_add(inside, value);
+            value = value.mul_add(inside, coefficient);
+        }
+        slope.mul_add(t - inside, value)
     }
 }
 
 /// The current laws of all parameters of a model, and whether the driver has a lag.
 ///
 /// The columns of `theta` are the coefficients, parameter by parameter; with a lag `eta` [1/s] follows, the rate of the
-/// first-order driver `u' = -eta (u - command)`. A parameter that depends on the current is limited to the range that its
-/// model admits, because a polynomial may leave it between or beyond the currents it was fitted at.
+/// first-order driver `u' = -eta (u - command)`. A parameter that depends on the current is limited to the range that its model admits,
+/// because a polynomial may leave it between or beyond the currents it was fitted at.
 #[derive(Clone, Debug)]
 pub struct CurrentLaws {
     parameters: &'static [ParamSpec],
@@ -110,7 +240,7 @@ impl CurrentLaws {
     /// Number of columns of `theta`.
     #[must_use]
     pub fn n_columns(&self) -> usize {
-        self.laws.iter().map(|law| law.n_coefficients()).sum::<usize>() + usize::from(self.lagged)
+        self.laws.iter().map(CurrentLaw::n_coefficients).sum::<usize>() + usize::from(self.lagged)
     }
 
     /// Number of parameters of the model.
@@ -121,7 +251,7 @@ impl CurrentLaws {
     /// Whether no parameter depends on the command.
     #[must_use]
     pub fn are_constant(&self) -> bool {
-        self.laws.iter().all(|&law| law == CurrentLaw::Constant)
+        self.laws.iter().all(|law| matches!(law, CurrentLaw::Constant))
     }
 
     /// Column of the rate of the driver, if it has a lag.
@@ -129,15 +259,27 @@ impl CurrentLaws {
         self.lagged.then(|| self.n_columns() - 1)
     }
 
-    /// Parameters at the current `u` from the columns of `theta`, written to `values`.
+    /// Turns columns of `theta` into those that [`Self::evaluate`] takes; the rate of the driver stays.
     #[inline(always)]
-    pub(crate) fn evaluate<R: Real>(&self, columns: &[R], u: R, values: &mut [R]) {
+    pub(crate) fn prepare<R: Real>(&self, columns: &mut [R]) {
         let mut rest = columns;
-        for ((&law, parameter), value) in self.laws.iter().zip(self.parameters).zip(values) {
+        for (law, parameter) in self.laws.iter().zip(self.parameters) {
+            let count = law.n_coefficients().min(rest.len());
+            let (own, others) = rest.split_at_mut(count);
+            rest = others;
+            law.prepare(own, parameter.scale);
+        }
+    }
+
+    /// Parameters at the current `u` from prepared columns, written to `values`.
+    #[inline(always)]
+    pub(crate) fn evaluate<R: Real>(&self, prepared: &[R], u: R, values: &mut [R]) {
+        let mut rest = prepared;
+        for ((law, parameter), value) in self.laws.iter().zip(self.parameters).zip(values) {
             let (own, others) = rest.split_at(law.n_coefficients().min(rest.len()));
             rest = others;
-            let free = law.value(own, u);
-            *value = if law == CurrentLaw::Constant {
+            let free = law.value(own, u, parameter.scale);
+            *value = if matches!(law, CurrentLaw::Constant) {
                 free
             } else {
                 let (lower, upper) = (R::splat(parameter.lower), R::splat(parameter.upper));

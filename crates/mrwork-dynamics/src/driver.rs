@@ -41,6 +41,7 @@ impl<M: DamperModel, R: Real> Driver<M, R> for Steady<M::Parameters<R>> {
 /// For a held command the lag is an exponential, so it is integrated exactly and adds no stiffness.
 pub(crate) struct Following<'a, M: DamperModel, R: Real> {
     laws: &'a CurrentLaws,
+    /// Prepared.
     columns: Vec<R>,
     values: Vec<R>,
     command: &'a [f64],
@@ -55,7 +56,8 @@ pub(crate) struct Following<'a, M: DamperModel, R: Real> {
 impl<'a, M: DamperModel, R: Real> Following<'a, M, R> {
     /// The driver in steady state at the first command.
     #[inline(always)]
-    pub(crate) fn new(laws: &'a CurrentLaws, columns: Vec<R>, command: &'a [f64], step: f64) -> Self {
+    pub(crate) fn new(laws: &'a CurrentLaws, mut columns: Vec<R>, command: &'a [f64], step: f64) -> Self {
+        laws.prepare(&mut columns);
         let start = R::splat(command.first().copied().unwrap_or(f64::NAN));
         let half_step_decay = match laws.lag_column() {
             Some(column) => exp(columns[column] * R::splat(-0.5 * step)),

@@ -6,7 +6,7 @@
 
 use core::ops::{Add, Div, Mul, Neg, Sub};
 
-use crate::elementary::{Elementary, Exponent, exp, power_and_logarithm, tanh, whole_power};
+use crate::elementary::{Elementary, Exponent, exp, ln, power_and_logarithm, tanh, whole_power};
 use crate::real::{Bits, Real};
 
 /// A value and its derivatives along `K` directions.
@@ -163,6 +163,11 @@ impl<R: Bits, const K: usize> Elementary for Dual<R, K> {
     fn exponential(self) -> Self {
         let value = exp(self.value);
         self.chain(value, value)
+    }
+
+    #[inline(always)]
+    fn logarithm(self) -> Self {
+        self.chain(ln(self.value), R::splat(1.0) / self.value)
     }
 
     /// d(x^n) = n x^(n-1) dx + x^n ln x dn; at x = 0 the slopes are 1 (for n = 1) or 0, and 0.

@@ -27,10 +27,12 @@ const LARGEST_EXPONENT: f64 = 709.782_712_893_383_4;
 /// Powers with a smaller binary exponent count as zero: [`Real::times_two_to`] asks for results well above subnormal.
 const SMALLEST_BINARY_EXPONENT: f64 = -1020.0;
 
-/// How a kind of number takes the elementary functions; models call [`exp`], [`powf`] and [`tanh`].
+/// How a kind of number takes the elementary functions; models call [`exp`], [`ln`], [`powf`] and [`tanh`].
 pub trait Elementary: Sized {
     /// See [`exp`].
     fn exponential(self) -> Self;
+    /// See [`ln`].
+    fn logarithm(self) -> Self;
     /// See [`powf`].
     fn power(self, exponent: &Exponent<Self>) -> Self
     where
@@ -43,6 +45,10 @@ impl<R: Bits> Elementary for R {
     #[inline(always)]
     fn exponential(self) -> Self {
         exponential_of(self)
+    }
+    #[inline(always)]
+    fn logarithm(self) -> Self {
+        logarithm_of(self)
     }
     #[inline(always)]
     fn power(self, exponent: &Exponent<Self>) -> Self {
@@ -80,7 +86,12 @@ fn exponential_of<R: Bits>(x: R) -> R {
 ///
 /// At most 1 unit in the last place off; -infinity for zero and for subnormal numbers, NaN for negative ones.
 #[inline(always)]
-pub fn ln<R: Bits>(x: R) -> R {
+pub fn ln<R: Real>(x: R) -> R {
+    x.logarithm()
+}
+
+#[inline(always)]
+fn logarithm_of<R: Bits>(x: R) -> R {
     // x = 2^e m with 1/sqrt(2) <= m < sqrt(2): ln x = e ln 2 + 2 artanh((m - 1)/(m + 1)).
     let one = R::splat(1.0);
     let (e, m, _) = x.octave();

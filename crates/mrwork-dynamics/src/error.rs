@@ -80,6 +80,12 @@ pub enum DynamicsError {
         /// Laws needed.
         expected: usize,
     },
+    /// A name that is none of a current law.
+    #[error(
+        "no current law is called {0:?}; there are constant, linear, quadratic, cubic, exponential, and values at 2 to 8 \
+         rising commands, as in values:0,0.5,1 or quadratic:0,0.5,1"
+    )]
+    UnknownLaw(String),
     /// A model that depends on the command, with a loading history that has none.
     #[error("`{0}` depends on the command, the loading history has none; give one value per sample")]
     NoCommand(&'static str),

@@ -31,8 +31,10 @@ pub(crate) fn stiffness_bound<M: DamperModel>(
     }
     let mut bound = 0.0;
     let mut values = vec![f64::NAN; laws.n_params()];
+    let mut columns = theta.to_vec();
+    laws.prepare(&mut columns);
     for &command in commands {
-        laws.evaluate(theta, command, &mut values);
+        laws.evaluate(&columns, command, &mut values);
         let at_command = M::stiffness_bound(&M::Parameters::from_slice(&values), severity);
         // A bound that is not a number is kept.
         if at_command > bound || at_command.is_nan() {

@@ -82,7 +82,9 @@ fn nominal(damper: &dyn Damper) -> Vec<f64> {
 }
 
 fn law() -> impl Strategy<Value = CurrentLaw> {
-    prop_oneof![6 => Just(CurrentLaw::Constant), 1 => select(CurrentLaw::ALL.to_vec())]
+    let by_values = ["values:-0.5,0.1,1", "linear:0,2"].map(|name| CurrentLaw::of_name(name).expect("a law"));
+    let others = [CurrentLaw::NAMED.to_vec(), by_values.to_vec()].concat();
+    prop_oneof![6 => Just(CurrentLaw::Constant), 1 => select(others)]
 }
 
 proptest! {
@@ -111,7 +113,7 @@ proptest! {
             let n = REGISTRY[model].spec().parameters.len();
             (Just(model), length(n).prop_flat_map(|n| vec(law(), n)), 0..6_usize)
         }).prop_flat_map(|(model, laws, rows)| {
-            let n = laws.iter().map(|law| law.n_coefficients()).sum::<usize>() * rows;
+            let n = laws.iter().map(CurrentLaw::n_coefficients).sum::<usize>() * rows;
             (Just(model), Just(laws), length(n).prop_flat_map(|n| vec(number(), n)))
         }),
         factors in vec(prop_oneof![10 => Just(1.0), 1 => number()], 200),

@@ -219,24 +219,17 @@ pub fn parsed_laws(
 ) -> PyResult<CurrentLaws> {
     match names {
         Some(names) => {
-            let laws = names.iter().map(|name| law(name)).collect::<PyResult<_>>()?;
-            CurrentLaws::new(spec, laws, lagged).map_err(value_error)
+            let laws: Result<_, _> = names.iter().map(|name| CurrentLaw::of_name(name)).collect();
+            CurrentLaws::new(spec, laws.map_err(value_error)?, lagged).map_err(value_error)
         }
         None => Ok(CurrentLaws::constant(spec)),
     }
 }
 
-fn law(name: &str) -> PyResult<CurrentLaw> {
-    CurrentLaw::ALL.into_iter().find(|law| law.name() == name).ok_or_else(|| {
-        let known = CurrentLaw::ALL.map(CurrentLaw::name).join(", ");
-        PyValueError::new_err(format!("no current law is called {name:?}; there are {known}"))
-    })
-}
-
-/// Every current law: name, number of coefficients, and degree if it is a polynomial.
+/// Every current law with a name of its own: name, number of coefficients, and degree if it is a polynomial.
 #[pyfunction]
 pub fn current_laws() -> Vec<(&'static str, usize, Option<usize>)> {
-    CurrentLaw::ALL.map(|law| (law.name(), law.n_coefficients(), law.degree())).to_vec()
+    CurrentLaw::NAMED.map(|law| (law.name(), law.n_coefficients(), law.degree())).to_vec()
 }
 
 fn point<'a>(

@@ -130,8 +130,8 @@ def add_parser(verbs: Any) -> None:
     parser.add_argument(
         "--search",
         choices=list(searches()),
-        help="global search; default multistart (least squares from many starts), for a model with laws genetic (the "
-        "efficient genetic algorithm)",
+        help="global search; default multistart (least squares from many starts), where every command varies genetic "
+        "(the efficient genetic algorithm)",
     )
     parser.add_argument(
         "--engine",
@@ -238,7 +238,11 @@ def _with_laws(plain: DamperSpec, tests: tuple[DamperTest, ...], options: argpar
     laws = laws_of(options)
     if not laws:
         return plain
-    return plain.with_current_laws(laws, unit=command_unit(tests, options), lagged=options.driver_lag)
+    # SciPy's optimisers are slow to load, and not needed for a plain model.
+    from mrwork.identification.level_search import spec_by_values, tested_commands
+
+    spec = plain.with_current_laws(laws, unit=command_unit(tests, options), lagged=options.driver_lag)
+    return spec_by_values(spec, tested_commands(spec, tests))
 
 
 def _search(options: argparse.Namespace) -> Search | None:
@@ -247,8 +251,8 @@ def _search(options: argparse.Namespace) -> Search | None:
     if options.search is None and not sized:
         return None
     search = method_of(search_named(options.search or "genetic"))
-    if not search.has_generations and (sized or options.law):
+    if not search.has_generations and sized:
         raise SettingError(
-            "--search multistart takes neither --population, --generations nor --law; leave them or --search out"
+            "--search multistart takes neither --population nor --generations; leave them or --search out"
         )
     return search.resized(population=options.population, generations=options.generations)

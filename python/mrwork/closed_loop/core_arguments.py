@@ -16,7 +16,7 @@ from mrwork.control.counterpart import is_curve
 from mrwork.control.laws import ControlLaw
 from mrwork.control.observer import Observer, observer_of
 from mrwork.control.plant import accelerations, deformations, plant_of, stacked
-from mrwork.dampers.parameters import current_laws
+from mrwork.dampers.parameters import law_named
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
 
@@ -91,10 +91,12 @@ def stretched_theta(spec: DamperSpec, theta: Floats, factors: Floats) -> Floats:
     found = np.repeat(theta[None], len(factors), axis=0)
     for candidate, device in np.ndindex(*factors.shape):
         factor, start = float(factors[candidate, device]), 0
-        for law in spec.current.laws:
-            kind = current_laws()[law]
+        for parameter, law in zip(spec.plain, spec.current.laws, strict=True):
+            kind = law_named(law)
             columns = slice(start, start + kind.n_coefficients)
-            found[candidate, :, device, columns] = kind.stretched(theta[:, device, columns], factor)
+            found[candidate, :, device, columns] = kind.stretched(
+                theta[:, device, columns], factor, log=parameter.scale == "log"
+            )
             start = columns.stop
     return np.ascontiguousarray(found.reshape(-1, *theta.shape[1:]))
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mrwork.dampers.parameters import CommandUnit, ParamSpec, current_laws
+from mrwork.dampers.parameters import CommandUnit, ParamSpec, law_named
 from mrwork.dampers.spec import DamperSpec
 from mrwork.summary import of_unit
 
@@ -113,8 +113,8 @@ def _values(
     assert spec.current is not None
     start = 0
     for parameter, name in zip(spec.plain, spec.current.laws, strict=True):
-        law = current_laws()[name]
+        law = law_named(name)
         coefficients = theta[start : start + law.n_coefficients]
         start += law.n_coefficients
         if law.degree != 0:
-            yield parameter, law.values(coefficients, command)
+            yield parameter, law.values(coefficients, command, log=parameter.scale == "log")

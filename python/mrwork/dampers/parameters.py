@@ -2,31 +2,46 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import ClassVar, Literal, cast
+from itertools import pairwise
+from types import ModuleType
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mrwork import _rust
-from mrwork.errors import UnknownNameError
+from mrwork.errors import UnknownChoiceError, UnknownNameError
+from mrwork.keys import suggestion
+
+# NumPy or JAX array; no annotation covers both without importing JAX.
+Array = Any
 
 Scale = Literal["linear", "log", "offset"]
-LawName = Literal["constant", "linear", "quadratic", "cubic", "exponential"]
+# A name of `current_laws`, or that of a law by values at commands, such as "values:0,0.5,1" or "quadratic:0,0.5,1".
+LawName = str
 CommandUnit = Literal["A", "V"]
+
+
+# Most commands at which a law may have values; the compiled module refuses more.
+_MOST_NODES = 8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Coefficient:
-    """Place of a parameter in a current law: the plain parameter that follows the command, and the number from 0."""
+    """Place of a parameter in a current law: the plain parameter that follows the command, and the number from 0.
+
+    `command` is that at which a law by values has this one.
+    """
 
     _made_by: ClassVar[str] = "spec.parameters"
 
     parameter: str
     number: int
     is_exponent: bool = False
+    command: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,8 +78,10 @@ class CurrentLaws:
     """Laws by which the parameters of the plain model depend on the command, which is in `unit`.
 
     With `u` the command received by the coil: constant `p = p.0`; linear, quadratic and cubic
-    `p = p.0 + p.1 u + p.2 u^2 + p.3 u^3`; exponential `p = p.0 + p.1 exp(p.2 u)`. A parameter that follows the
-    command is limited to the admissible range of the plain model. A lagged driver has `u' = -eta (u - command)`.
+    `p = p.0 + p.1 u + p.2 u^2 + p.3 u^3`; exponential `p = p.0 + p.1 exp(p.2 u)`; "quadratic:0,0.5,1" is the polynomial
+    through values at these commands, "values:0,0.5,1" the one through their logarithms where the scale of the parameter
+    is logarithmic; beyond the first and the last command they continue along their tangents. A parameter that follows
+    the command is limited to the admissible range of the plain model. A lagged driver has `u' = -eta (u - command)`.
     """
 
     _made_by: ClassVar[str] = "spec.with_current_laws(laws).current"
@@ -85,30 +102,26 @@ def laws_in_order(
         If `model` has no such parameter, or there is no such law.
     """
     names = [parameter.name for parameter in plain]
-    for name, law in laws.items():
+    for name in laws:
         if name not in names:
             raise UnknownNameError(
                 f"{model} has no parameter {name!r} to follow the command; it has {', '.join(names)}"
             )
-        if law not in current_laws():
-            known = ", ".join(current_laws())
-            raise UnknownNameError(f"no current law is called {law!r}; choose one of {known}")
-    return tuple(laws.get(name, polynomial_laws()[0]) for name in names)
+    return tuple(law_named(laws.get(name, polynomial_laws()[0])).name for name in names)
 
 
 def coefficients(plain: tuple[ParamSpec, ...], current: CurrentLaws) -> tuple[ParamSpec, ...]:
     """Parameters of a model with current laws: the coefficients of each law, then the rate of a lagged driver."""
     parameters: list[ParamSpec] = []
     for parameter, law in zip(plain, current.laws, strict=True):
-        parameters += _coefficients(parameter, current_laws()[law], current.unit)
+        parameters += _coefficients(parameter, law_named(law), current.unit)
     return (*parameters, _DRIVER_RATE) if current.lagged else tuple(parameters)
 
 
 def law_equations(plain: tuple[ParamSpec, ...], current: CurrentLaws) -> list[str]:
     """Equations of the laws that are not constant, and of the driver."""
-    laws = [current_laws()[name] for name in current.laws]
-    pairs = zip(plain, laws, strict=True)
-    lines = [_equation(parameter.name, law) for parameter, law in pairs if law.degree != 0]
+    pairs = zip(plain, map(law_named, current.laws), strict=True)
+    lines = [_equation(parameter, law, current.unit) for parameter, law in pairs if law.degree != 0]
     driver = "u' = -eta (u - command)" if current.lagged else "u = command"
     return [*lines, f"{driver} [{current.unit}]"]
 
@@ -127,42 +140,166 @@ _DRIVER_RATE = ParamSpec(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CurrentLaw:
-    """A law by which a parameter follows the command; `degree` is `None` for the one law that is not polynomial."""
+    """A law by which a parameter follows the command.
+
+    `degree` is that of a polynomial by its coefficients, `None` for other laws; `nodes` are the commands at which a law
+    by values has them, and `takes_logarithms` says whether it interpolates those of a positive parameter.
+    """
 
     name: LawName
     n_coefficients: int
     degree: int | None
+    nodes: tuple[float, ...] = ()
+    takes_logarithms: bool = False
 
     @property
     def is_exponential(self) -> bool:
-        """Whether this is `p.0 + p.1 exp(p.2 u)`, the only law that is not polynomial."""
-        return self.degree is None
+        """Whether this is `p.0 + p.1 exp(p.2 u)`."""
+        return self.degree is None and not self.nodes
 
-    def values(self, coefficients: NDArray[np.float64], command: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The parameter at commands, shape (n,); it may lie outside the admissible range of the model."""
+    def values(
+        self, coefficients: NDArray[np.float64], command: NDArray[np.float64], *, log: bool = False
+    ) -> NDArray[np.float64]:
+        """The parameter at commands, shape (n,); it may lie outside the admissible range of the model.
+
+        `log` says whether the scale of the parameter is logarithmic.
+        """
+        if self.nodes:
+            return np.asarray(
+                interpolated(self.nodes, coefficients, command, log=log and self.takes_logarithms)
+            )
         if self.is_exponential:
             at_zero, factor, exponent = coefficients
             return np.asarray(at_zero + factor * np.exp(exponent * command))
         return np.asarray(np.polynomial.polynomial.polyval(command, coefficients))
 
-    def stretched(self, coefficients: NDArray[np.float64], factor: float) -> NDArray[np.float64]:
+    def stretched(
+        self, coefficients: NDArray[np.float64], factor: float, *, log: bool = False
+    ) -> NDArray[np.float64]:
         """Coefficients, on the last axis, of the parameter as a function of the command over `factor`: p(factor u)."""
+        if self.nodes:
+            # The values of the polynomial at `factor` times the nodes.
+            there = _powers(self.nodes, factor * np.array(self.nodes)) @ _basis(self.nodes)
+            log = log and self.takes_logarithms
+            given = np.log(coefficients) if log else coefficients
+            return np.asarray(np.exp(given @ there.T) if log else given @ there.T)
         powers = np.arange(coefficients.shape[-1], dtype=np.float64)
         scale = np.array([1.0, 1.0, factor]) if self.is_exponential else np.power(factor, powers)
         return np.asarray(coefficients * scale)
 
     def is_special_case_of(self, other: CurrentLaw) -> bool:
-        """Whether this law is the other one with some coefficients at zero."""
+        """Whether this law is the other one with some coefficients at zero, or all of its values equal."""
         if self.degree is None:
             return False
         return self.degree == 0 if other.degree is None else self.degree < other.degree
 
 
+def interpolated(
+    nodes: tuple[float, ...], values: Array, command: Array, *, log: bool, xp: ModuleType = np
+) -> Array:
+    """The curve through values at the nodes, shape (n_nodes,), at commands of any shape; `xp` is NumPy or JAX.
+
+    A polynomial between the first and the last node, its tangent beyond; of the logarithms where `log`.
+    """
+    coefficients = _basis(nodes) @ (xp.log(values) if log else values)
+    t = _place(nodes, command)
+    inside = xp.clip(t, -1.0, 1.0)
+    value, slope = 0.0 * inside, 0.0 * inside
+    for power in reversed(range(len(nodes))):
+        slope = slope * inside + value
+        value = value * inside + coefficients[power]
+    curve = value + slope * (t - inside)
+    return xp.exp(curve) if log else curve
+
+
+def _place(nodes: tuple[float, ...], command: Array) -> Array:
+    """-1 at the first node, 1 at the last."""
+    return (command - 0.5 * (nodes[0] + nodes[-1])) * (2.0 / (nodes[-1] - nodes[0]))
+
+
+def _powers(nodes: tuple[float, ...], command: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Powers of the place of each command, shape (n_commands, n_nodes)."""
+    return np.asarray(np.vander(_place(nodes, command), len(nodes), increasing=True))
+
+
+@cache
+def _basis(nodes: tuple[float, ...]) -> NDArray[np.float64]:
+    """Coefficients of the polynomial in the place of the command for a value of 1 at each node, one column each."""
+    return np.asarray(np.linalg.inv(_powers(nodes, np.array(nodes))), dtype=np.float64)
+
+
+_VALUES = "values"
+
+
+def law_at(law: LawName, commands: Iterable[float]) -> LawName:
+    """Name of a law by values at these commands [A or V], as in "values:0,0.5,1"; `law` is what precedes the colon."""
+    return f"{law}:{','.join(f'{command:.12g}' for command in commands)}"
+
+
+@cache
+def law_named(name: LawName) -> CurrentLaw:
+    """The law of a name, such as "quadratic", "quadratic:0,0.5,1" or "values:0,0.5,1".
+
+    Raises
+    ------
+    UnknownChoiceError
+        If there is no such law.
+    """
+    if name in current_laws():
+        return current_laws()[name]
+    law, _, commands = name.partition(":")
+    try:
+        nodes = tuple(float(text) for text in commands.split(","))
+    except ValueError:
+        nodes = ()
+    rising = all(before < after for before, after in pairwise(nodes)) and bool(np.isfinite(nodes).all())
+    polynomials = [
+        each.n_coefficients for each in current_laws().values() if each.name == law and each.degree
+    ]
+    counts = range(2, _MOST_NODES + 1) if law == _VALUES else polynomials
+    if not (rising and len(nodes) in counts):
+        near = suggestion(law, [*current_laws(), _VALUES]) if law == name else ""
+        raise UnknownChoiceError(
+            f"no current law is called {name!r}{near}; a law by values takes rising commands: two to {_MOST_NODES}, as "
+            "in values:0,0.5,1, or as many as a polynomial has coefficients, as in quadratic:0,0.5,1"
+        )
+    return CurrentLaw(
+        name=law_at(law, nodes),
+        n_coefficients=len(nodes),
+        degree=None,
+        nodes=nodes,
+        takes_logarithms=law == _VALUES,
+    )
+
+
+def law_by_values(law: LawName, commands: Sequence[float]) -> LawName:
+    """A polynomial as the law by as many values at commands of the tests; another law as it is."""
+    return _at_nodes(law, _VALUES, commands)
+
+
+def law_through(law: LawName, commands: Sequence[float]) -> LawName:
+    """A polynomial by its coefficients as the same one through values at tested commands; another law as it is."""
+    return _at_nodes(law, law, commands)
+
+
+def _at_nodes(law: LawName, by_values: LawName, commands: Sequence[float]) -> LawName:
+    """The nodes are the commands, each taken once, that are nearest to evenly spaced ones."""
+    degree = law_named(law).degree
+    if not degree or len(commands) <= degree:
+        return law
+    levels = sorted(set(commands))
+    nodes: list[float] = []
+    for wanted in np.linspace(levels[0], levels[-1], degree + 1):
+        left = [level for level in levels if level not in nodes]
+        nodes.append(min(left, key=lambda level: abs(level - float(wanted))))
+    return law_at(by_values, sorted(nodes))
+
+
 @cache
 def current_laws() -> Mapping[LawName, CurrentLaw]:
-    """All current laws by name; polynomials in order of their degree."""
+    """The current laws that have a name of their own; polynomials in order of their degree."""
     laws = (
-        CurrentLaw(name=cast("LawName", name), n_coefficients=count, degree=degree)
+        CurrentLaw(name=name, n_coefficients=count, degree=degree)
         for name, count, degree in _rust.current_laws()
     )
     return {law.name: law for law in laws}
@@ -179,6 +316,16 @@ def _coefficients(parameter: ParamSpec, law: CurrentLaw, unit: CommandUnit) -> l
     """Coefficients of the law of a parameter; the nominal ones make it constant."""
     if law.degree == 0:
         return [parameter]
+    if law.nodes:
+        return [
+            replace(
+                parameter,
+                name=f"{parameter.name}@{node:g}{unit}",
+                coefficient=Coefficient(parameter=parameter.name, number=number, command=node),
+                description=f"{parameter.description}; at {node:g} {unit}",
+            )
+            for number, node in enumerate(law.nodes)
+        ]
     widest = max(abs(parameter.lower), abs(parameter.upper))
     entries = []
     for power in range(law.n_coefficients):
@@ -202,7 +349,11 @@ def _coefficients(parameter: ParamSpec, law: CurrentLaw, unit: CommandUnit) -> l
     return entries
 
 
-def _equation(name: str, law: CurrentLaw) -> str:
+def _equation(parameter: ParamSpec, law: CurrentLaw, unit: CommandUnit) -> str:
+    name = parameter.name
+    if law.nodes:
+        what = f"ln {name}" if parameter.scale == "log" and law.takes_logarithms else name
+        return f"{what} = polynomial in u through its values at {', '.join(f'{node:g}' for node in law.nodes)} {unit}"
     if law.is_exponential:
         return f"{name} = {name}.0 + {name}.1 exp({name}.2 u)"
     powers = ["", " u", " u^2", " u^3"][: law.n_coefficients]

@@ -18,8 +18,8 @@ from mrwork.dampers.parameters import (
     LawName,
     ParamSpec,
     coefficients,
-    current_laws,
     law_equations,
+    law_named,
     laws_in_order,
     polynomial_laws,
 )
@@ -77,7 +77,7 @@ class DamperSpec(Summarised):
         if self.current is None:
             return ()
         pairs = zip(self.plain, self.current.laws, strict=True)
-        return tuple(parameter.name for parameter, law in pairs if current_laws()[law].degree != 0)
+        return tuple(parameter.name for parameter, law in pairs if law_named(law).degree != 0)
 
     @property
     def follows_command(self) -> bool:

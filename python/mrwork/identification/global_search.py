@@ -48,7 +48,8 @@ class StartingPoints:
     """Starting points, shape (n_starts, n_params), best first, and the trace of the search that found them.
 
     `objective` compares them, and they are fitted inside the box of `form`. Where they are `minima` already, no
-    screening is needed to select the best; `warnings` say what makes the best suspicious.
+    screening is needed to select the best; `warnings` say what makes the best suspicious, and `is_suspected` that it is
+    taken for a false minimum.
     """
 
     objective: Objective
@@ -57,6 +58,7 @@ class StartingPoints:
     trace: SearchTrace
     minima: bool = False
     warnings: tuple[str, ...] = ()
+    is_suspected: bool = False
 
     def with_given(self, spec: DamperSpec, given: Sequence[Start]) -> StartingPoints:
         """The same with the starts that the user gave, in parameters of the requested model `spec`, appended.
@@ -115,20 +117,20 @@ def points_from_multistart(problem: Problem, search: Multistart, *, on_search: O
         found = interrupt.result
         if found is None or not len(found.theta):
             raise Interrupted(None, "search") from interrupt
-        raise interrupted_at(found.theta[0], objective, form, _trace_of(found)) from interrupt
+        raise interrupted_at(found.theta[0], objective, form, trace_of(found)) from interrupt
     if not len(found.theta):
-        raise _no_simulation(form.spec, found.evaluations[-1])
+        raise no_simulation(form.spec, found.evaluations[-1])
     return StartingPoints(
         objective=objective,
         form=form,
         theta=distinct_minima(form.box, found.theta, found.misfit),
-        trace=_trace_of(found),
+        trace=trace_of(found),
         minima=True,
-        warnings=_doubts(found, nested, search),
+        warnings=doubts_about(found, nested, search),
     )
 
 
-def _doubts(found: MultistartResult, nested: NestedFit | None, settings: Multistart) -> tuple[str, ...]:
+def doubts_about(found: MultistartResult, nested: NestedFit | None, settings: Multistart) -> tuple[str, ...]:
     """Warnings about the minimum of a search."""
     least = float(found.misfit[0])
     if nested is not None and least > (1.0 + settings.closeness) * nested.misfit:
@@ -149,7 +151,8 @@ def _doubts(found: MultistartResult, nested: NestedFit | None, settings: Multist
     return ()
 
 
-def _trace_of(found: MultistartResult) -> SearchTrace:
+def trace_of(found: MultistartResult) -> SearchTrace:
+    """Trace of a multistart search."""
     return SearchTrace(
         evaluations=found.evaluations,
         best=found.best,
@@ -250,10 +253,11 @@ def refuse_empty_elite(spec: DamperSpec, found: SearchResult[Any]) -> None:
         Where the search has no elite.
     """
     if len(found.elite) == 0:
-        raise _no_simulation(spec, found.evaluations)
+        raise no_simulation(spec, found.evaluations)
 
 
-def _no_simulation(spec: DamperSpec, evaluations: int) -> SimulationError:
+def no_simulation(spec: DamperSpec, evaluations: int) -> SimulationError:
+    """The error of a search in which every simulation failed."""
     return SimulationError(
         f"none of {evaluations} candidates of {spec.name} could be simulated on these tests; "
         "check the units of the record, or narrow the bounds"

@@ -69,8 +69,8 @@ def identify(
     tests
         One test or several. With `power` 2 all have the same weight, independent of length and force.
     search
-        A search with its settings, or its name in the registry; default `Multistart()`, for a model with current laws
-        `EfficientGA()`.
+        A search with its settings, or its name in the registry; default `Multistart()`. Where a model has current laws
+        and every command varies, that default is `EfficientGA()`.
     bounds
         Parameter name to (lower, upper); equal bounds fix the parameter. Others have their admissible range.
     nuisances
@@ -114,9 +114,8 @@ def identify(
     Raises
     ------
     SettingError
-        Where a bound or a power is impossible, a start cannot be used, `Multistart` is to search current laws, the
-        search was read from a file and is not registered, or the engine is the twin and a test has an observation
-        model.
+        Where a bound or a power is impossible, a start cannot be used, the search was read from a file and is not
+        registered, or the engine is the twin and a test has an observation model.
     UnknownNameError
         Where a start names a parameter that the model does not have, or there is no such search.
     SimulationError
@@ -294,7 +293,7 @@ class _Ending:
             n_effective=polished.n_effective,
             trace=points.trace,
             steps=polished.steps,
-            status="converged" if polished.converged else "not_converged",
+            status="converged" if polished.converged and not points.is_suspected else "not_converged",
             seconds=reporter.seconds,
         )
         objective = problem.objective
@@ -317,18 +316,20 @@ def starting_points(problem: Problem, *, on_search: OnSearch) -> StartingPoints:
         On Ctrl-C, carrying `StartingPoints` with only the best point so far, `None` where there is none.
     """
     search = problem.search
-    if isinstance(search, Multistart):
-        return points_from_multistart(problem, search, on_search=on_search)
     assert not isinstance(search, UnregisteredSearch)  # `Problem.of` has refused it
     if problem.form.spec.current is None:
+        if isinstance(search, Multistart):
+            return points_from_multistart(problem, search, on_search=on_search)
         return points_from_optimiser(problem, search, on_search=on_search)
     from mrwork.identification.level_search import has_levels, points_from_levels
 
     if has_levels(problem.form.spec, problem.objective.tests):
         return points_from_levels(problem, search, on_search=on_search)
     from mrwork.identification.scaled_search import points_from_scaled_forces
+    from mrwork.search.efficient_genetic import EfficientGA
 
-    return points_from_scaled_forces(problem, search, on_search=on_search)
+    optimiser = EfficientGA() if isinstance(search, Multistart) else search
+    return points_from_scaled_forces(problem, optimiser, on_search=on_search)
 
 
 def identify_again(

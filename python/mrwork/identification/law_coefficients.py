@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.dampers.coordinates import Box
-from mrwork.dampers.parameters import LawName, current_laws
+from mrwork.dampers.parameters import CurrentLaw, LawName, ParamSpec, law_named
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.identification.equivalent import Form
 from mrwork.identification.search_ranges import search_box
@@ -16,6 +16,8 @@ from mrwork.records import DamperTest
 _EXPONENT = 5.0
 # Coefficients may reach this multiple of the range that is searched.
 _MARGIN = 10.0
+# A value of a positive parameter is at least this share of the largest to which its law is fitted.
+_LEAST_SHARE = 1e-3
 
 
 def fitted_laws(
@@ -25,24 +27,29 @@ def fitted_laws(
     if spec.current is None:
         return np.asarray(values[0])
     theta: list[float] = []
-    for law, column in zip(spec.current.laws, values.T, strict=True):
-        theta += fitted_law(law, commands, column)
+    for parameter, law, column in zip(spec.plain, spec.current.laws, values.T, strict=True):
+        theta += fitted_law(law, parameter, commands, column)
     if spec.current.lagged:
         theta.append(spec.parameters[-1].nominal)
     box = Box.of(spec)
     return np.clip(theta, box.lower, box.upper)
 
 
-def fitted_law(law: LawName, commands: NDArray[np.float64], column: NDArray[np.float64]) -> list[float]:
-    """Coefficients of a law by least squares from the values of a parameter at these commands."""
-    if current_laws()[law].degree == 0:
+def fitted_law(
+    law: LawName, parameter: ParamSpec, commands: NDArray[np.float64], column: NDArray[np.float64]
+) -> list[float]:
+    """Coefficients of the law of a parameter by least squares from its values at these commands."""
+    kind = law_named(law)
+    if kind.degree == 0:
         return [float(np.median(column))]
+    if kind.nodes:
+        return _values_at_nodes(kind, parameter, commands, column)
     full = fitted_degree(law)
     degree = min(full, len(commands) - 1)
     polynomial = [float(each) for each in np.polyfit(commands, column, degree)[::-1]] + [0.0] * (
         full - degree
     )
-    if current_laws()[law].degree is None:
+    if kind.is_exponential:
         # a + b exp(-u) with the values of the straight line at the lowest and highest command.
         lowest, highest = commands.min(), commands.max()
         rise = polynomial[1] * (highest - lowest) / (np.exp(-highest) - np.exp(-lowest) or 1.0)
@@ -50,24 +57,38 @@ def fitted_law(law: LawName, commands: NDArray[np.float64], column: NDArray[np.f
     return polynomial
 
 
+def _values_at_nodes(
+    law: CurrentLaw, parameter: ParamSpec, commands: NDArray[np.float64], column: NDArray[np.float64]
+) -> list[float]:
+    """Values at the nodes of the curve that is nearest to the values at the commands, logarithms to logarithms."""
+    log = parameter.scale == "log" and law.takes_logarithms
+    given = np.log(np.maximum(column, parameter.lower)) if log else column
+    degree = min(len(law.nodes), len(commands)) - 1
+    values = np.polyval(np.polyfit(commands, given, degree), law.nodes)
+    if parameter.scale != "log":
+        return [float(value) for value in values]
+    least = max(parameter.lower, _LEAST_SHARE * float(np.max(column)))
+    return [max(float(value), least) for value in (np.exp(values) if log else values)]
+
+
 def with_other_laws(
     earlier: DamperSpec, theta: NDArray[np.float64], spec: DamperSpec, commands: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Coefficients of other laws of the same model, shape (n_params,), for values `theta` of the earlier ones.
 
-    A law that is the same keeps its coefficients; another one is fitted to the values of the earlier one, which is a
-    polynomial, at these commands: exactly where its degree is no lower.
+    A law that is the same keeps its coefficients; another one is fitted to the values of the earlier one at these
+    commands: exactly where both are polynomials, or both by values, and it has no fewer coefficients.
     """
     assert earlier.current is not None
     assert spec.current is not None
     values: list[float] = []
     place = 0
-    for old, new in zip(earlier.current.laws, spec.current.laws, strict=True):
-        count = current_laws()[old].n_coefficients
-        own = theta[place : place + count]
-        place += count
-        column = np.polynomial.polynomial.polyval(commands, own)
-        values += list(own) if new == old else fitted_law(new, commands, np.asarray(column))
+    for parameter, old, new in zip(spec.plain, earlier.current.laws, spec.current.laws, strict=True):
+        law = law_named(old)
+        own = theta[place : place + law.n_coefficients]
+        place += law.n_coefficients
+        column = law.values(own, commands, log=parameter.scale == "log")
+        values += list(own) if new == old else fitted_law(new, parameter, commands, column)
     box = Box.of(spec)
     return np.asarray(np.clip([*values, *theta[place:]], box.lower, box.upper))
 
@@ -103,9 +124,12 @@ def _law_box(spec: DamperSpec, searched: Box, commands: NDArray[np.float64], *, 
             continue
         plain = searched.names.index(coefficient.parameter)
         reach = margin * max(abs(searched.lower[plain]), abs(searched.upper[plain]))
+        if coefficient.command is not None and parameter.scale == "log":
+            # Its logarithm resolves the admissible range, as that of a constant parameter does.
+            continue
         if coefficient.is_exponent:
             reach = _EXPONENT
-        elif spec.current is not None and current_laws()[spec.current.laws[plain]].degree is not None:
+        elif spec.current is not None and law_named(spec.current.laws[plain]).degree is not None:
             reach /= largest**coefficient.number
         bounds[parameter.name] = (max(-reach, admissible.lower[index]), min(reach, admissible.upper[index]))
     return admissible.with_bounds(bounds)
@@ -132,5 +156,7 @@ def levels_needed(spec: DamperSpec) -> int:
 
 def fitted_degree(law: LawName) -> int:
     """Degree of the polynomial that is fitted to values over the command; 1 for an exponential law."""
-    degree = current_laws()[law].degree
-    return 1 if degree is None else degree
+    kind = law_named(law)
+    if kind.nodes:
+        return len(kind.nodes) - 1
+    return 1 if kind.degree is None else kind.degree

@@ -1,8 +1,12 @@
-"""Starting points of a model with current laws: the plain model is fitted at each command, then the laws to these."""
+"""Starting points of a model with current laws: the plain model is fitted at each command, then the laws to all tests.
+
+The laws are searched by their values at commands, which never vanish: a polynomial that has left the admissible range
+is limited to it, has no slope there, and no local minimisation returns from that.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated, Any
 
@@ -11,43 +15,67 @@ from numpy.typing import NDArray
 
 from mrwork.arguments import Seed, Shape, Within, checked
 from mrwork.dampers.coordinates import Box
-from mrwork.dampers.spec import DamperSpec
+from mrwork.dampers.parameters import LawName, law_by_values, law_through
+from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import Interrupted, SettingError
+from mrwork.identification.equivalent import Form, identifiable_form
+from mrwork.identification.fit import SearchTrace
 from mrwork.identification.global_search import (
     OnSearch,
     StartingPoints,
+    doubts_about,
     generation_reporter,
     interrupted_at,
-    joined_trace,
+    no_simulation,
     optimise_in_box,
     refuse_empty_elite,
+    trace_of,
 )
-from mrwork.identification.law_coefficients import fitted_laws, joint_box, levels_needed, plain_of
-from mrwork.identification.levenberg_marquardt import LocalMinimum, find_minimum
+from mrwork.identification.law_coefficients import (
+    fitted_laws,
+    joint_box,
+    levels_needed,
+    plain_of,
+    with_other_laws,
+)
+from mrwork.identification.levenberg_marquardt import find_minima
+from mrwork.identification.multistart import (
+    Multistart,
+    MultistartResult,
+    distinct_minima,
+    search_starts,
+)
+from mrwork.identification.nested import nested_fit
 from mrwork.identification.objective import Objective
 from mrwork.identification.problem import Problem
 from mrwork.identification.search_ranges import search_box
+from mrwork.identification.suspicion import far_worse, far_worse_sentence
 from mrwork.records import DamperTest
 from mrwork.records.command import command_level
-from mrwork.records.window import excerpt
-from mrwork.search import Optimiser, SearchResult
-from mrwork.search.loop import GenerationEvent
+from mrwork.records.command_signal import levels_of_command
+from mrwork.records.window import middle_excerpt
+from mrwork.search import Optimiser
 from mrwork.simulate import loading_of
 from mrwork.summary import Summarised
 from mrwork.values import holds_arrays
 
-# Starting points of the joint fit.
-_JOINT_STARTS = 8
-# Local minimisations at each command: number of starts, evaluations of each; number of minima that are refined,
-# evaluations of each of these.
-_STARTS = 12
-_EVALUATIONS = 15
-_MINIMA = 5
-_LAST_EVALUATIONS = 60
+Array = NDArray[np.float64]
+
+# Samples of a cycle in the excerpts on which laws are searched: fits differ by 0.02 points from those with 400.
+_PER_CYCLE = 100
+# Minima of the plain model that are kept at each command, rounds of their search, and iterations of the others.
+_MINIMA = 4
+_LEVEL_ROUNDS = 3
+_ITERATIONS = 60
+# Iterations of the fit of a test alone, which starts from the minima at its command.
+_OWN_ITERATIONS = 30
+# Commands whose minimum gives further starts of the joint fit; starts with a minimum at random at each command.
+_MOST_SHAPES = 4
+_RANDOM_STARTS = 4
 # Local minimisations at one command may leave the searched range by this factor only: laws are fitted to the minima,
 # and an insensitive parameter at the end of its admissible range would distort them.
 _RANGE_FACTOR = 10.0
-# Standard deviation of the logarithm of the random factor on the values to which laws of further starts are fitted.
+# Standard deviation of the logarithm of the random factor on the values to which random starts are fitted.
 _SPREAD = 0.25
 
 
@@ -55,80 +83,230 @@ _SPREAD = 0.25
 @holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class LevelFit(Summarised):
-    """Minima of the plain model at one command [A or V], shape (n_minima, n_plain), best first; the search, if any."""
+    """Minima of the plain model at one command [A or V], shape (n_minima, n_plain), best first."""
 
     command: float
-    minima: Annotated[NDArray[np.float64], Shape(("n_minima", "n_plain"))]
-    search: SearchResult[Any] | None
+    minima: Annotated[Array, Shape(("n_minima", "n_plain"))]
 
 
-def points_from_levels(problem: Problem, search: Optimiser[Any], *, on_search: OnSearch) -> StartingPoints:
-    """Fit the plain model at each constant command, then the laws to the minima.
+def points_from_levels(
+    problem: Problem, search: Multistart | Optimiser[Any], *, on_search: OnSearch
+) -> StartingPoints:
+    """Fit the plain model at each constant command, then laws to all tests, from the minima at single commands.
 
-    The global search runs at the middle command only; at each other command local minimisations start from the minima
-    at the neighbouring one.
+    Laws that are no polynomials are searched as they are; polynomials by as many values at tested commands, and fitted
+    to the tests from there.
 
     Raises
     ------
     SimulationError
         Where no candidate could be simulated.
     Interrupted
-        On Ctrl-C, carrying `StartingPoints` with one point, the laws fitted to the minima so far; `None` where there
-        are none.
+        On Ctrl-C, carrying `StartingPoints` with one point, the best so far; `None` where there is none.
     """
     objective, form, rng = problem.objective, problem.form, problem.settings.rng
-    excerpts = tuple(excerpt(test) for test in objective.tests)
-    plain, box = plain_of(form)
+    excerpts = tuple(middle_excerpt(test, per_cycle=_PER_CYCLE) for test in objective.tests)
     levels = levels_of(form.spec, [test for test in excerpts if command_is_constant(test, form.spec)])
-    commands = sorted(levels)
+    commands = np.array(sorted(levels))
+    own_form = replace(form, box=joint_box(form, excerpts, commands))
+    joint = form_through_values(own_form, excerpts, commands)
+    settings = search if isinstance(search, Multistart) else Multistart()
+    relative = {
+        command: float(np.mean([np.std(test.force) for test in tests])) for command, tests in levels.items()
+    }
     fits: list[LevelFit] = []
-    searches: list[SearchResult[Any]] = []
+    trace = SearchTrace(evaluations=(), best=(), median=(), stop_reason="interrupted")
 
-    def at(command: float) -> Objective:
-        return objective.on(plain, levels[command])
+    def on_iteration(found: MultistartResult, share: float) -> None:
+        done = (len(fits) + share) / (len(levels) + 1)
+        on_search(len(found.best) - 1, found.best[-1], found.median[-1], done)
 
-    middle = len(commands) // 2
-    try:
-        first = search_level(
-            at(commands[middle]),
-            box,
-            commands[middle],
-            search=search,
-            rng=rng,
-            on_generation=generation_reporter(search, on_search, n_searches=len(levels)),
+    def in_own_laws(theta: Array) -> Array:
+        rows = [with_other_laws(joint.spec, row, form.spec, commands) for row in theta]
+        return _inside(own_form.box, np.array(rows))
+
+    on_tests = objective.on(joint.spec, excerpts)
+
+    def search_joint(starts: Array, seed: int) -> MultistartResult:
+        return search_starts(
+            on_tests,
+            joint.box,
+            search_box(joint.spec, joint.box, excerpts),
+            settings,
+            rng=seed,
+            mirrored=joint.mirrored,
+            nested=_inside(joint.box, starts),
+            on_iteration=on_iteration,
         )
-        fits.append(first)
-        if first.search is not None:
-            searches.append(first.search)
-            refuse_empty_elite(form.spec, first.search)
-        for outward in (commands[middle + 1 :], commands[:middle][::-1]):
-            neighbour, there = first, at(first.command)
-            for command in outward:
-                here = at(command)
-                neighbour, there = follow_level(here, box, command, neighbour, there), here
-                fits.append(neighbour)
-                best = float(here(neighbour.minima[:1])[0])
-                on_search(0, best, np.nan, len(fits) / len(levels))
+
+    best: Array | None = None
+    doubts: tuple[str, ...] = ()
+    suspected = False
+    try:
+        middle = len(commands) // 2
+        for command in (*commands[middle:].tolist(), *commands[:middle][::-1].tolist()):
+            nearest = min(fits, key=lambda fit: abs(fit.command - command), default=None)
+            fits.append(
+                _fit_level(
+                    problem,
+                    levels[command],
+                    command,
+                    nearest,
+                    relative,
+                    search,
+                    on_search=on_search,
+                    on_iteration=on_iteration,
+                )
+            )
+        fits.sort(key=lambda fit: fit.command)
+        starts = _starts_of_levels(joint.spec, fits, relative, rng)
+        best = starts[0]
+        alone = _fit_each(problem, excerpts, fits)
+        found = search_joint(starts, rng)
+        worse = alone.worse_in(on_tests, found)
+        if len(found.theta) and worse.size:
+            # More starts: each command that has such tests takes the parameters of their own fits.
+            again = search_joint(
+                _starts_of_levels(joint.spec, alone.at(worse, fits), relative, rng + 1), rng + 1
+            )
+            found = _merged(found, again)
+            worse = alone.worse_in(on_tests, found)
+            if worse.size:
+                least = (1.0 + settings.closeness) * found.misfit[0]
+                found_again = int(np.count_nonzero(found.misfit <= least)) >= settings.found
+                nrmse = on_tests.nrmse_of_tests(found.theta[:1])[:, 0]
+                doubts = (far_worse_sentence(excerpts, worse, nrmse, alone.nrmse, found_again=found_again),)
+                suspected = not found_again
     except KeyboardInterrupt as interrupt:
-        found = interrupt.result if isinstance(interrupt, Interrupted) else None
-        if found is not None and np.isfinite(found.best_misfit):
-            searched = search_box(plain, box, levels[commands[middle]])
-            best_so_far = np.asarray(searched.theta_from_unit(found.best_unit))
-            fits.append(LevelFit(command=commands[middle], minima=best_so_far[None], search=None))
-            searches.append(found)
-        if not fits:
+        partial = interrupt.result if isinstance(interrupt, Interrupted) else None
+        if best is not None and isinstance(partial, MultistartResult) and len(partial.theta):
+            best, trace = partial.theta[0], trace_of(partial)
+        elif best is None:
+            known = fits or ([partial] if isinstance(partial, LevelFit) else [])
+            best = joint_starts(joint.spec, known, 1, rng=rng)[0] if known else None
+        if best is None:
             raise Interrupted(None, "search") from interrupt
-        theta = joint_starts(form.spec, fits, 1, rng=rng)[0]
-        raise interrupted_at(theta, objective, form, joined_trace(searches)) from interrupt
-    fits.sort(key=lambda fit: fit.command)
-    starts = joint_starts(form.spec, fits, _JOINT_STARTS, rng=rng)
-    joint_form = replace(form, box=joint_box(form, excerpts, np.array(commands)))
+        raise interrupted_at(
+            in_own_laws(best[None])[0], objective.on(form.spec, excerpts), own_form, trace
+        ) from interrupt
+    if not len(found.theta):
+        raise no_simulation(form.spec, found.evaluations[-1])
     return StartingPoints(
         objective=objective.on(form.spec, excerpts),
-        form=joint_form,
-        theta=np.array([joint_form.box.inside(start) for start in starts]),
-        trace=joined_trace(searches),
+        form=own_form,
+        theta=in_own_laws(distinct_minima(joint.box, found.theta, found.misfit)),
+        trace=trace_of(found),
+        minima=True,
+        warnings=(*doubts_about(found, None, settings), *doubts),
+        is_suspected=suspected,
     )
+
+
+@holds_arrays
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _OwnFits:
+    """Fits of the plain model to each test alone: command, parameters (n_tests, n_plain), NRMSE (n_tests,).
+
+    All NaN for a test whose command varies.
+    """
+
+    command: Array
+    theta: Array
+    nrmse: Array
+
+    def worse_in(self, objective: Objective, found: MultistartResult) -> NDArray[np.intp]:
+        """The tests that the best minimum describes far worse than their own fits do."""
+        if not len(found.theta):
+            return np.empty(0, dtype=np.intp)
+        return far_worse(objective.nrmse_of_tests(found.theta[:1])[:, 0], self.nrmse)
+
+    def at(self, tests: NDArray[np.intp], fits: Sequence[LevelFit]) -> list[LevelFit]:
+        """The fits at single commands, with the parameters of these tests first."""
+        found = []
+        for fit in fits:
+            own = self.theta[[index for index in tests if self.command[index] == fit.command]]
+            found.append(LevelFit(command=fit.command, minima=np.concatenate([own, fit.minima])))
+        return found
+
+
+def _fit_each(problem: Problem, tests: tuple[DamperTest, ...], fits: Sequence[LevelFit]) -> _OwnFits:
+    """Fit the plain model to each test alone, from the minima at its command."""
+    plain, box = plain_of(problem.form)
+    theta = np.full((len(tests), len(plain.names)), np.nan)
+    command, nrmse = np.full(len(tests), np.nan), np.full(len(tests), np.nan)
+    for index, test in enumerate(tests):
+        if not command_is_constant(test, problem.form.spec):
+            continue
+        own = float(np.mean(np.asarray(loading_of(test, problem.form.spec).command)))
+        fit = min(fits, key=lambda fit: abs(fit.command - own))
+        searched = search_box(plain, box, (test,))
+        near = box.with_bounds(_widened(searched, box))
+        minima = find_minima(
+            problem.objective.on(plain, (test,)),
+            near,
+            _inside(near, fit.minima),
+            max_iterations=_OWN_ITERATIONS,
+        )
+        least = int(np.argmin(minima.misfit))
+        command[index], theta[index], nrmse[index] = fit.command, minima.theta[least], minima.misfit[least]
+    return _OwnFits(command=command, theta=theta, nrmse=nrmse)
+
+
+def _merged(first: MultistartResult, second: MultistartResult) -> MultistartResult:
+    """Minima of two searches, best first; the trace of both."""
+    theta, misfit = np.concatenate([first.theta, second.theta]), np.concatenate([first.misfit, second.misfit])
+    order = np.argsort(misfit, kind="stable")
+    return MultistartResult(
+        theta=theta[order],
+        misfit=misfit[order],
+        stop_reason=second.stop_reason,
+        evaluations=(*first.evaluations, *second.evaluations),
+        best=(*first.best, *(min(first.best[-1], each) for each in second.best)),
+        median=(*first.median, *second.median),
+    )
+
+
+def spec_by_values(spec: DamperSpec, commands: Array) -> DamperSpec:
+    """The model with polynomial laws replaced by laws by as many values at tested commands; other laws stay.
+
+    Positive parameters are then interpolated in their logarithms: on measured tests the force at commands between those
+    that were fitted is predicted better, by up to four points in the mean and ten in the worst test.
+    """
+    return _with_laws(spec, lambda law: law_by_values(law, commands.tolist()))
+
+
+def _with_laws(spec: DamperSpec, changed: Callable[[LawName], LawName]) -> DamperSpec:
+    current = spec.current
+    assert current is not None
+    plain = damper(spec.name)
+    laws = {name: changed(law) for name, law in zip(plain.names, current.laws, strict=True)}
+    return plain.with_current_laws(laws, unit=current.unit, lagged=current.lagged)
+
+
+def tested_commands(spec: DamperSpec, tests: Sequence[DamperTest]) -> Array:
+    """Commands of all tests in the unit of the laws, shape (n_commands,), lowest first.
+
+    Each command at which a varying one stays counts.
+    """
+    commands = (loading_of(test, spec).command for test in tests)
+    known = [command for command in commands if command is not None]
+    return np.array(
+        sorted({command_level(level) for command in known for level in levels_of_command(command)})
+    )
+
+
+def form_through_values(form: Form, tests: tuple[DamperTest, ...], commands: Array) -> Form:
+    """The form with the same polynomials through values at tested commands; bounds of shared parameters stay."""
+    spec = _with_laws(form.spec, lambda law: law_through(law, commands.tolist()))
+    if spec == form.spec:
+        return form
+    bounds = {
+        name: (form.box.lower[index], form.box.upper[index])
+        for index, name in enumerate(form.box.names)
+        if name in spec.names
+    }
+    found = identifiable_form(spec, bounds)
+    return replace(found, box=joint_box(found, tests, commands))
 
 
 def has_levels(spec: DamperSpec, tests: Sequence[DamperTest]) -> bool:
@@ -181,55 +359,107 @@ def refuse_few_levels(spec: DamperSpec, n_levels: int) -> None:
         )
 
 
-def search_level(
-    objective: Objective,
-    box: Box,
+def _fit_level(
+    problem: Problem,
+    tests: tuple[DamperTest, ...],
     command: float,
+    nearest: LevelFit | None,
+    relative: Mapping[float, float],
+    search: Multistart | Optimiser[Any],
     *,
-    search: Optimiser[Any],
-    rng: int,
-    on_generation: Callable[[GenerationEvent[Any]], None],
+    on_search: OnSearch,
+    on_iteration: Callable[[MultistartResult, float], None],
 ) -> LevelFit:
-    """Fit the plain model at one command by a global search followed by local minimisations."""
-    searched = search_box(objective.spec, box, objective.tests)
-    found = optimise_in_box(search, objective, searched, rng=rng, on_generation=on_generation)
-    starts = np.asarray(searched.theta_from_unit(found.elite[:_STARTS]))
-    return LevelFit(command=command, minima=_minima(objective, box, searched, starts), search=found)
+    """Fit the plain model at one command by the search, and from the minima at the nearest command.
 
+    `relative` has the magnitude of the measured force at each command.
 
-def follow_level(
-    objective: Objective, box: Box, command: float, neighbour: LevelFit, neighbours: Objective
-) -> LevelFit:
-    """Fit the plain model at one command from the minima at a neighbouring one.
-
-    Each minimum gives two starts: unchanged, and with its forces scaled by the ratio of the measured ones.
+    Raises
+    ------
+    Interrupted
+        On Ctrl-C, carrying the `LevelFit` of the best point so far; `None` where there is none.
     """
-    searched = search_box(objective.spec, box, objective.tests)
-    ratio = _force(objective) / _force(neighbours)
-    is_force = np.array([parameter.scales_with_force for parameter in objective.spec.parameters])
-    starts = np.concatenate(
-        [neighbour.minima, np.where(is_force, ratio * neighbour.minima, neighbour.minima)]
-    )
-    return LevelFit(command=command, minima=_minima(objective, box, searched, starts), search=None)
-
-
-def _force(objective: Objective) -> float:
-    return float(np.mean([np.std(test.force) for test in objective.tests]))
-
-
-def _minima(
-    objective: Objective, box: Box, searched: Box, starts: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """The best minima, best first, shape (n_minima, n_params)."""
+    plain, box = plain_of(problem.form)
+    objective = problem.objective.on(plain, tests)
+    searched = search_box(plain, box, tests)
     near = box.with_bounds(_widened(searched, box))
+    starts = np.empty((0, len(plain.names)))
+    if nearest is not None:
+        # Each minimum gives two starts: unchanged, and with its forces scaled by the ratio of the measured ones.
+        is_force = np.array([parameter.scales_with_force for parameter in plain.parameters])
+        ratio = relative[command] / relative[nearest.command]
+        scaled = np.where(is_force, ratio * nearest.minima, nearest.minima)
+        starts = np.concatenate([nearest.minima, scaled])
+    try:
+        theta = _minima_of(
+            objective, near, searched, starts, search, problem.settings.rng, on_search, on_iteration
+        )
+    except Interrupted as interrupt:
+        raise _with_best(interrupt, command, searched) from interrupt
+    if not len(theta):
+        raise no_simulation(plain, objective.tally.simulations)
+    return LevelFit(command=command, minima=theta[:_MINIMA])
 
-    def minimised(starts: NDArray[np.float64], evaluations: int) -> list[LocalMinimum]:
-        found = (find_minimum(objective, near, start, max_evaluations=evaluations) for start in starts)
-        return sorted(found, key=lambda minimum: minimum.misfit)
 
-    inside = np.clip(starts, near.lower, near.upper)
-    first = np.array([minimum.theta for minimum in minimised(inside, _EVALUATIONS)[:_MINIMA]])
-    return np.array([minimum.theta for minimum in minimised(first, _LAST_EVALUATIONS)])
+def _minima_of(
+    objective: Objective,
+    near: Box,
+    searched: Box,
+    starts: Array,
+    search: Multistart | Optimiser[Any],
+    rng: int,
+    on_search: OnSearch,
+    on_iteration: Callable[[MultistartResult, float], None],
+) -> Array:
+    """Minima of the plain model, best first, shape (n_minima, n_plain)."""
+    if isinstance(search, Multistart):
+        settings = replace(search, least_rounds=1, most_rounds=min(search.most_rounds, _LEVEL_ROUNDS))
+        nested = (
+            nested_fit(objective, near, settings, rng=rng, on_iteration=on_iteration)
+            if not len(starts)
+            else None
+        )
+        found = search_starts(
+            objective,
+            near,
+            searched,
+            settings,
+            rng=rng,
+            nested=_inside(near, starts) if nested is None else nested.starts,
+            on_iteration=on_iteration,
+        )
+        return found.theta
+    ended = optimise_in_box(
+        search,
+        objective,
+        searched,
+        rng=rng,
+        on_generation=generation_reporter(search, on_search),
+    )
+    refuse_empty_elite(objective.spec, ended)
+    starts = np.concatenate([starts, np.asarray(searched.theta_from_unit(ended.elite))])
+    minima = find_minima(
+        objective,
+        near,
+        _inside(near, starts),
+        max_iterations=_ITERATIONS,
+    )
+    return np.asarray(minima.theta[np.argsort(minima.misfit, kind="stable")])
+
+
+def _with_best(interrupt: Interrupted[Any], command: float, searched: Box) -> Interrupted[LevelFit | None]:
+    """An interrupt of a search at one command, carrying the best point so far as a fit at this command."""
+    partial, best = interrupt.result, None
+    if isinstance(partial, MultistartResult):
+        best = partial.theta[:1] if len(partial.theta) else None
+    elif partial is not None and np.isfinite(partial.best_misfit):
+        best = np.asarray(searched.theta_from_unit(partial.best_unit))[None]
+    return Interrupted(None if best is None else LevelFit(command=command, minima=best), "search")
+
+
+def _inside(box: Box, theta: Array) -> Array:
+    """Rows of parameters moved inside a box."""
+    return np.asarray(box.inside(np.clip(theta, box.lower, box.upper)))
 
 
 def _widened(searched: Box, box: Box) -> dict[str, tuple[float, float]]:
@@ -245,6 +475,30 @@ def _widened(searched: Box, box: Box) -> dict[str, tuple[float, float]]:
     return bounds
 
 
+def _starts_of_levels(
+    spec: DamperSpec, fits: Sequence[LevelFit], relative: Mapping[float, float], rng: int
+) -> Array:
+    """Coefficients of laws from the minima at single commands, shape (n_starts, n_params).
+
+    The first start takes the best minimum at each command. Then one command after the other gives its minimum to all:
+    to every parameter, those that scale with the force following the measured one, and to the constant ones alone.
+    The last are those of `joint_starts`.
+    """
+    commands = np.array([fit.command for fit in fits])
+    best = np.array([fit.minima[0] for fit in fits])
+    follows = np.array([parameter.name in spec.following for parameter in spec.plain])
+    scales = follows & np.array([parameter.scales_with_force for parameter in spec.plain])
+    force = np.array([relative[fit.command] for fit in fits])
+    chosen = []
+    for place in np.unique(np.linspace(0, len(fits) - 1, _MOST_SHAPES).round().astype(int)):
+        ratio = (force / force[place])[:, None]
+        chosen.append(np.where(scales, ratio * best[place], best[place]))
+        chosen.append(np.where(follows, best, best[place]))
+    shapes = [fitted_laws(spec, commands, values) for values in chosen]
+    first, *others = joint_starts(spec, list(fits), 1 + _RANDOM_STARTS, rng=rng)
+    return np.array([first, *shapes, *others])
+
+
 @checked
 def joint_starts(
     spec: DamperSpec,
@@ -252,7 +506,7 @@ def joint_starts(
     n_starts: Annotated[int, Within(least=0, most=100_000)],
     *,
     rng: Seed,
-) -> NDArray[np.float64]:
+) -> Array:
     """Coefficients of laws that are fitted to minima at several commands, shape (n_starts, n_params).
 
     The laws of the first start are fitted to the best minimum at each command, those of the others to a random one,

@@ -227,6 +227,12 @@ class Objective(Summarised):
         """Squared NRMSE of each test, shape (n_tests, n_batch), from its weighted residuals."""
         return len(self.tests) * np.array([np.einsum("bt,bt->b", part, part) for part in parts])
 
+    @checked
+    def nrmse_of_tests(self, theta: _Rows) -> NDArray[np.float64]:
+        """NRMSE of each test, shape (n_tests, n_batch), whatever its share; infinite where a simulation failed."""
+        shares = np.array([each.share for each in self.compared])
+        return np.asarray(np.sqrt(self.squared_nrmse(self._parts(theta, failure=np.inf)) / shares[:, None]))
+
     def _mean(self, squared: NDArray[np.float64]) -> NDArray[np.float64]:
         """Power mean of the NRMSE, shape (n_batch,), from its squares, shape (n_tests, n_batch)."""
         total = np.zeros(squared.shape[1])

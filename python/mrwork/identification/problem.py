@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mrwork import _rust
 from mrwork.arguments import checked
-from mrwork.dampers.parameters import LawName, current_laws
+from mrwork.dampers.parameters import CurrentLaw, LawName, ParamSpec, law_named
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.identification.driver_lag import rate_warning
@@ -22,7 +22,7 @@ from mrwork.identification.fit import Fit, Provenance
 from mrwork.identification.multistart import Multistart
 from mrwork.identification.nuisance import bounds_without_offsets, offset_warning
 from mrwork.identification.objective import ROOT_MEAN_SQUARE, Objective
-from mrwork.identification.searches import Search, method_of, search_named
+from mrwork.identification.searches import Search, method_of
 from mrwork.identification.settings import FitSettings, Start
 from mrwork.records import DamperTest, observed
 from mrwork.records.command import command_level
@@ -64,16 +64,15 @@ class Problem:
         Raises
         ------
         SettingError
-            Where a bound is impossible, nothing is free, a start cannot be used, `Multistart` is to search current
-            laws, the search was read from a file and is not registered, or the engine is the twin and a test has an
-            observation model.
+            Where a bound is impossible, nothing is free, a start cannot be used, the search was read from a file and is
+            not registered, or the engine is the twin and a test has an observation model.
         UnknownNameError
             Where a start or a bound names a parameter that the model does not have.
         RecordError
             Where there is no test.
         """
         settings = _completed(settings, spec)
-        method_of(_search_of(settings)).check_runs(spec.name, with_laws=spec.current is not None)
+        method_of(_search_of(settings)).check_runs()
         check_starts(spec, identifiable_form(spec, settings.bounds), settings.starts)
         problem = cls._prepared(spec, tests, settings, threads=threads, journal=journal)
         if not problem.form.box.free:
@@ -147,7 +146,7 @@ def _completed(settings: FitSettings, spec: DamperSpec) -> FitSettings:
     """Settings with the default search of the model, where none is given, and the bounds that nuisances require."""
     return replace(
         settings,
-        search=settings.search or (Multistart() if spec.current is None else search_named("genetic")),
+        search=settings.search or Multistart(),
         bounds=bounds_without_offsets(settings.nuisances, spec) | dict(settings.bounds),
     )
 
@@ -250,7 +249,8 @@ def _recorded(command: Command | None) -> float | str | None:
 def start_from(fit: Fit, model: DamperSpec) -> dict[str, float]:
     """Start of a model from an earlier fit: values of the parameters with the same name and unit in both models.
 
-    A law may be the same or of a higher degree; the additional coefficients then start at values without effect.
+    A law may be the same or of a higher degree; the additional coefficients then start at values without effect. A law
+    by values starts on the curve of any earlier one.
 
     Raises
     ------
@@ -268,20 +268,12 @@ def start_from(fit: Fit, model: DamperSpec) -> dict[str, float]:
     values = dict(zip(earlier.names, fit.theta, strict=True))
     start: dict[str, float] = {}
     for name in (each.name for each in plain.parameters if units.get(each.name) == each.unit):
-        old, new = _law_of(earlier, name), _law_of(model, name)
-        if new != old and not current_laws()[old].is_special_case_of(current_laws()[new]):
-            raise SettingError(
-                f"{name} is {old} in the earlier fit and {new} in {model.name}; "
-                "a start can keep a law or raise its degree"
-            )
-        for parameter in model.parameters:
-            if parameter.plain_name != name:
-                continue
-            coefficient = parameter.coefficient
-            if coefficient is None or (old == "constant" and coefficient.number == 0):
-                start[parameter.name] = values[name]
-            else:
-                start[parameter.name] = values.get(parameter.name, parameter.nominal)
+        own = [parameter for parameter in model.parameters if parameter.plain_name == name]
+        old = [values[parameter.name] for parameter in earlier.parameters if parameter.plain_name == name]
+        log = plain.parameters[plain.names.index(name)].scale == "log"
+        start |= _transferred(
+            own, law_named(_law_of(model, name)), np.array(old), law_named(_law_of(earlier, name)), log=log
+        )
     if not start:
         raise SettingError(
             f"{model.name} shares no parameter with {earlier.name}; start from a model with some of "
@@ -290,6 +282,28 @@ def start_from(fit: Fit, model: DamperSpec) -> dict[str, float]:
     if "eta" in model.names and "eta" in values:
         start["eta"] = values["eta"]
     return start
+
+
+def _transferred(
+    own: Sequence[ParamSpec], law: CurrentLaw, values: NDArray[np.float64], earlier: CurrentLaw, *, log: bool
+) -> dict[str, float]:
+    """Start of the coefficients `own` of a law from the values of an earlier law of the same parameter.
+
+    Raises
+    ------
+    SettingError
+        Where the earlier law is not a special case of this one, which has no values at commands to take either.
+    """
+    names = [parameter.name for parameter in own]
+    if law.nodes:
+        return dict(zip(names, earlier.values(values, np.array(law.nodes), log=log).tolist(), strict=True))
+    if law != earlier and not earlier.is_special_case_of(law):
+        raise SettingError(
+            f"{own[0].plain_name} is {earlier.name} in the earlier fit and {law.name} now; "
+            "a start can keep a law or raise its degree"
+        )
+    nominal = [parameter.nominal for parameter in own]
+    return dict(zip(names, [*values.tolist(), *nominal[len(values) :]], strict=True))
 
 
 def _law_of(spec: DamperSpec, name: str) -> LawName:

@@ -20,12 +20,10 @@ from mrwork.identification.global_search import (
     refuse_empty_elite,
 )
 from mrwork.identification.law_coefficients import fitted_law, joint_box, plain_of
-from mrwork.identification.level_search import refuse_few_levels
+from mrwork.identification.level_search import refuse_few_levels, tested_commands
 from mrwork.identification.problem import Problem
 from mrwork.identification.search_ranges import search_box
 from mrwork.records import DamperTest
-from mrwork.records.command import command_level
-from mrwork.records.command_signal import levels_of_command
 from mrwork.records.window import excerpt
 from mrwork.search import Optimiser, run_search
 from mrwork.simulate import loading_of
@@ -59,7 +57,9 @@ class ScaledLaws:
         owner: list[int] = []
         factor: list[float] = []
         for place, (parameter, law) in enumerate(zip(spec.plain, spec.current.laws, strict=True)):
-            own = fitted_law(law, commands, force if parameter.scales_with_force else np.ones_like(force))
+            own = fitted_law(
+                law, parameter, commands, force if parameter.scales_with_force else np.ones_like(force)
+            )
             owner += [place] * len(own)
             factor += own
         if spec.current.lagged:
@@ -113,7 +113,7 @@ def points_from_scaled_forces(
     form, rng = problem.form, problem.settings.rng
     excerpts = tuple(excerpt(test) for test in problem.objective.tests)
     objective = problem.objective.on(form.spec, excerpts)
-    commands = _levels(form.spec, excerpts)
+    commands = tested_commands(form.spec, excerpts)
     refuse_few_levels(form.spec, len(commands))
     plain, bounds = plain_of(form)
     box = search_box(plain, bounds, excerpts)
@@ -149,13 +149,4 @@ def points_from_scaled_forces(
         form=joint_form,
         theta=np.array([joint_form.box.inside(start) for start in inside]),
         trace=joined_trace([found]),
-    )
-
-
-def _levels(spec: DamperSpec, tests: tuple[DamperTest, ...]) -> NDArray[np.float64]:
-    """Commands of all tests, shape (n_levels,), lowest first."""
-    commands = (loading_of(test, spec).command for test in tests)
-    known = [command for command in commands if command is not None]
-    return np.array(
-        sorted({command_level(level) for command in known for level in levels_of_command(command)})
     )

@@ -40,8 +40,8 @@ class SearchMethod(Protocol):
     def resized(self, *, population: int | None = None, generations: int | None = None) -> Search:
         """The search with another population or largest number of generations; `None` keeps the present one."""
 
-    def check_runs(self, model: str, *, with_laws: bool) -> None:
-        """Refuse a search that cannot run, or not on a model with current laws.
+    def check_runs(self) -> None:
+        """Refuse a search that cannot run.
 
         Raises
         ------
@@ -60,12 +60,8 @@ class _MultistartMethod:
             raise SettingError("Multistart has no population and no generations; leave them out")
         return self.search
 
-    def check_runs(self, model: str, *, with_laws: bool) -> None:
-        if with_laws:
-            raise SettingError(
-                f"`search` is Multistart, this {model} has current laws; "
-                "give an optimiser such as EfficientGA, or leave it out"
-            )
+    def check_runs(self) -> None:
+        pass
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +79,7 @@ class _OptimiserMethod:
         found: Search = settings
         return found
 
-    def check_runs(self, model: str, *, with_laws: bool) -> None:
+    def check_runs(self) -> None:
         pass
 
 
@@ -95,7 +91,7 @@ class _UnregisteredMethod:
     def resized(self, *, population: int | None = None, generations: int | None = None) -> Search:
         raise self._refusal()
 
-    def check_runs(self, model: str, *, with_laws: bool) -> None:
+    def check_runs(self) -> None:
         raise self._refusal()
 
     def _refusal(self) -> SettingError:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from mrwork.buildings import Building
 from mrwork.buildings.additions import with_brace
 from mrwork.buildings.devices import Device
-from mrwork.dampers.parameters import CommandUnit, LawName, current_laws, polynomial_laws
+from mrwork.dampers.parameters import CommandUnit, LawName, law_named, polynomial_laws
 from mrwork.dampers.spec import DamperSpec, damper, damper_models
 from mrwork.errors import RecordError
 from mrwork.keys import Place, suggestion
@@ -215,7 +215,7 @@ def _draft(spec: DamperSpec, theta: tuple[float, ...]) -> _Draft:
         plain=plain,
         laws=dict(zip(plain.names, laws, strict=True)),
         values={
-            name: tuple(islice(numbers, current_laws()[law].n_coefficients))
+            name: tuple(islice(numbers, law_named(law).n_coefficients))
             for name, law in zip(plain.names, laws, strict=True)
         },
         unit="A" if current is None else current.unit,
@@ -240,7 +240,7 @@ def _changed(draft: _Draft, table: DamperTable) -> _Draft:
     for name, law in (table.laws or {}).items():
         _refuse_unknown(draft.plain, name, place)
         laws[name] = law
-        expected = current_laws()[law].n_coefficients
+        expected = law_named(law).n_coefficients
         if name in values and len(values[name]) != expected:
             place.within(name).refuse(
                 f"{name} with the law {law} takes {expected} coefficients, {len(values[name])} are given"

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ import jax.numpy as jnp
 from jax import Array
 
 from mrwork.arguments import checked
-from mrwork.dampers.parameters import CurrentLaws, current_laws
+from mrwork.dampers.parameters import CurrentLaws, interpolated, law_named
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import LibraryError, SettingError, UnknownNameError
 from mrwork.twins._base import Parameters  # also sets double precision
@@ -66,14 +67,19 @@ def parameters_at(spec: DamperSpec, theta: Array, received: Array) -> Any:
         return twin_of(spec).Theta(*columns)
     values = []
     for parameter, law in zip(spec.plain, spec.current.laws, strict=True):
-        value = next(columns)
-        degree = current_laws()[law].degree
-        if degree is None:  # p.0 + p.1 exp(p.2 u)
-            value = value + next(columns) * jnp.exp(next(columns) * received)
+        kind = law_named(law)
+        value, *further = islice(columns, kind.n_coefficients)
+        if kind.nodes:
+            at_nodes = jnp.stack([value, *further])
+            log = parameter.scale == "log" and kind.takes_logarithms
+            value = interpolated(kind.nodes, at_nodes, received, log=log, xp=jnp)
+        elif kind.is_exponential:
+            factor, exponent = further
+            value = value + factor * jnp.exp(exponent * received)
         else:
-            for power in range(1, degree + 1):
-                value = value + next(columns) * received**power
-        values.append(value if degree == 0 else jnp.clip(value, parameter.lower, parameter.upper))
+            for power, coefficient in enumerate(further, start=1):
+                value = value + coefficient * received**power
+        values.append(jnp.clip(value, parameter.lower, parameter.upper) if further else value)
     return twin_of(spec).Theta(*values)
 
 

@@ -71,7 +71,7 @@ def joint_job(seeds: int, threads: int) -> RefineJob | None:
         objective = Objective.of(plain, group, threads=threads)
         searched = search_box(plain, Box.of(plain), group)
         find = _find(objective, Box.of(plain), searched)
-        levels.append(LevelFit(command=command, minima=find[None], search=None))
+        levels.append(LevelFit(command=command, minima=find[None]))
     spec = plain.with_current_laws(LAWS)
     box = Box.of(spec)
     through = joint_starts(spec, levels, 1, rng=0)[0]

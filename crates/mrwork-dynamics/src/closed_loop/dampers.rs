@@ -26,6 +26,7 @@ pub(super) struct Dampers<'a, M: DamperModel, R: Real> {
 }
 
 struct Device<M: DamperModel, R: Real> {
+    /// Prepared before the first step.
     columns: Vec<R>,
     /// Command that the driver receives.
     command: R,
@@ -158,6 +159,7 @@ impl<M: DamperModel, R: Lanes> OutOfLine for PrepareDrivers<'_, '_, M, R> {
             if let Some(column) = self.dampers.laws.lag_column() {
                 device.decay = exp(device.columns[column] * R::splat(-0.5 * self.step));
             }
+            self.dampers.laws.prepare(&mut device.columns);
             for moment in [MIDDLE, END] {
                 self.dampers.evaluate(index, moment);
             }

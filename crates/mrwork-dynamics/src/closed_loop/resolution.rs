@@ -50,9 +50,11 @@ pub(super) fn building_bound(damper: &dyn Damper, batch: &Batch<'_>, draw: usize
 fn steepest_slopes(damper: &dyn Damper, batch: &Batch<'_>, draw: usize, device: usize) -> [f64; 2] {
     let mut values = vec![f64::NAN; batch.laws.n_params()];
     let state = vec![0.0; damper.spec().n_states];
+    let mut columns = batch.theta_of(draw, device).to_vec();
+    batch.laws.prepare(&mut columns);
     let mut found = [0.0_f64; 2];
     for command in commands(batch, device) {
-        batch.laws.evaluate(batch.theta_of(draw, device), command, &mut values);
+        batch.laws.evaluate(&columns, command, &mut values);
         for velocity in VELOCITIES {
             for displacement in DISPLACEMENTS {
                 let at =

@@ -41,7 +41,8 @@ impl<'a> CurveModel<'a> {
     /// The curve of one device.
     #[allow(clippy::cast_precision_loss)] // few nodes
     pub(crate) fn curve<R: Real>(&self, largest: f64, mounting: Mounting) -> ForceCurve<R> {
-        let columns: Vec<R> = self.theta.iter().map(|&value| R::splat(value)).collect();
+        let mut columns: Vec<R> = self.theta.iter().map(|&value| R::splat(value)).collect();
+        self.laws.prepare(&mut columns);
         let nodes: Vec<Node<R>> = (0..NODES)
             .map(|node| {
                 let command = R::splat(largest * node as f64 / (NODES - 1) as f64);
@@ -79,6 +80,7 @@ struct Node<R: Real> {
 /// Force of a device as a function of the command.
 pub(crate) struct ForceCurve<R: Real> {
     laws: CurrentLaws,
+    /// Prepared.
     columns: Vec<R>,
     nodes: Vec<Node<R>>,
     mounting: Mounting,

@@ -298,7 +298,9 @@ def choose_model(
     if settings.starts:
         raise SettingError("`starts` are of one model; leave them out where models are compared")
     tests = tuple(observed(test, settings.observe) for test in as_tests(tests))
-    compared, remarks = families(models, laws=laws or {}, unit=unit, lagged=lagged, bounds=settings.bounds)
+    compared, remarks = families(
+        models, tests, laws=laws or {}, unit=unit, lagged=lagged, bounds=settings.bounds
+    )
     about_commands = command_warning(tests, [family.spec for family in compared])
     for sentence in about_commands:
         warn(sentence, MrworkWarning, stacklevel=3)

@@ -9,6 +9,8 @@ from mrwork.dampers.parameters import CommandUnit, LawName
 from mrwork.dampers.spec import DamperSpec, damper, damper_models
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.identification.equivalent import identifiable_form
+from mrwork.identification.level_search import spec_by_values, tested_commands
+from mrwork.records import DamperTest
 
 ALL = "all"
 
@@ -23,6 +25,7 @@ class Family:
 
 def families(
     models: str | Sequence[DamperSpec | str],
+    tests: tuple[DamperTest, ...],
     *,
     laws: Mapping[str, LawName],
     unit: CommandUnit,
@@ -54,7 +57,7 @@ def families(
     names = [spec.name for spec in specs]
     if not names or len(set(names)) < len(names):
         raise SettingError(f"the models to compare are {', '.join(names) or 'none'}; name each once")
-    lawful = [_with_own_laws(spec, laws, unit, lagged) for spec in specs]
+    lawful = [_with_own_laws(spec, tests, laws, unit, lagged) for spec in specs]
     for name in laws:
         if not any(name in {each.name for each in spec.plain} for spec in specs):
             raise UnknownNameError(
@@ -78,7 +81,14 @@ def families(
 
 
 def _with_own_laws(
-    spec: DamperSpec, laws: Mapping[str, LawName], unit: CommandUnit, lagged: bool
+    spec: DamperSpec,
+    tests: tuple[DamperTest, ...],
+    laws: Mapping[str, LawName],
+    unit: CommandUnit,
+    lagged: bool,
 ) -> DamperSpec:
     own = {name: law for name, law in laws.items() if name in {each.name for each in spec.plain}}
-    return spec.with_current_laws(own, unit=unit, lagged=lagged) if own else spec
+    if not own:
+        return spec
+    lawful = spec.with_current_laws(own, unit=unit, lagged=lagged)
+    return spec_by_values(lawful, tested_commands(lawful, tests))

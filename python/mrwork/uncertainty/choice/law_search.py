@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
@@ -10,14 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.dampers.coordinates import Box
-from mrwork.dampers.parameters import CommandUnit, LawName, ParamSpec, current_laws, polynomial_laws
+from mrwork.dampers.parameters import CommandUnit, LawName, law_named, polynomial_laws
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
 from mrwork.identification.equivalent import identifiable_form
 from mrwork.identification.fit import Fit
 from mrwork.identification.folded import FoldedFit, FoldedTests
 from mrwork.identification.law_coefficients import joint_box, with_other_laws
-from mrwork.identification.level_search import command_is_constant, levels_of
+from mrwork.identification.level_search import command_is_constant, levels_of, spec_by_values
 from mrwork.identification.progress import interruptible
 from mrwork.identification.settings import FitSettings, Start
 from mrwork.records import DamperTest
@@ -35,14 +35,18 @@ Laws = dict[str, LawName]
 
 # Samples per cycle of the excerpts on which laws are compared: fits differ by 0.02 points from those with 400.
 _PER_CYCLE = 100
-# The path of rising degrees ends where the best of them promises no more than this [points] of the fit to all tests.
+# Degree of the first laws.
+_FIRST_DEGREE = 2
+# Higher degrees are tried where the best of them promises at least this [points] of the fit to all tests.
 _WORTH_TRYING = 0.02
-# Simpler laws are tried until so many in a row were not as good as the best.
+# Simpler and richer laws are tried until so many in a row were not as good as the best.
 _SIMPLER = 3
 # Largest number of sets of laws that are fitted.
 _MOST_TRIED = 40
 # Damping of the steps of the linearised fits, relative to the sensitivity of each parameter.
 _DAMPING = 1e-3
+# Step in latent coordinates by which the subspace of a move is found.
+_SMALL = 1e-4
 # NRMSE of a prediction by the mean force: that of a test that cannot be predicted.
 _NOT_PREDICTED = 1.0
 # Number of motions from which on a motion is left out, and not a test.
@@ -100,17 +104,22 @@ class LawSearch:
     report: Callable[[str], None] = lambda task: None
     found: list[Candidate] = field(default_factory=list)
 
-    def run(self, first: Fit, laws: Laws) -> None:
-        """Try laws from `laws` on, whose fit is `first`: a path of rising degrees, then simpler ones than the best."""
+    @property
+    def first_laws(self) -> Laws:
+        """Laws from which the search starts: every positive parameter as high as `_FIRST_DEGREE`.
+
+        Such laws nearly pass through the fits at single commands, so that their minimum is easily found.
+        """
+        law = polynomial_laws()[min(_FIRST_DEGREE, self.most)]
+        return {
+            each.name: law for each in self.plain.parameters if each.name in self.free and each.scale == "log"
+        }
+
+    def run(self, first: Fit) -> None:
+        """Try laws from the first ones on, whose fit is `first`: simpler ones, then richer ones than the best."""
         starts = np.repeat(np.array(first.theta)[None], 1 + len(self.folds), axis=0)
-        current = self._fitted(laws, starts)
-        while len(self.found) < _MOST_TRIED:
-            moves = self._moves(current, 1)
-            misfit = self.folded.misfit(current.fit.squared[:1], self.folded.shares[:1])[0]
-            if not moves or moves[0].fit_percent < 100.0 * (1.0 - np.sqrt(misfit)) + _WORTH_TRYING:
-                break
-            current = self._moved(current, moves[0].laws)
-        self._simplify(min(self.found, key=lambda each: each.score))
+        self._simplify(self._fitted(self.first_laws, starts))
+        self._enrich()
 
     def started_from(self, tried: TriedLaws) -> tuple[Candidate, Start]:
         """The candidate of these laws, and the start that its fit to all tests is."""
@@ -131,12 +140,18 @@ class LawSearch:
             else:
                 worse += 1
 
-    def _moves(self, current: Candidate, change: int) -> list[_Move]:
-        """Laws of which one differs by a degree and that were not tried, the best promise of the linearised fit first.
+    def _enrich(self) -> None:
+        """Raise degrees of the best laws one by one, the one that promises most first, while predictions improve."""
+        worse = 0
+        while worse < _SIMPLER and len(self.found) < _MOST_TRIED:
+            best = min(self.found, key=lambda each: each.score)
+            moves = self._moves(best, 1)
+            if not moves or moves[0].fit_percent < best.tried.fit_percent + _WORTH_TRYING:
+                return
+            worse = 0 if self._moved(best, moves[0].laws).score < best.score else worse + 1
 
-        All tests are linearised once, with every law as high as any move makes it. Each move is a subset of the
-        coefficients.
-        """
+    def _moves(self, current: Candidate, change: int) -> list[_Move]:
+        """Laws not tried yet of which one differs by a degree, the best promise of the linearised fit first."""
         done = [each.laws for each in self.found]
         moves = [
             (name, _degree(current.laws, name) + change)
@@ -156,59 +171,83 @@ class LawSearch:
         return sorted(found, key=lambda move: -move.fit_percent)
 
     def _promised(self, current: Candidate, moves: Sequence[tuple[str, int]]) -> _Promise:
+        """All tests are linearised once, with every law as high as any move makes it; a move spans a subspace there."""
         higher = dict(current.laws)
         for name, degree in moves:
             higher = _with_degree(higher, name, max(degree, _degree(higher, name)))
-        spec, box = self._model(higher)
-        theta = self._transferred(current, spec, box)[:1]
-        latent = np.asarray(box.latent_from_theta(theta))
+        spec, box = self.model(higher)
+        latent = np.asarray(box.latent_from_theta(self._transferred(current, spec, box)[:1]))
         here = self.folded.linearised(spec, box, latent)
-        away = (-theta[:, list(box.free)] / np.exp(box.log_slope(latent)))[0]
         gradient = np.einsum("t,tp->p", self.folded.shares[0], here.gradient[0])
         matrix = np.einsum("t,tpq->pq", self.folded.shares[0], here.matrix[0])
         squared = float(self.folded.misfit(here.squared, self.folded.shares[:1])[0])
         promised = []
         for name, degree in moves:
-            degrees = {each: _degree(current.laws, each) for each in self.free} | {name: degree}
-            kept = np.array([_has(degrees, spec.parameters[index]) for index in box.free])
-            # Coefficients that the move removes go to zero; those of higher laws are there already.
-            step = _best_step(matrix, gradient, np.where(kept, 0.0, away), kept)
+            move_spec, move_box = self.model(_with_degree(current.laws, name, degree))
+            start = np.asarray(
+                move_box.latent_from_theta(self._transferred(current, move_spec, move_box)[:1])
+            )
+
+            def lifted(rows: Array, move_spec: DamperSpec = move_spec, move_box: Box = move_box) -> Array:
+                theta = np.asarray(move_box.theta_from_latent(rows))
+                inside = [with_other_laws(move_spec, row, spec, self.commands) for row in theta]
+                return np.asarray(box.latent_from_theta(box.inside(np.clip(inside, box.lower, box.upper))))
+
+            moved = lifted(np.concatenate([start, start + _SMALL * np.eye(start.shape[1])]))
+            away, along = moved[0] - latent[0], (moved[1:] - moved[0]).T / _SMALL
+            step = away + along @ _best_step(along.T @ matrix @ along, along.T @ (gradient + matrix @ away))
             after = squared + 2.0 * float(gradient @ step) + float(step @ matrix @ step)
             promised.append(100.0 * (1.0 - np.sqrt(max(after, 0.0))))
         return _Promise(fit_percent=np.array(promised))
 
     def _moved(self, current: Candidate, laws: Laws) -> Candidate:
-        spec, box = self._model(laws)
+        spec, box = self.model(laws)
         return self._fitted(laws, self._transferred(current, spec, box))
 
     def _fitted(self, laws: Laws, starts: Array) -> Candidate:
-        spec, box = self._model(laws)
+        spec, box = self.model(laws)
         self.report(
             f"fitting {', '.join(f'{name} {law}' for name, law in laws.items()) or 'constant parameters'}"
         )
         fit = self._once(
-            "laws", FoldedFit, lambda: interruptible(lambda: self.folded.fit(spec, box, starts)), box, starts
+            "laws", FoldedFit, lambda: interruptible(lambda: self._fit(spec, box, starts)), box, starts
         )
         tried = TriedLaws.of(
             self.given | laws,
             n_params=len(box.free),
-            fit_percent=100.0 * (1.0 - float(np.sqrt(np.mean(fit.squared[0])))),
+            fit_percent=100.0 * (1.0 - min(float(np.sqrt(np.mean(fit.squared[0]))), _NOT_PREDICTED)),
             left_out=self._left_out(fit.squared),
+            not_predicted=[
+                self.tests[index].name
+                for row, members in enumerate(self.folds, start=1)
+                for index in members
+                if not np.isfinite(fit.squared[row, index])
+            ],
         )
         self.found.append(Candidate(spec=spec, box=box, laws=laws, fit=fit, tried=tried))
         return self.found[-1]
+
+    def _fit(self, spec: DamperSpec, box: Box, starts: Array) -> FoldedFit:
+        """Fit every row; rows that no simulation could start from begin at the best of the others."""
+        fit = self.folded.fit(spec, box, starts)
+        misfit = self.folded.misfit(fit.squared, self.folded.shares)
+        failed = ~np.isfinite(misfit)
+        if not failed.any() or failed.all():
+            return fit
+        return self.folded.fit(spec, box, np.where(failed[:, None], fit.theta[np.argmin(misfit)], fit.theta))
 
     def _left_out(self, squared: Array) -> list[Array]:
         """NRMSE of the tests of each fold without which they were fitted, from the squares, (n_rows, n_tests)."""
         nrmse = np.minimum(np.sqrt(squared), _NOT_PREDICTED)
         return [nrmse[row, members] for row, members in enumerate(self.folds, start=1)]
 
-    def _model(self, laws: Laws) -> tuple[DamperSpec, Box]:
-        spec = self.plain.with_current_laws(self.given | laws, unit=self.unit)
+    def model(self, laws: Laws) -> tuple[DamperSpec, Box]:
+        """The model with laws by values, as many as polynomials of these degrees have coefficients."""
+        spec = spec_by_values(self.plain.with_current_laws(self.given | laws, unit=self.unit), self.commands)
         return spec, joint_box(identifiable_form(spec, self.settings.bounds), self.tests, self.commands)
 
     def _transferred(self, current: Candidate, spec: DamperSpec, box: Box) -> Array:
-        """Parameters of each row of the present laws as a start of other laws; coefficients that are new are zero."""
+        """Parameters of each row of the present laws as a start of other laws, on the curves of the present ones."""
         rows = [with_other_laws(current.spec, theta, spec, self.commands) for theta in current.fit.theta]
         return np.asarray(box.inside(np.clip(rows, box.lower, box.upper)))
 
@@ -218,26 +257,16 @@ class LawSearch:
         return self.journal.once(step, digest_of(*inputs), kind, compute)
 
 
-def _best_step(matrix: Array, gradient: Array, away: Array, kept: NDArray[np.bool_]) -> Array:
-    """Damped least-squares step of what is `kept` after the step `away` of the others, all of shape (n_free,)."""
-    slope = (gradient + matrix @ away)[kept]
-    inner = matrix[np.ix_(kept, kept)]
-    scale = np.sqrt(np.maximum(np.diag(inner), np.finfo(float).tiny))
-    scaled = inner / scale[:, None] / scale + _DAMPING * np.eye(len(scale))
-    step = away.copy()
-    step[kept] = -np.linalg.solve(scaled, slope / scale) / scale
-    return np.asarray(step)
-
-
-def _has(degrees: Mapping[str, int], parameter: ParamSpec) -> bool:
-    """Whether laws of these degrees have a coefficient; parameters that are not listed keep their laws."""
-    place = parameter.coefficient
-    return place is None or place.parameter not in degrees or place.number <= degrees[place.parameter]
+def _best_step(matrix: Array, gradient: Array) -> Array:
+    """Damped least-squares step, shape (n_free,), for the normal matrix and half the gradient of the misfit."""
+    scale = np.sqrt(np.maximum(np.diag(matrix), np.finfo(float).tiny))
+    scaled = matrix / scale[:, None] / scale + _DAMPING * np.eye(len(scale))
+    return np.asarray(-np.linalg.solve(scaled, gradient / scale) / scale)
 
 
 def _degree(laws: Laws, name: str) -> int:
     """Degree of the law of a parameter."""
-    degree = current_laws()[laws.get(name, polynomial_laws()[0])].degree
+    degree = law_named(laws.get(name, polynomial_laws()[0])).degree
     assert degree is not None  # laws that are chosen are polynomials
     return degree
 

@@ -25,8 +25,9 @@ LAW_DEFINITIONS = (
     "each fold, then the mean over folds with its standard error. A test that cannot be predicted counts as 0 %. Laws "
     "are as good as the best within one standard error of the paired difference, no more than that of the best itself, "
     f"or within {NEGLIGIBLE:g} points; of those the laws with the fewest parameters are chosen.",
-    "A path of laws rises by one degree at a time, the one for which the linearised fit to all tests promises most; "
-    "from the best of the path degrees are lowered again, the one with the least loss first. Laws are fitted to "
+    "A path of laws starts with every positive parameter quadratic in the command and is lowered by one degree at a "
+    "time, the one for which the linearised fit to all tests loses least; the best of the path is raised again where "
+    "that promises a better fit. A law of degree n is the curve through n + 1 values at commands. Laws are fitted to "
     "cycles from the middle of all tests, and of all but those of each fold, from the fits of the laws before.",
     "The left-out fit of the chosen laws is optimistic, because they were chosen by it; tests that were not given "
     "measure it without bias.",
@@ -39,7 +40,7 @@ class TriedLaws(Summarised):
 
     `fit_percent` is of all tests together; `left_out` has the geometric mean NRMSE of each fold, in which relative
     changes of all tests weigh the same, `left_out_percent` is the fit of their mean with its standard error;
-    `median_percent` and `worst_percent` are of single tests left out.
+    `median_percent` and `worst_percent` are of single tests left out; those of `not_predicted` could not be simulated.
     """
 
     laws: dict[str, LawName]
@@ -51,6 +52,7 @@ class TriedLaws(Summarised):
     median_percent: float
     worst_percent: float
     verdict: LawVerdict = "behind"
+    not_predicted: tuple[str, ...] = ()
 
     _units: ClassVar[Mapping[str, str]] = {
         "fit_percent": "%",
@@ -69,6 +71,7 @@ class TriedLaws(Summarised):
         n_params: int,
         fit_percent: float,
         left_out: Sequence[NDArray[np.float64]],
+        not_predicted: Sequence[str] = (),
     ) -> TriedLaws:
         """Laws with the NRMSE of the tests of each fold that was left out."""
         folds = np.array([float(np.exp(np.log(np.maximum(each, _EXACT)).mean())) for each in left_out])
@@ -82,6 +85,7 @@ class TriedLaws(Summarised):
             left_out=tuple(folds.tolist()),
             median_percent=100.0 * (1.0 - float(np.median(single))),
             worst_percent=100.0 * (1.0 - float(single.max())),
+            not_predicted=tuple(not_predicted),
         )
 
     @property
@@ -193,6 +197,10 @@ def _sentence(chosen: TriedLaws, best: TriedLaws, count: int, held_out: str, *, 
         text += (
             f"; that is {behind:.2f} points behind the best, which has {best.n_params} parameters "
             f"({best.in_words}), and within one standard error of it"
+        )
+    if chosen.not_predicted:
+        text += (
+            f"; {', '.join(chosen.not_predicted)} could not be simulated when left out, which counts as 0 %"
         )
     if not complete:
         text += "; the choice was interrupted, and further laws were not tried"

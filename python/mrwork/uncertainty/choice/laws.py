@@ -26,7 +26,7 @@ from mrwork.store import Journal
 from mrwork.summary import Summarised, Summary
 from mrwork.uncertainty.bands.prediction import Fold, held_out_words
 from mrwork.uncertainty.choice.choose import JournalOf
-from mrwork.uncertainty.choice.law_search import Laws, prepared
+from mrwork.uncertainty.choice.law_search import prepared
 from mrwork.uncertainty.choice.law_table import LawTable, law_table
 
 T = TypeVar("T")
@@ -73,9 +73,10 @@ def choose_laws(
 ) -> LawChoice:
     """Choose which parameters of a model follow the command, and by polynomials of which degree.
 
-    The first laws, with every parameter that scales with the force linear in the command, are identified from all
-    tests by a global search. From there one law at a time is raised by a degree, the one for which the linearised fit
-    promises most; from the best laws of that path degrees are lowered again. All are fitted to all tests and to all but
+    The first laws, with every positive parameter quadratic in the command, are identified from all tests by a global
+    search. From there one law at a time is lowered by a degree, the one for which the linearised fit loses least; the
+    best laws of that path are raised again where that promises a better fit. Laws are given by values at commands, as
+    many as a polynomial of the degree has coefficients. All are fitted to all tests and to all but
     those of each fold, and judged by their predictions of the tests left out. Of all laws that are as
     good as the best within one standard error, those with the fewest parameters are chosen and fitted to the whole
     tests.
@@ -117,11 +118,6 @@ def choose_laws(
     tests = tuple(observed(test, settings.observe) for test in as_tests(tests))
     plain = damper(model) if isinstance(model, str) else model
     search = prepared(plain, tests, dict(laws or {}), unit, leave_out, settings, threads)
-    first_laws: Laws = {
-        each.name: "linear"
-        for each in plain.parameters
-        if each.name in search.free and each.scales_with_force and each.scale != "offset"
-    }
 
     def report(task: str, within: Progress | None = None) -> None:
         if on_progress is not None:
@@ -145,7 +141,7 @@ def choose_laws(
         finally:
             journal.close()
 
-    first_spec = plain.with_current_laws(search.given | first_laws, unit=unit)
+    first_spec, _ = search.model(search.first_laws)
     try:
         first = journalled(
             "first",
@@ -179,7 +175,7 @@ def choose_laws(
         if journal is not None:
             facts = fingerprint_of(Problem.of(first_spec, search.tests, search.settings))
             journal.agree("choice of laws", facts | {"leave_out": search.leave_out, "given": search.given})
-        search.run(first, first_laws)
+        search.run(first)
 
     try:
         journalled("laws", try_laws)
