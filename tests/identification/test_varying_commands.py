@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import re
 import warnings
 from collections.abc import Callable
+from contextlib import closing
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -16,8 +18,12 @@ from command_line import mrwork
 from numpy.typing import NDArray
 
 import mrwork as mr
+from mrwork.dampers.parameters import LawName
 from mrwork.errors import MrworkWarning, SettingError
-from mrwork.identification.fit import Fit
+from mrwork.identification.fit import Fit, SearchTrace
+from mrwork.identification.global_search import StartingPoints
+from mrwork.identification.identify import identify_again
+from mrwork.identification.lag_choice import Ended, polish_with_wanted_lag
 from mrwork.identification.levenberg_marquardt_twin import TwinResiduals, arrays_of
 from mrwork.identification.objective import Objective
 from mrwork.identification.problem import Problem, fingerprint_of
@@ -33,7 +39,8 @@ from mrwork.uncertainty.bands.prediction import folds_of
 DT = 2e-3
 NOISE_N = 8.0
 PLAIN = mr.damper("static_hysteretic")
-SPEC = PLAIN.with_current_laws({"c": "linear", "alpha": "quadratic"}, lagged=True)
+LAWS: dict[str, LawName] = {"c": "linear", "alpha": "quadratic"}
+SPEC = PLAIN.with_current_laws(LAWS, lagged=True)
 TRUTH = {
     **{"c.0": 1000.0, "c.1": 1500.0, "k": 500.0, "alpha.0": 100.0, "alpha.1": 1000.0, "alpha.2": -300.0},
     **{"beta": 60.0, "delta": 1.5, "x_s": 1e-4, "f0": 20.0, "eta": 60.0},
@@ -42,6 +49,7 @@ THETA = np.array([TRUTH[name] for name in SPEC.names])
 # The hysteresis changes side within one sample, so no test tells over which displacement.
 FIXED = {"x_s": (1e-4, 1e-4)}
 SEARCH = EfficientGA(stop=StopRules(max_generations=30))
+FEW_GENERATIONS = EfficientGA(stop=StopRules(max_generations=5))
 
 FEW = mr.identification.Multistart(samples=6, starts=3, least_rounds=1, most_rounds=1, found=2)
 
@@ -119,7 +127,7 @@ def test_the_median_of_a_switching_command_misleads() -> None:
     """What a fit was before: every test at the median of its command."""
     tests = SETS["switching and three constants"]
     medians = tuple(replace(test, current=float(np.median(np.asarray(test.current)))) for test in tests)
-    spec = PLAIN.with_current_laws({"c": "linear", "alpha": "quadratic"})
+    spec = PLAIN.with_current_laws(LAWS)
     misled = mr.identify(spec, medians, search=SEARCH, bounds=FIXED, rng=1)
     assert misled.rmse_n > 10.0 * NOISE_N
 
@@ -148,18 +156,99 @@ def test_a_lag_that_no_test_shows_is_told() -> None:
 
 
 def test_a_lag_that_was_left_out_is_told() -> None:
-    without = PLAIN.with_current_laws({"c": "linear", "alpha": "quadratic"})
-    test = record(random_steps)
-    force = mr.simulate_force(without, THETA[:-1], loading_of(test, without))
-    noise = NOISE_N * np.random.default_rng(3).standard_normal(test.n_time)
-    immediate = replace(test, force=force + noise)
+    without = PLAIN.with_current_laws(LAWS)
     lags = [
         [sentence for sentence in fit.warnings if "--driver-lag" in sentence]
-        for fit in (mr.identify(without, each, search=SEARCH, bounds=FIXED) for each in (test, immediate))
+        for fit in (
+            mr.identify(without, test, search=SEARCH, bounds=FIXED)
+            for test in (record(random_steps), immediate(random_steps))
+        )
     ]
     assert len(lags[0]) == 1
     assert "80 1/s" in lags[0][0] or "40 1/s" in lags[0][0]
     assert lags[1] == []
+
+
+@cache
+def immediate(command: Course, rng: int = 3) -> DamperTest:
+    """A test of the damper without the lag: the coil follows its command at once."""
+    without, test = PLAIN.with_current_laws(LAWS), record(command)
+    force = mr.simulate_force(without, THETA[:-1], loading_of(test, without))
+    return replace(test, force=force + NOISE_N * np.random.default_rng(rng).standard_normal(test.n_time))
+
+
+@pytest.mark.parametrize("command", [random_steps, random_waves], ids=["steps", "waves"])
+def test_a_lag_that_the_tests_do_not_show_is_left_out_and_told(command: Course) -> None:
+    test = immediate(command)
+    # What is said of the lag must not reach the model without it.
+    given = {"bounds": FIXED | {"eta": (2.0, 1e4)}, "starts": [TRUTH]}
+    fit = mr.identify(SPEC, test, search=SEARCH, **given)
+    assert fit.current is not None
+    assert not fit.current.lagged
+    assert "eta" not in {*fit.settings.bounds, *fit.settings.starts[0]}
+    assert_recovered(fit)
+    (told,) = fit.warnings
+    found = re.search(
+        r"lag is left out: with it \(eta .* 1/s\) the misfit is (.*) %, without it (.*) %", told
+    )
+    assert found is not None
+    with_it, without_it = (float(each) for each in found.groups())
+    assert with_it > without_it
+    assert without_it == pytest.approx(100.0 * fit.nrmse, rel=1e-3)
+    assert mr.predict(fit, immediate(command, rng=8)).residual.std() == pytest.approx(NOISE_N, rel=0.1)
+    again = identify_again(fit, (test,))
+    assert again.theta == pytest.approx(fit.theta, rel=1e-2)
+
+
+def test_a_rate_that_is_given_is_kept() -> None:
+    fit = mr.identify(SPEC, immediate(random_waves), search=SEARCH, bounds=FIXED | {"eta": (60.0, 60.0)})
+    assert fit.theta[-1] == 60.0
+    assert fit.warnings == ()
+
+
+def ended_from(test: DamperTest, rate: float) -> Ended:
+    """Where the final fit ends that starts from the true laws and this rate of the lag."""
+    problem = Problem.of(SPEC, (test,), FitSettings(bounds=FIXED))
+    points = StartingPoints(
+        objective=problem.objective,
+        form=problem.form,
+        theta=np.array([[*THETA[:-1], rate]]),
+        trace=SearchTrace(evaluations=(), best=(), median=(), stop_reason=""),
+        minima=True,
+    )
+    return polish_with_wanted_lag(problem, points, on_start=lambda *_: None, on_step=lambda *_: None)
+
+
+def test_a_lag_whose_search_ended_without_it_is_found_from_the_fit_without() -> None:
+    """From the upper bound of the rate no step leads back: it has no effect there."""
+    ended = ended_from(record(random_steps), 1e5)
+    assert ended.polished.theta[-1] == pytest.approx(TRUTH["eta"], rel=0.02)
+    assert ended.warnings == ()
+
+
+def test_a_command_that_acts_a_sample_later_is_kept_and_told() -> None:
+    at_once = immediate(random_steps)
+    test = replace(at_once, current=np.roll(np.asarray(at_once.current), -1))
+    ended = ended_from(test, 1e4)
+    assert ended.problem.spec == SPEC
+    (told,) = ended.warnings
+    assert "ends within a sample of 2 ms" in told
+
+
+def test_a_resumed_fit_decides_on_the_lag_alike(tmp_path: Path) -> None:
+    kept = tmp_path / "journal.jsonl"
+
+    def fitted() -> tuple[float, ...]:
+        with closing(mr.Journal(kept, resume=kept.exists())) as journal:
+            return mr.identify(
+                SPEC, immediate(random_steps), search=FEW_GENERATIONS, bounds=FIXED, journal=journal
+            ).theta
+
+    whole = fitted()
+    lines = kept.read_text().splitlines(keepends=True)
+    for share in (0.6, 0.8, 0.9):
+        kept.write_text("".join(lines[: int(share * len(lines))]))
+        assert fitted() == whole
 
 
 def test_the_force_rises_with_the_command() -> None:

@@ -125,7 +125,7 @@ def test_a_folder_without_a_table_stands_for_its_records(rig: Path) -> None:
     assert [test.name for test in mr.read_damper_tests(rig)] == ["10mm2Hz0x5A", "run_7_500mA"]
     alone = rig / "10mm2Hz0x5A.csv"
     with pytest.raises(RecordError, match=r"10mm2Hz0x5A\.csv is given 2 times; give each file once"):
-        listed_tests([rig, alone])
+        listed_tests([rig, alone], use="fit")
     refused = mrwork("check", alone, rig / "." / alone.name)
     assert (refused.returncode, "is given 2 times" in refused.stderr) == (2, True)
 

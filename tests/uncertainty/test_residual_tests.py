@@ -2,16 +2,25 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 from report_samples import comparison
-from scipy.stats import chi2
+from scipy.stats import chi2, f
 
 from mrwork.report.comparison import Comparison
-from mrwork.report.fit.residual_tests import LAGS, LEVEL, autocorrelation, chi_squared_beyond, residual_tests
+from mrwork.report.fit.residual_tests import (
+    LAGS,
+    LEVEL,
+    autocorrelation,
+    chi_squared_beyond,
+    f_beyond,
+    residual_tests,
+)
 from mrwork.report.fit.residuals import residual_section
 
 N_TIME = 2000
@@ -43,6 +52,67 @@ def test_white_noise_is_accused_as_often_as_the_level_says() -> None:
     assert sum(not each.has_constant_variance for each in found) <= 7
     # Probabilities of what is so are even between 0 and 1: the mean of 200 is 0.5 within 4 * 0.29 / sqrt(200).
     assert abs(np.mean([each.ljung_box_p for each in found]) - 0.5) < 0.082
+
+
+def stepped(residual: NDArray[np.float64], command: NDArray[np.float64]) -> Comparison:
+    """The same test at a command that varies."""
+    made = with_residual(residual)
+    return replace(made, test=replace(made.test, current=command))
+
+
+def random_steps(rng: int, hold: int = 50) -> NDArray[np.float64]:
+    return np.repeat(np.random.default_rng([rng, 1]).uniform(0.0, 1.0, N_TIME // hold), hold)
+
+
+NOISES: dict[str, Callable[[int], NDArray[np.float64]]] = {
+    "normal": white,
+    "heavy tails": lambda rng: np.random.default_rng(rng).standard_t(4, size=N_TIME),
+    "bounded": lambda rng: np.random.default_rng(rng).uniform(-1.0, 1.0, size=N_TIME),
+}
+
+
+@pytest.mark.parametrize("noise", list(NOISES))
+def test_white_noise_is_accused_of_steps_and_reversals_as_seldom_as_the_level_says(noise: str) -> None:
+    # Of 300 at 1 %, more than 9 come about with a probability of 0.1 %; the level is that of both together.
+    found = [residual_tests(stepped(NOISES[noise](rng), random_steps(rng))) for rng in range(300)]
+    assert sum(not each.is_even for each in found) <= 9
+    assert all(each.after_steps.p > 0.0 and each.at_reversals.p > 0.0 for each in found)
+
+
+def test_spikes_at_steps_of_the_command_that_no_autocorrelation_shows_are_found() -> None:
+    """A model whose command acts a sample late: the RMS residual rises from 8 N to about 30 N."""
+    found = []
+    for rng in range(50):
+        command = random_steps(rng)
+        residual = 8.0 * white(rng)
+        steps = np.arange(50, N_TIME, 50)
+        residual[steps] += 400.0 * np.diff(command)[steps - 1]
+        found.append(residual_tests(stepped(residual, command)))
+    assert all(each.after_steps.is_found and each.after_steps.ratio > 5.0 for each in found)
+    assert not any(each.at_reversals.is_found for each in found[:10])
+    assert sum(each.is_white for each in found) > 40
+    # A rise of the RMS residual by a fiftieth is found as well.
+    faint = []
+    for rng in range(50):
+        residual = white(rng)
+        residual[50::50] += 1.5 * np.sign(np.diff(random_steps(rng))[49::50])
+        faint.append(residual_tests(stepped(residual, random_steps(rng))))
+    assert sum(each.after_steps.is_found for each in faint) > 40
+
+
+def test_residuals_that_are_large_at_reversals_are_found() -> None:
+    reversal = np.abs((8.0 * np.arange(N_TIME) / N_TIME) % 0.5 - 0.25) < 0.01
+    found = [residual_tests(with_residual((1.0 + reversal) * white(rng))) for rng in range(50)]
+    assert sum(each.at_reversals.is_found for each in found) > 45
+    assert all(np.isnan(each.after_steps.p) for each in found)
+
+
+def test_a_tail_of_f_is_that_of_scipy() -> None:
+    for above, below in ((3.0, 50.0), (5.0, 500.0), (40.0, 4000.0), (2.5e3, 2.5e3)):
+        for share in (0.3, 0.05, 1e-2, 1e-3):
+            ratio = float(f.isf(share, above, below))
+            # Up to a tenth too large for so few degrees of freedom: on the safe side.
+            assert f_beyond(ratio, above, below) == pytest.approx(share, rel=0.15)
 
 
 def test_correlated_residuals_are_not_taken_for_noise_and_count_for_less() -> None:
@@ -88,6 +158,16 @@ def test_autocorrelation_is_one_at_lag_zero_and_that_of_the_definition() -> None
 def test_the_section_says_what_the_tests_found() -> None:
     noise = residual_section([with_residual(white(5))])
     assert "consistent with white noise" in noise.summary
+    spiked = 8.0 * white(5)
+    spiked[np.arange(50, N_TIME, 50)] += 80.0
+    steps = residual_section([stepped(spiked, random_steps(5))])
+    assert re.fullmatch(
+        r"Residuals after steps of the command are [89]\.?\d? times as large as elsewhere\.", steps.summary
+    )
+    assert not any("no error that a better model" in sentence for sentence in steps.groups[0].prose)
+    assert any("look at its lag" in sentence for sentence in steps.groups[0].prose)
+    two = residual_section([stepped(spiked, random_steps(5)), with_residual(white(5))])
+    assert "times as large as elsewhere on 1 of 2 tests." in two.summary
     both = residual_section([with_residual(white(5)), with_residual(coloured(5))])
     assert "correlated on 1 of 2 tests" in both.summary
     assert any("not a systematic error of the model" in sentence for sentence in both.groups[0].prose)

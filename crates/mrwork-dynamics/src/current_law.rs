@@ -97,36 +97,41 @@ impl CurrentLaw {
     /// What [`Self::value`] takes in place of the coefficients; worked out once, it saves the logarithms of every step.
     #[inline(always)]
     fn prepare<R: Real>(&self, coefficients: &mut [R], scale: Scale) {
-        match self {
-            Self::Values(nodes) => {
-                if scale == Scale::Log {
-                    for value in &mut *coefficients {
-                        *value = ln(*value);
-                    }
-                }
-                nodes.prepare(coefficients);
+        let (Self::Values(nodes) | Self::Through(nodes)) = self else { return };
+        if self.takes_logarithms(scale) {
+            for value in &mut *coefficients {
+                *value = ln(*value);
             }
-            Self::Through(nodes) => nodes.prepare(coefficients),
-            _ => {}
         }
+        nodes.prepare(coefficients);
+    }
+
+    /// Whether it interpolates logarithms of a parameter of this scale.
+    #[inline(always)]
+    fn takes_logarithms(&self, scale: Scale) -> bool {
+        matches!(self, Self::Values(_)) && scale == Scale::Log
     }
 
     /// The parameter at `u` from prepared coefficients; not a number for a wrong number of them.
     #[inline(always)]
     fn value<R: Real>(&self, prepared: &[R], u: R, scale: Scale) -> R {
-        match (self, prepared) {
-            (Self::Constant, &[a]) => a,
-            (Self::Linear, &[a, b]) => b.mul_add(u, a),
-            (Self::Quadratic, &[a, b, c]) => c.mul_add(u, b).mul_add(u, a),
-            (Self::Cubic, &[a, b, c, d]) => d.mul_add(u, c).mul_add(u, b).mul_add(u, a),
-            (Self::Exponential, &[a, b, c]) => b.mul_add(exp(c * u), a),
-            (Self::Values(nodes), prepared) if prepared.len() == nodes.count => {
+        let (offset, factor, exponent) = match (self, prepared) {
+            (Self::Constant, &[a]) => return a,
+            (Self::Linear, &[a, b]) => return b.mul_add(u, a),
+            (Self::Quadratic, &[a, b, c]) => return c.mul_add(u, b).mul_add(u, a),
+            (Self::Cubic, &[a, b, c, d]) => return d.mul_add(u, c).mul_add(u, b).mul_add(u, a),
+            (Self::Exponential, &[a, b, c]) => (a, b, c * u),
+            (Self::Values(nodes) | Self::Through(nodes), prepared) if prepared.len() == nodes.count => {
                 let curve = nodes.value(prepared, u);
-                if scale == Scale::Log { exp(curve) } else { curve }
+                if !self.takes_logarithms(scale) {
+                    return curve;
+                }
+                (R::splat(0.0), R::splat(1.0), curve)
             }
-            (Self::Through(nodes), prepared) if prepared.len() == nodes.count => nodes.value(prepared, u),
-            _ => R::splat(f64::NAN),
-        }
+            _ => return R::splat(f64::NAN),
+        };
+        // Written once: an exponential is much code, in every model and for every instruction set.
+        factor.mul_add(exp(exponent), offset)
     }
 }
 

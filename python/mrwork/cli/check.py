@@ -20,7 +20,7 @@ from mrwork.identification.settings import is_synthetic
 from mrwork.records import DamperTest, Finding, guess_tests, mislabelled, write_test_table
 from mrwork.records.command_signal import Command, command_range
 from mrwork.records.findings import gathered_findings
-from mrwork.records.rig_table import TABLE_NAME, records_in
+from mrwork.records.rig_table import EVERY_USE, TABLE_NAME, records_in
 from mrwork.store.input_file import is_folder
 
 
@@ -50,7 +50,7 @@ def run(options: argparse.Namespace) -> int:
     if options.table is not None:
         return _write_table(options)
     status = 0
-    reading = reading_of(options)
+    reading = reading_of(options, EVERY_USE)
     rows: list[dict[str, Any]] = []
     tests: list[DamperTest] = []
     for path in reading.files:

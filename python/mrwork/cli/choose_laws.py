@@ -41,7 +41,7 @@ def run(options: argparse.Namespace, settings: FitSettings) -> int:
 
     if options.starts:
         raise SettingError("--law auto finds its own starts; leave --start out")
-    reading = reading_of(options)
+    reading = reading_of(options, "fit")
     tests = tuple(observed(test, settings.observe) for test in reading.tests())
     folder = options.out or Path("out") / f"{stem_of(tests)}-{options.model}"
     destination = destination_of(folder, options)

@@ -95,7 +95,7 @@ def add_parser(verbs: Any) -> None:
         "--driver-lag",
         action="store_true",
         help="let the command reach the coil through a first-order lag; its rate eta [1/s] is a parameter of the fit; "
-        "for records of a set point that varies, rather than of the current itself",
+        "for records of a set point that varies, rather than of the current itself; left out where the tests show none",
     )
     add_choice(parser)
     add_observation(parser)

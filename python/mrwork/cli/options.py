@@ -17,7 +17,7 @@ from mrwork.identification.settings import Reading, is_synthetic
 from mrwork.records import DamperTest, parse_column_option
 from mrwork.records.observing import DETECT, VALUES_IN_WORDS, as_words
 from mrwork.records.repairs import AMOUNTS_IN_WORDS, REPAIR_KINDS, RepairKind
-from mrwork.records.rig_table import ListedTest, Use, check_given_once, listed_tests
+from mrwork.records.rig_table import EveryUse, ListedTest, Use, check_given_once, listed_tests
 
 _NONE = "none"
 _AUTO = "auto"
@@ -124,7 +124,7 @@ def add_json(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def reading_of(options: argparse.Namespace, use: Use | None = None) -> Reading:
+def reading_of(options: argparse.Namespace, use: Use | EveryUse) -> Reading:
     """The test files of the command line, and the settings for reading them; of tables, the rows for a use.
 
     Raises

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,12 +19,25 @@ _TRIED_RATES = (10.0, 20.0, 40.0, 80.0, 160.0, 320.0)
 _SHARE = 0.98
 
 
+def with_lag(spec: DamperSpec, *, lagged: bool) -> DamperSpec:
+    """The model with its current laws, with the driver's lag or without; `spec` has current laws."""
+    assert spec.current is not None
+    laws = dict(zip(damper(spec.name).names, spec.current.laws, strict=True))
+    return damper(spec.name).with_current_laws(laws, unit=spec.current.unit, lagged=lagged)
+
+
+def rate_is_shown(spec: DamperSpec, form: Form, tests: Sequence[DamperTest]) -> bool | None:
+    """Whether a command that varies shows the rate of the driver's lag; `None` where no rate is estimated."""
+    if spec.current is None or not spec.current.lagged:
+        return None
+    if form.spec.names.index(spec.names[-1]) not in form.box.free:
+        return None
+    return any(test.has_varying_command for test in tests)
+
+
 def rate_warning(spec: DamperSpec, form: Form, tests: Sequence[DamperTest]) -> tuple[str, ...]:
     """A sentence where the rate of the driver's lag is to be estimated from tests at constant commands."""
-    if spec.current is None or not spec.current.lagged:
-        return ()
-    rate = form.spec.names.index(spec.names[-1])
-    if rate not in form.box.free or any(test.has_varying_command for test in tests):
+    if rate_is_shown(spec, form, tests) is not False:
         return ()
     return (
         "the command is constant in every test, so nothing shows the rate eta of the driver's lag; add a test with "
@@ -31,24 +45,33 @@ def rate_warning(spec: DamperSpec, form: Form, tests: Sequence[DamperTest]) -> t
     )
 
 
-def missing_lag_warning(
-    spec: DamperSpec, objective: Objective, theta: NDArray[np.float64]
-) -> tuple[str, ...]:
-    """A sentence where the fit `theta` without a lag describes the tests better once the command is lagged."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MissingLag:
+    """A rate of the driver's lag [1/s] with which the misfit of a fit without a lag is lower, all else as it is."""
+
+    rate: float
+    misfit_without: float
+    misfit_with: float
+
+    @property
+    def in_words(self) -> str:
+        """A sentence that says what to do."""
+        return (
+            f"a driver's lag of about {self.rate:g} 1/s would lower the misfit from {100.0 * self.misfit_without:.2f} "
+            f"to {100.0 * self.misfit_with:.2f} % with no other change: the command that was recorded reaches the coil "
+            "later; fit the lag with --driver-lag, in Python lagged=True"
+        )
+
+
+def missing_lag(spec: DamperSpec, objective: Objective, theta: NDArray[np.float64]) -> MissingLag | None:
+    """The lag with which the fit `theta` without one describes the tests better; `None` where there is none."""
     current = spec.current
     if current is None or current.lagged or not any(test.has_varying_command for test in objective.tests):
-        return ()
-    laws = dict(zip(damper(spec.name).names, current.laws, strict=True))
-    lagged = objective.on(
-        damper(spec.name).with_current_laws(laws, unit=current.unit, lagged=True), objective.tests
-    )
+        return None
+    lagged = objective.on(with_lag(spec, lagged=True), objective.tests)
     tried = lagged(np.array([[*theta, rate] for rate in _TRIED_RATES]))
     before = float(objective(theta[None])[0])
     best = int(np.argmin(tried))
     if not tried[best] < _SHARE * before:
-        return ()
-    return (
-        f"a driver's lag of about {_TRIED_RATES[best]:g} 1/s would lower the misfit from {100.0 * before:.2f} to "
-        f"{100.0 * tried[best]:.2f} % with no other change: the command that was recorded reaches the coil later; fit "
-        "the lag with --driver-lag, in Python lagged=True",
-    )
+        return None
+    return MissingLag(rate=_TRIED_RATES[best], misfit_without=before, misfit_with=float(tried[best]))

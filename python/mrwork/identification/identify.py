@@ -14,7 +14,7 @@ from mrwork.arguments import Seed, Threads, checked
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import Interrupted, MrworkWarning, SimulationError
-from mrwork.identification.driver_lag import missing_lag_warning
+from mrwork.identification.driver_lag import missing_lag
 from mrwork.identification.fit import Fit, FitStatus, SearchTrace
 from mrwork.identification.global_search import (
     OnSearch,
@@ -22,10 +22,10 @@ from mrwork.identification.global_search import (
     points_from_multistart,
     points_from_optimiser,
 )
+from mrwork.identification.lag_choice import polish_with_wanted_lag
 from mrwork.identification.levenberg_marquardt import LocalMinimum
 from mrwork.identification.multistart import Multistart
 from mrwork.identification.nuisance import NuisanceName
-from mrwork.identification.polish import polish
 from mrwork.identification.problem import Problem, fingerprint_of
 from mrwork.identification.progress import Progress, Reporter, interruptible
 from mrwork.identification.result import fit_at
@@ -65,7 +65,8 @@ def identify(
     Parameters
     ----------
     model
-        A model or its name.
+        A model or its name. A driver's lag that tests of varying commands do not show, with a rate that the bounds do
+        not fix, is left out of the fit, and a warning says so.
     tests
         One test or several. With `power` 2 all have the same weight, independent of length and force.
     search
@@ -283,9 +284,13 @@ class _Ending:
             reporter.report("refinement", steps, "steps", misfit, 0.0)
 
         try:
-            polished = interruptible(lambda: polish(problem, points, on_start=on_start, on_step=on_step))
+            ended = interruptible(
+                lambda: polish_with_wanted_lag(problem, points, on_start=on_start, on_step=on_step)
+            )
         except KeyboardInterrupt as interrupt:
             return replace(self, problem=problem).at(interrupt, best, points.trace)
+        # Without the driver's lag where the tests do not want it.
+        problem, polished = ended.problem, ended.polished
         fit = fit_at(
             problem,
             polished.theta,
@@ -297,10 +302,12 @@ class _Ending:
             seconds=reporter.seconds,
         )
         objective = problem.objective
+        missing = missing_lag(problem.form.spec, objective, polished.theta)
         doubts = (
             *points.warnings,
+            *ended.warnings,
             *linear_warning(fit.nrmse, objective.tests, follows_command=problem.spec.current is not None),
-            *missing_lag_warning(problem.form.spec, objective, polished.theta),
+            *((missing.in_words,) if missing is not None else ()),
         )
         return replace(fit, warnings=(*fit.warnings, *doubts))
 

@@ -25,6 +25,8 @@ _FIRST_SCREENING = 15
 _SECOND_SCREENING = 60
 _SCREENED_TWICE = 4
 
+# Called with the best minimum so far and the share of the screening that is done.
+OnStart = Callable[[LocalMinimum, float], None]
 # Called with the steps so far and the misfit.
 OnStep = Callable[[int, float], None]
 
@@ -48,7 +50,7 @@ def polish(
     problem: Problem,
     points: StartingPoints,
     *,
-    on_start: Callable[[LocalMinimum, float], None],
+    on_start: OnStart,
     on_step: OnStep,
 ) -> Polished:
     """Screen the starting points by short local minimisations, then fit from the best to convergence.
@@ -128,7 +130,7 @@ def screened(
     starts: NDArray[np.float64],
     *,
     mirrored: tuple[int, ...],
-    on_start: Callable[[LocalMinimum, float], None],
+    on_start: OnStart,
 ) -> NDArray[np.float64]:
     """Run a short local minimisation from every start, shape (n_starts, n_params), then longer ones from the best.
 

@@ -97,6 +97,14 @@ def _jumps(command: NDArray[np.float64]) -> bool:
     return bool(np.sum(change[jump] ** 2) > _STEPPED * np.sum(change**2))
 
 
+def steps_of_command(command: Command) -> NDArray[np.intp]:
+    """First sample after each step of a command, shape (n_steps,), measured ones over several samples included."""
+    if not isinstance(command, np.ndarray):
+        return np.empty(0, dtype=np.intp)
+    changes = np.abs(np.diff(command)) > _JUMP * np.ptp(command)
+    return np.flatnonzero(changes & ~np.concatenate([[False], changes[:-1]])) + 1
+
+
 def levels_of_command(command: Command) -> tuple[float, ...]:
     """Values at which a command stays for some of the time, lowest first; of one that varies smoothly, about twenty.
 

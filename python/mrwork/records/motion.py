@@ -189,6 +189,8 @@ def motion_of(displacement: NDArray[np.float64], dt: float) -> SmoothMotion:
 # A crossing counts only after the displacement was beyond this fraction of its standard deviation on the other side,
 # so that noise around the mean does not count as cycles.
 _DEAD_BAND: Final = 0.5
+# A reversal counts only between velocities beyond this share of the largest.
+_LEAST_SPEED: Final = 0.05
 # Turning points closer than this fraction of the peak-to-peak displacement are ignored.
 _LEAST_STROKE: Final = 0.5
 
@@ -247,3 +249,10 @@ def turning_points(
     wide = np.abs(stroke) > _LEAST_STROKE * np.ptp(displacement)
     chosen = np.flatnonzero(wide[:-1] & wide[1:]) + 1
     return place[chosen], np.sign(velocity[before[chosen]])
+
+
+def reversals(velocity: NDArray[np.float64]) -> NDArray[np.intp]:
+    """Samples at which the motion reverses, shape (n_reversals,): midway between velocities of either sign [m/s]."""
+    moving = np.flatnonzero(np.abs(velocity) > _LEAST_SPEED * np.max(np.abs(velocity), initial=0.0))
+    turns = np.flatnonzero(np.diff(np.sign(velocity[moving])))
+    return np.asarray((moving[turns] + moving[turns + 1] + 1) // 2)

@@ -16,7 +16,7 @@ from mrwork.records.columns import COMMAND, COMMANDS, StatedCommand, choose_colu
 from mrwork.records.command import nominal_from_name, with_nominal_command
 from mrwork.records.damper_test import DamperTest
 from mrwork.records.formats.open import open_table
-from mrwork.records.rig_table import Use, listed_tests
+from mrwork.records.rig_table import EVERY_USE, EveryUse, Use, listed_tests
 
 
 @checked
@@ -98,7 +98,7 @@ def read_damper_tests(
     paths: str | os.PathLike[str] | Iterable[str | os.PathLike[str]],
     *,
     columns: Mapping[str, str] | None = None,
-    use: Use | None = None,
+    use: Use | EveryUse = EVERY_USE,
 ) -> tuple[DamperTest, ...]:
     """Read several tests: files, folders and tables of tests in their order, or a glob pattern in name order.
 
@@ -109,7 +109,8 @@ def read_damper_tests(
     columns
         As for `read_damper_test`, for all files; entries of a table go before them.
     use
-        Of tables, read the tests for this use only: ``fit``, ``calibration`` or ``test``; default: all that are used.
+        Of tables, read the tests for this use only: ``fit``, ``calibration`` or ``test``. The default, ``every``, reads
+        all that have a use, held-out tests included: identify from those for ``fit``.
 
     Raises
     ------

@@ -25,6 +25,10 @@ from mrwork.summary import Summarised, listed
 Use = Literal["fit", "calibration", "test"]
 """What a test is used for: identification, calibration of bands, or the final comparison."""
 
+EveryUse = Literal["every"]
+EVERY_USE: Final = "every"
+"""Asks for the tests with any use, held-out tests included; only a check of the records may."""
+
 TABLE_NAME: Final = "tests.csv"
 """Name of the table of tests in a folder."""
 
@@ -52,12 +56,12 @@ class ListedTest(Summarised):
 
 
 def listed_tests(
-    paths: str | os.PathLike[str] | Iterable[str | os.PathLike[str]], *, use: Use | None = None
+    paths: str | os.PathLike[str] | Iterable[str | os.PathLike[str]], *, use: Use | EveryUse
 ) -> tuple[ListedTest, ...]:
     """Rows for the files, folders, glob patterns and tables of tests that are given.
 
     A folder stands for its table `tests.csv`, or without one for all files in it that can hold a test. Of a table, the
-    rows with the given use are returned, without a use those with any; files that are given by themselves are always.
+    rows with the given use are returned; files that are given by themselves are always.
 
     Raises
     ------
@@ -243,20 +247,29 @@ def _row(entries: Mapping[str, str], folder: Path) -> ListedTest:
     )
 
 
-def _rows_of_folder(folder: Path, use: Use | None) -> tuple[ListedTest, ...]:
+def _rows_of_folder(folder: Path, use: Use | EveryUse) -> tuple[ListedTest, ...]:
     table = folder / TABLE_NAME
     if is_test_table(table):
         return _used(read_test_table(table), table, use)
-    return tuple(ListedTest(file=str(path)) for path in records_in(folder))
+    records = records_in(folder)
+    other = next(filter(is_test_table, sorted(folder.iterdir())), None)
+    if other is not None and use != EVERY_USE:
+        # All records of the folder would be used, those that the table holds out included.
+        raise RecordError(
+            f"{folder}: has a table of tests, {other.name}, that does not stand for the folder; give that table, or "
+            f"call it {TABLE_NAME}"
+        )
+    return tuple(ListedTest(file=str(path)) for path in records)
 
 
-def _used(rows: Sequence[ListedTest], table: Path, use: Use | None) -> tuple[ListedTest, ...]:
-    """The rows with a use, or with any."""
-    used = tuple(row for row in rows if row.use is not None and use in (None, row.use))
+def _used(rows: Sequence[ListedTest], table: Path, use: Use | EveryUse) -> tuple[ListedTest, ...]:
+    """The rows with this use."""
+    used = tuple(row for row in rows if row.use is not None and use in (EVERY_USE, row.use))
     if not used:
         counts = [f"{sum(row.use == each for row in rows)} for {each}" for each in get_args(Use)]
+        wanted = "any use" if use == EVERY_USE else use
         raise RecordError(
-            f"{table}: no test is for {use or 'any use'} ({', '.join(counts)} of {len(rows)}); set the use of some "
-            "rows, or name the files"
+            f"{table}: no test is for {wanted} ({', '.join(counts)} of {len(rows)}); set the use of some rows, or name "
+            "the files"
         )
     return used

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from statistics import NormalDist
 
 import numpy as np
@@ -16,8 +17,16 @@ from mrwork.report.comparison import Comparison
 from mrwork.report.cycles import scattered_samples
 from mrwork.report.figures import common_force_unit
 from mrwork.report.fit.kind import SectionKind
-from mrwork.report.fit.residual_tests import LAGS, LEVEL, ResidualTests, autocorrelation, residual_tests
-from mrwork.report.numbers import most_of, percent, probability, tests_of
+from mrwork.report.fit.residual_tests import (
+    LAGS,
+    LEVEL,
+    WINDOWS,
+    Excess,
+    ResidualTests,
+    autocorrelation,
+    residual_tests,
+)
+from mrwork.report.numbers import most_of, percent, probability, shortest, tests_of
 from mrwork.report.section import Group, Panel, Section, Table, panel, table
 from mrwork.report.style import DisplayUnit
 from mrwork.uncertainty.bands.prediction import Prediction, mean_cycle
@@ -63,13 +72,70 @@ def residual_section(comparisons: Sequence[Comparison]) -> Section:
 
 def _summary(found: Sequence[ResidualTests]) -> str:
     correlated = sum(not each.is_white for each in found)
+    places = [each.in_words for each in _places(found)]
     if correlated == 0:
-        return "Residuals: consistent with white noise."
+        if not places:
+            return "Residuals: consistent with white noise."
+        return f"Residuals {'; those '.join(places)}."
     repeating = _repeating(found)
-    text = f"Residuals: correlated on {tests_of(correlated, len(found))}"
-    if not repeating:
-        return f"{text}."
-    return f"{text}; {most_of(float(np.median(repeating)))} % of their mean square repeats in every cycle."
+    share = (
+        [f"{most_of(float(np.median(repeating)))} % of their mean square repeats in every cycle"]
+        if repeating
+        else []
+    )
+    parts = [
+        f"correlated on {tests_of(correlated, len(found))}",
+        *share,
+        *(f"those {each}" for each in places),
+    ]
+    return f"Residuals: {'; '.join(parts)}."
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Place:
+    """Where the residuals are larger than elsewhere, up to `ratio` times, on so many of the tests; what that means."""
+
+    where: str
+    ratio: float
+    count: int
+    total: int
+    meaning: str
+
+    @property
+    def in_words(self) -> str:
+        """What is said of residuals, as in "after steps of the command are 4 times as large as elsewhere"."""
+        times = f"{shortest(self.ratio, 2)} times as large as elsewhere"
+        if self.total == 1:
+            return f"{self.where} are {times}"
+        return f"{self.where} are up to {times} on {tests_of(self.count, self.total)}"
+
+
+def _places(found: Sequence[ResidualTests]) -> tuple[_Place, ...]:
+    """Where white noise is rejected because the residuals are larger than elsewhere."""
+    places = (
+        (
+            "after steps of the command",
+            [each.after_steps for each in found],
+            "the model does not follow the command as the damper does, so look at its lag, its laws and at the times "
+            "of the recorded command",
+        ),
+        (
+            "at reversals of the motion",
+            [each.at_reversals for each in found],
+            "the force of the model does not change sides as that of the damper does",
+        ),
+    )
+    return tuple(
+        _Place(
+            where=where,
+            ratio=max(each.ratio for each in excesses if each.is_found),
+            count=sum(each.is_found for each in excesses),
+            total=len(excesses),
+            meaning=meaning,
+        )
+        for where, excesses, meaning in places
+        if any(each.is_found for each in excesses)
+    )
 
 
 def _repeating(found: Sequence[ResidualTests]) -> list[float]:
@@ -80,7 +146,13 @@ def _repeating(found: Sequence[ResidualTests]) -> list[float]:
 def _prose(found: Sequence[ResidualTests]) -> tuple[str, ...]:
     correlated = sum(not each.is_white for each in found)
     varying = sum(not each.has_constant_variance for each in found)
-    if correlated == 0:
+    places = tuple(f"Residuals {each.in_words}: {each.meaning}." for each in _places(found))
+    if correlated == 0 and places:
+        first = (
+            "The autocorrelation of the residuals is that of white noise, but they are larger at times than at others: "
+            "a better model could remove a part of them."
+        )
+    elif correlated == 0:
         first = (
             "These tests do not distinguish the residuals from white noise: they show no error that a better model "
             "could remove, and the standard errors in the table of parameters hold."
@@ -98,7 +170,7 @@ def _prose(found: Sequence[ResidualTests]) -> tuple[str, ...]:
             f"On {tests_of(varying, len(found))} their variance depends on speed and stroke: a band of constant width "
             "is too wide in one part of the cycle and too narrow in another."
         )
-    return first, second
+    return first, *places, second
 
 
 def _origin(repeating: Sequence[float]) -> str:
@@ -125,6 +197,8 @@ def _table(comparisons: Sequence[Comparison], found: Sequence[ResidualTests]) ->
             "Ljung-Box p",
             "Effective samples",
             "Repeats each cycle (%)",
+            "RMS after steps / elsewhere",
+            "RMS at reversals / elsewhere",
             "Breusch-Pagan p",
             "RMS fast / slow",
             "Excess kurtosis",
@@ -136,6 +210,8 @@ def _table(comparisons: Sequence[Comparison], found: Sequence[ResidualTests]) ->
                 probability(each.ljung_box_p),
                 f"{numbers.fixed(each.n_effective, 0)} of {numbers.fixed(each.n_time, 0)}",
                 percent(each.repeating),
+                _ratio(each.after_steps),
+                _ratio(each.at_reversals),
                 probability(each.breusch_pagan_p),
                 numbers.fixed(each.fast_to_slow, 2),
                 numbers.fixed(each.excess, 1),
@@ -143,11 +219,21 @@ def _table(comparisons: Sequence[Comparison], found: Sequence[ResidualTests]) ->
             for comparison, each in zip(comparisons, found, strict=True)
         ),
         note=f"Ljung-Box p: probability that white noise shows at least this autocorrelation over {LAGS} lags. "
+        "RMS after steps of the command, and at reversals of the motion: ratio of the RMS residuals there to that "
+        f"elsewhere, in windows of {', '.join(map(str, WINDOWS))} samples, of those that differ most; "
+        "p: probability that white noise shows at least this difference of ranks. "
         "Breusch-Pagan p: probability that noise of constant variance shows at least this dependence of the squared "
         f"residuals on speed and stroke, counting the effective samples. Below {LEVEL:g} the text reports a "
         "dependence. RMS fast / slow: ratio of the RMS residuals in the faster and the slower half of the samples. "
         "Excess kurtosis is 0 for normal residuals.",
     )
+
+
+def _ratio(found: Excess) -> str:
+    if np.isnan(found.p):
+        return numbers.fixed(None, 2)
+    p = probability(found.p)
+    return f"{numbers.fixed(found.ratio, 2)} (p {p if p.startswith('<') else f'= {p}'})"
 
 
 def _panels(

@@ -1,0 +1,203 @@
+"""Held-out tests stay out: of a table of tests, no verb looks at the forces of a use that is not its own."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from command_line import mrwork
+from record_files import write_text
+
+import mrwork as mr
+from mrwork.errors import RecordError
+from mrwork.identification.fit_file import reopen
+from mrwork.identification.identify import identify_again
+from mrwork.uncertainty.bands.prediction import predict_left_out
+
+# Commands [A] and frequencies [Hz] of the tests for each use.
+USES = {
+    "fit": ((0.0, 1.0), (0.5, 1.6), (1.0, 1.0)),
+    "calibration": ((0.5, 0.7),),
+    "test": ((1.0, 2.2),),
+}
+SMALL = ("--generations", "3", "--threads", "1", "--quiet", "--json")
+# What differs from one run to the next of the same command.
+OF_THE_RUN = ("seconds", "out", "fits")
+
+
+class Rig:
+    """A folder with the records of a viscous Dahl damper and the table of their uses."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        folder.mkdir()
+        spec = mr.damper("viscous_dahl").with_current_laws({"k_w": "linear"})
+        theta = np.array(
+            [{"k_w.0": 100.0, "k_w.1": 400.0, "rho": 1500.0}.get(name, 200.0) for name in spec.names]
+        )
+        time = 0.01 * np.arange(200)
+        self.records: dict[tuple[str, int], dict[str, Any]] = {}
+        for use, tests in USES.items():
+            for number, (command, frequency) in enumerate(tests):
+                phase = 2.0 * np.pi * frequency * time
+                motion = {
+                    "displacement": 0.01 * np.sin(phase),
+                    "velocity": 0.02 * np.pi * frequency * np.cos(phase),
+                }
+                loading = mr.Loading(dt=0.01, **motion, command=command, command_unit="A")
+                noise = 5.0 * np.random.default_rng([len(self.records)]).standard_normal(time.size)
+                self.records[use, number] = {
+                    "t_s": time,
+                    "displacement_m": motion["displacement"],
+                    "velocity_mps": motion["velocity"],
+                    "force_n": mr.simulate_force(spec, theta, loading) + noise,
+                    "current_a": np.full(time.size, command),
+                }
+        rows = "".join(f"{self._name(*key)},{key[0]}\n" for key in self.records)
+        (folder / "tests.csv").write_text(f"file,use\n{rows}")
+        self.with_noise_for(())
+
+    def with_noise_for(self, uses: Sequence[str]) -> None:
+        """Write the records: of the tests for these uses, noise in the place of the force."""
+        for key, columns in self.records.items():
+            force = columns["force_n"]
+            if key[0] in uses:
+                force = np.random.default_rng([key[1], 9]).normal(0.0, force.std(), force.size)
+            write_text(self.folder / self._name(*key), {**columns, "force_n": force})
+
+    @staticmethod
+    def _name(use: str, number: int) -> str:
+        return f"{use}{number}.csv"
+
+
+def outcome(*arguments: object) -> Any:
+    """What a command prints as JSON, less what no two runs share."""
+    ended = mrwork(*arguments)
+    assert ended.returncode == 0, ended.stderr
+    return _same_for_every_run(json.loads(ended.stdout))
+
+
+def _same_for_every_run(document: Any) -> Any:
+    if isinstance(document, list):
+        return [_same_for_every_run(entry) for entry in document]
+    if not isinstance(document, dict):
+        return document
+    return {name: _same_for_every_run(entry) for name, entry in document.items() if name not in OF_THE_RUN}
+
+
+LAW = ("--model", "viscous_dahl", "--law", "k_w=linear")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fitted:
+    """A rig with a run folder of a fit to it, and what `identify` printed."""
+
+    rig: Rig
+    run: Path
+    printed: Any
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Fitted:
+    place = tmp_path_factory.mktemp("held_out")
+    rig = Rig(place / "rig")
+    printed = outcome("identify", rig.folder, *LAW, *SMALL, "--out", place / "run")
+    return Fitted(rig=rig, run=place / "run", printed=printed)
+
+
+@pytest.fixture
+def fitted(made: Fitted) -> Fitted:
+    made.rig.with_noise_for(())
+    return made
+
+
+def test_an_identification_sees_the_tests_for_fit_alone(fitted: Fitted, tmp_path: Path) -> None:
+    fitted.rig.with_noise_for(("calibration", "test"))
+    again = ("identify", fitted.rig.folder, *LAW, *SMALL, "--out")
+    assert outcome(*again, tmp_path / "same") == fitted.printed
+    # So that the equality says something.
+    fitted.rig.with_noise_for(("fit",))
+    assert outcome(*again, tmp_path / "other") != fitted.printed
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        ("--model", "viscous_dahl", "--law", "auto"),
+        ("--model", "viscous_dahl,bingham", "--law", "k_w=linear", "--law", "f_c=linear"),
+    ],
+    ids=["of laws", "of models"],
+)
+def test_a_choice_sees_the_tests_for_fit_alone(
+    fitted: Fitted, options: tuple[str, ...], tmp_path: Path
+) -> None:
+    def chosen(name: str) -> Any:
+        return outcome("identify", fitted.rig.folder, *options, *SMALL, "--out", tmp_path / name)
+
+    before = chosen("before")
+    fitted.rig.with_noise_for(("calibration", "test"))
+    assert chosen("after") == before
+
+
+def test_bands_are_calibrated_on_and_predictions_compared_with_the_tests_for_that_alone(
+    fitted: Fitted,
+) -> None:
+    rig, run = fitted.rig, fitted.run
+    commands = {
+        "calibration": ("calibrate", run, rig.folder, "--quiet", "--json"),
+        "test": ("predict", run, rig.folder, "--level", "0.9", "--json"),
+    }
+    before = {use: outcome(*command) for use, command in commands.items()}
+    rig.with_noise_for(("fit", "test"))
+    assert outcome(*commands["calibration"]) == before["calibration"]
+    rig.with_noise_for(("fit", "calibration"))
+    assert outcome(*commands["test"]) == before["test"]
+    rig.with_noise_for(("calibration", "test"))
+    assert {use: outcome(*command) for use, command in commands.items()} != before
+    assert outcome(*commands["test"]) != before["test"]
+
+
+def test_what_is_computed_from_a_run_depends_on_the_tests_of_its_fit_alone(fitted: Fitted) -> None:
+    """`sample`, `profile`, `plan` and `calibrate` without files take no tests but those that a run opens with."""
+
+    def results() -> Any:
+        opened = reopen(fitted.run)
+        fit, tests = opened.fit, opened.tests
+        candidate = mr.uncertainty.Candidate(amplitude=0.02, frequency=1.0, command=0.5)
+        folds = predict_left_out(tests, "test", lambda rest: identify_again(fit, rest, threads=1))
+        return (
+            mr.sample(fit, tests, walkers=16, most_steps=20, threads=1).theta.tolist(),
+            asdict(mr.profile(fit, tests, parameters=["k_w.1"], threads=1)) | {"seconds": None},
+            asdict(mr.plan(fit, tests, [candidate], threads=1)),
+            [prediction.model_force.tolist() for prediction in folds.predictions],
+        )
+
+    before = results()
+    fitted.rig.with_noise_for(("calibration", "test"))
+    assert results() == before
+    fitted.rig.with_noise_for(("fit",))
+    with pytest.raises(RecordError, match="has changed since"):
+        reopen(fitted.run)
+
+
+def test_a_check_is_of_every_use(fitted: Fitted) -> None:
+    before = outcome("check", fitted.rig.folder, "--json")
+    assert len(before["files"]) == sum(len(tests) for tests in USES.values())
+    for use in USES:
+        fitted.rig.with_noise_for((use,))
+        assert outcome("check", fitted.rig.folder, "--json") != before
+
+
+def test_a_folder_whose_table_has_another_name_does_not_stand_for_its_records(tmp_path: Path) -> None:
+    folder = Rig(tmp_path / "rig").folder
+    (folder / "tests.csv").rename(folder / "uses.csv")
+    refused = mrwork("identify", folder, *LAW, *SMALL, "--out", tmp_path / "run")
+    assert (refused.returncode, "uses.csv" in refused.stderr) == (2, True)
+    with pytest.raises(RecordError, match=r"give that table, or call it tests\.csv"):
+        mr.read_damper_tests(folder, use="fit")
+    assert len(mr.read_damper_tests(folder / "uses.csv", use="fit")) == len(USES["fit"])
