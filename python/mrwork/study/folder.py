@@ -241,7 +241,7 @@ def write_study(
     results: StudyResults,
     *,
     study_file: StudyFile,
-    page: str,
+    page: str | None,
     manifest: Mapping[str, object],
     journal: Path,
     histories: Histories,
@@ -258,8 +258,9 @@ def write_study(
         RESULTS: json_document(study_document(results)),
         _CRITERIA: criteria_csv(results),
         _PROFILES: profiles_csv(results),
-        REPORT: page,
     }
+    if page is not None:
+        tables[REPORT] = page
     write_folder(
         place,
         {STUDY: study_file.content} | {name: text.encode() for name, text in tables.items()},
