@@ -294,6 +294,45 @@ def test_a_terminated_identification_keeps_what_it_has(tmp_path: Path) -> None:
     assert json.loads((out / "fit.json").read_text())["status"] == "interrupted"
 
 
+SIZES = ("--model", "bingham", "--every", "20", "--population", "8", "--generations", "2")
+
+
+@pytest.mark.parametrize(
+    ("number", "words"),
+    [
+        (signal.SIGINT, ("respond", "clairvoyant.toml")),
+        (signal.SIGTERM, ("tune", "gradients.toml")),
+        (signal.SIGTERM, ("identify", "synthetic:spencer1997", *SIZES)),
+    ],
+    ids=lambda value: value[0] if isinstance(value, tuple) else value.name,
+)
+def test_an_interrupted_page_loses_no_result_and_is_drawn_by_resume(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: signal.Signals, words: tuple[str, ...]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name, text in STUDIES.items():
+        Path(f"{name}.toml").write_text(
+            text.replace("[clairvoyant]\nrandom_starts = 0\n", "").replace("steps = 1", "steps = 0")
+        )
+    command = (*words, "--quiet", "--threads", "1", "--out", "run")
+    ended = signalled(number, 5, *command, module="matplotlib")
+    assert ended.returncode == 128 + number, ended.stderr
+    (sentence,) = (line for line in ended.stderr.splitlines() if "mrwork: " in line)
+    assert "interrupted while the page was drawn; the results are in run" in sentence
+    assert "Report: " not in ended.stdout
+    result = "fit.json" if words[0] == "identify" else "results.json"
+    names = ("journal.jsonl", result)
+    kept = [Path("run", name).read_bytes() for name in names]
+    assert not Path("run.part").exists()
+    resumed = mrwork(*command, "--resume")
+    assert resumed.returncode == 0, resumed.stderr
+    assert "<svg" in Path("run", "report.html").read_text()
+    # Nothing was computed again: each step is recalled with the time that it took.
+    assert Path("run", "journal.jsonl").read_bytes() == kept[0]
+    if words[0] == "respond":
+        assert Path("run", result).read_bytes() == kept[1]
+
+
 # What is printed
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mrwork.cli.options import add_json, add_out, add_quiet, add_seed, add_threads
-from mrwork.cli.output import print_json, stopped_in_words
+from mrwork.cli.output import drawn_page, print_json, stopped_in_words, undrawn_in_words
 from mrwork.cli.paths import named_path
 from mrwork.cli.progress import PATIENCE, ProgressLine, study_described
 from mrwork.cli.study_manifest import command_line, study_manifest
@@ -114,9 +114,9 @@ def _respond(
     finally:
         line.close()
         journal.finish()
-    written = status == 0 or not is_complete(place)
+    written, drawn = status == 0 or not is_complete(place), False
     if written:
-        _write(destination, options, study, results, histories, journal, time.perf_counter() - began)
+        drawn = _write(destination, options, study, results, histories, journal, time.perf_counter() - began)
         discard_journal(journal)
     if options.json:
         from mrwork.study.folder import study_document
@@ -129,9 +129,12 @@ def _respond(
 
         for label, each in study.design_notes:
             show("\n".join([f"Weights of {label}", *(f"  {sentence}" for sentence in each), ""]))
-        show(study_text(results, place))
+        show(study_text(results, place if drawn or not written else None))
     if status == 130:
         note(stopped_in_words(place, "what was simulated", written=written))
+    elif not drawn:
+        note(undrawn_in_words(place))
+        status = 130
     return status
 
 
@@ -153,8 +156,8 @@ def _write(
     histories: Histories,
     journal: Journal,
     seconds: float,
-) -> None:
-    from mrwork.report.study.page import study_page
+) -> bool:
+    """Write the folder; return whether its page was drawn."""
     from mrwork.store.run_folder import STUDY_RUN
     from mrwork.study.folder import write_study
 
@@ -166,14 +169,21 @@ def _write(
         status="finished" if results.complete else "interrupted",
         seconds=seconds,
     )
-    page = study_page(
-        results,
-        histories.read,
-        motion=study.detailed,
-        drawn=study.drawn,
-        status=("Runs", f"{results.done} of {results.total}", f"in {seconds:.3g} s"),
-        command=command_line(),
-    )
+
+    def draw() -> str:
+        # Matplotlib is slow to load.
+        from mrwork.report.study.page import study_page
+
+        return study_page(
+            results,
+            histories.read,
+            motion=study.detailed,
+            drawn=study.drawn,
+            status=("Runs", f"{results.done} of {results.total}", f"in {seconds:.3g} s"),
+            command=command_line(),
+        )
+
+    page = drawn_page(draw)
     write_study(
         destination,
         results,
@@ -183,3 +193,4 @@ def _write(
         journal=journal.path,
         histories=histories,
     )
+    return page is not None

@@ -8,6 +8,7 @@ from textwrap import wrap
 
 from mrwork.cli.output import table_lines
 from mrwork.closed_loop.evaluation import SCORE, criterion
+from mrwork.store.run_folder import REPORT
 from mrwork.study.comparison import ADD_BEST_PASSIVE, Comparison, compared, in_percent
 from mrwork.study.over_motions import (
     MOST_IN_DETAIL,
@@ -33,7 +34,7 @@ _QUANTITIES = (
 )
 
 
-def study_text(results: StudyResults, folder: Path) -> str:
+def study_text(results: StudyResults, folder: Path | None) -> str:
     """Changes of every quantity, a table for each motion, scores, check of the step, warnings, path of the page."""
     comparison = compared(results)
     lines = [results.title, "", *_leading_lines(comparison)]
@@ -52,7 +53,7 @@ def study_text(results: StudyResults, folder: Path) -> str:
         lines += [*block, ""] if block else []
     lines += [f"warning: {warning}" for warning in results.warnings()]
     lines += [] if results.balanced else [OFF_BALANCE]
-    return "\n".join([*lines, f"Report: {folder / 'report.html'}"])
+    return "\n".join([*lines, *([f"Report: {folder / REPORT}"] if folder else [])])
 
 
 def _leading_lines(comparison: Comparison) -> list[str]:

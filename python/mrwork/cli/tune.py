@@ -9,7 +9,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mrwork.cli.options import add_json, add_out, add_quiet, add_seed, add_threads
-from mrwork.cli.output import print_json, stopped_in_words, table_lines
+from mrwork.cli.output import (
+    drawn_page,
+    print_json,
+    stopped_in_words,
+    table_lines,
+    undrawn_in_words,
+)
 from mrwork.cli.paths import named_path
 from mrwork.cli.progress import PATIENCE, ProgressLine, tuning_described
 from mrwork.cli.study_manifest import command_line, study_manifest
@@ -107,17 +113,20 @@ def _tune(
         line.close()
         journal.finish()
     place = destination.path
-    written = status == 0 or not is_complete(place)
+    written, drawn = status == 0 or not is_complete(place), False
     if written:
-        _write(destination, options, study, results, journal, time.perf_counter() - began)
+        drawn = _write(destination, options, study, results, journal, time.perf_counter() - began)
         discard_journal(journal)
     if options.json:
         document = tuning_document(results) | {"out": str(place)}
         print_json(document)
     else:
-        show(_text(results, place))
+        show(_text(results, place, drawn=drawn))
     if status == 130:
         note(stopped_in_words(place, "what was found", written=written))
+    elif not drawn:
+        note(undrawn_in_words(place))
+        status = 130
     return status
 
 
@@ -142,7 +151,8 @@ def _write(
     results: TuningResults,
     journal: Journal,
     seconds: float,
-) -> None:
+) -> bool:
+    """Write the folder; return whether it has a page."""
     from mrwork.store.run_folder import TUNING_RUN
     from mrwork.tuning.folder import write_tuning
 
@@ -152,15 +162,21 @@ def _write(
     page = None
     # After Ctrl-C nothing that takes long: the figures are drawn when the tuning is resumed.
     if results.status == "finished":
-        from mrwork.report.tuning.page import tuning_page
 
-        page = tuning_page(results, command=command_line())
+        def draw() -> str:
+            # Matplotlib is slow to load.
+            from mrwork.report.tuning.page import tuning_page
+
+            return tuning_page(results, command=command_line())
+
+        page = drawn_page(draw)
     write_tuning(
         destination, results, study_file=study.file, page=page, manifest=manifest, journal=journal.path
     )
+    return page is not None
 
 
-def _text(results: TuningResults, place: Path) -> str:
+def _text(results: TuningResults, place: Path, *, drawn: bool) -> str:
     """Scores on training and test motions, the settings, warnings, and where everything is."""
     from mrwork.store.run_folder import CHOSEN
     from mrwork.tuning.results import settings_in_words
@@ -182,7 +198,7 @@ def _text(results: TuningResults, place: Path) -> str:
         f"{results.share_outside:.0%} of the time outside the simulation"
     )
     lines.append(f"Settings for mrwork respond: {place / CHOSEN}")
-    if results.status == "finished":
+    if drawn:
         lines.append(f"Report: {place / 'report.html'}")
     return "\n".join(lines)
 

@@ -252,7 +252,7 @@ def write_study(
     results: StudyResults,
     *,
     study_file: StudyFile,
-    page: str,
+    page: str | None,
     manifest: Mapping[str, object],
     journal: Path,
     histories: Histories,
@@ -268,8 +268,9 @@ def write_study(
         RESULTS: json_document(study_document(results)),
         CRITERIA_TABLE: criteria_csv(results),
         PROFILES_TABLE: profiles_csv(results),
-        REPORT: page,
     }
+    if page is not None:
+        tables[REPORT] = page
     write_folder(
         destination,
         {STUDY: study_file.content} | {name: text.encode() for name, text in tables.items()},
