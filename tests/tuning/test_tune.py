@@ -266,7 +266,11 @@ def test_bands_are_those_of_the_test_motions_where_no_table_is_robust(tmp_path: 
         ('[[tune]]\nlaws = ["clipped_optima"]', "did you mean clipped_optimal"),
         ('[[tune]]\nlaws = ["lyapunov"]\nsearch = "genetics"', "did you mean genetic"),
         ('[[tune]]\nlaws = ["lyapunov"]\nrobust = true', "needs an .uncertainty."),
-        ('[[tune]]\nlaws = ["lyapunov", "lyapunov"]', "give a table another label"),
+        ('[[tune]]\nlaws = ["lyapunov", "lyapunov"]', "laws has 'lyapunov' twice; give each once"),
+        (
+            '[[tune]]\nlaws = ["lyapunov"]\n[[tune]]\nlaws = ["lyapunov"]',
+            "give a table another label",
+        ),
         ('[[tune]]\nlaws = ["lyapunov"]\nbudget = 6\npopulation = 8', "one generation takes 8"),
         ('[[tune]]\nlaws = ["lyapunov"]\nbudget = 8\npopulation = 4', "no less than 5"),
         ('[[tune]]\nlaws = "lyapunov"', r'give an array, as \["name"\]'),
