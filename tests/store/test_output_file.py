@@ -34,7 +34,9 @@ def is_untouched(precious: Path) -> bool:
 
 
 @pytest.mark.parametrize("target", TARGETS)
-@pytest.mark.parametrize("place", ["plan.json", f".plan.json.{os.getpid()}.new"])
+@pytest.mark.parametrize(
+    "place", ["plan.json", f".plan.json.{os.getpid()}.new"], ids=["file", "its temporary name"]
+)
 def test_a_file_takes_the_place_of_a_link(tmp_path: Path, precious: Path, place: str, target: str) -> None:
     run = tmp_path / "run"
     run.mkdir()
