@@ -251,7 +251,7 @@ def test_lyapunov_solutions_are_those_of_scipy() -> None:
 def test_many_regulators_are_those_that_are_designed_alone() -> None:
     system = plant(1)
     outputs = accelerations(system)
-    weighed = [weighed_outputs(system, outputs, np.diag(row)) for row in np.eye(3)]
+    weighed = [weighed_outputs(outputs, np.diag(row)) for row in np.eye(3)]
     weights = [1e-7, [1e-7, 1e-7], 1e-6]
     found = regulators_of_weights(system, weighed, weights)
     assert isinstance(found[1], SettingError)

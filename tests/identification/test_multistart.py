@@ -60,6 +60,16 @@ def test_a_minimisation_never_ends_above_its_start_and_agrees_with_another_metho
     assert there.misfit == pytest.approx(minima.misfit[best], rel=1e-6)
 
 
+def test_a_coarser_tolerance_needs_fewer_simulations(starts: NDArray[np.float64]) -> None:
+    # Of the squared misfit in one step: each tolerance ends the minimisations earlier than the next.
+    counts = []
+    for tolerance in (1e-1, 1e-3, 1e-7):
+        counted = objective()
+        find_minima(counted, FORM.box, starts, max_iterations=80, tolerance=tolerance)
+        counts.append(counted.tally.simulations)
+    assert counts[0] < counts[1] < counts[2]
+
+
 def test_starts_that_cannot_be_simulated_do_not_move(starts: NDArray[np.float64]) -> None:
     stiff = starts.copy()
     stiff[1, FORM.spec.names.index("rho")] = 0.9 * FORM.box.upper[FORM.spec.names.index("rho")]

@@ -85,7 +85,7 @@ def regulator_of_outputs(
     """
     check_outputs(plant, outputs)
     W = weight_matrix("weights", weights, len(outputs.names), "outputs")
-    return regulator_of_weights(plant, weighed_outputs(plant, outputs, W), control_weight)
+    return regulator_of_weights(plant, weighed_outputs(outputs, W), control_weight)
 
 
 @checked

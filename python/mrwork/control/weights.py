@@ -118,7 +118,7 @@ class Weighed:
     S: Floats
 
 
-def weighed_outputs(plant: Plant, outputs: Outputs, weights: Floats) -> Weighed:
+def weighed_outputs(outputs: Outputs, weights: Floats) -> Weighed:
     """What a weight W of outputs, shape (n_outputs, n_outputs), adds to a cost."""
     C, D = outputs.C, outputs.D
     return Weighed(Q=C.T @ weights @ C, N=C.T @ weights @ D, S=D.T @ weights @ D)
@@ -190,7 +190,7 @@ class CostWeights:
         parts = []
         if given:
             W = scipy.linalg.block_diag(*(weights for _, weights in given))
-            parts.append(weighed_outputs(plant, stacked(*(outputs for outputs, _ in given)), W))
+            parts.append(weighed_outputs(stacked(*(outputs for outputs, _ in given)), W))
         if self.state_weight is not None:
             Q = weight_matrix("state_weight", self.state_weight, 2 * plant.n_coordinates, "states")
             parts.append(weighed_state(plant, Q))

@@ -6,7 +6,7 @@ test are kept apart, so that those of every selection are sums over its tests.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,6 +17,7 @@ from mrwork.dampers.spec import DamperSpec
 from mrwork.identification.nuisance import NuisanceName
 from mrwork.identification.objective import EQUAL_SHARES, shares_of
 from mrwork.identification.residual import ObservedTest
+from mrwork.identification.threads import on_every_test
 from mrwork.records import DamperTest
 from mrwork.values import holds_arrays
 
@@ -101,7 +102,7 @@ class FoldedTests:
             squared[:, index] = np.einsum("bt,bt->b", residuals, residuals) * each.weight(1) ** 2
             squared[failed, index] = np.inf
 
-        self._for_each_test(fill)
+        on_every_test(len(self.observed), self.threads, fill)
         return squared
 
     def linearised(self, spec: DamperSpec, box: Box, latent: Array) -> NormalEquations:
@@ -123,7 +124,7 @@ class FoldedTests:
             matrix[:, index] = jacobian @ jacobian.transpose(0, 2, 1)
             squared[failed, index] = np.inf
 
-        self._for_each_test(fill)
+        on_every_test(len(self.observed), self.threads, fill)
         return NormalEquations(squared=squared, gradient=gradient, matrix=matrix)
 
     def misfit(self, squared: Array, shares: Array) -> Array:
@@ -176,18 +177,6 @@ class FoldedTests:
             damping[rows] = np.maximum(damping[rows] * factor, 1e-12)
             running[rows] = np.where(better, decrease > _TOLERANCE, damping[rows] < _MOST_DAMPING)
         return FoldedFit(theta=np.asarray(box.theta_from_latent(latent)), squared=squared)
-
-    def _for_each_test(self, work: Callable[[int, int], None]) -> None:
-        """Call `work(index, threads)` for every test; several tests run in parallel, one thread each."""
-        if len(self.observed) == 1 or self.threads == 1:
-            for index in range(len(self.observed)):
-                work(index, self.threads)
-            return
-        from concurrent.futures import ThreadPoolExecutor  # slow to load, and not needed for one test
-
-        with ThreadPoolExecutor(self.threads or None) as pool:
-            for _ in pool.map(lambda index: work(index, 1), range(len(self.observed))):
-                pass
 
 
 def _damped_step(normal: Array, gradient: Array, damping: Array) -> Array:

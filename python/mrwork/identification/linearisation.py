@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.identification.objective import Objective
+from mrwork.identification.threads import on_every_test
 
 # Largest block of a Jacobian, in numbers, that is in memory beside the whole: 64 MiB.
 _BLOCK_SIZE = 1 << 23
@@ -49,24 +50,10 @@ def _block(
         np.multiply(derivative, weight, out=jacobian[..., slices[index]])
         residuals[failed, slices[index]] = 1.0
 
-    _for_each_test(objective, fill)
+    on_every_test(len(objective.tests), objective.threads, fill)
     if not objective.is_plain:
         _apply_power(objective, residuals, jacobian, slices)
     return residuals, jacobian
-
-
-def _for_each_test(objective: Objective, work: Callable[[int, int], None]) -> None:
-    """Call `work(index, threads)` for every test; several tests run in parallel, one thread each."""
-    n_tests = len(objective.tests)
-    if n_tests == 1 or objective.threads == 1:
-        for index in range(n_tests):
-            work(index, objective.threads)
-        return
-    from concurrent.futures import ThreadPoolExecutor  # slow to load, and not needed for one test
-
-    with ThreadPoolExecutor(objective.threads or None) as pool:
-        for _ in pool.map(lambda index: work(index, 1), range(n_tests)):
-            pass
 
 
 def _apply_power(

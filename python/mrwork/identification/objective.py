@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Annotated, ClassVar, TypeVar
 
@@ -16,6 +16,7 @@ from mrwork.errors import RecordError, SettingError
 from mrwork.identification.nuisance import NuisanceName
 from mrwork.identification.progress import Tally
 from mrwork.identification.residual import ObservedTest
+from mrwork.identification.threads import on_every_test
 from mrwork.records import AS_IT_IS, DamperTest
 from mrwork.simulate import Misfits, Outcome, simulate_misfits
 from mrwork.store import Journal, digest_of
@@ -204,7 +205,10 @@ class Objective(Summarised):
             test = self.compared[index].test
             weight = self.compared[index].weight(1) ** 2
             allowed = np.maximum(allowance[remaining], 0.0) ** (2.0 / self.power)
-            run = self._simulated(index, theta[remaining], allowed * (_MARGIN / weight))
+            run = self._simulated(
+                index, theta[remaining], limits=allowed * (_MARGIN / weight), threads=self.threads
+            )
+            self.tally.steps += int(run.steps.sum())
             substeps[remaining] = run.substeps
             # Counted over all rows: those that reached their thresholds in earlier tests have no steps here.
             self.tally.spared += int(test.n_time * substeps.sum() - run.steps.sum())
@@ -220,12 +224,17 @@ class Objective(Summarised):
         return misfit
 
     def _indirect(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
-        return self._mean(self.squared_nrmse(self._parts(theta, failure=np.inf)))
+        self.tally.simulations += len(theta)
+
+        def squared(index: int, threads: int) -> NDArray[np.float64]:
+            return _squares(self._part(index, theta, failure=np.inf, threads=threads))
+
+        return self._mean(len(self.tests) * np.array(self._on_every_test(squared)))
 
     @checked
     def squared_nrmse(self, parts: Iterable[AnyNumbers]) -> NDArray[np.float64]:
         """Squared NRMSE of each test, shape (n_tests, n_batch), from its weighted residuals."""
-        return len(self.tests) * np.array([np.einsum("bt,bt->b", part, part) for part in parts])
+        return len(self.tests) * np.array([_squares(part) for part in parts])
 
     @checked
     def nrmse_of_tests(self, theta: _Rows) -> NDArray[np.float64]:
@@ -245,23 +254,32 @@ class Objective(Summarised):
     def misfits(self, theta: _Rows) -> tuple[Misfits, ...]:
         """Misfits of each row of `theta`, test by test."""
         self.tally.simulations += len(theta)
-        return tuple(self._simulated(index, theta) for index in range(len(self.tests)))
+        runs = self._on_every_test(lambda index, threads: self._simulated(index, theta, threads=threads))
+        self.tally.steps += sum(int(run.steps.sum()) for run in runs)
+        return tuple(runs)
+
+    def _on_every_test(self, work: Callable[[int, int], T]) -> list[T]:
+        """Results of `work(index, threads)` in the order of the tests, several of which run at once."""
+        return on_every_test(len(self.tests), self.threads, work)
 
     def _simulated(
-        self, index: int, theta: NDArray[np.float64], limits: NDArray[np.float64] | None = None
+        self,
+        index: int,
+        theta: NDArray[np.float64],
+        *,
+        limits: NDArray[np.float64] | None = None,
+        threads: int,
     ) -> Misfits:
         each = self.compared[index]
-        run = simulate_misfits(
+        return simulate_misfits(
             self.spec,
             theta,
             each.history,
             each.test.force,
             first=each.test.n_settle,
             limits=limits,
-            threads=self.threads,
+            threads=threads,
         )
-        self.tally.steps += int(run.steps.sum())
-        return run
 
     @checked
     def residuals(self, theta: _Rows) -> NDArray[np.float64]:
@@ -270,7 +288,10 @@ class Objective(Summarised):
         Residuals of a simulation that failed are 1, far above those of any fit. For a power other than 2, the residuals
         of a test are multiplied by (NRMSE/misfit)^(power/2 - 1).
         """
-        parts = list(self._parts(theta, failure=1.0))
+        self.tally.simulations += len(theta)
+        parts = self._on_every_test(
+            lambda index, threads: self._part(index, theta, failure=1.0, threads=threads)
+        )
         if not self.is_plain:
             for part, factor in zip(parts, self.power_factors(self.squared_nrmse(parts)), strict=True):
                 part *= factor[:, None]
@@ -284,11 +305,17 @@ class Objective(Summarised):
         ratio = np.sqrt(squared) / np.maximum(self._mean(squared), np.finfo(float).tiny)
         return np.asarray(ratio ** (self.power / 2.0 - 1.0))
 
-    def _parts(self, theta: NDArray[np.float64], *, failure: float) -> Iterator[NDArray[np.float64]]:
-        """Weighted residuals test by test, shape (n_batch, n_counted); rows that failed have the value `failure`."""
-        self.tally.simulations += len(theta)
-        for each in self.compared:
-            residuals, failed = each.residuals(theta, threads=self.threads)
-            residuals *= each.weight(len(self.compared))
-            residuals[failed] = failure
-            yield residuals
+    def _part(
+        self, index: int, theta: NDArray[np.float64], *, failure: float, threads: int
+    ) -> NDArray[np.float64]:
+        """Weighted residuals of a test, shape (n_batch, n_counted); rows that failed have the value `failure`."""
+        each = self.compared[index]
+        residuals, failed = each.residuals(theta, threads=threads)
+        residuals *= each.weight(len(self.compared))
+        residuals[failed] = failure
+        return residuals
+
+
+def _squares(residuals: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Sum of squares of each row, shape (n_batch,)."""
+    return np.asarray(np.einsum("bt,bt->b", residuals, residuals))

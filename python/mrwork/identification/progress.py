@@ -12,6 +12,7 @@ import numpy as np
 
 from mrwork.arguments import Within
 from mrwork.errors import Interrupted
+from mrwork.identification.threads import wait_for
 from mrwork.store import Journal
 from mrwork.store.record import built
 
@@ -20,9 +21,6 @@ Unit = Literal["simulations", "%", "steps"]
 _Count = Annotated[int, Within(least=0)]
 
 T = TypeVar("T")
-
-# Interval at which Ctrl-C is noticed while compiled code runs [s].
-_POLL_SECONDS = 0.05
 
 
 @dataclass(slots=True)
@@ -147,8 +145,7 @@ def interruptible(work: Callable[[], T]) -> T:
 
     thread = threading.Thread(target=body, name="mrwork-refinement", daemon=True)
     thread.start()
-    while thread.is_alive():
-        thread.join(_POLL_SECONDS)
+    wait_for(thread)
     if failure:
         raise failure[0]
     return outcome[0]

@@ -172,7 +172,7 @@ def space_of(table: TuneTable, law: str, magnitudes: Magnitudes) -> SettingSpace
     spans: dict[str, Span] = {
         entry.name: entry.metadata["span"] for entry in keys_of(kind) if entry.metadata["span"] is not None
     }
-    held = _held(table, law, kind, spans)
+    held = _held(table, law, kind)
     if issubclass(kind, CostWeights):
         names = {entry.name for entry in fields(CostWeights)}
         weights = {name: value for name, value in held.items() if name in names}
@@ -180,7 +180,7 @@ def space_of(table: TuneTable, law: str, magnitudes: Magnitudes) -> SettingSpace
     free = []
     for name in _free_names(table, law, kind, spans, held):
         given = (table.free or {}).get(name, ())
-        free += _free(table, law, name, given, spans.get(name), magnitudes)
+        free += _free(table, name, given, spans.get(name), magnitudes)
         held.pop(name, None)
     chosen = {each.name for each in free}
     for name, span in spans.items():
@@ -206,7 +206,7 @@ def _check_law(table: TuneTable, law: str) -> None:
         refuse_within(table, f"no control law is called {law!r}{suggestion(law, known)}", "laws")
 
 
-def _held(table: TuneTable, law: str, kind: type[LawSettings], spans: Mapping[str, Span]) -> dict[str, Any]:
+def _held(table: TuneTable, law: str, kind: type[LawSettings]) -> dict[str, Any]:
     known = [entry.name for entry in keys_of(kind)]
     held: dict[str, Any] = dict(table.settings or {})
     for name in held:
@@ -261,7 +261,7 @@ def _is_weight(name: str) -> bool:
 
 
 def _free(
-    table: TuneTable, law: str, name: str, given: Sequence[float], span: Span | None, magnitudes: Magnitudes
+    table: TuneTable, name: str, given: Sequence[float], span: Span | None, magnitudes: Magnitudes
 ) -> list[FreeSetting]:
     scale = "linear" if span is None else span.scale
     if given:

@@ -78,23 +78,23 @@ def _section(run: StoredRun, comparisons: Sequence[Comparison]) -> Section | Non
     if draws is None and bands is None:
         return None
     unit = common_force_unit(comparisons)
-    groups = [Group(prose=_prose(draws, bands))]
+    groups = [Group(prose=_prose(bands))]
     worst = sorted(comparisons, key=lambda comparison: -comparison.quality.nrmse)[:_OWN]
     for number, each in enumerate(worst, start=1):
         groups += _own_groups(number, fit, each, draws, bands, unit)
     if bands is not None and len(bands.predictions) > 1:
         for number, prediction in enumerate(filter(bands.others, _chosen(bands)), start=1):
             groups += _left_out_groups(number, prediction, bands, unit)
-    return Section(anchor="bands", title="Bands", summary=_summary(draws, bands), groups=tuple(groups))
+    return Section(anchor="bands", title="Bands", summary=_summary(bands), groups=tuple(groups))
 
 
-def _summary(draws: _ParameterDraws | None, bands: StoredBands | None) -> str:
+def _summary(bands: StoredBands | None) -> str:
     if bands is None:
         return "Bands: parameter band only; prediction bands are not calibrated yet."
     return f"Bands: {bands.calibration.basis}."
 
 
-def _prose(draws: _ParameterDraws | None, bands: StoredBands | None) -> tuple[str, ...]:
+def _prose(bands: StoredBands | None) -> tuple[str, ...]:
     first = (
         "The figures show two bands. The parameter band (orange) contains the model force for the parameters that the "
         "data allow; it shrinks with more data and need not contain a measurement. The prediction band (light blue) "
