@@ -73,7 +73,7 @@ REFUSED = {
     ),
     "a mass without size": (
         text("a.toml", "mass = [[1e-320]]\nstiffness = [[1.0]]", read_building),
-        "the mass of coordinate 1 is 0 kg",
+        "the mass matrix is singular",
     ),
     "a stiffness that overflows": (
         text("a.toml", "masses = [1.0, 1.0]\nstiffnesses = [1e308, 1e308]", read_building),
@@ -127,7 +127,7 @@ REFUSED = {
         text(
             "a.toml", study_text("control_weight = 1e-13").replace("= 2", "= 2\nrest = 1e300"), mr.read_study
         ),
-        "1e+302 samples",
+        "rest is 1e+300; give a number of at most 1e+100",
     ),
     "a rest of many days": (
         text("a.toml", study_text("control_weight = 1e-13").replace("= 2", "= 2\nrest = 1e9"), mr.read_study),

@@ -117,7 +117,7 @@ def test_both_verbs_say_what_the_fit_says(tmp_path: Path, capsys: pytest.Capture
         )
     *fitted, left_out = names
     out = tmp_path / "run"
-    laws = ("--model", "bingham", "--law", "f_c=linear", "--generations", "5", "--population", "20")
+    laws = ("--model", "bingham", "--law", "f_c=linear:0.25,1", "--generations", "5", "--population", "20")
     text = printed(capsys, "identify", *fitted, *laws, "--out", out, "--quiet")
     assert "tested: stroke to 10 mm" in text
     assert "warning: the law of f_c turns negative" in text

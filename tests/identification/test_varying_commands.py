@@ -299,7 +299,7 @@ def test_the_command_line_fits_predicts_and_calibrates_records_of_a_set_point(tm
         heading = "t_s,displacement_mm,velocity_mps,force_N,setpoint_A"
         np.savetxt(files[-1], np.column_stack(columns), delimiter=",", header=heading, comments="")
     out = tmp_path / "run"
-    laws = ["--law", "c=linear", "--law", "alpha=quadratic", "--driver-lag", "--fix", "x_s=1e-4"]
+    laws = ["--law", "c=linear:0,1", "--law", "alpha=quadratic:0,0.5,1", "--driver-lag", "--fix", "x_s=1e-4"]
     short = ["--generations", "20", "--quiet", "--json", "--out", out]
     done = mrwork("identify", files[0], files[1], "--model", "static_hysteretic", *laws, *short)
     assert done.returncode == 0, done.stderr

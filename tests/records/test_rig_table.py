@@ -279,7 +279,7 @@ def test_the_work_of_a_table_grows_with_its_rows_and_not_with_their_square(tmp_p
     def calls(count: int) -> int:
         (tmp_path / str(count)).mkdir()
         path = table(tmp_path / str(count), *(f"r{n}.csv,fit,t:s,x:mm,F:kN,,0.5 A," for n in range(count)))
-        return calls_of(lambda: listed_tests([path]))
+        return calls_of(lambda: listed_tests([path], use="fit"))
 
     calls(2)  # Modules and annotations are loaded once.
     assert calls(1200) < 4.2 * calls(300)

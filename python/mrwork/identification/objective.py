@@ -239,8 +239,14 @@ class Objective(Summarised):
     @checked
     def nrmse_of_tests(self, theta: _Rows) -> NDArray[np.float64]:
         """NRMSE of each test, shape (n_tests, n_batch), whatever its share; infinite where a simulation failed."""
-        shares = np.array([each.share for each in self.compared])
-        return np.asarray(np.sqrt(self.squared_nrmse(self._parts(theta, failure=np.inf)) / shares[:, None]))
+        self.tally.simulations += len(theta)
+
+        def nrmse(index: int, threads: int) -> NDArray[np.float64]:
+            each = self.compared[index]
+            squares = _squares(self._part(index, theta, failure=np.inf, threads=threads))
+            return np.asarray(np.sqrt(len(self.tests) * squares / each.share))
+
+        return np.array(self._on_every_test(nrmse))
 
     def _mean(self, squared: NDArray[np.float64]) -> NDArray[np.float64]:
         """Power mean of the NRMSE, shape (n_batch,), from its squares, shape (n_tests, n_batch)."""

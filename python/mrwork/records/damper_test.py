@@ -48,11 +48,13 @@ class Finding:
     measured: Measured | None = None
 
     @classmethod
+    @checked
     def note(cls, code: str, message: str, *, measured: Measured | None = None) -> Finding:
         """A finding that asks for no action."""
         return cls(code=code, severity="note", message=message, measured=measured)
 
     @classmethod
+    @checked
     def warning(cls, code: str, message: str, *, action: str, measured: Measured | None = None) -> Finding:
         """A finding with what to do about it."""
         return cls(code=code, severity="warning", message=f"{message}; {action}", measured=measured)
