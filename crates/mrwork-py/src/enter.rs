@@ -96,6 +96,8 @@ pub fn chosen_instruction_set() -> PyResult<InstructionSet> {
             .filter(|set| set.is_supported())
             .map(InstructionSet::name)
             .collect();
+        // Quoted and escaped; what is no text has replacement characters.
+        let wanted = wanted.to_string_lossy();
         PyValueError::new_err(format!(
             "{INSTRUCTION_SET} is {wanted:?}, this machine has {}; unset it or name one of these",
             usable.join(", ")

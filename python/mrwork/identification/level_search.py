@@ -61,8 +61,9 @@ from mrwork.values import holds_arrays
 
 Array = NDArray[np.float64]
 
-# Samples of a cycle in the excerpts on which laws are searched: fits differ by 0.02 points from those with 400.
-_PER_CYCLE = 100
+# Samples of a cycle in the excerpts on which laws are searched. With 100, stiff loops of a slow test want more than the
+# most sub-steps of a sample, a wall at which local minimisations stop.
+PER_CYCLE = 320
 # Minima of the plain model that are kept at each command, rounds of their search, and iterations of the others.
 _MINIMA = 4
 _LEVEL_ROUNDS = 3
@@ -105,7 +106,7 @@ def points_from_levels(
         On Ctrl-C, carrying `StartingPoints` with one point, the best so far; `None` where there is none.
     """
     objective, form, rng = problem.objective, problem.form, problem.settings.rng
-    excerpts = tuple(middle_excerpt(test, per_cycle=_PER_CYCLE) for test in objective.tests)
+    excerpts = tuple(middle_excerpt(test, per_cycle=PER_CYCLE) for test in objective.tests)
     levels = levels_of(form.spec, [test for test in excerpts if command_is_constant(test, form.spec)])
     commands = np.array(sorted(levels))
     own_form = replace(form, box=joint_box(form, excerpts, commands))
