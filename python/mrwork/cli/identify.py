@@ -83,8 +83,9 @@ def add_parser(verbs: Any) -> None:
         action="append",
         default=[],
         metavar="NAME=LAW",
-        help="let a parameter follow the command: linear, quadratic, cubic or exponential; repeat for more; "
-        "auto chooses the laws of all other parameters without bounds by the fit to tests left out",
+        help="let a parameter follow the command: linear, quadratic or cubic by two, three or four values at tested "
+        "commands, values:0,0.3,1 by values at these, exponential; repeat for more; auto chooses the laws of all other "
+        "parameters without bounds by the fit to tests left out",
     )
     parser.add_argument(
         "--command-unit",

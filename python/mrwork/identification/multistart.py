@@ -238,6 +238,8 @@ def scaled_to_force(
     if not simulated.size:
         return theta, misfit
     none = float(objective(np.where(is_force, 1e-9 * theta, theta)[simulated[:1]])[0]) ** 2
+    if not np.isfinite(none):
+        return theta, misfit
     # misfit^2 = none - 2 slope factor + curve factor^2
     full, half = misfit[simulated] ** 2, halved[simulated] ** 2
     curve = 2.0 * (full - 2.0 * half + none)
