@@ -6,15 +6,18 @@ import json
 from dataclasses import replace
 from functools import partial
 
+import measured_data
 import numpy as np
 import pytest
 
 import mrwork as mr
 from mrwork.errors import SettingError
+from mrwork.identification import free_run
 from mrwork.identification.settings import FitSettings
-from mrwork.records import AS_IT_IS, DamperTest, Observation, build_damper_test
+from mrwork.records import AS_IT_IS, DamperTest, Observation, build_damper_test, cut, observed
 from mrwork.uncertainty import identifiability_of, predict
 
+UTFSM = measured_data.DATA / "dampers" / "utfsm"
 WINDOW = 61
 CLEAN = mr.synthetic_test("spencer1997")
 NOMINAL = {"k_w": 650.0, "sigma": 0.5, "n": 2.0, "k": 2500.0, "x0": 0.038}
@@ -42,6 +45,26 @@ def test_the_average_is_detected_by_default_and_left_out_on_request() -> None:
     assert averaged.fit_percent > plain.fit_percent + 1.0
     told = identify(replace(test, observation=averaged.quality[0].observation), observe="none")
     assert told.theta == averaged.theta
+
+
+def test_the_average_describes_a_part_wherever_that_ends() -> None:
+    true = mr.damper("bouc_wen")
+    for end in (1.1, 1.2, 1.3):
+        part = cut(recorded(), start=0.2, end=end)
+        _, averaged = free_run(true, np.array(true.nominal), observed(part, ["detect"]))
+        _, plain = free_run(true, np.array(true.nominal), part)
+        assert averaged.nrmse < 0.2 * plain.nrmse
+
+
+@pytest.mark.skipif(not UTFSM.is_dir(), reason=f"measured records are not at {UTFSM} (set MRWORK_DATA)")
+def test_the_average_of_a_measured_record_improves_its_fit_wherever_the_part_ends() -> None:
+    part = cut(mr.read_damper_test(UTFSM / "10mm1Hz0x75A.csv"), start=0.5, end=6.5, every=8)
+    averaged, plain = (
+        mr.identify("elasto_visco_plastic", part, observe=observe, threads=1)
+        for observe in ("detect", "none")
+    )
+    assert averaged.nrmse < 0.75 * plain.nrmse
+    assert not averaged.warnings
 
 
 def test_nothing_detected_is_none_to_the_bit() -> None:
