@@ -24,6 +24,7 @@ from mrwork.identification.global_search import (
 )
 from mrwork.identification.levenberg_marquardt import LocalMinimum
 from mrwork.identification.multistart import Multistart
+from mrwork.identification.needless_average import needless_average_warnings
 from mrwork.identification.nuisance import NuisanceName
 from mrwork.identification.polish import polish
 from mrwork.identification.problem import Problem, fingerprint_of
@@ -285,6 +286,10 @@ class _Ending:
 
         try:
             polished = interruptible(lambda: polish(problem, points, on_start=on_start, on_step=on_step))
+            best = polished.theta
+            needless = interruptible(
+                lambda: needless_average_warnings(problem.objective, problem.form.box, polished.theta)
+            )
         except KeyboardInterrupt as interrupt:
             return replace(self, problem=problem).at(interrupt, best, points.trace)
         fit = fit_at(
@@ -302,6 +307,7 @@ class _Ending:
             *points.warnings,
             *linear_warning(fit.nrmse, objective.tests, follows_command=problem.spec.current is not None),
             *missing_lag_warning(problem.form.spec, objective, polished.theta),
+            *needless,
         )
         return replace(fit, warnings=(*fit.warnings, *doubts))
 
