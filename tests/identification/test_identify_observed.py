@@ -3,18 +3,25 @@
 from __future__ import annotations
 
 import json
+from contextlib import closing
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 
+import measured_data
 import numpy as np
 import pytest
 
 import mrwork as mr
 from mrwork.errors import SettingError
+from mrwork.identification import free_run
 from mrwork.identification.settings import FitSettings
-from mrwork.records import AS_IT_IS, DamperTest, Observation, build_damper_test
+from mrwork.records import AS_IT_IS, DamperTest, Observation, build_damper_test, cut, observed
+from mrwork.records.damper_test import Smoothing
+from mrwork.store import Journal
 from mrwork.uncertainty import identifiability_of, predict
 
+UTFSM = measured_data.DATA / "dampers" / "utfsm"
 WINDOW = 61
 CLEAN = mr.synthetic_test("spencer1997")
 NOMINAL = {"k_w": 650.0, "sigma": 0.5, "n": 2.0, "k": 2500.0, "x0": 0.038}
@@ -42,6 +49,63 @@ def test_the_average_is_detected_by_default_and_left_out_on_request() -> None:
     assert averaged.fit_percent > plain.fit_percent + 1.0
     told = identify(replace(test, observation=averaged.quality[0].observation), observe="none")
     assert told.theta == averaged.theta
+
+
+def test_the_average_describes_a_part_wherever_that_ends() -> None:
+    true = mr.damper("bouc_wen")
+    for end in (1.1, 1.2, 1.3):
+        part = cut(recorded(), start=0.2, end=end)
+        _, averaged = free_run(true, np.array(true.nominal), observed(part, ["detect"]))
+        _, plain = free_run(true, np.array(true.nominal), part)
+        assert averaged.nrmse < 0.2 * plain.nrmse
+
+
+@pytest.mark.skipif(not UTFSM.is_dir(), reason=f"measured records are not at {UTFSM} (set MRWORK_DATA)")
+def test_the_average_of_a_measured_record_improves_its_fit_wherever_the_part_ends() -> None:
+    part = cut(mr.read_damper_test(UTFSM / "10mm1Hz0x75A.csv"), start=0.5, end=6.5, every=8)
+    averaged, plain = (
+        mr.identify("elasto_visco_plastic", part, observe=observe, threads=1)
+        for observe in ("detect", "none")
+    )
+    assert averaged.nrmse < 0.75 * plain.nrmse
+    assert not averaged.warnings
+
+
+def fooled(test: DamperTest) -> DamperTest:
+    """The test with an average that was found in it though there is none."""
+    smoothing = Smoothing(window_seconds=0.08, kind="moving_average", channels=("force", "displacement"))
+    return replace(test, name="fooled", path="", smoothing=smoothing)
+
+
+def test_an_average_without_which_the_fit_is_better_is_named_and_kept() -> None:
+    fit = identify(fooled(CLEAN))
+    assert fit.quality[0].observation == Observation(average_seconds=0.08)
+    (warning,) = (each for each in fit.warnings if "moving average" in each)
+    without = identify(fooled(CLEAN), observe="none")
+    assert f"without the moving average over 80 ms the fit would be {without.fit_percent:.1f}" in warning
+    assert f"% instead of {fit.fit_percent:.2f} %" in warning
+    assert not without.warnings
+
+
+def test_several_tests_name_the_one_that_is_better_without_its_average() -> None:
+    fit = identify([recorded(slice(None, 1000)), fooled(CLEAN.part(900, CLEAN.n_time))])
+    assert ["fooled: without the moving average" in each for each in fit.warnings] == [True]
+
+
+def test_an_average_that_is_in_the_record_or_was_given_is_not_doubted() -> None:
+    assert not identify(recorded()).warnings
+    assert not identify(fooled(CLEAN), observe="average=0.05").warnings
+
+
+def test_a_fit_with_an_average_replays_from_its_journal(tmp_path: Path) -> None:
+    path = tmp_path / "journal.jsonl"
+    with closing(Journal(path)) as journal:
+        first = identify(fooled(CLEAN), journal=journal)
+    written = path.read_bytes()
+    with closing(Journal(path, resume=True)) as journal:
+        again = identify(fooled(CLEAN), journal=journal)
+    assert (again.theta, again.warnings) == (first.theta, first.warnings)
+    assert path.read_bytes() == written
 
 
 def test_nothing_detected_is_none_to_the_bit() -> None:

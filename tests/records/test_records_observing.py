@@ -121,3 +121,30 @@ def test_a_model_of_its_own_that_the_record_cannot_have_is_refused(
         observed(test, ["detect"])
     with pytest.raises(SettingError, match=expected):
         mr.identify("bingham", test)
+
+
+@pytest.mark.parametrize(
+    "observation",
+    [
+        Observation(average_seconds=WINDOW * CLEAN.dt),
+        Observation(delay_seconds=12.3 * CLEAN.dt),
+        Observation(delay_seconds=-12.3 * CLEAN.dt, average_seconds=0.05),
+    ],
+)
+def test_of_a_part_all_samples_are_compared_that_do_not_need_the_rest(observation: Observation) -> None:
+    whole = observation.observe(CLEAN.force, CLEAN.dt)
+    part = replace(CLEAN.part(500, 1500), observation=observation, n_settle=0)
+    differs = np.abs(observation.observe(part.force, part.dt) - whole[500:1500]) > 1e-9 * np.ptp(whole)
+    assert not differs[part.counted].any()
+    before, after = part.counted.start, part.n_time - part.counted.stop
+    # The window may reach beyond the record by less than a sample.
+    assert differs[: max(before - 1, 0)].all()
+    assert differs[part.n_time - max(after - 1, 0) :].all()
+    assert before + after + part.n_counted == part.n_time
+
+
+def test_a_record_of_which_the_average_leaves_nothing_is_refused() -> None:
+    average = Observation(average_seconds=99 * CLEAN.dt)
+    short = replace(CLEAN.part(0, 102), n_settle=60, observation=average)
+    with pytest.raises(SettingError, match=r"none of its 102 samples is compared.*averaged over 0.099 s"):
+        mr.identify("bingham", short)

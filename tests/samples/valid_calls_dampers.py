@@ -196,6 +196,9 @@ def record_calls(files: Path) -> Calls:
             force=test.force,
             dt=test.dt,
         ),
+        "Observation.reach": lambda: call(
+            records.Observation(delay_seconds=0.02, average_seconds=0.05).reach, dt=test.dt
+        ),
         "mislabelled": lambda: call(records.mislabelled, tests=[test, small_test(6), small_test(6)]),
         "detect_smoothing": lambda: call(records.detect_smoothing, test=test),
         "parse_column_option": lambda: call(records.parse_column_option, option="force=F:kN"),

@@ -61,5 +61,5 @@ def residuals_by_test(
     residuals: NDArray[np.float64], tests: Sequence[DamperTest]
 ) -> tuple[NDArray[np.float64], ...]:
     """Residuals of an objective, shape (..., n_residuals), divided into those of its tests, shape (..., n_counted)."""
-    ends = np.cumsum([test.n_time - test.n_settle for test in tests])
+    ends = np.cumsum([test.n_counted for test in tests])
     return tuple(np.split(residuals, ends[:-1], axis=-1))

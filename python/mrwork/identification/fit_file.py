@@ -229,6 +229,10 @@ def reopen(path: str | Path) -> OpenedRun:
             f"{place / FIT} compares {len(fit.quality)} tests where {len(tests)} were read; "
             "run `mrwork identify` again"
         )
+    tests = tuple(
+        replace(test, observation=quality.observation)
+        for test, quality in zip(tests, fit.quality, strict=True)
+    )
     known = set(fit.provenance.inputs.values())
     for test, quality in zip(tests, fit.quality, strict=True):
         if test.sha256 not in known:
@@ -236,13 +240,10 @@ def reopen(path: str | Path) -> OpenedRun:
                 f"{test.label} has changed since {place} was identified from it; "
                 "restore the file, or run `mrwork identify` again"
             )
-        if test.n_time - test.n_settle != quality.n_time:
+        # Earlier versions compared the ends of an average, too.
+        if quality.n_time not in (test.n_counted, test.n_time - test.n_settle):
             raise RecordError(
-                f"{test.label}: {test.n_time - test.n_settle} samples count where {quality.n_time} did "
+                f"{test.label}: {test.n_counted} samples count where {quality.n_time} did "
                 f"when {place} was identified; run `mrwork identify` again with this version"
             )
-    observed = tuple(
-        replace(test, observation=quality.observation)
-        for test, quality in zip(tests, fit.quality, strict=True)
-    )
-    return OpenedRun(place=place, fit=fit, tests=observed)
+    return OpenedRun(place=place, fit=fit, tests=tests)

@@ -25,6 +25,7 @@ from mrwork.identification.global_search import (
 from mrwork.identification.lag_choice import polish_with_wanted_lag
 from mrwork.identification.levenberg_marquardt import LocalMinimum
 from mrwork.identification.multistart import Multistart
+from mrwork.identification.needless_average import needless_average_warnings
 from mrwork.identification.nuisance import NuisanceName
 from mrwork.identification.problem import Problem, fingerprint_of
 from mrwork.identification.progress import Progress, Reporter, interruptible
@@ -287,10 +288,14 @@ class _Ending:
             ended = interruptible(
                 lambda: polish_with_wanted_lag(problem, points, on_start=on_start, on_step=on_step)
             )
+            # Without the driver's lag where the tests do not want it.
+            problem, polished = ended.problem, ended.polished
+            best = polished.theta
+            needless = interruptible(
+                lambda: needless_average_warnings(problem.objective, problem.form.box, polished.theta)
+            )
         except KeyboardInterrupt as interrupt:
             return replace(self, problem=problem).at(interrupt, best, points.trace)
-        # Without the driver's lag where the tests do not want it.
-        problem, polished = ended.problem, ended.polished
         fit = fit_at(
             problem,
             polished.theta,
@@ -308,6 +313,7 @@ class _Ending:
             *ended.warnings,
             *linear_warning(fit.nrmse, objective.tests, follows_command=problem.spec.current is not None),
             *((missing.in_words,) if missing is not None else ()),
+            *needless,
         )
         return replace(fit, warnings=(*fit.warnings, *doubts))
 

@@ -166,7 +166,7 @@ class Objective(Summarised):
     @property
     def n_time(self) -> int:
         """Number of samples that are compared, of all tests together."""
-        return sum(test.n_time - test.n_settle for test in self.tests)
+        return sum(test.n_counted for test in self.tests)
 
     @checked
     def __call__(

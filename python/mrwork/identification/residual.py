@@ -55,9 +55,10 @@ class ObservedTest:
         """
         if len(set(nuisances)) != len(nuisances):
             raise SettingError(f"`nuisances` are {', '.join(nuisances)}; name each once")
-        if test.n_settle >= test.n_time:
+        if test.n_counted == 0:
             raise SettingError(
-                f"{test.label}: none of its {test.n_time} samples is compared, `n_settle` is {test.n_settle}; give less"
+                f"{test.label}: none of its {test.n_time} samples is compared, `n_settle` is {test.n_settle}"
+                f"{f' and the model force {beyond}' if (beyond := test.observation.in_words) else ''}; give less"
             )
         for channel, samples in (("force", test.force[test.counted]), ("displacement", test.displacement)):
             if np.ptp(samples) == 0.0:

@@ -83,9 +83,10 @@ class DamperTest(Summarised):
     `amplitude` [m] and `frequency` [Hz] are nominal values from the file name, `None` if unknown. `velocity_source`
     states whether the velocity is a measured column or a derivative. The first `n_settle` samples are simulated but
     not compared: until the damper has travelled half its peak-to-peak stroke, its force depends on the state of the
-    hysteresis before the record. `observation` models how the recorded force follows from that of the damper.
-    `smoothing` is the moving average that was found in the whole record, `None` where there is none; it is kept with a
-    part of the record, where it may no longer be found. `original` is the record before repairs, if it was repaired.
+    hysteresis before the record. `observation` models how the recorded force follows from that of the damper; samples
+    at the ends for which it needs the force beyond the record are not compared either. `smoothing` is the moving
+    average that was found in the whole record, `None` where there is none; it is kept with a part of the record, where
+    it may no longer be found. `original` is the record before repairs, if it was repaired.
     """
 
     _made_by: ClassVar[str] = "mr.read_damper_test(path)"
@@ -135,8 +136,14 @@ class DamperTest(Summarised):
 
     @property
     def counted(self) -> slice:
-        """The samples that are compared with a model."""
-        return slice(self.n_settle, None)
+        """The samples that are compared with a model: from `n_settle` on, those that its observation model can give."""
+        before, after = self.observation.reach(self.dt)
+        return slice(max(self.n_settle, before), max(self.n_time - after, 0))
+
+    @property
+    def n_counted(self) -> int:
+        """Number of samples that are compared."""
+        return len(range(self.n_time)[self.counted])
 
     @property
     def commands(self) -> tuple[tuple[Command, CommandUnit], ...]:

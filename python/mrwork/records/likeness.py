@@ -70,8 +70,10 @@ class RecordedMotion(Related):
     @classmethod
     @checked
     def of(cls, test: DamperTest) -> RecordedMotion:
-        """The motion and command of the samples of a test that are compared with a model."""
-        displacement = test.displacement[test.counted]
+        """The motion and command of a test from its sample `n_settle` on."""
+        # The motion is the same with and without an observation model.
+        settled = slice(test.n_settle, None)
+        displacement = test.displacement[settled]
         cycles = () if test.has_varying_command else regular_cycles(displacement)
         n_each = 1
         if cycles:
@@ -82,7 +84,7 @@ class RecordedMotion(Related):
             samples = _means(displacement, n_each)
             step = test.dt * n_each
         half_stroke, shape = _encoded(samples)
-        varying = [command[test.counted] for command, _ in test.commands if isinstance(command, np.ndarray)]
+        varying = [command[settled] for command, _ in test.commands if isinstance(command, np.ndarray)]
         return cls(
             test=test.label,
             sha256=test.sha256,
@@ -92,7 +94,7 @@ class RecordedMotion(Related):
             step=step,
             half_stroke=half_stroke,
             shape=shape,
-            force=float(np.std(test.force[test.counted])),
+            force=float(np.std(test.force[settled])),
             commands=tuple(_encoded(_means(command, n_each))[1] for command in varying),
         )
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import ceil
 from typing import Final
 
 import numpy as np
@@ -66,6 +67,16 @@ class Observation:
         return ", ".join(text for value, text in parts if value != 0.0)
 
     @checked
+    def reach(self, dt: Positive) -> tuple[int, int]:
+        """Numbers of samples at the start and at the end of a record for which the force beyond it would be needed.
+
+        `observe` holds the force constant there, and truncates the window of the average.
+        """
+        half, delay = 0.5 * self.average_seconds / dt, self.delay_seconds / dt
+        before, after = half + max(delay, 0.0), half + max(-delay, 0.0)
+        return ceil(before - _ROUNDING), ceil(after - _ROUNDING)
+
+    @checked
     def observe(self, force: AnyNumbers, dt: Positive) -> NDArray[np.float64]:
         """Recorded force for a damper force [N], shape (..., n_time), sampled every `dt` [s]."""
         if force.ndim < 1 or force.shape[-1] < 2:
@@ -85,6 +96,8 @@ class Observation:
 AS_IT_IS = Observation()
 # Length of a moving average [samples] below which it changes less than its sums are rounded.
 _SHORTEST = 1e-3
+# Samples by which a window may exceed a whole number of them by rounding.
+_ROUNDING = 1e-6
 # Least corner of a filter per sampling frequency, below which its equations are singular to rounding.
 _LOWEST = 1e-7
 

@@ -77,8 +77,12 @@ def excerpt(test: DamperTest) -> DamperTest:
         return cut(test, every=max(1, int(1.0 / (motion.band_edge * test.dt * _PER_FASTEST))))
     if test.has_varying_command:
         return cut(test, every=thin)
-    whole = test.n_settle * test.dt + _EXCERPT_CYCLES / motion.dominant
-    return cut(test, end=test.start_time + whole, every=thin)
+    return cut(test, end=test.start_time + _excerpt_seconds(test, motion.dominant), every=thin)
+
+
+def _excerpt_seconds(test: DamperTest, frequency: float) -> float:
+    """Duration in which the cycles of an excerpt are compared."""
+    return (test.n_time - test.n_counted) * test.dt + _EXCERPT_CYCLES / frequency
 
 
 def middle_excerpt(test: DamperTest, *, per_cycle: int) -> DamperTest:
@@ -90,7 +94,7 @@ def middle_excerpt(test: DamperTest, *, per_cycle: int) -> DamperTest:
     motion = spectrum(test.displacement, test.dt)
     if motion.dominant <= 0.0 or motion.band_edge > _CYCLIC_BAND * motion.dominant:
         return excerpt(test)
-    length = test.n_settle * test.dt + _EXCERPT_CYCLES / motion.dominant
+    length = _excerpt_seconds(test, motion.dominant)
     start = test.start_time + max(0.0, (test.n_time * test.dt - length) / 2.0)
     thin = max(1, int(1.0 / (motion.dominant * test.dt * per_cycle)))
     return cut(test, start=start, end=start + length, every=thin)

@@ -132,13 +132,19 @@ def _test_block(
 def _conditions(test: DamperTest, quality: FitQuality) -> str:
     """Command, motion and sampling of a test, and the observation model of its force, in one line."""
     observed = ", ".join(filter(None, (quality.observation.in_words, quality.nuisance.in_words)))
+    counted = test.counted
+    ends = [
+        f"{end} {numbers.shortest(n_left * test.dt, 2)}{_THIN}s"
+        for end, n_left in (("first", counted.start), ("last", test.n_time - counted.stop))
+        if n_left
+    ]
     parts = [
         test.command_in_words,
         _quantity(None if test.amplitude is None else 1e3 * test.amplitude, "mm"),
         _quantity(test.frequency, "Hz"),
         f"{numbers.fixed(test.n_time, 0)} samples every {numbers.shortest(1e3 * test.dt)}{_THIN}ms",
         f"velocity {test.velocity_source}",
-        f"first {numbers.shortest(test.n_settle * test.dt, 2)}{_THIN}s not compared" if test.n_settle else "",
+        f"{' and '.join(ends)} not compared" if ends else "",
         f"model force {observed}" if observed else "",
     ]
     return _MIDDLE_DOT.join(part for part in parts if part)

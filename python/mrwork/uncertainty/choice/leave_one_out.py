@@ -143,7 +143,7 @@ class Likelihood:
         """Tempering by n_eff of the best fit, and blocks longer than the autocorrelation time of every fit."""
         best = min(fits, key=lambda fit: fit.nrmse)
         residuals = [residuals_of(fit, tests) for fit in fits]
-        n_time = sum(test.n_time - test.n_settle for test in tests)
+        n_time = sum(test.n_counted for test in tests)
         blocks = tuple(
             blocks_of(test, least)
             for test, least in zip(tests, longest_autocorrelation_times(residuals), strict=True)
