@@ -57,6 +57,9 @@ def cut(
 # Cycles for a settled loop, and samples per cycle that resolve its knees.
 _EXCERPT_CYCLES = 3
 _EXCERPT_PER_CYCLE = 400
+# Longest step of an excerpt from the middle [s]: with longer ones a stiff loop wants more than the most sub-steps, a
+# wall at which local minimisations stop.
+_LONGEST_STEP = 0.04
 # A motion whose band edge exceeds this multiple of its dominant frequency is not cyclic. It is only decimated, to this
 # number of samples per period of the band edge.
 _CYCLIC_BAND = 5.0
@@ -86,7 +89,7 @@ def _excerpt_seconds(test: DamperTest, frequency: float) -> float:
 
 
 def middle_excerpt(test: DamperTest, *, per_cycle: int) -> DamperTest:
-    """Return as many cycles from the middle of a cyclic test, decimated to `per_cycle` samples.
+    """Return as many cycles from the middle of a cyclic test, decimated to `per_cycle` samples, slow ones to 0.04 s.
 
     They represent a record whose force drifts better than the first ones, which contain the start-up. Another motion
     is treated as by `excerpt`.
@@ -96,7 +99,7 @@ def middle_excerpt(test: DamperTest, *, per_cycle: int) -> DamperTest:
         return excerpt(test)
     length = _excerpt_seconds(test, motion.dominant)
     start = test.start_time + max(0.0, (test.n_time * test.dt - length) / 2.0)
-    thin = max(1, int(1.0 / (motion.dominant * test.dt * per_cycle)))
+    thin = max(1, int(min(1.0 / (motion.dominant * per_cycle), _LONGEST_STEP) / test.dt))
     return cut(test, start=start, end=start + length, every=thin)
 
 
