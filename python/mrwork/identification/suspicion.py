@@ -64,7 +64,7 @@ def linear_warning(
 
 
 # A test is far worse in a joint fit than alone above this multiple of the NRMSE of its own fit, which is at least
-# `_RESOLVED`. On nine measured tests the minima of five sets of laws reach 3.1, a false minimum 3 to 14.
+# `_RESOLVED`. On nine measured tests the best minimum of one set of laws reaches 3.1, a false one 3 to 14.
 _FAR_WORSE = 5.0
 _RESOLVED = 0.02
 # Tests that a sentence names.
