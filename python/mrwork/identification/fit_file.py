@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from math import sqrt
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from mrwork.errors import MrworkError, RecordError
 from mrwork.identification.fit import Fit
@@ -29,6 +29,9 @@ from mrwork.store.run_folder import (
     write_folder,
 )
 from mrwork.store.unfinished import INTERRUPTED, is_part
+
+if TYPE_CHECKING:
+    from mrwork.identification.settings import OnRead
 
 T = TypeVar("T")
 
@@ -214,8 +217,8 @@ class OpenedRun:
     tests: tuple[DamperTest, ...]
 
 
-def reopen(path: str | Path) -> OpenedRun:
-    """Open the run folder at `path`, with the tests it was identified from.
+def reopen(path: str | Path, *, on_read: OnRead | None = None) -> OpenedRun:
+    """Open the run folder at `path`, with the tests it was identified from; `on_read` is called before each.
 
     Raises
     ------
@@ -224,7 +227,7 @@ def reopen(path: str | Path) -> OpenedRun:
     """
     place = Path(path)
     fit = read_fit(place)
-    tests = fit.reading(origin=str(place / FIT)).tests()
+    tests = fit.reading(origin=str(place / FIT)).tests(on_read=on_read)
     if len(tests) != len(fit.quality):
         raise RecordError(
             f"{place / FIT} compares {len(fit.quality)} tests where {len(tests)} were read; "
