@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from itertools import pairwise
 
+import numpy as np
 import pytest
 
-from mrwork.cli.progress import ProgressLine, choice_described, described
+from mrwork.cli.progress import IdentificationInWords, ProgressLine, choice_described, reading_line
 from mrwork.identification.progress import Progress
+from mrwork.identification.settings import Reading
 from mrwork.uncertainty.choice.choose import ChoiceProgress
 
 BEGAN = Progress(
@@ -37,26 +40,63 @@ NOW = replace(
 
 def test_a_search_tells_generation_best_median_rates_and_time_left() -> None:
     # 5000 evaluations and ten million steps in two seconds; 0.3 of the allowance took these, 0.6 are left.
-    assert described(NOW, BEGAN) == (
+    described = IdentificationInWords()
+    described(BEGAN)
+    assert described(NOW) == (
         "search 120, best 92.08 %, median 81.50 %, 2.5k evaluations/s, 5M steps/s, 3 s, "
         "at most 4 s of this stage left"
     )
 
 
 def test_what_cannot_be_told_yet_is_left_out() -> None:
-    assert described(BEGAN, BEGAN) == "search 30, best 50.00 %, median -20.00 %, 1 s"
+    assert IdentificationInWords()(BEGAN) == "search 30, best 50.00 %, median -20.00 %, 1 s"
     refining = replace(
         BEGAN, stage="refinement", count=7, unit="steps", generation=0, median_percent=math.nan, share=0.0
     )
-    assert described(refining, refining) == "refinement, best 50.00 %, 7 steps, 1 s"
+    assert IdentificationInWords()(refining) == "refinement, best 50.00 %, 7 steps, 1 s"
 
 
 @pytest.mark.parametrize(
     ("seconds", "left"), [(34.0, "at most 1 min"), (131.0, "at most 4 min"), (7201.0, "at most 4.0 h")]
 )
 def test_long_times_are_in_minutes_and_hours(seconds: float, left: str) -> None:
-    now = replace(NOW, seconds=seconds)
-    assert left in described(now, BEGAN)
+    described = IdentificationInWords()
+    described(BEGAN)
+    assert left in described(replace(NOW, seconds=seconds))
+
+
+def seconds_left(text: str) -> float:
+    """The remaining time in a line of progress [s]."""
+    value, unit = text.split("at most ")[1].split()[:2]
+    return float(value) * {"s": 1.0, "min": 60.0, "h": 3600.0}[unit]
+
+
+def test_the_time_left_runs_down_without_leaps_and_never_below_zero() -> None:
+    described = IdentificationInWords()
+    # A search that is at a tenth after 10 s, ends its first half early, takes more than allowed, and begins anew.
+    shares = [*np.linspace(0.0, 0.1, 50), *np.linspace(0.5, 1.2, 50), *np.linspace(0.0, 0.5, 50)]
+    shown = []
+    for number, share in enumerate(shares):
+        text = described(replace(BEGAN, share=float(share), seconds=1.0 + 0.2 * number))
+        if "left" in text:
+            shown.append(seconds_left(text))
+    assert min(shown) >= 0.0
+    # Lines are 0.2 s apart, and show whole seconds below a minute.
+    leaps = [after - before for before, after in pairwise(shown) if before < 60.0 and after < 60.0]
+    assert max(map(abs, leaps)) <= 5.0
+
+
+def test_reading_tells_how_many_tests_have_been_read(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True)
+    reading = Reading(files=("synthetic:spencer1997", "synthetic:spencer1997_fast"))
+    with reading_line(quiet=False) as on_read:
+        reading.tests(on_read=on_read)
+    assert capsys.readouterr().err.startswith("\rreading 1 of 2 tests")
+    with reading_line(quiet=True) as on_read:
+        reading.tests(on_read=on_read)
+    assert capsys.readouterr().err == ""
 
 
 def test_a_comparison_tells_which_model_how_many_there_are_and_how_long_it_may_take() -> None:

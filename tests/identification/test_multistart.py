@@ -14,7 +14,7 @@ from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import damper
 from mrwork.errors import Interrupted, SettingError
 from mrwork.identification.equivalent import identifiable_form
-from mrwork.identification.levenberg_marquardt import find_minima, find_minimum
+from mrwork.identification.levenberg_marquardt import Hopeless, find_minima, find_minimum
 from mrwork.identification.linearisation import linearised
 from mrwork.identification.multistart import (
     Multistart,
@@ -68,6 +68,27 @@ def test_a_coarser_tolerance_needs_fewer_simulations(starts: NDArray[np.float64]
         find_minima(counted, FORM.box, starts, max_iterations=80, tolerance=tolerance)
         counts.append(counted.tally.simulations)
     assert counts[0] < counts[1] < counts[2]
+
+
+def test_slow_starts_are_given_up_once_others_agree_and_change_no_bit_of_these() -> None:
+    # Of these eight starts some creep along a valley, far above the misfit on which the others agree.
+    unit = np.random.default_rng(2).uniform(0.02, 0.98, (8, len(SEARCHED.free)))
+    starts = np.asarray(SEARCHED.theta_from_unit(unit))
+    patient, hasty = objective(), objective()
+    rule = Hopeless(after=12, factor=1e3, found=3, closeness=0.02)
+    whole = find_minima(patient, FORM.box, starts, max_iterations=60, tolerance=1e-5)
+    found = find_minima(hasty, FORM.box, starts, max_iterations=60, tolerance=1e-5, hopeless=rule)
+    assert np.count_nonzero(found.converged) >= 3
+    assert hasty.tally.simulations < patient.tally.simulations
+    np.testing.assert_array_equal(found.theta[found.converged], whole.theta[found.converged])
+    assert found.misfit.min() == whole.misfit.min()
+    # Minima of earlier rounds count as those of this one; one alone is no agreement.
+    one = find_minima(objective(), FORM.box, starts[:1], max_iterations=60, hopeless=rule)
+    np.testing.assert_array_equal(
+        one.theta, find_minima(objective(), FORM.box, starts[:1], max_iterations=60).theta
+    )
+    earlier = replace(rule, earlier=(0.5 * whole.misfit.min(),) * 3)
+    assert find_minima(objective(), FORM.box, starts, max_iterations=60, hopeless=earlier).iterations < 60
 
 
 def test_starts_that_cannot_be_simulated_do_not_move(starts: NDArray[np.float64]) -> None:

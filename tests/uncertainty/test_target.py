@@ -14,11 +14,13 @@ from mrwork.dampers.spec import damper
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.identification.autocorrelation import effective_samples
 from mrwork.identification.equivalent import identifiable_form
+from mrwork.identification.identify import identify
 from mrwork.records import Observation
 from mrwork.simulate import Loading, simulate_force
 from mrwork.uncertainty.noise import NOISES, noise_model
-from mrwork.uncertainty.posterior.laplace import first_walkers
+from mrwork.uncertainty.posterior.laplace import first_walkers, mode_near
 from mrwork.uncertainty.posterior.prior import Lognormal, Normal
+from mrwork.uncertainty.posterior.problem import SamplingProblem
 from mrwork.uncertainty.posterior.space import Space
 
 SPENCER = damper("normalised_bouc_wen")
@@ -167,3 +169,32 @@ def test_walkers_start_where_the_fisher_information_says(rng: np.random.Generato
         # The deviation of 400 draws is known to 3.5 %.
         assert theta[:, index].std() == pytest.approx(errors[index], rel=0.2)
         assert theta[:, index].mean() == pytest.approx(estimate.value, abs=0.3 * errors[index])
+
+
+def test_a_chain_starts_at_the_mode_whatever_weights_the_fit_had() -> None:
+    weak = small_test()
+    # Thrice the force, and another loop: no parameters are right for both, so weights decide.
+    strong = replace(weak, name="strong", force=3.0 * weak.force + 2000.0 * weak.velocity)
+    behind = {}
+    for exponent in (1.0, 0.0):
+        fit = identify("bingham", (weak, strong), force_exponent=exponent, rng=0)
+        sampling = SamplingProblem.of_fit(
+            fit,
+            (weak, strong),
+            noise="iid",
+            priors={},
+            tempering=1.0,
+            walkers=64,
+            rng=0,
+            threads=1,
+        )
+        target = sampling.target
+        mode = mode_near(target, sampling.start)
+        at_start, at_mode = target(
+            np.stack([target.position_of(sampling.start), target.position_of(mode)])
+        ).tolist()
+        behind[exponent] = at_mode - at_start
+        # From the mode there is nowhere to go.
+        again = float(target(target.position_of(mode_near(target, mode))[None])[0])
+        assert again == pytest.approx(at_mode, abs=2e-3)
+    assert behind[0.0] > 10.0 > behind[1.0] >= 0.0

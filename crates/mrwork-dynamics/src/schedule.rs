@@ -19,6 +19,12 @@ const STEPS_PER_SPAN: u64 = 20_000;
 /// Most spans of a record.
 const MOST_SPANS: u64 = 16;
 
+/// Of `threads`, 0 for all, those that are worth starting for a batch of that many steps.
+fn worthwhile_threads(threads: usize, steps: u64) -> usize {
+    thread_count(threads)
+        .min(usize::try_from(steps / STEPS_PER_THREAD).unwrap_or(usize::MAX).saturating_add(1))
+}
+
 /// Result of one candidate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CandidateResult {
@@ -89,8 +95,7 @@ impl<'a> Schedule<'a> {
         // A batch too small to fill every thread with full blocks is cut into narrower ones.
         let steps: u64 =
             rows.iter().map(|row| u64::from(row.substeps)).sum::<u64>() * loading.n_time() as u64;
-        let threads =
-            thread_count(threads).min(usize::try_from(steps / STEPS_PER_THREAD).unwrap_or(usize::MAX) + 1);
+        let threads = worthwhile_threads(threads, steps);
         let varying = matches!(loading.command(), Command::Varying(_)) && !laws.are_constant();
         let block_width = if varying { VECTOR_WIDTH } else { instruction_set.block_width() };
         Ok(Self { laws, theta, loading, settings, rows, order, threads, block_width, steps, varying })
@@ -126,6 +131,11 @@ impl<'a> Schedule<'a> {
                 stop: self.settings.stop,
             })
             .collect()
+    }
+
+    /// Threads for a batch in which each step costs as much as `cost` of a misfit.
+    pub(crate) fn threads_at(&self, cost: u64) -> usize {
+        worthwhile_threads(self.settings.threads, self.steps.saturating_mul(cost))
     }
 
     /// Spans of the record, in samples; candidates beyond their limits are dropped between spans.

@@ -14,6 +14,9 @@ use crate::settings::Settings;
 use crate::simulate::{CandidateResult, stopped};
 use crate::threads::on_threads;
 
+/// Cost of a step of a lane with derivatives, in steps of a lane of a full block without.
+const DUAL_COST: u64 = 6;
+
 /// Force histories [N] of a batch, shape (batch, `n_time`), and their derivatives [N per unit of the column] with respect
 /// to `asked` columns of `theta`, shape (batch, `asked.len()`, `n_time`).
 ///
@@ -49,7 +52,8 @@ pub fn sensitivities(
     let lanes = lanes(&schedule.order, asked, force, jacobian, n_time);
     let set = settings.instruction_set.or_plain();
     let work = blocks(lanes, set.vector_width(), |candidate| schedule.rows[candidate].substeps);
-    on_threads(schedule.threads, work, |mut lanes: LaneList<'_>| {
+    let lanes_per_candidate = asked.len().div_ceil(TANGENTS).max(1) as u64;
+    on_threads(schedule.threads_at(DUAL_COST * lanes_per_candidate), work, |mut lanes: LaneList<'_>| {
         let block = Block {
             theta,
             laws,

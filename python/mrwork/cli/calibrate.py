@@ -19,6 +19,7 @@ from mrwork.cli.options import (
     add_threads,
     nuisances_of,
     observation_of,
+    opened_run,
     read_tests,
 )
 from mrwork.cli.output import print_json, renew_page, table_lines
@@ -26,7 +27,7 @@ from mrwork.cli.progress import IdentificationInWords, ProgressLine
 from mrwork.cli.terminal import note, show
 from mrwork.errors import SettingError
 from mrwork.identification.fit import Fit
-from mrwork.identification.fit_file import read_fit, reopen
+from mrwork.identification.fit_file import read_fit
 from mrwork.identification.identify import identify_again
 from mrwork.records import DamperTest, observed
 from mrwork.store.run_folder import CALIBRATION, FOLDS
@@ -97,14 +98,17 @@ def _unseen(options: argparse.Namespace) -> tuple[Fit, tuple[Prediction, ...]]:
             "recognised as seen; identify again from the files"
         )
     words = observation_of(options, fit.settings.observe)
-    tests = [observed(test, words) for test in read_tests(options, "calibration")]
+    tests = [
+        observed(test, words)
+        for test in read_tests(options, "calibration", quiet=options.quiet or options.json)
+    ]
     nuisances = nuisances_of(options, fit.nuisances)
     return fit, predict_tests(fit, tests, nuisances=nuisances)
 
 
 def _left_out(options: argparse.Namespace) -> tuple[Fit, tuple[Prediction, ...]]:
     """The fit of the run, and predictions of the tests of the run, each by a fit to the others."""
-    opened = reopen(options.run_folder)
+    opened = opened_run(options)
     folds = Folds(opened.place, opened.fit)
     prefix = ""
 

@@ -13,6 +13,7 @@ import numpy as np
 from mrwork.cli.options import add_files, add_json, reading_of
 from mrwork.cli.output import print_json
 from mrwork.cli.paths import named_path
+from mrwork.cli.progress import reading_line
 from mrwork.cli.terminal import note, show
 from mrwork.errors import MrworkError, SettingError
 from mrwork.escaping import escaped
@@ -53,9 +54,11 @@ def run(options: argparse.Namespace) -> int:
     reading = reading_of(options, EVERY_USE)
     rows: list[dict[str, Any]] = []
     tests: list[DamperTest] = []
-    for path in reading.files:
+    for done, path in enumerate(reading.files):
         try:
-            (test,) = replace(reading, files=(path,)).tests()
+            with reading_line(quiet=options.json) as on_read:
+                on_read(done, len(reading.files))
+                (test,) = replace(reading, files=(path,)).tests()
         except MrworkError as error:
             status = 2
             rows.append({"file": path, "error": str(error)})

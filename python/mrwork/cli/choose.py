@@ -18,7 +18,7 @@ from mrwork.cli.identified import (
     with_identifiability,
     write_identification,
 )
-from mrwork.cli.options import command_unit, laws_are_chosen, laws_of, reading_of
+from mrwork.cli.options import command_unit, laws_are_chosen, laws_of, reading_of, tests_of
 from mrwork.cli.progress import choice_described
 from mrwork.cli.terminal import note
 from mrwork.errors import SettingError
@@ -80,7 +80,8 @@ def run(options: argparse.Namespace, settings: FitSettings) -> int:
 
     models: str | list[str] = ALL if options.model == ALL else options.model.split(",")
     reading = reading_of(options, "fit")
-    tests = tuple(observed(test, settings.observe) for test in reading.tests())
+    read = tests_of(reading, quiet=options.quiet or options.json)
+    tests = tuple(observed(test, settings.observe) for test in read)
     folder = options.out or Path("out") / f"{stem_of(tests)}-models"
     destination = destination_of(folder, options)
     with StepJournals(destination, resume=options.resume, note=note) as journals:
@@ -107,7 +108,7 @@ def run(options: argparse.Namespace, settings: FitSettings) -> int:
         fits = {fit.model: with_command(fit, reading) for fit in choice.fits}
         best = fits[choice.ranking.chosen]
         if status == 0:
-            best = with_identifiability(best, tests, threads=options.threads)
+            best = with_identifiability(best, tests, options)
         documents: dict[str, object] = {f"{MODELS}/{name}/{FIT}": fit.as_dict() for name, fit in fits.items()}
         written = write_identification(
             destination,

@@ -19,7 +19,7 @@ from mrwork.cli.identified import (
     with_identifiability,
     write_identification,
 )
-from mrwork.cli.options import command_unit, laws_of, reading_of
+from mrwork.cli.options import command_unit, laws_of, reading_of, tests_of
 from mrwork.cli.progress import laws_described
 from mrwork.cli.terminal import note
 from mrwork.errors import SettingError
@@ -42,7 +42,8 @@ def run(options: argparse.Namespace, settings: FitSettings) -> int:
     if options.starts:
         raise SettingError("--law auto finds its own starts; leave --start out")
     reading = reading_of(options, "fit")
-    tests = tuple(observed(test, settings.observe) for test in reading.tests())
+    read = tests_of(reading, quiet=options.quiet or options.json)
+    tests = tuple(observed(test, settings.observe) for test in read)
     folder = options.out or Path("out") / f"{stem_of(tests)}-{options.model}"
     destination = destination_of(folder, options)
     with StepJournals(destination, resume=options.resume, note=note) as journals:
@@ -66,7 +67,7 @@ def run(options: argparse.Namespace, settings: FitSettings) -> int:
             return status
         fit = replace(choice.fit, seconds=choice.seconds)
         if status == 0:
-            fit = with_identifiability(fit, tests, threads=options.threads)
+            fit = with_identifiability(fit, tests, options)
         fit = with_command(fit, reading)
         # The last step that has begun: after an interrupt that may be the choice.
         steps = [journals.path(f"{fit.model}/{step}") for step in ("fit", "laws")]

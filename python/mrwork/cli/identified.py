@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from mrwork.cli.output import drawing, print_json, result_lines, stopped_in_words
-from mrwork.cli.progress import ProgressLine
+from mrwork.cli.progress import ProgressLine, task_line
 from mrwork.cli.terminal import note, show
 from mrwork.dampers.spec import damper
 from mrwork.errors import Interrupted
@@ -86,12 +86,13 @@ def with_command(fit: Fit, reading: Reading) -> Fit:
     return fit.with_command(shlex.join(["mrwork", *sys.argv[1:]]), reading)
 
 
-def with_identifiability(fit: Fit, tests: tuple[DamperTest, ...], *, threads: int) -> Fit:
+def with_identifiability(fit: Fit, tests: tuple[DamperTest, ...], options: argparse.Namespace) -> Fit:
     """The fit with the identifiability of its parameters."""
-    # SciPy's optimisers are slow to load.
-    from mrwork.uncertainty.identifiability.verdicts import identifiability_of
+    with task_line("identifiability of the parameters", quiet=options.quiet or options.json):
+        # SciPy's optimisers are slow to load.
+        from mrwork.uncertainty.identifiability.verdicts import identifiability_of
 
-    return fit.with_identifiability(identifiability_of(fit, tests, threads=threads))
+        return fit.with_identifiability(identifiability_of(fit, tests, threads=options.threads))
 
 
 def write_identification(

@@ -36,6 +36,7 @@ from mrwork.cli.options import (
     observation_of,
     parse_bounds,
     reading_of,
+    tests_of,
 )
 from mrwork.cli.paths import named_path
 from mrwork.cli.progress import IdentificationInWords
@@ -193,7 +194,8 @@ def run(options: argparse.Namespace) -> int:
         return choose_laws.run(options, settings)
     plain = damper(options.model)
     reading = reading_of(options, "fit")
-    tests = tuple(observed(test, settings.observe) for test in reading.tests())
+    read = tests_of(reading, quiet=options.quiet or options.json)
+    tests = tuple(observed(test, settings.observe) for test in read)
     spec = _with_laws(plain, tests, options)
     starts = tuple(start_from(read_fit(run), spec) for run in options.starts)
     folder = options.out or Path("out") / f"{stem_of(tests)}-{spec.name}"
@@ -216,7 +218,7 @@ def run(options: argparse.Namespace) -> int:
         if fit is None:
             return status
         if status == 0:
-            fit = with_identifiability(fit, tests, threads=options.threads)
+            fit = with_identifiability(fit, tests, options)
         fit = with_command(fit, reading)
         written = write_identification(destination, fit, journal.path, finished=status == 0)
         if written:

@@ -10,8 +10,10 @@ from typing import get_args
 
 from mrwork.cli.numbers import EVERY, INSTANT, SEED, SETTLE, THREADS, add_number
 from mrwork.cli.paths import named_path
+from mrwork.cli.progress import reading_line
 from mrwork.dampers.parameters import CommandUnit, LawName
 from mrwork.errors import SettingError
+from mrwork.identification.fit_file import OpenedRun, reopen
 from mrwork.identification.nuisance import NuisanceName
 from mrwork.identification.settings import Reading, is_synthetic
 from mrwork.records import DamperTest, parse_column_option
@@ -149,9 +151,21 @@ def reading_of(options: argparse.Namespace, use: Use | EveryUse) -> Reading:
     )
 
 
-def read_tests(options: argparse.Namespace, use: Use) -> tuple[DamperTest, ...]:
-    """The tests of the command line, first cut, then repaired."""
-    return reading_of(options, use).tests()
+def read_tests(options: argparse.Namespace, use: Use, *, quiet: bool) -> tuple[DamperTest, ...]:
+    """The tests of the command line, first cut, then repaired; a line tells how many have been read."""
+    return tests_of(reading_of(options, use), quiet=quiet)
+
+
+def tests_of(reading: Reading, *, quiet: bool) -> tuple[DamperTest, ...]:
+    """The tests of a reading; a line tells how many have been read."""
+    with reading_line(quiet=quiet) as on_read:
+        return reading.tests(on_read=on_read)
+
+
+def opened_run(options: argparse.Namespace) -> OpenedRun:
+    """The run folder of the command line with its tests; a line tells how many have been read."""
+    with reading_line(quiet=options.quiet or options.json) as on_read:
+        return reopen(options.run_folder, on_read=on_read)
 
 
 def parse_bounds(ranges: Sequence[str], fixed: Sequence[str]) -> dict[str, tuple[float, float]]:

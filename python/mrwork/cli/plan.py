@@ -11,14 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.cli.numbers import AMPLITUDES, COMMANDS, FREQUENCIES, STROKE, VELOCITY, add_number
-from mrwork.cli.options import add_json, add_quiet, add_run, add_seed, add_threads
+from mrwork.cli.options import add_json, add_quiet, add_run, add_seed, add_threads, opened_run
 from mrwork.cli.output import print_json, renew_page, table_lines
 from mrwork.cli.paths import named_path
 from mrwork.cli.terminal import note, show
 from mrwork.dampers.parameters import CommandUnit
 from mrwork.errors import SettingError
 from mrwork.identification.equivalent import identifiable_form
-from mrwork.identification.fit_file import OpenedRun, addition_content, reopen
+from mrwork.identification.fit_file import OpenedRun, addition_content
 from mrwork.store.output_file import write_files
 from mrwork.store.run_folder import PLAN, REPORT
 from mrwork.store.run_lock import adding
@@ -83,7 +83,7 @@ def add_parser(verbs: Any) -> None:
 def run(options: argparse.Namespace) -> int:
     """Rank the candidates, check the reductions with draws, write and print."""
     with adding(options.run_folder, PLAN):
-        return _plan(reopen(options.run_folder), options)
+        return _plan(opened_run(options), options)
 
 
 def _plan(opened: OpenedRun, options: argparse.Namespace) -> int:

@@ -79,7 +79,7 @@ def run(options: argparse.Namespace) -> int:
     limited: list[LawLimit] = []
     nuisances = nuisances_of(options, fit.nuisances)
     words = observation_of(options, fit.settings.observe)
-    tests = read_tests(options, "test")
+    tests = read_tests(options, "test", quiet=options.json)
     for test in (observed(test, words) for test in tests):
         with explained_by(fit, test):
             force, quality = free_run(

@@ -9,14 +9,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mrwork.cli.numbers import SHARE, add_number
-from mrwork.cli.options import add_json, add_quiet, add_run, add_threads
+from mrwork.cli.options import add_json, add_quiet, add_run, add_threads, opened_run
 from mrwork.cli.output import print_json, renew_page, result_lines, verdicts_elsewhere
 from mrwork.cli.progress import PATIENCE, ProgressLine, profile_described
 from mrwork.cli.terminal import note, show
 from mrwork.errors import Interrupted, RecordError
 from mrwork.identification.certainty import Direction
 from mrwork.identification.fit import Fit
-from mrwork.identification.fit_file import OpenedRun, addition_content, fit_content, reopen
+from mrwork.identification.fit_file import OpenedRun, addition_content, fit_content
 from mrwork.store.output_file import write_files
 from mrwork.store.run_folder import FIT, PROFILES, REPORT
 from mrwork.store.run_lock import adding
@@ -51,7 +51,7 @@ def add_parser(verbs: Any) -> None:
 def run(options: argparse.Namespace) -> int:
     """Profile, write the document and the figure into the run folder, print the table."""
     with adding(options.run_folder, PROFILES):
-        return _profile(reopen(options.run_folder), options)
+        return _profile(opened_run(options), options)
 
 
 def _profile(opened: OpenedRun, options: argparse.Namespace) -> int:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Generic, TypeVar
 
 from mrwork.cli.terminal import note, write_stderr
@@ -13,6 +14,7 @@ from mrwork.escaping import escaped
 from mrwork.identification.progress import Progress
 
 if TYPE_CHECKING:
+    from mrwork.identification.settings import OnRead
     from mrwork.report.progress import PageProgress
     from mrwork.study.run import StudyProgress
     from mrwork.tuning.law_tuning import TuningProgress
@@ -28,6 +30,9 @@ _EVERY = 0.2
 _EVERY_PLAIN = 60.0
 PATIENCE = 2.0
 """Seconds until the progress line appears, for computations that are often shorter."""
+# Seconds until the remaining time of a stage is first estimated, and within which it follows the estimate.
+_FIRST_ESTIMATE = 1.0
+_STEADY = 5.0
 _THOUSAND = 1000.0
 _MINUTE, _HOUR = 60.0, 3600.0
 
@@ -69,18 +74,74 @@ class ProgressLine(Generic[Report]):
         self._width = len(text)
 
 
+@contextmanager
+def reading_line(*, quiet: bool) -> Iterator[OnRead]:
+    """A line that tells how many of several tests have been read."""
+    line: ProgressLine[tuple[int, int]] = ProgressLine(_reading_described, quiet=quiet)
+    try:
+        yield lambda done, total: line((done, total))
+    finally:
+        line.close()
+
+
+def _reading_described(read: tuple[int, int]) -> str:
+    done, total = read
+    return "reading the test" if total == 1 else f"reading {done + 1} of {total} tests"
+
+
+@contextmanager
+def task_line(task: str, *, quiet: bool) -> Iterator[None]:
+    """A line that names a task while it is done."""
+    line: ProgressLine[str] = ProgressLine(str, quiet=quiet)
+    line(task)
+    try:
+        yield
+    finally:
+        line.close()
+
+
 class IdentificationInWords:
     """Describes the progress of an identification; the line begins with `prefix`."""
 
     def __init__(self, prefix: str = "") -> None:
         self._prefix = prefix
         self._began: Progress | None = None
+        self._time_left = _TimeLeft(share=0.0, seconds=0.0)
 
     def __call__(self, progress: Progress) -> str:
-        """Progress in one line, with rates since its stage began."""
+        """Progress in one line, with rates and the remaining time since its stage began."""
         if self._began is None or self._began.stage != progress.stage:
             self._began = progress
-        return self._prefix + described(progress, self._began)
+            self._time_left = _TimeLeft(share=progress.share, seconds=progress.seconds)
+        left = self._time_left.after(progress.share, progress.seconds)
+        return self._prefix + described(progress, self._began, left)
+
+
+class _TimeLeft:
+    """Remaining time of a stage that began with this share done, at this time [s].
+
+    It runs down with the clock, and approaches the estimate from the share that is done within some seconds: searches
+    end early, and a share grows in steps.
+    """
+
+    def __init__(self, *, share: float, seconds: float) -> None:
+        self._began = self._share, self._seconds = share, seconds
+        self._left: float | None = None
+
+    def after(self, share: float, seconds: float) -> float | None:
+        """The time [s], not below 0; `None` where it is not known yet."""
+        first, began = self._began
+        self._share = max(self._share, min(share, 1.0))
+        passed, self._seconds = seconds - self._seconds, seconds
+        if self._share <= first or seconds - began < _FIRST_ESTIMATE:
+            return None
+        estimate = (seconds - began) * (1.0 - self._share) / (self._share - first)
+        if self._left is None:
+            self._left = estimate
+        else:
+            run_down = max(self._left - passed, 0.0)
+            self._left = estimate + (run_down - estimate) * math.exp(-passed / _STEADY)
+        return self._left
 
 
 def profile_described(progress: ProfileProgress) -> str:
@@ -147,8 +208,8 @@ def sampling_described(progress: SamplingProgress) -> str:
     return ", ".join(parts)
 
 
-def described(progress: Progress, began: Progress) -> str:
-    """Progress in one line; rates and the remaining time are measured since the stage `began`."""
+def described(progress: Progress, began: Progress, left: float | None) -> str:
+    """Progress in one line; rates are measured since the stage `began`, of which this time is `left` [s]."""
     generation = f" {progress.generation}" if progress.generation else ""
     parts = [f"{progress.stage}{generation}", f"best {progress.fit_percent:.2f} %"]
     if math.isfinite(progress.median_percent):
@@ -160,8 +221,7 @@ def described(progress: Progress, began: Progress) -> str:
         parts.append(f"{_short((progress.evaluations - began.evaluations) / running)} evaluations/s")
         parts.append(f"{_short((progress.steps - began.steps) / running)} steps/s")
     parts.append(_duration(progress.seconds))
-    if running > 0.0 and progress.share > began.share:
-        left = running * (1.0 - progress.share) / (progress.share - began.share)
+    if left is not None:
         parts.append(f"at most {_duration(left)} of this stage left")
     return ", ".join(parts)
 

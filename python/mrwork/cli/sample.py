@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mrwork.cli.numbers import STEPS, TEMPERING, WALKERS, add_number
-from mrwork.cli.options import add_json, add_quiet, add_run, add_seed, add_threads
+from mrwork.cli.options import add_json, add_quiet, add_run, add_seed, add_threads, opened_run
 from mrwork.cli.output import print_json, renew_page, result_lines, verdicts_elsewhere
 from mrwork.cli.progress import PATIENCE, ProgressLine, sampling_described
 from mrwork.cli.terminal import note, show
 from mrwork.errors import Interrupted, JournalError
 from mrwork.identification.fit import Fit
-from mrwork.identification.fit_file import OpenedRun, fit_content, reopen
+from mrwork.identification.fit_file import OpenedRun, fit_content
 from mrwork.store.output_file import write_files
 from mrwork.store.run_folder import CHAIN, DRAWS, FIT, FORMER_CHAIN, begun_of
 from mrwork.store.unfinished import addition_journal, keep_addition
@@ -77,7 +77,7 @@ def run(options: argparse.Namespace) -> int:
     # SciPy is slow to load.
     from mrwork.stored import judged_by_additions, read_profiles
 
-    opened = reopen(options.run_folder)
+    opened = opened_run(options)
     kept = opened.place / CHAIN
     # The file of the fit may have the intervals of the profiles: damaged ones are refused before the chain grows.
     profiles = read_profiles(opened.place, opened.fit)

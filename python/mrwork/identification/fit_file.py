@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from math import sqrt
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from mrwork.errors import MrworkError, RecordError
 from mrwork.identification.fit import Fit
@@ -20,6 +20,9 @@ from mrwork.store.output_folder import write_folder
 from mrwork.store.record import parsed, read_document, record_from_json, record_of
 from mrwork.store.run_folder import FIT, FIT_RUN, JOURNAL, MANIFEST, REPORT, is_part
 from mrwork.store.unfinished import INTERRUPTED
+
+if TYPE_CHECKING:
+    from mrwork.identification.settings import OnRead
 
 T = TypeVar("T")
 
@@ -213,8 +216,8 @@ class OpenedRun:
     tests: tuple[DamperTest, ...]
 
 
-def reopen(path: str | Path) -> OpenedRun:
-    """Open the run folder at `path`, with the tests it was identified from.
+def reopen(path: str | Path, *, on_read: OnRead | None = None) -> OpenedRun:
+    """Open the run folder at `path`, with the tests it was identified from; `on_read` is called before each.
 
     Raises
     ------
@@ -223,7 +226,7 @@ def reopen(path: str | Path) -> OpenedRun:
     """
     place = Path(path)
     fit = read_fit(place)
-    tests = fit.reading(origin=str(place / FIT)).tests()
+    tests = fit.reading(origin=str(place / FIT)).tests(on_read=on_read)
     if len(tests) != len(fit.quality):
         raise RecordError(
             f"{place / FIT} compares {len(fit.quality)} tests where {len(tests)} were read; "

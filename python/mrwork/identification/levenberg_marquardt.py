@@ -8,8 +8,7 @@ for each start.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated
 
@@ -36,6 +35,8 @@ _DAMPING_FACTORS = (0.1, 1.0, 10.0)
 _FIRST_DAMPING = 0.1
 # Above this damping steps are too short to lower the misfit: the minimisation has converged.
 _MOST_DAMPING = 1e8
+# Iterations over which the pace of a start is taken.
+_PACED = 5
 
 
 @holds_arrays
@@ -170,17 +171,36 @@ class LocalMinima:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Hopeless:
-    """Starts whose misfit is more than `factor` times that of the best, `after` this number of iterations."""
+    """Rule by which starts are given up, `after` a number of iterations.
+
+    A start is given up where its misfit is more than `factor` times the least one; and once `found` minimisations have
+    converged within the share `closeness` above the least misfit, also where it would not fall to that misfit in the
+    iterations that are left at the pace of its last ones. Misfits of `earlier` minima count as well.
+    """
 
     after: int
     factor: float
-    best: float = math.inf
+    found: int
+    closeness: float
+    earlier: tuple[float, ...] = ()
 
-    def of(self, iterations: int, misfit: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Whether each start, with this misfit (n_starts,), is hopeless."""
-        if iterations < self.after:
+    def of(
+        self, courses: Sequence[NDArray[np.float64]], converged: NDArray[np.bool_], left: int
+    ) -> NDArray[np.bool_]:
+        """Whether each start is hopeless, from the misfits (n_starts,) of all iterations, with this number left."""
+        misfit = courses[-1]
+        if len(courses) <= max(self.after, _PACED):
             return np.zeros(misfit.shape, dtype=np.bool_)
-        return np.asarray(misfit > self.factor * min(self.best, float(misfit.min())))
+        ends = np.array([*self.earlier, *misfit[converged]])
+        least = min([*self.earlier, float(misfit.min())])
+        hopeless = misfit > self.factor * least
+        if np.count_nonzero(ends <= (1.0 + self.closeness) * least) >= self.found:
+            # A start that cannot be simulated has no pace; it does not run.
+            pace = np.subtract(
+                courses[-1 - _PACED], misfit, out=np.zeros_like(misfit), where=np.isfinite(misfit)
+            )
+            hopeless |= misfit - left * pace / _PACED > least
+        return np.asarray(hopeless)
 
 
 @checked
@@ -210,11 +230,14 @@ def find_minima(
     """
     state = _initial(objective, box, starts)
     iterations = 0
+    courses = [state.misfit]
     while iterations < max_iterations and state.running.any():
         iterations += 1
         state = _iteration(objective, box, state, tolerance)
+        courses.append(state.misfit)
         if hopeless is not None:
-            state = replace(state, running=state.running & ~hopeless.of(iterations, state.misfit))
+            given_up = hopeless.of(courses, state.arrived, max_iterations - iterations)
+            state = replace(state, running=state.running & ~given_up)
         if on_iteration is not None:
             on_iteration(_minima(box, state, iterations))
     return _minima(box, state, iterations)

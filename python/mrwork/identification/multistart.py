@@ -1,9 +1,10 @@
 """Multistart least squares, the default search of a plain model.
 
 Local minimisations (Levenberg-Marquardt) start from the best of many samples, in rounds, until several of them have
-reached the least misfit. The misfit of a hysteresis model is smooth except for a few kinks, so a local minimisation of
-two hundred simulations reaches a minimum that a population-based search only approaches in thousands. Only repeated
-local minimisations show whether that minimum is the global one.
+reached the least misfit. The rounds that are run in any case are one batch, which takes little longer than a round,
+because the time steps of a record are sequential. The misfit of a hysteresis model is smooth except for a few kinks, so
+a local minimisation of two hundred simulations reaches a minimum that a population-based search only approaches in
+thousands. Only repeated local minimisations show whether that minimum is the global one.
 """
 
 from __future__ import annotations
@@ -52,7 +53,7 @@ class Multistart:
     starts
         Local minimisations of a round, which run in one batch.
     least_rounds, most_rounds
-        Least number of rounds, unless all of the first agree, and largest number.
+        Least and largest number of rounds. The least ones run together.
     found
         Number of minimisations that must have reached the least misfit before the search may end early.
     closeness
@@ -110,9 +111,9 @@ def search_starts(
 
     The best samples often lie in one basin, which need not be that of the least misfit. Only half of them therefore
     start minimisations, the others are samples in random order; later rounds also start from the best minimum with some
-    of its parameters replaced. The search ends early only if a round has not lowered the least misfit, that misfit is
-    not `suspicious`, and it has been found again. One round is sufficient where all of it agree; a minimum
-    on a bound takes one more round than others.
+    of its parameters replaced. The search ends early only if the last round has not lowered the least misfit, that
+    misfit is not `suspicious`, and it has been found again; a minimum on a bound takes one more round than others. Once
+    enough minimisations agree, slow ones that are behind are given up, see `Hopeless`.
 
     Parameters
     ----------
@@ -164,7 +165,13 @@ def search_starts(
                 starts,
                 max_iterations=settings.most_iterations,
                 tolerance=_TOLERANCE,
-                hopeless=Hopeless(after=_HOPELESS_AFTER, factor=_HOPELESS, best=rounds.least),
+                hopeless=Hopeless(
+                    after=_HOPELESS_AFTER,
+                    factor=_HOPELESS,
+                    found=settings.found,
+                    closeness=settings.closeness,
+                    earlier=rounds.misfits,
+                ),
                 on_iteration=advance,
             )
         )
@@ -172,29 +179,33 @@ def search_starts(
     reason = "max_rounds"
     left = list(order)
     try:
-        for number in range(1, settings.most_rounds + 1):
-            if number > 1:
+        number = settings.least_rounds
+        while number <= settings.most_rounds:
+            if rounds.ended:
                 given = rounds.crossed(samples, np.random.default_rng([rng, number]))
+                wanted = settings.starts
             else:
                 given = samples[:0] if nested is None else nested
-            chosen = _taken(left, max(settings.starts - len(given), 0))
+                wanted = settings.starts * number
+            chosen = _taken(left, max(wanted - len(given), 0))
             starts = np.concatenate([given, samples[chosen]])
             if not len(starts):
                 break
-            before = rounds.least
             run_round(starts)
-            again = rounds.n_at_best(settings.closeness)
             least_rounds = settings.least_rounds
             if least_rounds > 1:
                 least_rounds += rounds.is_on_bound(box)
+            # Of the rounds that ran together, the last one too must not have lowered the least misfit.
+            before = min(rounds.misfits[: -settings.starts], default=math.inf)
             if (
-                (number >= least_rounds or (number == 1 and again == len(starts)))
+                number >= least_rounds
                 and (number == 1 or rounds.least >= (1.0 - settings.closeness) * before)
                 and rounds.least <= (1.0 + settings.closeness) * suspicious
-                and again >= settings.found
+                and rounds.n_at_best(settings.closeness) >= settings.found
             ):
                 reason = "found_again"
                 break
+            number += 1
         if mirrored and rounds.ended:
             image = rounds.found("").theta[:1].copy()
             image[:, list(mirrored)] *= -1.0
@@ -292,9 +303,14 @@ class _Rounds:
         self.ended.append(minima)
 
     @property
+    def misfits(self) -> tuple[float, ...]:
+        """Misfits of the local minimisations that ended, in the order of their starts."""
+        return tuple(float(misfit) for minima in self.ended for misfit in minima.misfit)
+
+    @property
     def least(self) -> float:
         """Least misfit of the local minimisations that ended; infinite before the first."""
-        return min((float(minima.misfit.min()) for minima in self.ended), default=math.inf)
+        return min(self.misfits, default=math.inf)
 
     @property
     def best_minimum(self) -> NDArray[np.float64]:
@@ -314,8 +330,7 @@ class _Rounds:
 
     def n_at_best(self, closeness: float) -> int:
         """Number of local minimisations that ended at the least misfit."""
-        misfit = np.concatenate([minima.misfit for minima in self.ended])
-        return int(np.count_nonzero(misfit <= (1.0 + closeness) * misfit.min()))
+        return int(np.count_nonzero(np.array(self.misfits) <= (1.0 + closeness) * self.least))
 
     def found(self, stop_reason: str) -> MultistartResult:
         groups = [(minima.theta, minima.misfit) for minima in self.ended]

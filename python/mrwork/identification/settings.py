@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from types import SimpleNamespace
@@ -26,6 +26,9 @@ Engine = Literal["lanes", "twin"]
 
 # Values of parameters by name.
 Start = Mapping[str, float]
+
+# Called with the number of tests that have been read, and of all.
+OnRead = Callable[[int, int], None]
 
 _SYNTHETIC = "synthetic:"
 
@@ -75,8 +78,8 @@ class Reading:
         found: Reading = record_of(cls, record, origin=origin, name="reading of tests", verb="identify")
         return found
 
-    def tests(self) -> tuple[DamperTest, ...]:
-        """Read the files as tests.
+    def tests(self, *, on_read: OnRead | None = None) -> tuple[DamperTest, ...]:
+        """Read the files as tests; `on_read` is called before each.
 
         Raises
         ------
@@ -85,7 +88,12 @@ class Reading:
         SettingError
             Where a window or a repair leaves too little of it.
         """
-        return tuple(self._read(file) for file in self.files)
+        tests = []
+        for done, file in enumerate(self.files):
+            if on_read is not None:
+                on_read(done, len(self.files))
+            tests.append(self._read(file))
+        return tuple(tests)
 
     def _read(self, file: str) -> DamperTest:
         if is_synthetic(file):

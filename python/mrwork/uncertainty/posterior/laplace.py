@@ -133,11 +133,25 @@ class Ellipsoid:
 
 
 def fisher_ellipsoid(target: Target, theta: Array) -> Ellipsoid:
-    """Mode of the posterior near a fit, shape (n_params,), by Gauss-Newton, and the covariance there.
+    """Mode of the posterior near a fit, shape (n_params,), and the covariance there."""
+    centre, moving = _mode_near(target, theta)
+    information = fisher_information(target, centre)[np.ix_(moving, moving)]
+    covariance = np.asarray(np.linalg.inv(information), dtype=np.float64)
+    return Ellipsoid(centre=centre, moving=moving, covariance=covariance)
 
-    The mode differs from the fit, which weights tests equally, a likelihood by their samples. Parameters on a bound are
-    held there.
+
+def mode_near(target: Target, theta: Array) -> Array:
+    """Parameters of the mode of the posterior near a fit, both of shape (n_params,).
+
+    The mode differs from the fit: a likelihood weights tests by their samples, a fit equally, or by the exponent of the
+    force and the power that it was given.
     """
+    centre, _ = _mode_near(target, theta)
+    return np.asarray(target.space.values(centre)[0])[: target.space.n_params]
+
+
+def _mode_near(target: Target, theta: Array) -> tuple[Array, NDArray[np.intp]]:
+    """Position of the mode near a fit, by Gauss-Newton, and the coordinates that move: no parameter on a bound does."""
     centre = target.position_of(theta)
     moving = _off_faces(target, centre)
     density = float(target(centre[None])[0])
@@ -155,9 +169,7 @@ def fisher_ellipsoid(target: Target, theta: Array) -> Ellipsoid:
         if not found[best] > density + _GAIN:
             break
         centre, density = tried[best], float(found[best])
-    information = fisher_information(target, centre)[np.ix_(moving, moving)]
-    covariance = np.asarray(np.linalg.inv(information), dtype=np.float64)
-    return Ellipsoid(centre=centre, moving=moving, covariance=covariance)
+    return centre, moving
 
 
 def _tried(target: Target, position: Array) -> Array:

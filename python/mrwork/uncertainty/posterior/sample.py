@@ -21,7 +21,7 @@ from mrwork.store.journal import Journal
 from mrwork.uncertainty.posterior.diagnostics import Diagnosis, next_check
 from mrwork.uncertainty.posterior.draws import Draws
 from mrwork.uncertainty.posterior.ensemble import Ensemble
-from mrwork.uncertainty.posterior.laplace import first_walkers
+from mrwork.uncertainty.posterior.laplace import first_walkers, mode_near
 from mrwork.uncertainty.posterior.prior import Prior
 from mrwork.uncertainty.posterior.problem import SamplingProblem
 from mrwork.uncertainty.posterior.target import Tempering
@@ -77,8 +77,8 @@ def sample(
     Parameters
     ----------
     fit
-        The fit about which walkers start; its bounds are the box of the prior. A fit of a Spencer form is sampled in
-        the normalised form, and mapped back.
+        The fit near which walkers start, about the mode of the posterior; its bounds are the box of the prior. A fit of
+        a Spencer form is sampled in the normalised form, and mapped back.
     tests
         The tests of the fit, or others of the same damper.
     noise
@@ -146,7 +146,8 @@ def sample(
     if journal is not None:
         journal.agree("sampling", problem.fingerprint())
         density = _Journalled(target=problem.target, journal=journal)
-    origins = first_walkers(problem.target, problem.start, walkers, np.random.default_rng(rng))
+    mode = mode_near(problem.target, problem.start)
+    origins = first_walkers(problem.target, mode, walkers, np.random.default_rng(rng))
     ensemble = Ensemble.begin(density, origins, rng)
     if journal is not None and not np.isfinite(ensemble.densities[0]).all():
         # Walkers start where it is.
