@@ -83,12 +83,15 @@ def _ranking(model: str) -> Ranking:
 def _laws(model: str) -> LawTable:
     left_out = [np.array([0.1, 0.2]), np.array([0.3])]
     tried = TriedLaws.of({"c": "linear"}, n_params=5, fit_percent=90.0, left_out=left_out)
+    failing = "static_hysteretic"
     return LawTable(
         model=model,
         unit="A",
-        tried=(replace(tried, verdict="chosen"),),
+        tried=(replace(tried, verdict="chosen", model=model),),
         sentence="The best.",
         held_out="tests",
         n_folds=2,
         given={},
+        models=(model, failing),
+        failed={failing: "no candidate could be simulated"},
     )

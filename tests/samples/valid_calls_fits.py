@@ -295,7 +295,7 @@ def uncertainty_calls(_: Path) -> Calls:
         ),
         "choose_laws": lambda: call(
             mr.choose_laws,
-            model="no such",
+            model=("no such",),
             tests=(test, _other_test()),
             laws={"f_c": "linear"},
             unit="A",

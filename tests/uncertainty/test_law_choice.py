@@ -27,7 +27,8 @@ from mrwork.search import EfficientGA, StopRules
 from mrwork.store.destination import Destination
 from mrwork.store.run_folder import FIT_RUN
 from mrwork.store.unfinished import StepJournals
-from mrwork.uncertainty.choice.laws import LawChoice, LawProgress, choose_laws
+from mrwork.uncertainty.choice.laws import choose_laws
+from mrwork.uncertainty.choice.running_laws import LawChoice, LawProgress
 
 COMMANDS = (0.0, 0.5, 1.0)
 
@@ -197,7 +198,8 @@ def test_a_run_folder_holds_the_table_and_the_page_shows_it(
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("--model", "dahl,bingham"), "--law auto chooses the laws of one model"),
+        (("--model", "dahl,bingham", "--posterior"), "--posterior is for PSIS-LOO"),
+        (("--model", "dahl,bingham", "--start", "nowhere"), "leave it out where models are compared"),
         (("--driver-lag",), "which show no lag; leave --driver-lag out"),
         (("--start", "nowhere"), "leave --start out"),
         (("--leave-out", "test"), "one test was given"),

@@ -18,7 +18,7 @@ from mrwork.cli.identified import (
     with_identifiability,
     write_identification,
 )
-from mrwork.cli.options import command_unit, laws_are_chosen, laws_of, reading_of, tests_of
+from mrwork.cli.options import command_unit, laws_are_chosen, laws_of, models_of, reading_of, tests_of
 from mrwork.cli.progress import choice_described
 from mrwork.cli.terminal import note
 from mrwork.errors import SettingError
@@ -61,13 +61,12 @@ def is_choice(options: argparse.Namespace) -> bool:
     SettingError
         Where an option belongs only to a comparison and there is none, or is impossible in a comparison.
     """
-    several = options.model == ALL or "," in options.model
+    models = models_of(options)
+    several = models == ALL or not isinstance(models, str)
     if not several and (options.posterior or (options.leave_out and not laws_are_chosen(options))):
         raise SettingError("--leave-out and --posterior belong to a comparison; give --model all, or A,B,C")
-    if several and laws_are_chosen(options):
-        raise SettingError(
-            "--law auto chooses the laws of one model; name one, or give the laws of all models"
-        )
+    if several and laws_are_chosen(options) and options.posterior:
+        raise SettingError("--posterior is for PSIS-LOO, by which --law auto does not judge; leave it out")
     if several and options.starts:
         raise SettingError("--start gives one model's parameters; leave it out where models are compared")
     return several
@@ -78,7 +77,6 @@ def run(options: argparse.Namespace, settings: FitSettings) -> int:
     # SciPy's optimisers are slow to load.
     from mrwork.uncertainty.choice.choose import choose_model
 
-    models: str | list[str] = ALL if options.model == ALL else options.model.split(",")
     reading = reading_of(options, "fit")
     read = tests_of(reading, quiet=options.quiet or options.json)
     tests = tuple(observed(test, settings.observe) for test in read)
@@ -88,7 +86,7 @@ def run(options: argparse.Namespace, settings: FitSettings) -> int:
         choice, status = run_search(
             lambda line: choose_model(
                 tests,
-                models,
+                models_of(options),
                 leave_out=options.leave_out or "test",
                 laws=laws_of(options),
                 unit=command_unit(tests, options),

@@ -1,4 +1,4 @@
-"""`mrwork identify --law auto`: choose the current laws of a model by the fit to tests left out."""
+"""`mrwork identify --law auto`: choose the current laws of a model, or of several, by the fit to tests left out."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from mrwork.cli.identified import (
     with_identifiability,
     write_identification,
 )
-from mrwork.cli.options import command_unit, laws_of, reading_of, tests_of
+from mrwork.cli.options import command_unit, laws_of, models_of, reading_of, tests_of
 from mrwork.cli.progress import laws_described
 from mrwork.cli.terminal import note
 from mrwork.errors import SettingError
@@ -34,8 +34,8 @@ if TYPE_CHECKING:
 _WIDTH = 118
 
 
-def run(options: argparse.Namespace, settings: FitSettings) -> int:
-    """Choose the laws, write the run folder of the fit with the chosen ones, print the table of what was tried."""
+def run(options: argparse.Namespace, settings: FitSettings, *, several: bool) -> int:
+    """Choose the laws of one or `several` models, write the run folder of their fit, print what was tried."""
     # SciPy's optimisers are slow to load.
     from mrwork.uncertainty.choice.laws import choose_laws
 
@@ -44,12 +44,12 @@ def run(options: argparse.Namespace, settings: FitSettings) -> int:
     reading = reading_of(options, "fit")
     read = tests_of(reading, quiet=options.quiet or options.json)
     tests = tuple(observed(test, settings.observe) for test in read)
-    folder = options.out or Path("out") / f"{stem_of(tests)}-{options.model}"
+    folder = options.out or Path("out") / f"{stem_of(tests)}-{'models' if several else options.model}"
     destination = destination_of(folder, options)
     with StepJournals(destination, resume=options.resume, note=note) as journals:
         choice, status = run_search(
             lambda line: choose_laws(
-                options.model,
+                models_of(options),
                 tests,
                 laws=laws_of(options),
                 unit=command_unit(tests, options),
@@ -95,4 +95,7 @@ def run(options: argparse.Namespace, settings: FitSettings) -> int:
 
 
 def _lines(table: LawTable, folder: Path) -> list[str]:
-    return [*table.lines, "", *textwrap.wrap(table.sentence, _WIDTH), "", f"Laws: {folder / LAWS}"]
+    lines = table.lines
+    for sentence in (table.sentence, *(f"Note: {remark}." for remark in table.notes)):
+        lines += ["", *textwrap.wrap(sentence, _WIDTH)]
+    return [*lines, "", f"Laws: {folder / LAWS}"]

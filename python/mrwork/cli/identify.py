@@ -63,7 +63,8 @@ def add_parser(verbs: Any) -> None:
         "--model",
         default="normalised_bouc_wen",
         metavar="NAME",
-        help="damper model, see mrwork models; all, or A,B,C, identifies several models and ranks them",
+        help="damper model, see mrwork models; all, or A,B,C, identifies several models and ranks them, or chooses "
+        "among their laws with --law auto",
     )
     parser.add_argument(
         "--bound",
@@ -184,14 +185,15 @@ def settings_of(options: argparse.Namespace) -> FitSettings:
 def run(options: argparse.Namespace) -> int:
     """Identify, write the run folder, print the result."""
     settings = settings_of(options)
-    if is_choice(options):
+    several = is_choice(options)
+    if laws_are_chosen(options):
+        return choose_laws.run(options, settings, several=several)
+    if several:
         if options.engine != "lanes":
             raise SettingError(
                 f"--engine {options.engine} finishes one model; leave it out where models are compared"
             )
         return choose.run(options, settings)
-    if laws_are_chosen(options):
-        return choose_laws.run(options, settings)
     plain = damper(options.model)
     reading = reading_of(options, "fit")
     read = tests_of(reading, quiet=options.quiet or options.json)

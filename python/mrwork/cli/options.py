@@ -185,6 +185,12 @@ def parse_bounds(ranges: Sequence[str], fixed: Sequence[str]) -> dict[str, tuple
     return bounds
 
 
+def models_of(options: argparse.Namespace) -> str | list[str]:
+    """The model, "all", or the names of several models."""
+    model: str = options.model
+    return model.split(",") if "," in model else model
+
+
 def laws_are_chosen(options: argparse.Namespace) -> bool:
     """Whether --law auto is given."""
     return _AUTO in options.law

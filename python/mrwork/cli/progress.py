@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from mrwork.study.run import StudyProgress
     from mrwork.tuning.law_tuning import TuningProgress
     from mrwork.uncertainty.choice.choose import ChoiceProgress
-    from mrwork.uncertainty.choice.laws import LawProgress
+    from mrwork.uncertainty.choice.running_laws import LawProgress
     from mrwork.uncertainty.identifiability.profile_likelihood import ProfileProgress
     from mrwork.uncertainty.posterior.sample import SamplingProgress
 
@@ -178,8 +178,10 @@ def choice_described(progress: ChoiceProgress) -> str:
 
 
 def laws_described(progress: LawProgress) -> str:
-    """Progress in one line: the task, how many sets of laws are done, the best left-out fit."""
-    parts = [progress.task]
+    """Progress in one line: the model if one of several, the task, how many laws are done, the best left-out fit."""
+    several = progress.n_models > 1
+    parts = [f"{progress.model}, model {progress.number} of {progress.n_models}"] if several else []
+    parts.append(progress.task)
     if progress.n_tried:
         parts.append(f"{progress.n_tried} tried, best left-out fit {progress.left_out_percent:.2f} %")
     if progress.within is not None:

@@ -16,20 +16,24 @@ def _section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
     if laws is None:
         return None
     chosen = laws.chosen
+    columns: tuple[str, ...] = ("Laws", "Parameters", "Fit %", "Left-out fit %", "Median", "Worst", "Remark")
+    rows = tuple((each.in_words, *each.cells[:-1]) for each in laws.tried)
+    words: tuple[int, ...] = (6,)
+    in_words = chosen.in_words
+    if laws.is_of_several:
+        columns = ("Model", *columns)
+        rows = tuple((each.model, *row) for each, row in zip(laws.tried, rows, strict=True))
+        words = (1, 7)
+        in_words = f"{laws.model}, {in_words}"
     return Section(
         anchor="laws",
         title="Choice of current laws",
-        summary=f"Choice of laws: {chosen.in_words}, of {len(laws.tried)} sets of laws; left-out fit "
+        summary=f"Choice of laws: {in_words}, of {len(laws.tried)} sets of laws; left-out fit "
         f"{chosen.left_out_percent:.2f} %.",
         groups=(
             Group(
-                prose=(laws.sentence,),
-                table=table(
-                    label="Laws that were tried",
-                    columns=("Laws", "Parameters", "Fit %", "Left-out fit %", "Median", "Worst", "Remark"),
-                    words=(6,),
-                    rows=tuple((each.in_words, *each.cells[:-1]) for each in laws.tried),
-                ),
+                prose=(laws.sentence, *(f"{note}." for note in laws.notes)),
+                table=table(label="Laws that were tried", columns=columns, words=words, rows=rows),
                 points=laws.definitions,
             ),
         ),

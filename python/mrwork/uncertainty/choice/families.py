@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from mrwork.dampers.parameters import CommandUnit, LawName
@@ -34,8 +34,6 @@ def families(
 ) -> tuple[tuple[Family, ...], tuple[str, ...]]:
     """The named families, or all, and remarks on the selection.
 
-    "all" leaves out models that are identified in the parameters of another one, because they have the same fit.
-
     Raises
     ------
     UnknownNameError
@@ -43,41 +41,67 @@ def families(
     SettingError
         Where a model is named twice, or none is named.
     """
-    remarks: list[str] = []
-    if isinstance(models, str) and models == ALL:
-        specs = list(damper_models())
-        others = {spec.name: identifiable_form(spec, {}).spec.name for spec in specs}
-        for name, form in others.items():
-            if name != form:
-                remarks.append(f"{name} is not listed: it is {form} in other parameters")
-        specs = [spec for spec in specs if others[spec.name] == spec.name]
-    else:
-        named = [models] if isinstance(models, str) else list(models)
-        specs = [damper(each) if isinstance(each, str) else each for each in named]
-    names = [spec.name for spec in specs]
-    if not names or len(set(names)) < len(names):
-        raise SettingError(f"the models to compare are {', '.join(names) or 'none'}; name each once")
+    specs, remarks = compared_models(models)
     lawful = [_with_own_laws(spec, tests, laws, unit, lagged) for spec in specs]
-    for name in laws:
-        if not any(name in {each.name for each in spec.plain} for spec in specs):
-            raise UnknownNameError(
-                f"a law was given for {name!r}, which none of the models has as a parameter"
-            )
-    for name in bounds:
-        if not any(name in spec.names for spec in lawful):
-            raise UnknownNameError(
-                f"a bound was given for {name!r}, which none of the models has as a parameter"
-            )
+    refuse_unknown("law", laws, {each.name for spec in specs for each in spec.plain})
+    refuse_unknown("bound", bounds, {name for spec in lawful for name in spec.names})
     plain = [spec.name for spec in lawful if spec.current is None]
     if laws and plain:
-        remarks.append(f"none of the parameters that follow the command is one of {', '.join(plain)}")
+        remarks += (f"none of the parameters that follow the command is one of {', '.join(plain)}",)
     return (
         tuple(
             Family(spec=spec, bounds={name: pair for name, pair in bounds.items() if name in spec.names})
             for spec in lawful
         ),
-        tuple(remarks),
+        remarks,
     )
+
+
+def compared_models(
+    models: DamperSpec | str | Sequence[DamperSpec | str],
+) -> tuple[tuple[DamperSpec, ...], tuple[str, ...]]:
+    """The named models, or all, and remarks on the selection.
+
+    "all" leaves out models that are identified in the parameters of another one, because they have the same fit.
+
+    Raises
+    ------
+    UnknownNameError
+        Where there is no such model.
+    SettingError
+        Where a model is named twice, or none is named.
+    """
+    if isinstance(models, str) and models == ALL:
+        others = {spec.name: identifiable_form(spec, {}).spec.name for spec in damper_models()}
+        return (
+            tuple(spec for spec in damper_models() if others[spec.name] == spec.name),
+            tuple(
+                f"{name} is not listed: it is {form} in other parameters"
+                for name, form in others.items()
+                if name != form
+            ),
+        )
+    named = [models] if isinstance(models, str | DamperSpec) else models
+    specs = tuple(damper(each) if isinstance(each, str) else each for each in named)
+    names = [spec.name for spec in specs]
+    if not names or len(set(names)) < len(names):
+        raise SettingError(f"the models to compare are {', '.join(names) or 'none'}; name each once")
+    return specs, ()
+
+
+def refuse_unknown(what: str, names: Iterable[str], known: Collection[str]) -> None:
+    """Refuse a law or bound, in words `what`, of a parameter that is none of those `known`.
+
+    Raises
+    ------
+    UnknownNameError
+        Where there is one.
+    """
+    for name in names:
+        if name not in known:
+            raise UnknownNameError(
+                f"a {what} was given for {name!r}, which none of the models has as a parameter"
+            )
 
 
 def _with_own_laws(

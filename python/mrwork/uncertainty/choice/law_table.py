@@ -1,9 +1,9 @@
-"""Table of the current laws that were tried for a model, and the choice among them by the one-standard-error rule."""
+"""Table of the current laws tried for one or several models, and the choice by the one-standard-error rule."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import ClassVar, Literal
 
 import numpy as np
@@ -24,7 +24,7 @@ LAW_DEFINITIONS = (
     "Left-out fit: 100 (1 - NRMSE) in percent of tests that the fit has not seen: the geometric mean of the NRMSE in "
     "each fold, then the mean over folds with its standard error. A test that cannot be predicted counts as 0 %. Laws "
     "are as good as the best within one standard error of the paired difference, no more than that of the best itself, "
-    f"or within {NEGLIGIBLE:g} points; of those the laws with the fewest parameters are chosen.",
+    f"or within {NEGLIGIBLE:g} points; of those, of whichever model, the laws with the fewest parameters are chosen.",
     "A path of laws starts with every positive parameter quadratic in the command and is lowered by one degree at a "
     "time, the one for which the linearised fit to all tests loses least; the best of the path is raised again where "
     "that promises a better fit. A law of degree n is the curve through n + 1 values at commands. Laws are fitted to "
@@ -36,11 +36,12 @@ LAW_DEFINITIONS = (
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class TriedLaws(Summarised):
-    """One set of laws: those that are not constant, the free parameters, and the fit in percent.
+    """One set of laws of a model: those that are not constant, the free parameters, and the fit in percent.
 
     `fit_percent` is of all tests together; `left_out` has the geometric mean NRMSE of each fold, in which relative
     changes of all tests weigh the same, `left_out_percent` is the fit of their mean with its standard error;
     `median_percent` and `worst_percent` are of single tests left out; those of `not_predicted` could not be simulated.
+    `model` is empty in files of earlier versions, whose tables are of one model.
     """
 
     laws: dict[str, LawName]
@@ -53,6 +54,7 @@ class TriedLaws(Summarised):
     worst_percent: float
     verdict: LawVerdict = "behind"
     not_predicted: tuple[str, ...] = ()
+    model: str = ""
 
     _units: ClassVar[Mapping[str, str]] = {
         "fit_percent": "%",
@@ -113,9 +115,11 @@ LAW_HEADINGS = ("parameters", "fit %", "left-out fit %", "median", "worst", "", 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class LawTable(Summarised, Related):
-    """Laws that were tried for a model, the best left-out fit first; the reason of the choice in `sentence`.
+    """Laws that were tried for one or several models, the best left-out fit first; the reason of the choice.
 
-    `held_out` describes the tests left out of the fits, `given` are laws that were not to be chosen.
+    `model` is the chosen one of all `models`; `failed` has the reason by the name of a model that could not be fitted.
+    `held_out` describes the tests left out of the fits, `given` are laws that were not to be chosen, `remarks` are on
+    the selection of models.
     """
 
     model: str
@@ -127,11 +131,20 @@ class LawTable(Summarised, Related):
     given: dict[str, LawName]
     complete: bool = True
     definitions: tuple[str, ...] = LAW_DEFINITIONS
+    models: tuple[str, ...] = ()
+    failed: dict[str, str] = field(default_factory=dict)
+    remarks: tuple[str, ...] = ()
 
     def disagreement(self) -> str:
-        """Whether one set of laws is chosen."""
-        chosen = sum(each.verdict == "chosen" for each in self.tried)
-        return "" if chosen == 1 else f"of {len(self.tried)} sets of laws {chosen} are chosen"
+        """Whether one set of laws is chosen, and every model is one of those compared."""
+        chosen = [each for each in self.tried if each.verdict == "chosen"]
+        if len(chosen) != 1:
+            return f"of {len(self.tried)} sets of laws {len(chosen)} are chosen"
+        if chosen[0].model not in ("", self.model):
+            return f"it is of {self.model}, and laws of {chosen[0].model} are chosen"
+        strange = {each.model for each in self.tried} - {""} | set(self.failed)
+        strange -= set(self.models)
+        return f"{min(strange)} is none of its models" if strange else ""
 
     @property
     def chosen(self) -> TriedLaws:
@@ -139,31 +152,60 @@ class LawTable(Summarised, Related):
         return next(each for each in self.tried if each.verdict == "chosen")
 
     @property
+    def is_of_several(self) -> bool:
+        """Whether several models were compared."""
+        return len(self.models) > 1
+
+    @property
+    def headings(self) -> tuple[str, ...]:
+        """Headings of the columns; that of the model only where there are several."""
+        return ("model", *LAW_HEADINGS) if self.is_of_several else LAW_HEADINGS
+
+    @property
+    def rows(self) -> list[tuple[str, ...]]:
+        """Cells below the headings."""
+        return [(each.model, *each.cells) if self.is_of_several else each.cells for each in self.tried]
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Why models could not be fitted, and remarks on their selection, a clause each."""
+        fitted = {each.model for each in self.tried}
+        return (
+            *(
+                f"{model} could not be fitted{' with further laws' if model in fitted else ''}: {reason}"
+                for model, reason in self.failed.items()
+            ),
+            *self.remarks,
+        )
+
+    @property
     def lines(self) -> list[str]:
         """The table as aligned text."""
-        return aligned([LAW_HEADINGS, *(each.cells for each in self.tried)])
+        return aligned([self.headings, *self.rows])
 
     def _summary(self) -> Summary:
         return Summary(
-            title=f"Choice of current laws: {self.model}",
+            title=f"Choice of current laws: {f'{len(self.models)} models' if self.is_of_several else self.model}",
             facts=(("evaluated on", self.held_out),),
-            columns=LAW_HEADINGS,
-            rows=[each.cells for each in self.tried],
-            notes=(self.sentence,),
+            columns=self.headings,
+            rows=self.rows,
+            notes=(self.sentence, *self.notes),
         )
 
 
 def law_table(
     tried: Sequence[TriedLaws],
     *,
-    model: str,
+    models: Sequence[str],
     unit: CommandUnit,
     held_out: str,
     n_folds: int,
     given: Mapping[str, LawName],
     complete: bool,
+    failed: Mapping[str, str],
+    remarks: Sequence[str],
 ) -> LawTable:
-    """Rank the laws and choose by the one-standard-error rule."""
+    """Rank the laws of all models and choose by the one-standard-error rule."""
     order = sorted(tried, key=lambda each: -each.left_out_percent)
     best = order[0]
     good = [each for each in order if is_as_good(each.left_out, best.left_out)]
@@ -174,34 +216,45 @@ def law_table(
             return "chosen"
         return "as good" if each in good else "behind"
 
-    return LawTable(
-        model=model,
+    table = LawTable(
+        model=chosen.model,
         unit=unit,
         tried=tuple(replace(each, verdict=verdict(each)) for each in order),
-        sentence=_sentence(chosen, best, len(order), held_out, complete=complete),
+        sentence="",
         held_out=held_out,
         n_folds=n_folds,
         given=dict(given),
         complete=complete,
+        models=tuple(models),
+        failed=dict(failed),
+        remarks=tuple(remarks),
     )
+    return replace(table, sentence=_sentence(table))
 
 
-def _sentence(chosen: TriedLaws, best: TriedLaws, count: int, held_out: str, *, complete: bool) -> str:
+def _sentence(table: LawTable) -> str:
+    best, chosen, names = table.tried[0], table.chosen, {each.model for each in table.tried}
     error = "" if chosen.left_out_error is None else f", standard error {chosen.left_out_error:.2g}"
+    count = f"{len(table.tried)} sets of laws" + (f" of {len(names)} models" if len(names) > 1 else "")
+    of_model = f" of {chosen.model}" if table.is_of_several else ""
     text = (
-        f"Of {count} sets of laws, the one with {chosen.n_params} parameters is chosen ({chosen.in_words}): its mean "
-        f"left-out fit is {chosen.left_out_percent:.2f} % ({held_out}{error}), its median {chosen.median_percent:.2f} %"
+        f"Of {count}, the one{of_model} with {chosen.n_params} parameters is chosen ({chosen.in_words}): its mean "
+        f"left-out fit is {chosen.left_out_percent:.2f} % ({table.held_out}{error}), its median "
+        f"{chosen.median_percent:.2f} %"
     )
     if best is not chosen:
         behind = best.left_out_percent - chosen.left_out_percent
+        of_model = f", of {best.model}," if table.is_of_several else ","
         text += (
-            f"; that is {behind:.2f} points behind the best, which has {best.n_params} parameters "
+            f"; that is {behind:.2f} points behind the best{of_model} which has {best.n_params} parameters "
             f"({best.in_words}), and within one standard error of it"
         )
     if chosen.not_predicted:
         text += (
             f"; {', '.join(chosen.not_predicted)} could not be simulated when left out, which counts as 0 %"
         )
-    if not complete:
+    if not table.complete:
         text += "; the choice was interrupted, and further laws were not tried"
+        missing = [name for name in table.models if name not in names and name not in table.failed]
+        text += f", nor any of {', '.join(missing)}" if missing else ""
     return text + "."
