@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.dampers.coordinates import Box
+from mrwork.dampers.law_limits import law_limits
 from mrwork.dampers.parameters import CurrentLaw, LawName, ParamSpec, law_named
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.identification.equivalent import Form
@@ -91,6 +92,40 @@ def with_other_laws(
         values += list(own) if new == old else fitted_law(new, parameter, commands, column)
     box = Box.of(spec)
     return np.asarray(np.clip([*values, *theta[place:]], box.lower, box.upper))
+
+
+def leaves_range(
+    spec: DamperSpec, theta: NDArray[np.float64], commands: NDArray[np.float64]
+) -> tuple[str, ...]:
+    """Parameters whose law leaves the admissible range at these commands, in rising order, or between them.
+
+    There the parameter is limited to its range, and does not change with the coefficients.
+    """
+    limits = law_limits(spec, theta, (float(commands[0]), float(commands[-1])))
+    return tuple(each.parameter for each in limits if each.value != each.used)
+
+
+def within_range(
+    spec: DamperSpec, theta: NDArray[np.float64], commands: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Coefficients, shape (n_params,), of laws that do not leave their ranges at these commands and between them.
+
+    A law that leaves its range becomes the straight line between its values at the first and the last command.
+    """
+    assert spec.current is not None
+    leaving = leaves_range(spec, theta, commands)
+    ends = commands[[0, -1]]
+    values: list[float] = []
+    for parameter, name in zip(spec.plain, spec.current.laws, strict=True):
+        law = law_named(name)
+        own = theta[len(values) : len(values) + law.n_coefficients]
+        if parameter.name in leaving:
+            at_ends = law.values(own, ends, log=parameter.scale == "log")
+            line = np.interp(commands, ends, np.clip(at_ends, parameter.lower, parameter.upper))
+            values += fitted_law(name, parameter, commands, line)
+        else:
+            values += own.tolist()
+    return np.array([*values, *theta[len(values) :]])
 
 
 def plain_of(form: Form) -> tuple[DamperSpec, Box]:

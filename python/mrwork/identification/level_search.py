@@ -34,9 +34,11 @@ from mrwork.identification.global_search import (
 from mrwork.identification.law_coefficients import (
     fitted_laws,
     joint_box,
+    leaves_range,
     levels_needed,
     plain_of,
     with_other_laws,
+    within_range,
 )
 from mrwork.identification.levenberg_marquardt import find_minima
 from mrwork.identification.multistart import (
@@ -164,12 +166,16 @@ def points_from_levels(
         alone = _fit_each(problem, excerpts, fits)
         found = search_joint(starts, rng)
         worse = alone.worse_in(on_tests, found)
-        if len(found.theta) and worse.size:
+        is_limited = len(found.theta) > 0 and leaves_range(joint.spec, found.theta[0], commands)
+        if len(found.theta) and (worse.size or is_limited):
             # More starts: each command that has such tests takes the parameters of their own fits.
-            again = search_joint(
-                _starts_of_levels(joint.spec, alone.at(worse, fits), relative, rng + 1), rng + 1
-            )
-            found = _merged(found, again)
+            more = _starts_of_levels(joint.spec, alone.at(worse, fits), relative, rng + 1)
+            if is_limited:
+                # No local minimisation returns from a law that is limited to its range.
+                more = np.array(
+                    [within_range(joint.spec, each, commands) for each in (found.theta[0], *more)]
+                )
+            found = _merged(found, search_joint(more, rng + 1))
             worse = alone.worse_in(on_tests, found)
             if worse.size:
                 least = (1.0 + settings.closeness) * found.misfit[0]
