@@ -23,6 +23,7 @@ from mrwork.identification.global_search import (
     points_from_optimiser,
 )
 from mrwork.identification.lag_choice import polish_with_wanted_lag
+from mrwork.identification.law_shape import law_shape_warnings
 from mrwork.identification.levenberg_marquardt import LocalMinimum
 from mrwork.identification.multistart import Multistart
 from mrwork.identification.needless_average import needless_average_warnings
@@ -294,6 +295,9 @@ class _Ending:
             needless = interruptible(
                 lambda: needless_average_warnings(problem.objective, problem.form.box, polished.theta)
             )
+            shape = interruptible(
+                lambda: law_shape_warnings(problem.objective, problem.form.box, polished.theta)
+            )
         except KeyboardInterrupt as interrupt:
             return replace(self, problem=problem).at(interrupt, best, points.trace)
         fit = fit_at(
@@ -314,6 +318,7 @@ class _Ending:
             *linear_warning(fit.nrmse, objective.tests, follows_command=problem.spec.current is not None),
             *((missing.in_words,) if missing is not None else ()),
             *needless,
+            *shape,
         )
         return replace(fit, warnings=(*fit.warnings, *doubts))
 
