@@ -23,6 +23,7 @@ __all__ = [
     "riccati_equations",
     "run_quantities",
     "sensitivities",
+    "stiffness_shares",
 ]
 
 __version__: str
@@ -84,6 +85,13 @@ def misfits(
     threads: int = 0,
     limits: NDArray[np.float64] | None = None,
 ) -> tuple[NDArray[np.float64], NDArray[np.uint8], NDArray[np.uint32], NDArray[np.uint64]]: ...
+def stiffness_shares(
+    model: str,
+    theta: NDArray[np.float64],
+    loading: LoadingHistory,
+    laws: list[str] | None = None,
+    lagged: bool = False,
+) -> NDArray[np.float64]: ...
 def force_histories(
     model: str,
     theta: NDArray[np.float64],

@@ -150,6 +150,19 @@ def loading_of(test: DamperTest, spec: DamperSpec) -> Loading:
 
 
 @checked
+def stiffness_shares(
+    spec: DamperSpec, theta: AnyArrayLike, history: _rust.LoadingHistory
+) -> NDArray[np.float64]:
+    """Stiffness of a batch, shape (n_batch,), as a share of the largest that is simulated at the step of this loading.
+
+    A candidate above 1 ends as unresolved; so does one whose stiffness is not a number. Parameters as in
+    `simulate_misfits`.
+    """
+    with _refusals():
+        return _rust.stiffness_shares(spec.name, _rows(spec, theta), history, *_laws(spec))
+
+
+@checked
 def simulate_misfits(
     spec: DamperSpec,
     theta: AnyArrayLike,

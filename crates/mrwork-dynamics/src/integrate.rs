@@ -44,6 +44,11 @@ pub(crate) fn stiffness_bound<M: DamperModel>(
     bound
 }
 
+/// Sub-steps per sample interval that resolve this stiffness bound [1/s], not rounded.
+pub(crate) fn wanted_substeps(bound: f64, loading: &LoadingHistory) -> f64 {
+    loading.dt() * bound / RESOLUTION
+}
+
 /// Sub-steps per sample interval (a power of two, so that lanes group), times `factor`.
 ///
 /// The bound is that of the stiffest command of the loading. `None` where the candidate needs more than
@@ -55,7 +60,7 @@ pub(crate) fn substeps<M: DamperModel>(
     factor: u32,
 ) -> Option<u32> {
     let bound = stiffness_bound::<M>(theta, laws, loading.command_levels(), loading.severity());
-    let wanted = loading.dt() * bound / RESOLUTION;
+    let wanted = wanted_substeps(bound, loading);
     let mut count = 1;
     while f64::from(count) < wanted {
         count *= 2;

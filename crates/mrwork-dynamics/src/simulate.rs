@@ -6,12 +6,31 @@ use crate::any_damper::Damper;
 use crate::block::{BatchProgress, Block};
 use crate::current_law::CurrentLaws;
 use crate::error::{DynamicsError, Outcome};
+use crate::integrate;
 use crate::loading::LoadingHistory;
 use crate::misfit::Target;
 pub use crate::schedule::CandidateResult;
 use crate::schedule::Schedule;
 pub use crate::settings::Settings;
 use crate::threads::{StopRequested, on_threads};
+
+/// Stiffness of each candidate, as a share of the largest that is simulated at the step of this loading.
+///
+/// Above 1 a candidate wants more than [`integrate::MAX_SUBSTEPS`]. `theta` is row-major, shape (batch,
+/// `laws.n_columns()`).
+#[must_use]
+pub fn stiffness_shares(
+    damper: &dyn Damper,
+    laws: &CurrentLaws,
+    theta: &[f64],
+    loading: &LoadingHistory,
+) -> Vec<f64> {
+    theta
+        .chunks_exact(laws.n_columns())
+        .map(|theta| damper.stiffness_bound(theta, laws, loading.command_levels(), loading.severity()))
+        .map(|bound| integrate::wanted_substeps(bound, loading) / f64::from(integrate::MAX_SUBSTEPS))
+        .collect()
+}
 
 /// Misfits of a batch by running reduction: no force is stored.
 ///

@@ -94,6 +94,21 @@ pub fn misfits<'py>(
     Ok((squared_errors.into_pyarray(py), outcome, substeps, steps.into_pyarray(py)))
 }
 
+/// Stiffness of each candidate, shape (`n_batch`,), as a share of the largest that is simulated at the step of this loading.
+#[pyfunction]
+#[pyo3(signature = (model, theta, loading, laws=None, lagged=false))]
+pub fn stiffness_shares<'py>(
+    py: Python<'py>,
+    model: &str,
+    theta: PyReadonlyArray2<'py, f64>,
+    loading: &LoadingHistory,
+    laws: Option<Vec<String>>,
+    lagged: bool,
+) -> PyResult<Floats<'py>> {
+    let (damper, laws, theta) = batch(model, laws, lagged, &theta)?;
+    Ok(simulate::stiffness_shares(damper, &laws, theta, &loading.dynamics).into_pyarray(py))
+}
+
 /// Force histories of a batch, shape (`n_batch`, `n_time`); rows that did not finish are infinite.
 #[pyfunction]
 #[pyo3(signature = (model, theta, loading, laws=None, lagged=false, substep_factor=1, threads=0))]

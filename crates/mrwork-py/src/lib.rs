@@ -21,7 +21,9 @@ mod _rust {
     #[pymodule_export]
     use crate::closed_loop::{Building, control_laws, history_signals, respond, run_quantities};
     #[pymodule_export]
-    use crate::damper::{current_laws, damper_specs, force, force_histories, misfits, rate, sensitivities};
+    use crate::damper::{
+        current_laws, damper_specs, force, force_histories, misfits, rate, sensitivities, stiffness_shares,
+    };
     #[pymodule_export]
     use crate::loading::LoadingHistory;
     #[pymodule_export]

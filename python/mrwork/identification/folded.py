@@ -17,6 +17,7 @@ from mrwork.dampers.spec import DamperSpec
 from mrwork.identification.nuisance import NuisanceName
 from mrwork.identification.objective import EQUAL_SHARES, shares_of
 from mrwork.identification.residual import ObservedTest
+from mrwork.identification.stiffness_limit import within_stiffness
 from mrwork.identification.threads import on_every_test
 from mrwork.records import DamperTest
 from mrwork.values import holds_arrays
@@ -145,6 +146,7 @@ class FoldedTests:
         sensitivity = np.zeros((n_rows, n_free))
         running = np.isfinite(misfit)
         diagonal = np.arange(n_free)
+        tests = [replace(each, spec=spec) for each in self.observed]
         for _ in range(_ITERATIONS):
             rows = np.flatnonzero(running)
             if not rows.size:
@@ -156,12 +158,12 @@ class FoldedTests:
             sensitivity[rows] = np.maximum(sensitivity[rows], np.sqrt(normal[:, diagonal, diagonal]))
             floor = _LEAST_SENSITIVITY * sensitivity[rows].max(axis=1, keepdims=True)
             weight = np.maximum(sensitivity[rows], np.maximum(floor, np.finfo(float).tiny)) ** 2
-            tried = np.stack(
-                [
-                    latent[rows] + _damped_step(normal, gradient, factor * damping[rows, None] * weight)
-                    for factor in _DAMPING_FACTORS
-                ]
-            )
+            # (row, factor, free, free)
+            dampings = damping[rows, None] * np.array(_DAMPING_FACTORS)
+            damped = normal[:, None] + dampings[..., None, None] * (weight[:, None, :, None] * np.eye(n_free))
+            step = -np.linalg.solve(damped, gradient[:, None, :, None])[..., 0]
+            step = within_stiffness(tests, box, latent[rows], step, damped, gradient)
+            tried = np.moveaxis(latent[rows, None] + step, 1, 0)
             candidates = np.asarray(box.theta_from_latent(tried.reshape(-1, n_free)))
             found = self.squared(spec, candidates).reshape(len(tried), rows.size, -1)
             after = np.stack([self.misfit(each, shares) for each in found])
@@ -177,9 +179,3 @@ class FoldedTests:
             damping[rows] = np.maximum(damping[rows] * factor, 1e-12)
             running[rows] = np.where(better, decrease > _TOLERANCE, damping[rows] < _MOST_DAMPING)
         return FoldedFit(theta=np.asarray(box.theta_from_latent(latent)), squared=squared)
-
-
-def _damped_step(normal: Array, gradient: Array, damping: Array) -> Array:
-    """Levenberg-Marquardt step of each row, shape (n_rows, n_free), for the damping of each parameter."""
-    damped = normal + damping[..., None] * np.eye(normal.shape[-1])
-    return np.asarray(-np.linalg.solve(damped, gradient[..., None])[..., 0])

@@ -20,6 +20,7 @@ from mrwork.dampers.coordinates import Box
 from mrwork.errors import JournalError
 from mrwork.identification.linearisation import linearised
 from mrwork.identification.objective import Objective
+from mrwork.identification.stiffness_limit import within_stiffness
 from mrwork.values import holds_arrays
 
 # Convergence: relative decrease of the squared misfit in a step; for SciPy also the relative length of the step.
@@ -329,6 +330,7 @@ def _iterated(objective: Objective, box: Box, state: _State, tolerance: float) -
         weight[:, None, :, None] * np.eye(latent.shape[1])
     )
     step = -np.linalg.solve(damped, gradient[active, None, :, None])[..., 0]
+    step = within_stiffness(objective.compared, box, latent[active], step, damped, gradient[active])
     tried = latent[active, None] + step
     before = misfit[active]
     theta = np.asarray(box.theta_from_latent(tried))

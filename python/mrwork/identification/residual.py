@@ -22,7 +22,7 @@ from mrwork.identification.nuisance import (
     without_nuisance,
 )
 from mrwork.records import AS_IT_IS, DamperTest
-from mrwork.simulate import Outcome, loading_of, simulate_forces, simulate_sensitivities
+from mrwork.simulate import Outcome, loading_of, simulate_forces, simulate_sensitivities, stiffness_shares
 
 Array = NDArray[np.float64]
 
@@ -91,6 +91,10 @@ class ObservedTest:
         failed = run.outcome != Outcome.FINISHED
         run.force[failed] = 0.0
         return self.test.observation.observe(run.force, self.test.dt), failed
+
+    def stiffness_share(self, theta: Array) -> Array:
+        """Stiffness of each row of `theta`, shape (n_batch,), as a share of the largest that is simulated here."""
+        return stiffness_shares(self.spec, theta, self.history)
 
     def residuals(self, theta: Array, *, threads: int = 0) -> tuple[Array, NDArray[np.bool_]]:
         """Residuals of each row of `theta` [N], shape (n_batch, n_counted), and which rows failed."""

@@ -1,0 +1,65 @@
+"""Local minimisations where the loop of the tests is sharper than their step resolves."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from mrwork.dampers.spec import damper
+from mrwork.identification.equivalent import identifiable_form
+from mrwork.identification.levenberg_marquardt import find_minima
+from mrwork.identification.objective import Objective
+from mrwork.records import DamperTest
+from mrwork.simulate import Loading, simulate_force, stiffness_shares
+from mrwork.synthetic import synthetic_test
+
+MODEL = damper("normalised_modified_bouc_wen")
+TRUE = {
+    "c0": 900.0,
+    "k0": 300.0,
+    "c1": 15e3,
+    "k1": 900.0,
+    "x0": 0.0,
+    "k_w": 130.0,
+    "rho": 4e4,
+    "sigma": 100.0,
+    "n": 1.0,
+}
+COARSE = 16
+
+
+def parameters(**others: float) -> np.ndarray:
+    return np.array([{**TRUE, **others}[name] for name in MODEL.names])
+
+
+def slow_test() -> DamperTest:
+    """A test at 0.1 Hz and a step of 0.04 s, which resolves loops to a seventh of the sharpness of this one."""
+    dt = 0.0025
+    time = dt * np.arange(12_800)
+    displacement = 0.025 * np.sin(0.2 * np.pi * time)
+    velocity = 0.005 * np.pi * np.cos(0.2 * np.pi * time)
+    force = simulate_force(
+        MODEL, parameters(), Loading(dt=dt, displacement=displacement, velocity=velocity), substep_factor=64
+    )
+    return replace(
+        synthetic_test("spencer1997"),
+        name="slow",
+        dt=COARSE * dt,
+        displacement=displacement[::COARSE],
+        velocity=velocity[::COARSE],
+        force=force[::COARSE],
+        n_settle=100,
+    )
+
+
+def test_a_minimisation_slides_along_the_limit_of_stiffness() -> None:
+    form = identifiable_form(MODEL, {})
+    objective = Objective.of(form.spec, (slow_test(),))
+    starts = parameters(rho=4e4, sigma=8.0, c0=1500.0)[None]
+    found = find_minima(objective, form.box, starts, max_iterations=60)
+    (share,) = stiffness_shares(MODEL, found.theta, objective.histories[0])
+    # At a minimisation that stops where it meets the limit, c0 is 1228 N s/m and the misfit 0.0044.
+    assert 0.9 < share < 1.0
+    assert found.misfit[0] < 5e-4
+    np.testing.assert_allclose(found.theta[0, MODEL.names.index("c0")], TRUE["c0"], rtol=0.01)
