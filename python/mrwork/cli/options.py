@@ -39,9 +39,9 @@ def add_files(parser: argparse.ArgumentParser, *, required: bool = True) -> None
         "--column",
         action="append",
         default=[],
-        metavar="QUANTITY=NAME:UNIT",
-        help="heading and unit of a column that is not recognised, as in force=F:kN, or the command as a number, as in "
-        "command=0.5A; repeat for more",
+        metavar="QUANTITY=NAME[:UNIT]",
+        help="heading of a column that is not recognised, with its unit where the file does not tell it, as in "
+        "force=F:kN, or the command as a number, as in command=0.5A; repeat for more",
     )
     add_number(parser, "--from", INSTANT, "use the record from this time on", dest="start", metavar="S")
     add_number(parser, "--until", INSTANT, "use the record up to this time", dest="end", metavar="S")

@@ -7,9 +7,10 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from mrwork.arguments import checked
+from mrwork.errors import RecordError
 from mrwork.records.build import build_damper_test
 from mrwork.records.column_names import TestQuantity
 from mrwork.records.columns import COMMAND, COMMANDS, StatedCommand, choose_columns
@@ -24,8 +25,9 @@ def read_damper_test(path: str | os.PathLike[str], *, columns: Mapping[str, str]
     """Read one test from a text, .mat, .tdms or Parquet file, check it and convert it to SI.
 
     Columns are recognised by their names with units (``t_s``, ``displacement_mm``, ``Force (kN)``, ``current_a``, in
-    any case). Time, displacement and force are required; velocity, current and voltage are optional. A file name such
-    as ``10mm1Hz0x5A`` gives nominal amplitude, frequency and command; a column of the command takes precedence.
+    any case); a column of times of the day is the time from its first. Time, displacement and force are required;
+    velocity, current and voltage are optional. A file name such as ``10mm1Hz0x5A`` gives nominal amplitude, frequency
+    and command; a column of the command takes precedence.
 
     Parameters
     ----------
@@ -33,8 +35,9 @@ def read_damper_test(path: str | os.PathLike[str], *, columns: Mapping[str, str]
         The file.
     columns
         Quantity (``time``, ``displacement``, ``velocity``, ``force``, ``current``, ``voltage``) to
-        ``"COLUMN:UNIT"``, for columns whose names do not state it. ``command`` is a column of current or voltage, or a
-        number with its unit, as ``"0.5 A"``, which goes before the columns of the file.
+        ``"COLUMN:UNIT"``, or ``"COLUMN"`` where the file tells the unit, for columns whose names do not state it; the
+        name may leave out a unit at its end. ``command`` is a column of current or voltage, or a number with its unit,
+        as ``"0.5 A"``, which goes before the columns of the file.
 
     Returns
     -------
@@ -64,7 +67,16 @@ def read_damper_test(path: str | os.PathLike[str], *, columns: Mapping[str, str]
     if stated is not None and stated.column:
         quantity, column = stated.in_file(table.names, table.units, source)
         given[quantity] = column
-    chosen = choose_columns(table.names, given, units=table.units, source=source)
+
+    def numbers_of(name: str) -> NDArray[np.float64] | None:
+        try:
+            return table.read([name])[name]
+        except RecordError:
+            return None
+
+    chosen = choose_columns(
+        table.names, given, units=table.units, stamps=table.stamps, source=source, read=numbers_of
+    )
     if stated is not None and stated.value is not None:
         chosen = {quantity: choice for quantity, choice in chosen.items() if quantity not in COMMANDS}
     numbers = table.read([choice.column for choice in chosen.values()])

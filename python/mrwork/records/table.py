@@ -7,7 +7,7 @@ import hashlib
 import importlib.util
 import os
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -22,12 +22,15 @@ class ColumnTable(ABC):
     """Columns of a file: their names, their values on request, and the location of a row in the file.
 
     `names` are in file order, `units` those that the file states apart from the names, `sha256` is the hash of the
-    bytes of the file.
+    bytes of the file. `stamps` are columns of times of the day, which are read as seconds since the first. `unused` are
+    parts of the file that are no column: sheets, variables without a vector of numbers.
     """
 
     names: tuple[str, ...]
     units: Mapping[str, str]
     sha256: str
+    stamps: Collection[str] = ()
+    unused: tuple[str, ...] = ()
 
     @abstractmethod
     def read(self, wanted: Sequence[str]) -> dict[str, NDArray[np.float64]]:

@@ -36,7 +36,7 @@ def _guess(file: Path) -> ListedTest:
         table = open_table(file)
     except MrworkError as error:
         return ListedTest(file=str(file), doubt=_plain(error, file))
-    chosen, doubts = guess_columns(table.names, units=table.units, source=str(file))
+    chosen, doubts = guess_columns(table.names, units=table.units, stamps=table.stamps, source=str(file))
     columns: dict[str, str] = {
         quantity: choice.specification if choice is not None else UNKNOWN
         for quantity in _IN_COLUMNS

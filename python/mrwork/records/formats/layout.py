@@ -12,7 +12,7 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
-from typing import Final
+from typing import Final, Literal
 
 from mrwork.errors import RecordError
 from mrwork.records.columns import numbered_names
@@ -129,12 +129,12 @@ def delimiter_of(line: str) -> str:
     return next((character for character in "\t;" if character in line), ",")
 
 
-def split(line: str, delimiter: str | None) -> list[str]:
+def split(line: str, delimiter: str | None, quoting: Literal[0, 3] = csv.QUOTE_MINIMAL) -> list[str]:
     """Fields of a line."""
     if delimiter is None:
         return line.split()
     try:
-        return next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [""])
+        return next(csv.reader([line], delimiter=delimiter, skipinitialspace=True, quoting=quoting), [""])
     except csv.Error:
         # A field beyond the size limit of the csv module: returned as one field, which matches no number and no name.
         return [line]
@@ -270,7 +270,9 @@ def _lines_of_texts(lines: Sequence[str], filled: Sequence[int], rows: _Run) -> 
 
 def _texts(line: str, rows: _Run) -> tuple[str, ...]:
     """Fields of a line of texts above the rows; with blanks as the delimiter, names may contain single ones."""
-    raw = split(_without_remark(line), rows.delimiter)
+    # A single quote is the mark of an inch.
+    quoting = csv.QUOTE_NONE if line.count('"') % 2 else csv.QUOTE_MINIMAL
+    raw = split(_without_remark(line), rows.delimiter, quoting)
     if rows.delimiter is None and len(raw) != rows.width:
         apart = re.split(r"\s{2,}|\t", line.strip())
         raw = apart if len(apart) == rows.width else raw
