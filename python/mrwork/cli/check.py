@@ -21,7 +21,7 @@ from mrwork.identification.settings import is_synthetic
 from mrwork.records import DamperTest, Finding, guess_tests, mislabelled, write_test_table
 from mrwork.records.command_signal import Command, command_range
 from mrwork.records.findings import gathered_findings
-from mrwork.records.rig_table import EVERY_USE, TABLE_NAME, records_in
+from mrwork.records.rig_table import EVERY_USE, TABLE_NAME, files_not_read, records_in
 from mrwork.store.input_file import is_folder
 
 
@@ -87,6 +87,8 @@ def _write_table(options: argparse.Namespace) -> int:
     if not files:
         raise SettingError("--table lists files; name a folder or the records")
     table = files[0].parent / TABLE_NAME if options.table == Path() else options.table
+    for sentence in files_not_read(named).values():
+        note(sentence)
     rows = guess_tests(files)
     write_test_table(table, rows)
     doubtful = [row for row in rows if row.doubt]

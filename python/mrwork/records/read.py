@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,9 +17,15 @@ from mrwork.records.build import build_damper_test
 from mrwork.records.column_names import TestQuantity
 from mrwork.records.columns import COMMAND, COMMANDS, StatedCommand, choose_columns
 from mrwork.records.command import nominal_from_name, with_nominal_command
-from mrwork.records.damper_test import DamperTest
+from mrwork.records.damper_test import DamperTest, Finding
+from mrwork.records.findings import NOT_USED
 from mrwork.records.formats.open import open_table
-from mrwork.records.rig_table import EVERY_USE, EveryUse, Use, listed_tests
+from mrwork.records.rig_table import EVERY_USE, EveryUse, Use, files_not_read, listed_tests
+from mrwork.records.table import ColumnTable
+from mrwork.summary import listed
+
+# Columns that a note names; more are counted.
+_MOST_NAMED: Final = 8
 
 
 @checked
@@ -102,7 +110,17 @@ def read_damper_test(path: str | os.PathLike[str], *, columns: Mapping[str, str]
         sha256=table.sha256,
         locate=table.locate,
     )
-    return with_nominal_command(test, nominal)
+    test = with_nominal_command(test, nominal)
+    unused = unused_finding(table, {choice.column for choice in chosen.values()})
+    return replace(test, findings=(*test.findings, *unused))
+
+
+def unused_finding(table: ColumnTable, used: Collection[str]) -> tuple[Finding, ...]:
+    """Note the columns and other parts of a file that no quantity of the test is read from."""
+    columns = [f"'{name}'" for name in table.names if name and name not in used]
+    named = f"column{'s' if len(columns) > 1 else ''} {listed(columns, _MOST_NAMED)}"
+    parts = [*([named] if columns else []), *table.unused]
+    return (Finding.note(NOT_USED, f"not used: {'; '.join(parts)}"),) if parts else ()
 
 
 @checked
@@ -133,5 +151,15 @@ def read_damper_tests(
     --------
     >>> tests = read_damper_tests("rig/", use="fit")  # doctest: +SKIP
     """
-    rows = listed_tests(paths, use=use)
-    return tuple(read_damper_test(row.file, columns={**(columns or {}), **row.columns}) for row in rows)
+    given = [paths] if isinstance(paths, str | os.PathLike) else list(paths)
+    rows = listed_tests(given[0] if isinstance(paths, str | os.PathLike) else given, use=use)
+    beside = {
+        folder: Finding.note("files_not_read", sentence) for folder, sentence in files_not_read(given).items()
+    }
+    tests = [read_damper_test(row.file, columns={**(columns or {}), **row.columns}) for row in rows]
+    return tuple(
+        replace(test, findings=(*test.findings, beside[folder]))
+        if (folder := Path(test.path).parent) in beside
+        else test
+        for test in tests
+    )

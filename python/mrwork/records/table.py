@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from mrwork.errors import RecordError
 from mrwork.store.child_reader import TooLargeError, UnreadableError, read_members
 from mrwork.store.input_file import RECORD, bytes_of, exists
+from mrwork.summary import listed
 
 
 class ColumnTable(ABC):
@@ -59,9 +60,11 @@ class VectorTable(ColumnTable):
         sha256: str,
         vectors: Mapping[str, NDArray[np.generic]],
         units: Mapping[str, str] | None = None,
+        unused: tuple[str, ...] = (),
     ) -> None:
         self.names = tuple(vectors)
         self.units = units or {}
+        self.unused = unused
         self.sha256 = sha256
         self._source = source
         self._vectors = vectors
@@ -90,6 +93,11 @@ class VectorTable(ColumnTable):
         # What is beyond the range of doubles is infinite, and refused with its row.
         with np.errstate(over="ignore", invalid="ignore"):
             return vector.astype(np.float64, copy=False)
+
+
+def unused_parts(noun: str, names: Sequence[str], why: str) -> tuple[str, ...]:
+    """Parts of a file that are no columns, and why, as `ColumnTable.unused` has them; nothing where there are none."""
+    return (f"{noun}{'s' if len(names) > 1 else ''} {listed(names)} ({why})",) if names else ()
 
 
 def open_parquet(path: Path) -> ColumnTable:
