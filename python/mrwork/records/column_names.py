@@ -81,6 +81,8 @@ def unit_in_name(quantity: TestQuantity, name: str) -> str | None:
         # A letter is enough beside words of a command: I_set, U_cmd.
         letters = _STEMS[quantity] - stems
         is_named = said & stems or (said & letters and len(said) > 1)
+        # Coil (A), which is no sensor's.
+        is_named = is_named or (said and quantity == quantity_of(at_end) == "current")
         # What a shunt shows in volts is no command.
         is_sensed = said & _OF_SENSORS[quantity] and quantity_of(at_end) not in (None, quantity)
         return at_end if is_named and others - letters <= _OF_COMMAND and not is_sensed else None

@@ -61,10 +61,15 @@ def suggested_options(
     numbers = {name: samples for name in free for samples in [read(name)] if samples is not None}
     options: list[str] = []
     is_sure = True
+    suggested: set[str] = set()
     for each in missing:
+        if each.column and each.column in suggested:
+            # A command may be a current or a voltage.
+            continue
         column = each.column or _likely_column(each.quantity, left, units, numbers)
         if not column:
             return ""
+        suggested.add(column)
         left = [name for name in left if name != column]
         unit = each.unit or (
             units.get(column, "") if quantity_of(units.get(column, "")) == each.quantity else ""

@@ -353,7 +353,12 @@ class _Names:
         free = [name for name in self.free if name not in taken]
         units = {name: self.units.get(name, "") or unit_at_end(name) for name in free}
         options = suggested_options([each.missing for each in unclear], free, units, read)
-        first, others = unclear[0], [each.missing.quantity for each in unclear[1:]]
+        first = unclear[0]
+        # A command may be a current or a voltage.
+        column = first.missing.column
+        others = [
+            each.missing.quantity for each in unclear[1:] if not column or each.missing.column != column
+        ]
         if not options:
             unit = next(iter(FACTORS[first.missing.quantity]))
             how = f"{first.remedy} with --column {first.missing.quantity}=COLUMN:{unit}; or leave out what is no record"
@@ -428,6 +433,25 @@ def guess_columns(
                 unit = next(symbol for symbol, factor in symbols if factor == choice.factor)
                 chosen[quantity] = replace(choice, unit=unit)
     return chosen, doubts
+
+
+def unclear_commands(
+    names: Sequence[str], units: Mapping[str, str], used: Collection[str]
+) -> tuple[str, ...]:
+    """Columns that may be the command and do not say their unit, among those that are not used."""
+    return tuple(
+        name
+        for name in names
+        if name not in used and any(_may_be_command(quantity, name, units) for quantity in COMMANDS)
+    )
+
+
+def _may_be_command(quantity: Literal["current", "voltage"], name: str, units: Mapping[str, str]) -> bool:
+    unit = unit_in_name(quantity, name)
+    # The letters u and v also mean a motion.
+    is_letter = is_plain(quantity, name) and name.strip()[1:2] in ("", *" _-/,:.([")
+    known = unit is not None and (quantity_of(unit) or quantity_of(units.get(name, "")))
+    return unit is not None and not known and not (is_letter and quantity == "voltage")
 
 
 def _quantity(name: str) -> TestQuantity:

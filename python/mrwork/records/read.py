@@ -15,7 +15,7 @@ from mrwork.arguments import checked
 from mrwork.errors import RecordError
 from mrwork.records.build import build_damper_test
 from mrwork.records.column_names import TestQuantity
-from mrwork.records.columns import COMMAND, COMMANDS, StatedCommand, choose_columns
+from mrwork.records.columns import COMMAND, COMMANDS, StatedCommand, choose_columns, unclear_commands
 from mrwork.records.command import nominal_from_name, with_nominal_command
 from mrwork.records.damper_test import DamperTest, Finding
 from mrwork.records.findings import NOT_USED
@@ -110,8 +110,9 @@ def read_damper_test(path: str | os.PathLike[str], *, columns: Mapping[str, str]
         sha256=table.sha256,
         locate=table.locate,
     )
-    test = with_nominal_command(test, nominal)
-    unused = unused_finding(table, {choice.column for choice in chosen.values()})
+    used = {choice.column for choice in chosen.values()}
+    test = with_nominal_command(test, nominal, unclear_commands(table.names, table.units, used))
+    unused = unused_finding(table, used)
     return replace(test, findings=(*test.findings, *unused))
 
 
