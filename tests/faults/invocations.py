@@ -119,7 +119,7 @@ def odd_files(folder: Path) -> list[Path]:
         sparse.truncate(1 << 40)
     with socket.socket(socket.AF_UNIX) as end, contextlib.chdir(folder):
         end.bind("socket.csv")
-    for suffix in (".toml", ".mat", ".tdms", ".parquet", ".lvm", ".npz"):
+    for suffix in (".toml", ".mat", ".tdms", ".parquet", ".xlsx", ".lvm", ".npz"):
         (folder / f"binary{suffix}").write_bytes(made["binary.csv"].read_bytes())
     return [
         *sorted(folder.iterdir()),

@@ -30,7 +30,7 @@ _MOST_NAMED: Final = 8
 
 @checked
 def read_damper_test(path: str | os.PathLike[str], *, columns: Mapping[str, str] | None = None) -> DamperTest:
-    """Read one test from a text, .mat, .tdms or Parquet file, check it and convert it to SI.
+    """Read one test from a text, .mat, .tdms, .xlsx or Parquet file, check it and convert it to SI.
 
     Columns are recognised by their names with units (``t_s``, ``displacement_mm``, ``Force (kN)``, ``current_a``, in
     any case); a column of times of the day is the time from its first. Time, displacement and force are required;
@@ -121,7 +121,13 @@ def unused_finding(table: ColumnTable, used: Collection[str]) -> tuple[Finding, 
     columns = [f"'{name}'" for name in table.names if name and name not in used]
     named = f"column{'s' if len(columns) > 1 else ''} {listed(columns, _MOST_NAMED)}"
     parts = [*([named] if columns else []), *table.unused]
-    return (Finding.note(NOT_USED, f"not used: {'; '.join(parts)}"),) if parts else ()
+    unused = (Finding.note(NOT_USED, f"not used: {'; '.join(parts)}"),) if parts else ()
+    further = listed([f"'{name}'" for name in table.further], _MOST_NAMED)
+    message = f"{len(table.further)} more sheets have a record: {further}"
+    action = "save each as a file of its own to read it"
+    return (
+        unused if not table.further else (*unused, Finding.warning("further_records", message, action=action))
+    )
 
 
 @checked

@@ -24,7 +24,8 @@ class ColumnTable(ABC):
 
     `names` are in file order, `units` those that the file states apart from the names, `sha256` is the hash of the
     bytes of the file. `stamps` are columns of times of the day, which are read as seconds since the first. `unused` are
-    parts of the file that are no column: sheets, variables without a vector of numbers.
+    parts of the file that are no column: sheets, variables without a vector of numbers; `further` are those that have a
+    record of their own.
     """
 
     names: tuple[str, ...]
@@ -32,6 +33,7 @@ class ColumnTable(ABC):
     sha256: str
     stamps: Collection[str] = ()
     unused: tuple[str, ...] = ()
+    further: tuple[str, ...] = ()
 
     @abstractmethod
     def read(self, wanted: Sequence[str]) -> dict[str, NDArray[np.float64]]:

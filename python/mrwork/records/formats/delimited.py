@@ -49,17 +49,27 @@ def open_delimited(path: Path) -> ColumnTable:
         The file is empty, not text, too large, or it has no data line.
     """
     data = read_text_bytes(path)
-    sha256 = hashlib.sha256(data).hexdigest()
+    return table_of_text(data, source=str(path), sha256=hashlib.sha256(data).hexdigest())
+
+
+def table_of_text(data: bytes, *, source: str, sha256: str) -> ColumnTable:
+    """As `open_delimited`, of the bytes of a text.
+
+    Raises
+    ------
+    RecordError
+        It has no data line.
+    """
 
     def line_by_line() -> DelimitedTable:
         lines = decoded(data).replace("\r\n", "\n").replace("\r", "\n").split("\n")
         layout: Layout | None = None
         if is_labview(lines):
-            lines, layout = labview_layout(lines, str(path))
-        return DelimitedTable(source=str(path), sha256=sha256, lines=lines, layout=layout)
+            lines, layout = labview_layout(lines, source)
+        return DelimitedTable(source=source, sha256=sha256, lines=lines, layout=layout)
 
     return (
-        regular_table(data, encoding_of(data), source=str(path), sha256=sha256, careful=line_by_line)
+        regular_table(data, encoding_of(data), source=source, sha256=sha256, careful=line_by_line)
         or line_by_line()
     )
 

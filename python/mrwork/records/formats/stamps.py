@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 # 2024-05-01 12:00:00.010, with T, / or a zone; 01.05.2024 12:00:00; 12:00:00,010.
 _STAMP: Final = re.compile(
     r"(?:(?:(?P<year>[0-9]{4})([-/])(?P<month>[0-9]{1,2})\2(?P<day>[0-9]{1,2})"
-    r"|(?P<day_first>[0-9]{1,2})\.(?P<month_then>[0-9]{1,2})\.(?P<year_last>[0-9]{4}))[T ]\s*)?"
-    r"(?P<hour>[0-9]{1,4}):(?P<minute>[0-5][0-9]):(?P<second>[0-5][0-9]|60)(?:[.,](?P<fraction>[0-9]{1,9}))?"
-    r"\s*(?P<zone>Z|[+-][0-9]{2}:?[0-9]{2})?"
+    r"|(?P<day_first>[0-9]{1,2})\.(?P<month_then>[0-9]{1,2})\.(?P<year_last>[0-9]{4}))(?:[T ]\s*|$))?"
+    r"(?:(?P<hour>[0-9]{1,4}):(?P<minute>[0-5][0-9]):(?P<second>[0-5][0-9]|60)(?:[.,](?P<fraction>[0-9]{1,9}))?"
+    r"\s*(?P<zone>Z|[+-][0-9]{2}:?[0-9]{2})?)?"
 )
 _LONGEST: Final = 60
 _DAY: Final = 86_400 * 10**9
@@ -23,7 +23,7 @@ _HOUR: Final = 3600 * 10**9
 
 def is_stamp(text: str) -> bool:
     """Whether a cell is a time of the day, by itself or with its date."""
-    return len(text) <= _LONGEST and nanoseconds(text) is not None
+    return ":" in text and nanoseconds(text) is not None
 
 
 def stamps_of(names: Sequence[str], row: Sequence[str]) -> frozenset[str]:
@@ -32,11 +32,14 @@ def stamps_of(names: Sequence[str], row: Sequence[str]) -> frozenset[str]:
 
 
 def nanoseconds(text: str) -> int | None:
-    """Time of a stamp [ns], of one with a date since 1970; `None` of another text."""
-    match = _STAMP.fullmatch(text.strip()) if len(text) <= _LONGEST else None
-    if match is None:
+    """Time of a stamp [ns], of one with a date since 1970; `None` of another text.
+
+    A date by itself is its midnight, as spreadsheets write that.
+    """
+    match = _STAMP.fullmatch(text.strip()) if 0 < len(text) <= _LONGEST else None
+    if match is None or not match[0]:
         return None
-    clock = 3600 * int(match["hour"]) + 60 * int(match["minute"]) + int(match["second"])
+    clock = 3600 * int(match["hour"] or 0) + 60 * int(match["minute"] or 0) + int(match["second"] or 0)
     time = clock * 10**9 + int((match["fraction"] or "").ljust(9, "0"))
     if match["zone"] not in (None, "Z"):
         sign, digits = match["zone"][0], match["zone"][1:].replace(":", "")
