@@ -114,6 +114,7 @@ def _facts(test: DamperTest) -> dict[str, Any]:
         "n_time": test.n_time,
         "dt": test.dt,
         "settle_seconds": test.n_settle * test.dt,
+        "amplitude_m": 0.5 * float(np.ptp(test.displacement)),
         "peak_displacement_m": float(np.abs(test.displacement).max()),
         "peak_velocity_mps": float(np.abs(test.velocity).max()),
         "peak_force_n": float(np.abs(test.force).max()),
@@ -138,7 +139,7 @@ def _report(test: DamperTest, own: Sequence[Finding]) -> str:
     command = f", {test.command_in_words}" if test.commands else ""
     head = (
         f"{escaped(test.label)}: {test.n_time} samples at {1.0 / test.dt:g} Hz, "
-        f"{1e3 * facts['peak_displacement_m']:.3g} mm, {1e3 * facts['peak_velocity_mps']:.3g} mm/s, "
+        f"amplitude {1e3 * facts['amplitude_m']:.3g} mm, {1e3 * facts['peak_velocity_mps']:.3g} mm/s, "
         f"{facts['peak_force_n']:.4g} N{command}"
     )
     return "\n".join([head, *([] if test.findings else ["  nothing to note"]), *_lines(own)])

@@ -96,7 +96,9 @@ def motion_matches_name(
     if amplitude is not None:
         measured = 0.5 * float(np.ptp(displacement))
         if abs(measured - amplitude) > _AMPLITUDE * amplitude:
-            findings.append(_disagrees("amplitude", 1e3 * amplitude, 1e3 * measured, "mm"))
+            findings.append(
+                _disagrees("amplitude", 1e3 * amplitude, 1e3 * measured, "mm", how=" (half the peak to peak)")
+            )
     return tuple(findings)
 
 
@@ -143,10 +145,11 @@ def _with_command(
     return replace(test, findings=(*test.findings, *found))
 
 
-def _disagrees(quantity: str, named: float, measured: float, unit: str) -> Finding:
+def _disagrees(quantity: str, named: float, measured: float, unit: str, how: str = "") -> Finding:
     return Finding.warning(
         "name_disagrees",
-        f"the file name says a {quantity} of {named:.3g} {unit}, the record {measured:.3g} {unit}",
+        f"the file name says {'an' if how else 'a'} {quantity} of {named:.3g} {unit}, "
+        f"the record {measured:.3g} {unit}{how}",
         action="rename the file, or check the column and its unit",
     )
 
