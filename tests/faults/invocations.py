@@ -405,7 +405,9 @@ def peak_memory() -> int:
 
 def in_processes(place: Path, whole: Path) -> Iterator[tuple[str, list[str]]]:
     """Command lines in odd surroundings, with what is wrong with each."""
-    plain = os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
+    # Warnings of numbers, which the command line does not show otherwise, are to be found here.
+    path = os.pathsep.join(path for path in sys.path if path)
+    plain = os.environ | {"PYTHONPATH": path, "PYTHONWARNINGS": "always::RuntimeWarning"}
     gone = place / "gone"
     surroundings: list[tuple[str, dict[str, str], str]] = [
         ("ASCII", {"PYTHONIOENCODING": "ascii:strict"}, ""),
