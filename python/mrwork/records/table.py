@@ -7,7 +7,7 @@ import hashlib
 import importlib.util
 import os
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -31,7 +31,7 @@ class ColumnTable(ABC):
     names: tuple[str, ...]
     units: Mapping[str, str]
     sha256: str
-    stamps: Collection[str] = ()
+    stamps: frozenset[str] = frozenset()
     unused: tuple[str, ...] = ()
     further: tuple[str, ...] = ()
 
