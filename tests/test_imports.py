@@ -24,6 +24,7 @@ HOMES = {
     ("h5py",): ("store.child_hdf5",),
     ("nptdms",): ("records.formats.tdms",),
     ("pyarrow",): ("store.child_parquet",),
+    ("python_calamine",): ("store.child_xlsx",),
     ("matplotlib", "fontTools", "jinja2"): ("report",),
     ("control",): ("buildings.state_space",),
     ("cvxpy", "clarabel"): ("control.design",),

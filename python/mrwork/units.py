@@ -56,6 +56,7 @@ FACTORS: Final[Mapping[MeasuredQuantity, Mapping[str, float]]] = MappingProxyTyp
             "lbf": _POUND_FORCE,
             "kip": 1e3 * _POUND_FORCE,
             "kgf": STANDARD_GRAVITY,
+            "tf": 1e3 * STANDARD_GRAVITY,
             "MN": 1e6,
         },
         "stiffness": {"N/m": 1.0, "kN/m": 1e3, "MN/m": 1e6, "N/mm": 1e3},
@@ -78,6 +79,9 @@ _IN_ANY_CASE: Final[Mapping[tuple[MeasuredQuantity, str], float]] = {
     if not symbol.startswith(_MEGA)
 }
 
+# The mark of an inch by itself; around a unit it is a quotation mark.
+_INCH: Final = re.compile(r"(?:[\"\u2033\u201d])(?=/|$)")
+
 # Column names cannot hold a slash: mmps, mm_s and mm_per_s are mm/s.
 _VELOCITY: Final = re.compile(r"(m|cm|mm|in)(?:p|_|_per_)s", re.ASCII)
 # cm/sec^2, cm/s/s, cm/sec/sec, cm/s**2, and, where a slash cannot stand, cmps2, cm_s2, cm_per_s2.
@@ -92,7 +96,7 @@ _WORDS: Final = {
     "milliseconds": "ms", "newton": "n", "newtons": "n", "kilonewton": "kn", "kilonewtons": "kn", "meter": "m",
     "meters": "m", "metre": "m", "metres": "m", "millimeter": "mm", "millimeters": "mm", "millimetre": "mm",
     "millimetres": "mm", "inch": "in", "inches": "in", "in.": "in", "volt": "v", "volts": "v", "amp": "a", "amps": "a",
-    "ampere": "a", "amperes": "a",
+    "ampere": "a", "amperes": "a", "lb": "lbf", "lbs": "lbf", "kips": "kip",
 }  # fmt: skip
 
 
@@ -130,7 +134,9 @@ def number_in(text: str, unit: str) -> float | str:
 
 def factor_of(unit: str, quantity: MeasuredQuantity) -> float | None:
     """Factor to SI of a unit in any case and common spelling; `None` where it is no unit of the quantity."""
-    symbol = unit.strip().strip("'\"")
+    symbol = (
+        _INCH.sub("in", unit.strip(), count=1) if _INCH.match(unit.strip()) else unit.strip().strip("'\"")
+    )
     if len(symbol) > _LONGEST:
         return None
     factor = FACTORS[quantity].get(symbol)

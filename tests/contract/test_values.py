@@ -25,7 +25,7 @@ import mrwork as mr
 from mrwork.values import holds_arrays
 
 # What a child process runs, with libraries that are optional.
-CHILDREN = ("mrwork.store.child_hdf5", "mrwork.store.child_parquet")
+CHILDREN = ("mrwork.store.child_hdf5", "mrwork.store.child_parquet", "mrwork.store.child_xlsx")
 
 
 def data_classes() -> Iterator[type]:

@@ -119,7 +119,7 @@ def odd_files(folder: Path) -> list[Path]:
         sparse.truncate(1 << 40)
     with socket.socket(socket.AF_UNIX) as end, contextlib.chdir(folder):
         end.bind("socket.csv")
-    for suffix in (".toml", ".mat", ".tdms", ".parquet", ".lvm", ".npz"):
+    for suffix in (".toml", ".mat", ".tdms", ".parquet", ".xlsx", ".lvm", ".npz"):
         (folder / f"binary{suffix}").write_bytes(made["binary.csv"].read_bytes())
     return [
         *sorted(folder.iterdir()),
@@ -405,7 +405,9 @@ def peak_memory() -> int:
 
 def in_processes(place: Path, whole: Path) -> Iterator[tuple[str, list[str]]]:
     """Command lines in odd surroundings, with what is wrong with each."""
-    plain = os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
+    # Warnings of numbers, which the command line does not show otherwise, are to be found here.
+    path = os.pathsep.join(path for path in sys.path if path)
+    plain = os.environ | {"PYTHONPATH": path, "PYTHONWARNINGS": "always::RuntimeWarning"}
     gone = place / "gone"
     surroundings: list[tuple[str, dict[str, str], str]] = [
         ("ASCII", {"PYTHONIOENCODING": "ascii:strict"}, ""),

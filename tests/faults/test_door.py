@@ -394,6 +394,19 @@ def test_warnings_of_libraries_are_one_line(capsys: pytest.CaptureFixture[str]) 
     ]
 
 
+def test_a_runtime_warning_of_a_library_is_shown_to_those_who_ask_for_it_only(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    for asked, shown in ((False, 0), (True, 1)):
+        with warnings.catch_warnings():
+            warnings.resetwarnings()
+            if asked:
+                warnings.simplefilter("always", RuntimeWarning)
+            with warnings_in_one_line():
+                warnings.warn("overflow", RuntimeWarning, stacklevel=1)
+        assert len(capsys.readouterr().err.splitlines()) == shown
+
+
 def test_streams_that_are_no_files_are_served() -> None:
     with redirect_stdout(io.StringIO()) as out, redirect_stderr(io.StringIO()) as err:
         show("a")

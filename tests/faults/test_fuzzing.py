@@ -209,8 +209,9 @@ def test_ctrl_c_ends_the_harness_with_what_has_been_counted(tmp_path: Path) -> N
 def test_every_registered_format_has_a_seed() -> None:
     readers = all_readers()
     files = {seed.file for reader in readers for seed in reader.seeds}
-    # A library that is not required; without it there is nothing to read such a file.
-    unread = set() if find_spec("nptdms") else {".tdms"}
+    # Libraries that are not required; without one there is nothing to read such a file.
+    optional = {"nptdms": ".tdms", "python_calamine": ".xlsx"}
+    unread = {extension for library, extension in optional.items() if find_spec(library) is None}
     assert set(EXTENSIONS) - {".pq"} - unread <= {Path(file).suffix for file in files}
     # Files of a run that a verb reads back; the page and the figures are only written.
     named = {Path(file).name for file in files}

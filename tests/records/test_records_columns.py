@@ -68,7 +68,7 @@ def test_a_mapping_settles_an_ambiguity(tmp_path: Path) -> None:
     [
         ({"force": "G:N"}, RecordError, "there is no column 'G'; the columns are 't_s'"),
         ({"speed": "G:N"}, SettingError, "'speed' is not a quantity"),
-        ({"force": "force_n"}, SettingError, "expected COLUMN:UNIT"),
+        ({"force": "force_n:"}, SettingError, "expected COLUMN:UNIT"),
         ({"force": "force_n:mm"}, UnitError, "'mm' is a unit of displacement"),
     ],
 )
@@ -89,7 +89,7 @@ def test_a_column_option_is_split_once_checked() -> None:
     [
         ("force", SettingError, "QUANTITY=COLUMN:UNIT"),
         ("torque=F:N", SettingError, "use one of time, displacement"),
-        ("force=F", SettingError, "COLUMN:UNIT"),
+        ("force=", SettingError, "COLUMN:UNIT"),
         ("force=:N", SettingError, "COLUMN:UNIT"),
         ("force=F:furlong", UnitError, "N, kN, lbf"),
         ("command=-5A", SettingError, "from 0 to 1000 A"),

@@ -142,7 +142,7 @@ def test_paths_that_are_no_records_are_refused(tmp_path: Path) -> None:
     folder.mkdir()
     assert "directory" in refusal(folder)
     assert "no such file" in refusal(tmp_path / "absent.csv")
-    assert "'.xlsx'" in refusal_of(tmp_path, "x", name="rig.xlsx")
+    assert "'.xls'" in refusal_of(tmp_path, "x", name="rig.xls")
     assert "no extension" in refusal_of(tmp_path, "x", name="rig")
 
 

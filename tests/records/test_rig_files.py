@@ -202,7 +202,7 @@ def test_a_name_is_given_without_the_unit_below_it(tmp_path: Path) -> None:
         (
             ["Time (s)\tStroke (mm)\tForce"],
             UnitError,
-            "'Force' does not say its unit.*--column force=Force:N",
+            "'Force' does not say its unit.*--column force=Force:kN",
         ),
         (["Time (s)\tStroke error (mm)\tForce (kN)"], RecordError, "no column for the displacement"),
     ],

@@ -145,7 +145,7 @@ def test_a_folder_without_a_table_stands_for_its_records(rig: Path) -> None:
             r"line 2: the force of 'a.csv' is '\?'; fill it in, or set the use to unused",
         ),
         (("a.csv,fit,,,F:?,,,",), r"the force of 'a.csv' is 'F:\?'"),
-        (("a.csv,fit,,,F,,,",), "line 2: column for the force is 'F'; expected COLUMN:UNIT"),
+        (("a.csv,fit,,,F:,,,",), "line 2: column for the force is 'F:'; expected COLUMN:UNIT"),
         (("a.csv,fit,,,F:mm,,,",), "line 2: .*'mm' is a unit of displacement"),
         (("a.csv,fit,,,,,1.5,",), "line 2: the command is '1.5'"),
         (("a.csv,fit,,,,,,", "# later", "a.csv,test,,,,,,"), "line 4: 'a.csv' is in the table twice"),

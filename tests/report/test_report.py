@@ -182,7 +182,10 @@ def test_an_unfinished_fit_says_so_in_a_banner() -> None:
     banner = 'role="alert"'
     assert banner not in report(comparison())
     assert "was interrupted" in report(comparison(), status="interrupted").split(banner)[1][:300]
-    assert "before it converged" in report(comparison(), status="not_converged").split(banner)[1][:300]
+    assert "before it converged. The" in report(comparison(), status="not_converged").split(banner)[1][:300]
+    reason = "a false minimum is suspected"
+    text = report(comparison(), status="not_converged", status_reason=reason).split(banner)[1][:300]
+    assert f"before it converged: {reason}. The" in text
 
 
 def test_warnings_of_a_fit_stand_above_its_figures() -> None:

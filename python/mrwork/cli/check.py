@@ -21,7 +21,7 @@ from mrwork.identification.settings import is_synthetic
 from mrwork.records import DamperTest, Finding, guess_tests, mislabelled, write_test_table
 from mrwork.records.command_signal import Command, command_range
 from mrwork.records.findings import gathered_findings
-from mrwork.records.rig_table import EVERY_USE, TABLE_NAME, records_in
+from mrwork.records.rig_table import EVERY_USE, TABLE_NAME, files_not_read, records_in
 from mrwork.store.input_file import is_folder
 
 
@@ -87,6 +87,8 @@ def _write_table(options: argparse.Namespace) -> int:
     if not files:
         raise SettingError("--table lists files; name a folder or the records")
     table = files[0].parent / TABLE_NAME if options.table == Path() else options.table
+    for sentence in files_not_read(named).values():
+        note(sentence)
     rows = guess_tests(files)
     write_test_table(table, rows)
     doubtful = [row for row in rows if row.doubt]
@@ -112,6 +114,7 @@ def _facts(test: DamperTest) -> dict[str, Any]:
         "n_time": test.n_time,
         "dt": test.dt,
         "settle_seconds": test.n_settle * test.dt,
+        "amplitude_m": 0.5 * float(np.ptp(test.displacement)),
         "peak_displacement_m": float(np.abs(test.displacement).max()),
         "peak_velocity_mps": float(np.abs(test.velocity).max()),
         "peak_force_n": float(np.abs(test.force).max()),
@@ -136,7 +139,7 @@ def _report(test: DamperTest, own: Sequence[Finding]) -> str:
     command = f", {test.command_in_words}" if test.commands else ""
     head = (
         f"{escaped(test.label)}: {test.n_time} samples at {1.0 / test.dt:g} Hz, "
-        f"{1e3 * facts['peak_displacement_m']:.3g} mm, {1e3 * facts['peak_velocity_mps']:.3g} mm/s, "
+        f"amplitude {1e3 * facts['amplitude_m']:.3g} mm, {1e3 * facts['peak_velocity_mps']:.3g} mm/s, "
         f"{facts['peak_force_n']:.4g} N{command}"
     )
     return "\n".join([head, *([] if test.findings else ["  nothing to note"]), *_lines(own)])

@@ -135,6 +135,8 @@ def warnings_in_one_line() -> Iterator[None]:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("always", MrworkWarning)
+            # A number that overflows is told by what comes of it; whoever asks for these warnings has them (-W).
+            warnings.simplefilter("ignore", RuntimeWarning, append=True)
             warnings.showwarning = show
             yield
     finally:

@@ -221,6 +221,7 @@ def summary_of(fit: Fit, tests: tuple[DamperTest, ...], folder: Path) -> dict[st
         "rmse_n": fit.rmse_n,
         "error_norms": asdict(fit.error_norms),
         "status": fit.status,
+        "status_reason": fit.status_reason,
         "stop_reason": fit.stop_reason,
         "tested_range": None if fit.tested is None else asdict(fit.tested),
         "warnings": fit.warnings,
@@ -253,9 +254,8 @@ def _parameter(fit: Fit, estimate: Estimate) -> dict[str, Any]:
 
 def text_of(fit: Fit, tests: tuple[DamperTest, ...]) -> str:
     """Summary of a fit, as text."""
-    status = fit.status.replace("_", " ")
     lines = [
-        f"{damper(fit.model).title}, {status} after {fit.evaluations} simulations, {fit.seconds:.1f} s",
+        f"{damper(fit.model).title}, {fit.status_in_words} after {fit.evaluations} simulations, {fit.seconds:.1f} s",
         "",
         *(f"  warning: {each}" for each in fit.warnings),
         *([""] if fit.warnings else []),

@@ -11,15 +11,17 @@ from typing import get_args
 from mrwork.cli.numbers import EVERY, INSTANT, SEED, SETTLE, THREADS, add_number
 from mrwork.cli.paths import named_path
 from mrwork.cli.progress import reading_line
+from mrwork.cli.terminal import note
 from mrwork.dampers.parameters import CommandUnit, LawName
 from mrwork.errors import SettingError
 from mrwork.identification.fit_file import OpenedRun, reopen
 from mrwork.identification.nuisance import NuisanceName
 from mrwork.identification.settings import Reading, is_synthetic
 from mrwork.records import DamperTest, parse_column_option
+from mrwork.records.findings import unused_in_words
 from mrwork.records.observing import DETECT, VALUES_IN_WORDS, as_words
 from mrwork.records.repairs import AMOUNTS_IN_WORDS, REPAIR_KINDS, RepairKind
-from mrwork.records.rig_table import EveryUse, ListedTest, Use, check_given_once, listed_tests
+from mrwork.records.rig_table import EveryUse, ListedTest, Use, check_given_once, files_not_read, listed_tests
 
 _NONE = "none"
 _AUTO = "auto"
@@ -31,7 +33,7 @@ def add_files(parser: argparse.ArgumentParser, *, required: bool = True) -> None
         "files",
         nargs="+" if required else "*",
         metavar="FILE",
-        help="test record: text (.csv, .txt, .dat, .lvm), .mat, .tdms, .parquet, or synthetic:NAME; a table of "
+        help="test record: text (.csv, .txt, .dat, .lvm), .mat, .tdms, .xlsx, .parquet, or synthetic:NAME; a table of "
         "tests (file, use, columns, command), of which the rows for this verb are used; or a folder, for its tests.csv "
         "or its records",
     )
@@ -39,9 +41,9 @@ def add_files(parser: argparse.ArgumentParser, *, required: bool = True) -> None
         "--column",
         action="append",
         default=[],
-        metavar="QUANTITY=NAME:UNIT",
-        help="heading and unit of a column that is not recognised, as in force=F:kN, or the command as a number, as in "
-        "command=0.5A; repeat for more",
+        metavar="QUANTITY=NAME[:UNIT]",
+        help="heading of a column that is not recognised, with its unit where the file does not tell it, as in "
+        "force=F:kN, or the command as a number, as in command=0.5A; repeat for more",
     )
     add_number(parser, "--from", INSTANT, "use the record from this time on", dest="start", metavar="S")
     add_number(parser, "--until", INSTANT, "use the record up to this time", dest="end", metavar="S")
@@ -138,6 +140,8 @@ def reading_of(options: argparse.Namespace, use: Use | EveryUse) -> Reading:
     for file in options.files:
         rows += [ListedTest(file=file)] if is_synthetic(file) else listed_tests([file], use=use)
     check_given_once(rows)
+    for sentence in files_not_read(options.files).values():
+        note(sentence)
     return Reading(
         files=tuple(row.file for row in rows),
         columns_of={row.file: row.columns for row in rows if row.columns},
@@ -153,7 +157,11 @@ def reading_of(options: argparse.Namespace, use: Use | EveryUse) -> Reading:
 
 def read_tests(options: argparse.Namespace, use: Use, *, quiet: bool) -> tuple[DamperTest, ...]:
     """The tests of the command line, first cut, then repaired; a line tells how many have been read."""
-    return tests_of(reading_of(options, use), quiet=quiet)
+    tests = tests_of(reading_of(options, use), quiet=quiet)
+    if not quiet:
+        for sentence in unused_in_words(tests):
+            note(sentence)
+    return tests
 
 
 def tests_of(reading: Reading, *, quiet: bool) -> tuple[DamperTest, ...]:

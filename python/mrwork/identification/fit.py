@@ -150,11 +150,11 @@ class Fit(Summarised, Related):
     `evaluations` counts the simulated candidates of the search and of the selection of starting points;
     `refinement_steps` counts those of the final fit, one simulation with its derivatives each. `identifiability` is
     the result of `uncertainty.identifiability_of`, `None` where it was not computed. `forces` are those of the free
-    runs, one for each test, [N], shape (n_time,); `warnings` are sentences on what could mislead in the result;
-    `motions` recognise the tests of the fit and others of the same motion and command; `tested` are the ranges of
-    motion, command and load of the tests, `None` for a fit of an earlier version whose tests cannot be read;
-    `live_settings` are the settings with the search that ran. A fit that was read from its file has neither forces nor
-    live settings.
+    runs, one for each test, [N], shape (n_time,); `warnings` are sentences on what could mislead in the result, and
+    `status_reason` says why it has not converged; `motions` recognise the tests of the fit and others of the same
+    motion and command; `tested` are the ranges of motion, command and load of the tests, `None` for a fit of an
+    earlier version whose tests cannot be read; `live_settings` are the settings with the search that ran. A fit that
+    was read from its file has neither forces nor live settings.
     """
 
     _made_by: ClassVar[str] = "mr.identify(model, tests)"
@@ -180,6 +180,7 @@ class Fit(Summarised, Related):
     identifiability: Identifiability | None = None
     intervals: Intervals | None = None
     warnings: tuple[str, ...] = ()
+    status_reason: str = ""
     motions: tuple[RecordedMotion, ...] = ()
     tested: OperatingRange | None = None
     forces: tuple[NDArray[np.float64], ...] = field(default=(), compare=False)
@@ -193,6 +194,12 @@ class Fit(Summarised, Related):
             return plain
         laws = dict(zip(plain.names, self.current.laws, strict=True))
         return plain.with_current_laws(laws, unit=self.current.unit, lagged=self.current.lagged)
+
+    @property
+    def status_in_words(self) -> str:
+        """How the identification ended, with the reason where it has not converged."""
+        reason = f" ({self.status_reason})" if self.status_reason else ""
+        return f"{self.status.replace('_', ' ')}{reason}"
 
     @property
     def fingerprint(self) -> str:

@@ -300,6 +300,9 @@ class _Ending:
             )
         except KeyboardInterrupt as interrupt:
             return replace(self, problem=problem).at(interrupt, best, points.trace)
+        reason = "" if polished.converged else f"the final fit ended at its most steps, {polished.steps}"
+        if points.is_suspected:
+            reason = "a false minimum is suspected"
         fit = fit_at(
             problem,
             polished.theta,
@@ -307,7 +310,7 @@ class _Ending:
             n_effective=polished.n_effective,
             trace=points.trace,
             steps=polished.steps,
-            status="converged" if polished.converged and not points.is_suspected else "not_converged",
+            status="not_converged" if reason else "converged",
             seconds=reporter.seconds,
         )
         objective = problem.objective
@@ -320,7 +323,7 @@ class _Ending:
             *needless,
             *shape,
         )
-        return replace(fit, warnings=(*fit.warnings, *doubts))
+        return replace(fit, warnings=(*fit.warnings, *doubts), status_reason=reason)
 
 
 def starting_points(problem: Problem, *, on_search: OnSearch) -> StartingPoints:

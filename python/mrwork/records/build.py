@@ -65,7 +65,7 @@ def build_damper_test(
         Command [A, V], one number or shape (n_time,). The test has its median if it is constant within noise; else
         each sample is held until the next.
     amplitude, frequency
-        Nominal values [m, Hz], compared with the motion.
+        Nominal values [m, Hz], compared with half the peak to peak of the motion and its dominant frequency.
     synthetic
         Whether the test was simulated.
     path, sha256

@@ -249,7 +249,8 @@ def force_offset(force: NDArray[np.float64], velocity: NDArray[np.float64]) -> t
     """Note a static offset above 5 % of the half range of the force, which every model has a parameter for."""
     offset = mean_over_travel(force, velocity)
     scale = half_range(force)
-    if abs(offset) <= _OFFSET_SHARE * scale:
+    # A force of a few spikes has no range between the percentiles.
+    if scale == 0.0 or abs(offset) <= _OFFSET_SHARE * scale:
         return ()
     relative = f"{100 * abs(offset) / scale:.0f} % of its half range of {scale:.4g} N"
     message = (

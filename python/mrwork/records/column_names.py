@@ -14,6 +14,15 @@ LONGEST_NAME: Final = 300
 """Characters of a column's name; nothing is told from a longer one."""
 
 QUANTITIES: Final[tuple[TestQuantity, ...]] = get_args(TestQuantity)
+# Names that count where no other column has the name of the quantity: sensors, and the time of the day.
+_OF_SENSORS: Final[Mapping[TestQuantity, frozenset[str]]] = {
+    "time": frozenset({"timestamp", "datetime"}),
+    "displacement": frozenset({"lvdt"}),
+    "velocity": frozenset(),
+    "force": frozenset({"cell"}),
+    "current": frozenset({"shunt"}),
+    "voltage": frozenset(),
+}
 # Set point of the driver, in amperes or volts: the unit decides.
 _COMMAND: Final = frozenset({"command", "cmd", "setpoint"})
 # `v` and `u` have different meanings on different rigs; the unit after them decides. Programs of rigs write the names
@@ -56,25 +65,47 @@ def unit_in_name(quantity: TestQuantity, name: str) -> str | None:
     """
     if len(name) > LONGEST_NAME:
         return None
+    words, at_end = _words_and_unit(name)
     match = _NAME.fullmatch(name)
-    if match is not None and match[1].casefold() in _STEMS[quantity]:
+    if match is not None and match[1].casefold() in _STEMS[quantity] | _OF_SENSORS[quantity]:
         unit = (match[2] or "").strip()
-        if quantity_of(unit) is not None or not (re.search(r"[\s(\[]", unit) or _words(unit) & _NOT_MEASURED):
+        in_words = (
+            re.search(r"[\s(\[]", unit) or _words(unit) & _NOT_MEASURED or quantity_of(at_end) is not None
+        )
+        if quantity_of(unit) is not None or not in_words:
             return unit
-    words, unit = _words_and_unit(name)
     said = _words(words)
-    stems = {stem for stem in _STEMS[quantity] if len(stem) > 1}
-    if not said & stems:
-        return None
+    stems = _long_stems(quantity) | _OF_SENSORS[quantity]
     others = said - stems
     if quantity in ("current", "voltage"):
-        return unit if others <= _OF_COMMAND else None
-    return None if others & _NOT_MEASURED else unit
+        # A letter is enough beside words of a command: I_set, U_cmd.
+        letters = _STEMS[quantity] - stems
+        is_named = said & stems or (said & letters and len(said) > 1)
+        # Coil (A), which is no sensor's.
+        is_named = is_named or (said and quantity == quantity_of(at_end) == "current")
+        # What a shunt shows in volts is no command.
+        is_sensed = said & _OF_SENSORS[quantity] and quantity_of(at_end) not in (None, quantity)
+        return at_end if is_named and others - letters <= _OF_COMMAND and not is_sensed else None
+    return at_end if said & stems and not others & _NOT_MEASURED else None
+
+
+def is_second_choice(quantity: TestQuantity, name: str) -> bool:
+    """Whether a name that means the quantity counts only where no other does: that of a sensor, or as I_set."""
+    return not (is_plain(quantity, name) or _words(_words_and_unit(name)[0]) & _long_stems(quantity))
+
+
+def _long_stems(quantity: TestQuantity) -> frozenset[str]:
+    return frozenset(stem for stem in _STEMS[quantity] if len(stem) > 1)
 
 
 def unit_at_end(name: str) -> str:
     """The unit in brackets or at the end of a column's name, empty where there is none."""
     return _words_and_unit(name)[1] if len(name) <= LONGEST_NAME else ""
+
+
+def without_unit(name: str) -> str:
+    """A column's name without the unit in brackets or at its end."""
+    return _words_and_unit(name)[0].strip() if len(name) <= LONGEST_NAME else name
 
 
 def _words_and_unit(name: str) -> tuple[str, str]:
@@ -98,4 +129,6 @@ def is_plain(quantity: TestQuantity, name: str) -> bool:
     if match is None or match[1].casefold() not in _STEMS[quantity]:
         return False
     rest = (match[2] or "").strip()
-    return quantity_of(rest) is not None or " " not in rest
+    if quantity_of(rest) is not None:
+        return True
+    return not (" " in rest or _words(rest) & _NOT_MEASURED or quantity_of(unit_at_end(name)) is not None)

@@ -3,14 +3,30 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final, Literal
 
 from mrwork.arguments import checked
 from mrwork.errors import MrworkError, RecordError, SettingError, UnitError
-from mrwork.records.column_names import QUANTITIES, TestQuantity, is_plain, unit_at_end, unit_in_name
+from mrwork.records.column_names import (
+    QUANTITIES,
+    TestQuantity,
+    is_plain,
+    is_second_choice,
+    unit_at_end,
+    unit_in_name,
+    without_unit,
+)
+from mrwork.records.column_suggestions import (
+    Missing,
+    ReadColumn,
+    column_option,
+    no_numbers,
+    suggested_options,
+)
 from mrwork.records.command_signal import LARGEST_COMMAND
+from mrwork.summary import listed
 from mrwork.units import FACTORS, factor_of, factor_to_si, known_units, quantity_of
 
 REQUIRED: Final[tuple[TestQuantity, ...]] = ("time", "displacement", "force")
@@ -29,6 +45,10 @@ COMMAND: Final = "command"
 """Key of a mapping of columns for the command: a column of current or voltage, or a number with its unit."""
 
 COMMANDS: Final[tuple[Literal["current"], Literal["voltage"]]] = ("current", "voltage")
+# Names that a message lists.
+_MOST_SHOWN: Final = 20
+# In the names of columns, and in no unit.
+_OF_A_NAME: Final = re.compile(r"[\s()\[\]{}]")
 _STARTS_AS_NUMBER: Final = re.compile(r"[+-]?[.,]?\d|[+-]?(nan|inf)\b", re.IGNORECASE)
 _NUMBER_AND_UNIT: Final = re.compile(r"([+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?)\s*([^\W\d_]+)")
 
@@ -127,7 +147,7 @@ class StatedCommand:
                     return quantity, f"{name}:{unit}"
         raise UnitError(
             f"{source}: the column '{name}' of the command does not say whether it is a current or a voltage; give its "
-            f"unit, as in --column {COMMAND}={name}:A"
+            f"unit, as in {column_option(COMMAND, name, 'A')}"
         )
 
     @classmethod
@@ -176,7 +196,9 @@ def choose_columns(
     *,
     source: str,
     units: Mapping[str, str] | None = None,
+    stamps: Collection[str] = (),
     required: Sequence[TestQuantity] = REQUIRED,
+    read: ReadColumn = no_numbers,
 ) -> dict[TestQuantity, ColumnChoice]:
     """Find the column of every quantity that a file contains.
 
@@ -185,13 +207,18 @@ def choose_columns(
     names
         Column names in file order.
     columns
-        Quantity to ``"COLUMN:UNIT"``, with precedence over the column names. Other quantities are still found by name.
+        Quantity to ``"COLUMN:UNIT"`` or ``"COLUMN"``, with precedence over the column names. Other quantities are still
+        found by name.
     source
         The file, for messages.
     units
         Units that the file states apart from the names, by name.
+    stamps
+        Columns of times of the day, in seconds since the first.
     required
         Quantities that must have a column.
+    read
+        Reads a column by its name, for the unit that a message suggests.
 
     Raises
     ------
@@ -202,25 +229,47 @@ def choose_columns(
     SettingError
         The mapping is malformed.
     """
+    named = _Names(
+        names=names, free=names, units=units or {}, stamps=stamps, source=source, required=required
+    )
     chosen: dict[TestQuantity, ColumnChoice] = {}
     for name, specification in (columns or {}).items():
         quantity = _quantity(name)
-        column, unit, factor = _parse_specification(quantity, specification)
-        chosen[quantity] = ColumnChoice(column=_find(column, names, source), unit=unit, factor=factor)
+        chosen[quantity] = named.specified(quantity, specification)
     taken = {choice.column for choice in chosen.values()}
-    named = _Names(
-        names=names,
-        free=tuple(name for name in names if name not in taken),
-        units=units or {},
-        source=source,
-        required=required,
-    )
+    named = replace(named, free=tuple(name for name in names if name not in taken))
+    unclear: list[_UnclearError] = []
     for quantity in QUANTITIES:
-        if quantity not in chosen:
+        if quantity in chosen:
+            continue
+        try:
             choice = named.recognise(quantity)
+        except _UnclearError as error:
+            unclear.append(error)
+        else:
             if choice is not None:
                 chosen[quantity] = choice
+    if unclear:
+        raise named.refusal(unclear, chosen, read)
     return chosen
+
+
+class _UnclearError(Exception):
+    """What cannot be told of a quantity: the problem, and what to do; the column and its unit where they are known."""
+
+    def __init__(
+        self,
+        problem: str,
+        remedy: str,
+        *,
+        kind: type[MrworkError],
+        quantity: TestQuantity,
+        column: str = "",
+        unit: str = "",
+    ) -> None:
+        super().__init__(problem)
+        self.problem, self.remedy, self.kind = problem, remedy, kind
+        self.missing = Missing(quantity=quantity, column=column, unit=unit)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -230,52 +279,111 @@ class _Names:
     names: Sequence[str]
     free: Sequence[str]
     units: Mapping[str, str]
+    stamps: Collection[str]
     source: str
     required: Sequence[TestQuantity]
+
+    def specified(self, quantity: TestQuantity, specification: str) -> ColumnChoice:
+        """The column that a ``"COLUMN:UNIT"`` or ``"COLUMN"`` names; without a unit it has that of the file."""
+        column, unit = _parse_specification(quantity, specification)
+        name = _find(column, self.names, self.source)
+        if not unit:
+            stated = (self.units.get(name, ""), unit_at_end(name))
+            unit = next((each for each in stated if quantity_of(each) is not None), "")
+        if not unit:
+            raise UnitError(
+                f"{self.source}: column '{name}' does not say its unit; give it, as in "
+                f"{column_option(quantity, name, next(iter(FACTORS[quantity])))}"
+            )
+        factor = factor_to_si(unit, quantity, context=f"column option {quantity}={specification}")
+        return ColumnChoice(column=name, unit=unit, factor=factor)
 
     def recognise(self, quantity: TestQuantity) -> ColumnChoice | None:
         claims = [
             (name, unit) for name in self.free for unit in [self._unit(quantity, name)] if unit is not None
         ]
         fitting = [(name, unit) for name, unit in claims if quantity_of(unit) == quantity]
+        fitting = [each for each in fitting if not is_second_choice(quantity, each[0])] or fitting
         # A column that is called just Force is the force, whatever Force of cell 2 is.
         fitting = [each for each in fitting if is_plain(quantity, each[0])] or fitting
+        if not fitting and quantity == "time":
+            fitting = [(name, "s") for name in self.free if name in self.stamps]
         if len(fitting) > 1:
-            first, second = fitting[0][0], fitting[1][0]
-            raise RecordError(
-                f"{self.source}: columns '{first}' and '{second}' both look like the {quantity}; "
-                f"say which one to use with --column {quantity}=COLUMN:UNIT"
+            (first, unit), (second, _) = fitting[:2]
+            raise _UnclearError(
+                f"columns '{first}' and '{second}' both look like the {quantity}",
+                "say which one to use",
+                kind=RecordError,
+                quantity=quantity,
+                column=first,
+                unit=unit,
             )
         if fitting:
             name, unit = fitting[0]
             return ColumnChoice(column=name, unit=unit, factor=factor_to_si(unit, quantity, context=name))
         for name, unit in claims:
-            if self._is_weak(quantity, name) or self._claimed_by_another(quantity, name):
+            if (
+                is_second_choice(quantity, name)
+                or self._is_weak(quantity, name)
+                or self._claimed_by_another(quantity, name)
+            ):
                 continue
             if quantity_of(unit) is None:
                 problem = f"has the unknown unit '{unit}'" if unit else "does not say its unit"
-                raise UnitError(
-                    f"{self.source}: column '{name}' {problem} ({known_units(quantity)} are known); rename it, "
-                    f"for example to '{_EXAMPLE[quantity]}', or give the unit with --column "
-                    f"{quantity}={name}:{next(iter(FACTORS[quantity]))}"
+                raise _UnclearError(
+                    f"column '{name}' {problem} ({known_units(quantity)} are known)",
+                    f"rename it, for example to '{_EXAMPLE[quantity]}', or give the unit",
+                    kind=UnitError,
+                    quantity=quantity,
+                    column=name,
                 )
             factor_to_si(unit, quantity, context=f"{self.source}: column '{name}'")
         if quantity in self.required:
-            raise RecordError(f"{self.source}: {self._without(quantity)}")
+            raise self._without(quantity)
         return None
 
-    def _without(self, quantity: TestQuantity) -> str:
-        unit = next(iter(FACTORS[quantity]))
-        if tuple(self.names) == numbered_names(len(self.names)):
-            return (
-                "the columns have no names; add a header line such as t_s,displacement_m,force_n, or say by its "
-                f"number which column is the {quantity}, as in --column {quantity}=1:{unit}"
+    def refusal(
+        self,
+        unclear: Sequence[_UnclearError],
+        chosen: Mapping[TestQuantity, ColumnChoice],
+        read: ReadColumn,
+    ) -> MrworkError:
+        """The first problem, with the options that solve all of them."""
+        taken = {choice.column for choice in chosen.values()}
+        free = [name for name in self.free if name not in taken]
+        units = {name: self.units.get(name, "") or unit_at_end(name) for name in free}
+        options = suggested_options([each.missing for each in unclear], free, units, read)
+        first = unclear[0]
+        # A command may be a current or a voltage.
+        column = first.missing.column
+        others = [
+            each.missing.quantity for each in unclear[1:] if not column or each.missing.column != column
+        ]
+        if not options:
+            unit = next(iter(FACTORS[first.missing.quantity]))
+            how = f"{first.remedy} with --column {first.missing.quantity}=COLUMN:{unit}; or leave out what is no record"
+        elif others and not self._is_nameless:
+            how = f"the {' and the '.join(others)} cannot be told either; give them, {options}"
+        else:
+            how = f"{first.remedy}, {options}"
+        return first.kind(f"{self.source}: {first.problem}; {how}")
+
+    def _without(self, quantity: TestQuantity) -> _UnclearError:
+        if self._is_nameless:
+            problem = "the columns have no names"
+            remedy = (
+                "add a header line such as t_s,displacement_m,force_n, or give the columns by their numbers"
             )
-        listed = ", ".join(f"'{name}'" for name in self.names)
-        return (
-            f"no column for the {quantity} among {listed}; rename one, for example to '{_EXAMPLE[quantity]}', or say "
-            f"which it is with --column {quantity}=COLUMN:{unit}"
-        )
+        else:
+            shown = [f"'{name}'" for name in self.names[:_MOST_SHOWN]]
+            more = f" and {len(self.names) - _MOST_SHOWN} more" if len(self.names) > _MOST_SHOWN else ""
+            problem = f"no column for the {quantity} among {', '.join(shown)}{more}"
+            remedy = f"rename one, for example to '{_EXAMPLE[quantity]}', or say which it is"
+        return _UnclearError(problem, remedy, kind=RecordError, quantity=quantity)
+
+    @property
+    def _is_nameless(self) -> bool:
+        return tuple(self.names) == numbered_names(len(self.names))
 
     def _is_weak(self, quantity: TestQuantity, name: str) -> bool:
         """Whether a name is no sufficient evidence for an error: one letter or several words, of an optional one."""
@@ -300,21 +408,23 @@ class _Names:
         if len(known) == 2 and known[0] != known[1]:
             raise UnitError(
                 f"{self.source}: column '{name}' says '{own}' in its name and '{apart}' below it; give the unit "
-                f"with --column {quantity}={name}:UNIT"
+                f"with {column_option(quantity, name, own)}"
             )
         return own if quantity_of(own) is not None else apart
 
 
 def guess_columns(
-    names: Sequence[str], *, units: Mapping[str, str], source: str
+    names: Sequence[str], *, units: Mapping[str, str], stamps: Collection[str], source: str
 ) -> tuple[dict[TestQuantity, ColumnChoice], dict[TestQuantity, str]]:
     """The columns that can be told by name, with common symbols of units, and why others cannot be told."""
-    named = _Names(names=names, free=names, units=units, source=source, required=REQUIRED)
+    named = _Names(names=names, free=names, units=units, stamps=stamps, source=source, required=REQUIRED)
     chosen: dict[TestQuantity, ColumnChoice] = {}
     doubts: dict[TestQuantity, str] = {}
     for quantity in QUANTITIES:
         try:
             choice = named.recognise(quantity)
+        except _UnclearError as error:
+            doubts[quantity] = f"{error.problem}; {error.remedy}"
         except MrworkError as error:
             doubts[quantity] = str(error).removeprefix(f"{source}: ")
         else:
@@ -323,6 +433,25 @@ def guess_columns(
                 unit = next(symbol for symbol, factor in symbols if factor == choice.factor)
                 chosen[quantity] = replace(choice, unit=unit)
     return chosen, doubts
+
+
+def unclear_commands(
+    names: Sequence[str], units: Mapping[str, str], used: Collection[str]
+) -> tuple[str, ...]:
+    """Columns that may be the command and do not say their unit, among those that are not used."""
+    return tuple(
+        name
+        for name in names
+        if name not in used and any(_may_be_command(quantity, name, units) for quantity in COMMANDS)
+    )
+
+
+def _may_be_command(quantity: Literal["current", "voltage"], name: str, units: Mapping[str, str]) -> bool:
+    unit = unit_in_name(quantity, name)
+    # The letters u and v also mean a motion.
+    is_letter = is_plain(quantity, name) and name.strip()[1:2] in ("", *" _-/,:.([")
+    known = unit is not None and (quantity_of(unit) or quantity_of(units.get(name, "")))
+    return unit is not None and not known and not (is_letter and quantity == "voltage")
 
 
 def _quantity(name: str) -> TestQuantity:
@@ -334,24 +463,39 @@ def _quantity(name: str) -> TestQuantity:
     )
 
 
-def _parse_specification(quantity: TestQuantity, specification: str) -> tuple[str, str, float]:
-    column, colon, unit = specification.rpartition(":")
-    if not colon or not column.strip() or not unit.strip():
+def _parse_specification(quantity: TestQuantity, specification: str) -> tuple[str, str]:
+    """Column and unit of ``"COLUMN:UNIT"``; the unit is empty where the file has to tell it."""
+    column, colon, unit = (part.strip() for part in specification.rpartition(":"))
+    if colon and _OF_A_NAME.search(unit):
+        # A colon within a heading: Position(Linear:Digital Position) (mm).
+        column, colon, unit = specification.strip(), "", ""
+    if not colon:
+        column, unit = specification.strip(), ""
+    if not column or (colon and not unit):
         raise SettingError(
             f"column for the {quantity} is '{specification}'; expected COLUMN:UNIT, "
-            f"such as {_EXAMPLE[quantity].partition('_')[0]}:{next(iter(FACTORS[quantity]))}"
+            f"such as {_EXAMPLE[quantity].partition('_')[0]}:{next(iter(FACTORS[quantity]))}, or COLUMN where the file "
+            "tells the unit"
         )
-    factor = factor_to_si(unit, quantity, context=f"column option {quantity}={specification}")
-    return column.strip(), unit.strip(), factor
+    if unit:
+        factor_to_si(unit, quantity, context=f"column option {quantity}={specification}")
+    return column, unit
 
 
 def _find(column: str, names: Sequence[str], source: str) -> str:
-    """Return the one name equal to `column`, or else the one equal except for case."""
-    equal = [name for name in names if name == column]
-    alike = equal or [name for name in names if name.casefold() == column.casefold()]
+    """Return the one name equal to `column`, or else the one equal except for case, or else except for its unit."""
+    wanted = column.casefold()
+    alike = (
+        [name for name in names if name == column]
+        or [name for name in names if name.casefold() == wanted]
+        or [name for name in names if without_unit(name).casefold() == wanted]
+    )
     if len(alike) == 1:
         return alike[0]
-    listed = ", ".join(f"'{name}'" for name in names)
+    if len(set(alike)) > 1:
+        found = listed([f"'{name}'" for name in alike])
+        raise RecordError(f"{source}: '{column}' may be {found}; give the whole heading")
     if alike:
         raise RecordError(f"{source}: the column name '{column}' occurs {len(alike)} times; make it unique")
-    raise RecordError(f"{source}: there is no column '{column}'; the columns are {listed}")
+    shown = ", ".join(f"'{name}'" for name in names)
+    raise RecordError(f"{source}: there is no column '{column}'; the columns are {shown}")

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.dampers.parameters import CommandUnit
 from mrwork.errors import RecordError
+from mrwork.records.column_suggestions import column_option
 from mrwork.records.command_signal import (
     LARGEST_COMMAND,
     Command,
@@ -93,35 +96,60 @@ def motion_matches_name(
     if amplitude is not None:
         measured = 0.5 * float(np.ptp(displacement))
         if abs(measured - amplitude) > _AMPLITUDE * amplitude:
-            findings.append(_disagrees("amplitude", 1e3 * amplitude, 1e3 * measured, "mm"))
+            findings.append(
+                _disagrees("amplitude", 1e3 * amplitude, 1e3 * measured, "mm", how=" (half the peak to peak)")
+            )
     return tuple(findings)
 
 
-def with_nominal_command(test: DamperTest, nominal: Nominal) -> DamperTest:
-    """Return the test with the command of its file name if no column gives one, and a warning if the two disagree."""
-    findings = list(test.findings)
-    for quantity, measured, named, unit in (
-        ("current", test.current, nominal.current, "A"),
-        ("voltage", test.voltage, nominal.voltage, "V"),
-    ):
-        if measured is None or named is None:
-            continue
-        # A varying command disagrees if it never is the nominal one.
-        nearest = float(np.clip(named, *command_range(measured)))
-        if abs(nearest - named) > command_noise(named):
-            findings.append(_disagrees(quantity, named, nearest, unit))
-    return replace(
-        test,
-        current=nominal.current if test.current is None else test.current,
-        voltage=nominal.voltage if test.voltage is None else test.voltage,
-        findings=tuple(findings),
+def with_nominal_command(test: DamperTest, nominal: Nominal, unclear: Sequence[str] = ()) -> DamperTest:
+    """Return the test with the command of its file name if it has none, and with a finding if the name is not used.
+
+    `unclear` are columns that may be the command and do not say their unit: the name is no evidence beside them.
+    """
+    stated: tuple[tuple[float | None, CommandUnit, str], ...] = (
+        (nominal.current, "A", "current"),
+        (nominal.voltage, "V", "voltage"),
     )
+    for value, unit, quantity in stated:
+        if value is not None:
+            return _with_command(test, value, unit, quantity, unclear)
+    return test
 
 
-def _disagrees(quantity: str, named: float, measured: float, unit: str) -> Finding:
+def _with_command(
+    test: DamperTest, value: float, unit: CommandUnit, quantity: str, unclear: Sequence[str]
+) -> DamperTest:
+    recorded = {of_unit: command for command, of_unit in test.commands}
+    named = f"{value:g} {unit}"
+    found: tuple[Finding, ...] = ()
+    if unit in recorded:
+        # A varying command disagrees if it never is the nominal one.
+        nearest = float(np.clip(value, *command_range(recorded[unit])))
+        if abs(nearest - value) > command_noise(value):
+            found = (_disagrees(quantity, value, nearest, unit),)
+    elif recorded:
+        message = f"the command is {test.command_in_words}; the {named} of the file name are not used"
+        found = (Finding.note("name_not_used", message),)
+    elif unclear:
+        found = (
+            Finding.warning(
+                "command_unclear",
+                f"column '{unclear[0]}' may be the command and does not say its unit, so the {named} of the file name "
+                "are not used",
+                action=f"give one, as in {column_option('command', unclear[0], unit)} or --column 'command={named}'",
+            ),
+        )
+    else:
+        return replace(test, current=value) if unit == "A" else replace(test, voltage=value)
+    return replace(test, findings=(*test.findings, *found))
+
+
+def _disagrees(quantity: str, named: float, measured: float, unit: str, how: str = "") -> Finding:
     return Finding.warning(
         "name_disagrees",
-        f"the file name says a {quantity} of {named:.3g} {unit}, the record {measured:.3g} {unit}",
+        f"the file name says {'an' if how else 'a'} {quantity} of {named:.3g} {unit}, "
+        f"the record {measured:.3g} {unit}{how}",
         action="rename the file, or check the column and its unit",
     )
 

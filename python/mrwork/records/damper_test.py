@@ -80,13 +80,13 @@ class DamperTest(Summarised):
     Arrays have shape (n_time,): `displacement` [m] and `velocity` [m/s] of elongation, and the resisting `force` [N],
     so that force times velocity is dissipated power. `current` [A] and `voltage` [V] are a number if they are constant
     over the test, an array of shape (n_time,) if they vary, each sample held until the next, `None` if unknown.
-    `amplitude` [m] and `frequency` [Hz] are nominal values from the file name, `None` if unknown. `velocity_source`
-    states whether the velocity is a measured column or a derivative. The first `n_settle` samples are simulated but
-    not compared: until the damper has travelled half its peak-to-peak stroke, its force depends on the state of the
-    hysteresis before the record. `observation` models how the recorded force follows from that of the damper; samples
-    at the ends for which it needs the force beyond the record are not compared either. `smoothing` is the moving
-    average that was found in the whole record, `None` where there is none; it is kept with a part of the record, where
-    it may no longer be found. `original` is the record before repairs, if it was repaired.
+    `amplitude` [m], half the peak to peak, and `frequency` [Hz] are nominal values from the file name, `None` if
+    unknown. `velocity_source` states whether the velocity is a measured column or a derivative. The first `n_settle`
+    samples are simulated but not compared: until the damper has travelled half its peak-to-peak stroke, its force
+    depends on the state of the hysteresis before the record. `observation` models how the recorded force follows from
+    that of the damper; samples at the ends for which it needs the force beyond the record are not compared either.
+    `smoothing` is the moving average that was found in the whole record, `None` where there is none; it is kept with a
+    part of the record, where it may no longer be found. `original` is the record before repairs, if it was repaired.
     """
 
     _made_by: ClassVar[str] = "mr.read_damper_test(path)"

@@ -5,8 +5,13 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Final
 
 from mrwork.records.damper_test import DamperTest, Finding
+from mrwork.summary import listed
+
+NOT_USED: Final = "not_used"
+"""Code of the note on columns and other parts of a file that are not used."""
 
 # Tests that a sentence names; of more it names some and counts the others.
 _NAMED = 6
@@ -79,6 +84,16 @@ def gathered_findings(tests: Sequence[DamperTest]) -> GatheredFindings:
             tuple(finding for finding in test.findings if _key(finding) not in recurring) for test in tests
         ),
     )
+
+
+def unused_in_words(tests: Sequence[DamperTest]) -> tuple[str, ...]:
+    """What the files of tests hold that was not used, in a sentence for all files in which it is the same."""
+    unused: dict[str, list[str]] = {}
+    for test in tests:
+        for finding in test.findings:
+            if finding.code == NOT_USED:
+                unused.setdefault(finding.message, []).append(test.label)
+    return tuple(f"{listed(labels)}: {message}" for message, labels in unused.items())
 
 
 def _key(finding: Finding) -> tuple[str, str, str]:

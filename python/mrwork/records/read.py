@@ -3,29 +3,39 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
+from typing import Final
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from mrwork.arguments import checked
+from mrwork.errors import RecordError
 from mrwork.records.build import build_damper_test
 from mrwork.records.column_names import TestQuantity
-from mrwork.records.columns import COMMAND, COMMANDS, StatedCommand, choose_columns
+from mrwork.records.columns import COMMAND, COMMANDS, StatedCommand, choose_columns, unclear_commands
 from mrwork.records.command import nominal_from_name, with_nominal_command
-from mrwork.records.damper_test import DamperTest
+from mrwork.records.damper_test import DamperTest, Finding
+from mrwork.records.findings import NOT_USED
 from mrwork.records.formats.open import open_table
-from mrwork.records.rig_table import EVERY_USE, EveryUse, Use, listed_tests
+from mrwork.records.rig_table import EVERY_USE, EveryUse, Use, files_not_read, listed_tests
+from mrwork.records.table import ColumnTable
+from mrwork.summary import listed
+
+# Columns that a note names; more are counted.
+_MOST_NAMED: Final = 8
 
 
 @checked
 def read_damper_test(path: str | os.PathLike[str], *, columns: Mapping[str, str] | None = None) -> DamperTest:
-    """Read one test from a text, .mat, .tdms or Parquet file, check it and convert it to SI.
+    """Read one test from a text, .mat, .tdms, .xlsx or Parquet file, check it and convert it to SI.
 
     Columns are recognised by their names with units (``t_s``, ``displacement_mm``, ``Force (kN)``, ``current_a``, in
-    any case). Time, displacement and force are required; velocity, current and voltage are optional. A file name such
-    as ``10mm1Hz0x5A`` gives nominal amplitude, frequency and command; a column of the command takes precedence.
+    any case); a column of times of the day is the time from its first. Time, displacement and force are required;
+    velocity, current and voltage are optional. A file name such as ``10mm1Hz0x5A`` gives nominal amplitude, frequency
+    and command; a column of the command takes precedence.
 
     Parameters
     ----------
@@ -33,8 +43,9 @@ def read_damper_test(path: str | os.PathLike[str], *, columns: Mapping[str, str]
         The file.
     columns
         Quantity (``time``, ``displacement``, ``velocity``, ``force``, ``current``, ``voltage``) to
-        ``"COLUMN:UNIT"``, for columns whose names do not state it. ``command`` is a column of current or voltage, or a
-        number with its unit, as ``"0.5 A"``, which goes before the columns of the file.
+        ``"COLUMN:UNIT"``, or ``"COLUMN"`` where the file tells the unit, for columns whose names do not state it; the
+        name may leave out a unit at its end. ``command`` is a column of current or voltage, or a number with its unit,
+        as ``"0.5 A"``, which goes before the columns of the file.
 
     Returns
     -------
@@ -64,7 +75,16 @@ def read_damper_test(path: str | os.PathLike[str], *, columns: Mapping[str, str]
     if stated is not None and stated.column:
         quantity, column = stated.in_file(table.names, table.units, source)
         given[quantity] = column
-    chosen = choose_columns(table.names, given, units=table.units, source=source)
+
+    def numbers_of(name: str) -> NDArray[np.float64] | None:
+        try:
+            return table.read([name])[name]
+        except RecordError:
+            return None
+
+    chosen = choose_columns(
+        table.names, given, units=table.units, stamps=table.stamps, source=source, read=numbers_of
+    )
     if stated is not None and stated.value is not None:
         chosen = {quantity: choice for quantity, choice in chosen.items() if quantity not in COMMANDS}
     numbers = table.read([choice.column for choice in chosen.values()])
@@ -90,7 +110,24 @@ def read_damper_test(path: str | os.PathLike[str], *, columns: Mapping[str, str]
         sha256=table.sha256,
         locate=table.locate,
     )
-    return with_nominal_command(test, nominal)
+    used = {choice.column for choice in chosen.values()}
+    test = with_nominal_command(test, nominal, unclear_commands(table.names, table.units, used))
+    unused = unused_finding(table, used)
+    return replace(test, findings=(*test.findings, *unused))
+
+
+def unused_finding(table: ColumnTable, used: Collection[str]) -> tuple[Finding, ...]:
+    """Note the columns and other parts of a file that no quantity of the test is read from."""
+    columns = [f"'{name}'" for name in table.names if name and name not in used]
+    named = f"column{'s' if len(columns) > 1 else ''} {listed(columns, _MOST_NAMED)}"
+    parts = [*([named] if columns else []), *table.unused]
+    unused = (Finding.note(NOT_USED, f"not used: {'; '.join(parts)}"),) if parts else ()
+    further = listed([f"'{name}'" for name in table.further], _MOST_NAMED)
+    message = f"{len(table.further)} more sheets have a record: {further}"
+    action = "save each as a file of its own to read it"
+    return (
+        unused if not table.further else (*unused, Finding.warning("further_records", message, action=action))
+    )
 
 
 @checked
@@ -121,5 +158,15 @@ def read_damper_tests(
     --------
     >>> tests = read_damper_tests("rig/", use="fit")  # doctest: +SKIP
     """
-    rows = listed_tests(paths, use=use)
-    return tuple(read_damper_test(row.file, columns={**(columns or {}), **row.columns}) for row in rows)
+    given = [paths] if isinstance(paths, str | os.PathLike) else list(paths)
+    rows = listed_tests(given[0] if isinstance(paths, str | os.PathLike) else given, use=use)
+    beside = {
+        folder: Finding.note("files_not_read", sentence) for folder, sentence in files_not_read(given).items()
+    }
+    tests = [read_damper_test(row.file, columns={**(columns or {}), **row.columns}) for row in rows]
+    return tuple(
+        replace(test, findings=(*test.findings, beside[folder]))
+        if (folder := Path(test.path).parent) in beside
+        else test
+        for test in tests
+    )

@@ -36,6 +36,8 @@ UNUSED: Final = "unused"
 UNKNOWN: Final = "?"
 """Entry of a table that must be filled in."""
 
+# Files that a sentence names; more are counted.
+_MOST_NAMED: Final = 8
 _DOUBT: Final = "doubt"
 _SPECIFIED: Final = (*REQUIRED, "velocity", COMMAND)
 _HEADER: Final = ("file", "use", *_SPECIFIED, _DOUBT)
@@ -116,17 +118,41 @@ def records_in(folder: Path) -> tuple[Path, ...]:
         inside = sorted(folder.iterdir())
     except OSError as reason:
         raise RecordError(f"{folder}: cannot be read ({reason.strerror})") from reason
-    files = tuple(
-        path
-        for path in inside
-        if path.suffix.lower() in EXTENSIONS and not path.name.startswith(".") and is_file(path)
-        if not is_test_table(path)
-    )
+    files = tuple(path for path in inside if _is_record(path))
     if not files:
         raise RecordError(
             f"{folder}: has no record; expected files with one of the extensions {', '.join(EXTENSIONS)}"
         )
     return files
+
+
+def _is_record(path: Path) -> bool:
+    """Whether a file of a folder can hold a test."""
+    named = path.suffix.lower() in EXTENSIONS and not path.name.startswith(".")
+    return named and is_file(path) and not is_test_table(path)
+
+
+def files_not_read(paths: str | os.PathLike[str] | Iterable[str | os.PathLike[str]]) -> dict[Path, str]:
+    """What is not read of each folder among the paths, as a sentence; folders that are read whole are left out.
+
+    Of a folder with a table of tests these are the records that the table does not name, else all that is no record.
+    """
+    given = [paths] if isinstance(paths, str | os.PathLike) else list(paths)
+    sentences: dict[Path, str] = {}
+    for folder in filter(is_folder, map(Path, given)):
+        inside = [path for path in sorted(folder.iterdir()) if not path.name.startswith(".")]
+        table = folder / TABLE_NAME
+        if is_test_table(table):
+            of_table = {real_place(row.file) for row in read_test_table(table)}
+            left = [path for path in inside if _is_record(path) and real_place(path) not in of_table]
+            why = f"not in {TABLE_NAME}"
+        else:
+            left = [path for path in inside if not _is_record(path)]
+            why = "not read"
+        if left:
+            names = [f"{path.name}/" if is_folder(path) else path.name for path in left]
+            sentences[folder] = f"of the folder {folder}, {why}: {listed(names, _MOST_NAMED)}"
+    return sentences
 
 
 def is_test_table(path: Path) -> bool:

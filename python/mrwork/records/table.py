@@ -16,18 +16,24 @@ from numpy.typing import NDArray
 from mrwork.errors import RecordError
 from mrwork.store.child_reader import TooLargeError, UnreadableError, read_members
 from mrwork.store.input_file import RECORD, bytes_of, exists
+from mrwork.summary import listed
 
 
 class ColumnTable(ABC):
     """Columns of a file: their names, their values on request, and the location of a row in the file.
 
     `names` are in file order, `units` those that the file states apart from the names, `sha256` is the hash of the
-    bytes of the file.
+    bytes of the file. `stamps` are columns of times of the day, which are read as seconds since the first. `unused` are
+    parts of the file that are no column: sheets, variables without a vector of numbers; `further` are those that have a
+    record of their own.
     """
 
     names: tuple[str, ...]
     units: Mapping[str, str]
     sha256: str
+    stamps: frozenset[str] = frozenset()
+    unused: tuple[str, ...] = ()
+    further: tuple[str, ...] = ()
 
     @abstractmethod
     def read(self, wanted: Sequence[str]) -> dict[str, NDArray[np.float64]]:
@@ -56,9 +62,11 @@ class VectorTable(ColumnTable):
         sha256: str,
         vectors: Mapping[str, NDArray[np.generic]],
         units: Mapping[str, str] | None = None,
+        unused: tuple[str, ...] = (),
     ) -> None:
         self.names = tuple(vectors)
         self.units = units or {}
+        self.unused = unused
         self.sha256 = sha256
         self._source = source
         self._vectors = vectors
@@ -87,6 +95,11 @@ class VectorTable(ColumnTable):
         # What is beyond the range of doubles is infinite, and refused with its row.
         with np.errstate(over="ignore", invalid="ignore"):
             return vector.astype(np.float64, copy=False)
+
+
+def unused_parts(noun: str, names: Sequence[str], why: str) -> tuple[str, ...]:
+    """Parts of a file that are no columns, and why, as `ColumnTable.unused` has them; nothing where there are none."""
+    return (f"{noun}{'s' if len(names) > 1 else ''} {listed(names)} ({why})",) if names else ()
 
 
 def open_parquet(path: Path) -> ColumnTable:

@@ -10,7 +10,7 @@ from typing import Final
 from mrwork.arguments import checked
 from mrwork.errors import MrworkError
 from mrwork.records.column_names import TestQuantity
-from mrwork.records.columns import COMMAND, COMMANDS, REQUIRED, ColumnChoice, guess_columns
+from mrwork.records.columns import COMMAND, COMMANDS, REQUIRED, ColumnChoice, guess_columns, unclear_commands
 from mrwork.records.command import nominal_from_name
 from mrwork.records.formats.open import open_table
 from mrwork.records.read import read_damper_test
@@ -36,17 +36,24 @@ def _guess(file: Path) -> ListedTest:
         table = open_table(file)
     except MrworkError as error:
         return ListedTest(file=str(file), doubt=_plain(error, file))
-    chosen, doubts = guess_columns(table.names, units=table.units, source=str(file))
+    chosen, doubts = guess_columns(table.names, units=table.units, stamps=table.stamps, source=str(file))
     columns: dict[str, str] = {
         quantity: choice.specification if choice is not None else UNKNOWN
         for quantity in _IN_COLUMNS
         for choice in [chosen.get(quantity)]
         if choice is not None or quantity in REQUIRED
     }
-    command, about_command = _command(file, chosen)
+    used = {choice.column for choice in chosen.values()}
+    unclear = unclear_commands(table.names, table.units, used)
+    about_columns = next((doubts[quantity] for quantity in COMMANDS if quantity in doubts), "")
+    if unclear:
+        about_columns = (
+            f"'{unclear[0]}' may be the command and does not say its unit; give it as {unclear[0]}:A"
+        )
+    command, about_command = (UNKNOWN, about_columns) if about_columns else _command(file, chosen)
     if command:
         columns[COMMAND] = command
-    remarks = [*doubts.values(), about_command]
+    remarks = [*(doubt for quantity, doubt in doubts.items() if quantity not in COMMANDS), about_command]
     if UNKNOWN not in columns.values():
         remarks.append(_read(file, columns))
     return ListedTest(file=str(file), use="fit", columns=columns, doubt="; ".join(filter(None, remarks)))

@@ -1,6 +1,6 @@
 """Program of the child process of `child_reader`; it stands alone because it imports nothing of mrwork.
 
-The file comes through stdin; `answer` of `child_hdf5` or `child_parquet` writes to stdout what is in it.
+The file comes through stdin; `answer` of `child_hdf5`, `child_parquet` or `child_xlsx` writes to stdout what is in it.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Contents of HDF5 (netCDF 4, MATLAB 7.3) and Parquet files, read in a child process with limits of time and memory.
+"""Contents of HDF5 (netCDF 4, MATLAB 7.3), Parquet and .xlsx, read in a child process with limits of time and memory.
 
 A damaged file can keep such a library busy for ever, out of reach of Ctrl-C, let it claim all memory, or end the
 process by a signal. In a child process each of these is one sentence. A checksum beside the file would not do: these
@@ -29,7 +29,7 @@ from mrwork.store.allowance import allowed
 from mrwork.store.child_program import NO_MEMORY
 from mrwork.values import holds_arrays
 
-Format = Literal["hdf5", "parquet"]
+Format = Literal["hdf5", "parquet", "xlsx"]
 
 _HERE: Final = Path(__file__).parent
 
@@ -44,7 +44,7 @@ _LONGEST_HEAD: Final = 64 << 20
 # SIGKILL, and SIGXCPU, which Windows does not have.
 _ENDED_BY_TIME: Final = (-9, -24)
 _OUTSIDE: Final = (
-    "the process that reads HDF5 and Parquet files has come to the limit of {limit} of this shell or job "
+    "the process that reads HDF5, Parquet and .xlsx files has come to the limit of {limit} of this shell or job "
     "(ulimit {option}); raise it, or read the file where there is none"
 )
 
@@ -71,7 +71,9 @@ def read_members(data: bytes, form: Format) -> dict[str, Member]:
     """Members of a file, by name.
 
     Of HDF5 these are what is down to the second level, by path, and the file itself as ""; links to other files and
-    names that begin with `#` are left out. Of Parquet they are the columns, with float64 numbers.
+    names that begin with `#` are left out. Of Parquet they are the columns, with float64 numbers. Of
+    .xlsx they are the sheets in their order, by number, with their `name`; the array has the bytes of a text, in which
+    tabs are between cells.
 
     Raises
     ------

@@ -133,6 +133,7 @@ def _read_here() -> None:
 
     for module in (
         "mrwork.records.formats.hdf5",
+        "mrwork.records.formats.workbook",
         "mrwork.records.table",
         "mrwork.uncertainty.posterior.draws_file",
     ):

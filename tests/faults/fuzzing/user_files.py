@@ -5,12 +5,14 @@ from __future__ import annotations
 import importlib.util
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
+from datetime import datetime, timedelta
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import motion_files
 import numpy as np
+import odd_files
 import record_files
 import rig_files
 from numpy.typing import NDArray
@@ -288,6 +290,8 @@ def _record_readers() -> list[Reader]:
     readers += in_child("records of MATLAB 7.3", read_damper_test, hdf5, 2.0)
     if importlib.util.find_spec("pyarrow"):
         readers += in_child("records of Parquet", read_damper_test, _parquet(columns), 2.0)
+    if importlib.util.find_spec("python_calamine"):
+        readers += in_child("records of .xlsx", read_damper_test, _workbooks(), 2.0)
     if importlib.util.find_spec("nptdms"):
         readers.append(Reader(name="records of TDMS", read=read_damper_test, seeds=_tdms(), share=6.0))
     return readers
@@ -306,6 +310,22 @@ def in_child(
         Reader(name=each, read=read, seeds=tuple(seeds), share=part, beside=beside or {}, in_child=child)
         for child, (each, part) in names.items()
     ]
+
+
+def _workbooks() -> tuple[Seed, ...]:
+    head = ["Time (s)", "Stroke (m)", "Force (N)"]
+    columns = _columns()
+    rows = list(zip(columns["t_s"], columns["displacement_m"], columns["force_n"], strict=True))
+    stamps = [datetime(2024, 5, 1, 12) + timedelta(seconds=float(row[0])) for row in rows]
+    dated = [(stamp, *row[1:]) for stamp, row in zip(stamps, rows, strict=True)]
+    sheets = {
+        "one": {"Run": [head, *rows]},
+        "several": {"Info": [["rig", "3"]], "Run": [["Date", *head[1:]], *dated]},
+    }
+    return tuple(
+        Seed(file=f"{name}.xlsx", content=odd_files.workbook(each), structure="zip")
+        for name, each in sheets.items()
+    )
 
 
 def _short(text: str) -> str:

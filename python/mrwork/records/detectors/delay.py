@@ -99,13 +99,14 @@ def _folded(
     reach = _FOLDED * period
     inside = (place - reach >= 0.0) & (place + reach <= force.size - 1.0)
     place, direction = place[inside], direction[inside]
-    if place.size < _FEWEST_TURNS:
+    scale = half_range(force)
+    if place.size < _FEWEST_TURNS or scale == 0.0:
         return None
     offsets = np.arange(-int(reach), int(reach) + 1)
     rows = np.round(place).astype(np.intp)[:, np.newaxis] + offsets
     rows = np.clip(rows, 0, force.size - 1)
     since = (rows - place[:, np.newaxis]) / period
-    falling = direction[:, np.newaxis] * force[rows] / half_range(force)
+    falling = direction[:, np.newaxis] * force[rows] / scale
     # Offset and stiffness shift the turns at one end of the stroke relative to the other.
     ahead = (since <= -_BEFORE[0]) & (since > -_BEFORE[1])
     if not ahead.any(axis=1).all():

@@ -43,6 +43,15 @@ class Cells:
         shown = text if len(text) <= 40 else text[:40] + "..."
         raise RecordError(f"{where} holds '{shown}' where a number was expected; correct or delete the line")
 
+    def refuse_time(self, line: int, column: int, text: str) -> NoReturn:
+        """Refuse a cell that is no time of the day in a column of these."""
+        where = f"{self.source}: line {line}, column '{self.names[column]}'"
+        shown = text if len(text) <= 40 else text[:40] + "..."
+        raise RecordError(
+            f"{where} holds '{shown}' where a time such as 2024-05-01 12:00:00.010 was expected; correct or delete the "
+            "line"
+        )
+
 
 def number_in(text: str, *, with_commas: bool) -> float | None:
     """Number of a cell, NaN where it is missing; `None` if it is neither."""

@@ -17,6 +17,7 @@ from mrwork.records.formats.cells import Cells, number_in
 from mrwork.records.formats.labview import is_labview, labview_layout
 from mrwork.records.formats.layout import (
     DECIMAL_COMMA,
+    MISSING,
     NUMBER,
     SURELY_DECIMAL,
     Layout,
@@ -25,6 +26,7 @@ from mrwork.records.formats.layout import (
     layout_of,
 )
 from mrwork.records.formats.regular import regular_table
+from mrwork.records.formats.stamps import has_date, nanoseconds, seconds_since_first, stamps_of
 from mrwork.records.table import ColumnTable
 from mrwork.store.input_file import RECORD, bytes_of, start_of
 
@@ -47,17 +49,27 @@ def open_delimited(path: Path) -> ColumnTable:
         The file is empty, not text, too large, or it has no data line.
     """
     data = read_text_bytes(path)
-    sha256 = hashlib.sha256(data).hexdigest()
+    return table_of_text(data, source=str(path), sha256=hashlib.sha256(data).hexdigest())
+
+
+def table_of_text(data: bytes, *, source: str, sha256: str) -> ColumnTable:
+    """As `open_delimited`, of the bytes of a text.
+
+    Raises
+    ------
+    RecordError
+        It has no data line.
+    """
 
     def line_by_line() -> DelimitedTable:
         lines = decoded(data).replace("\r\n", "\n").replace("\r", "\n").split("\n")
         layout: Layout | None = None
         if is_labview(lines):
-            lines, layout = labview_layout(lines, str(path))
-        return DelimitedTable(source=str(path), sha256=sha256, lines=lines, layout=layout)
+            lines, layout = labview_layout(lines, source)
+        return DelimitedTable(source=source, sha256=sha256, lines=lines, layout=layout)
 
     return (
-        regular_table(data, encoding_of(data), source=str(path), sha256=sha256, careful=line_by_line)
+        regular_table(data, encoding_of(data), source=source, sha256=sha256, careful=line_by_line)
         or line_by_line()
     )
 
@@ -89,10 +101,15 @@ class DelimitedTable(ColumnTable):
         self._data = layout.data
         if not self._data:
             raise RecordError(f"{source}: there is a header but no data line after it; check the export")
+        self.stamps = stamps_of(layout.names, self._cells.of_line(lines[self._data[0]]))
+        # Times of the day are read as seconds.
+        self.units = {**self.units, **dict.fromkeys(self.stamps, "s")}
 
     def read(self, wanted: Sequence[str]) -> dict[str, NDArray[np.float64]]:
         """Parse the requested columns, each of shape (n_time,)."""
         columns = [self.names.index(name) for name in wanted]
+        if self.stamps.intersection(wanted):
+            return dict(zip(wanted, self._parse_line_by_line(columns), strict=True))
         try:
             block = np.loadtxt(self._rows_with_points(), delimiter=self._delimiter, quotechar='"', ndmin=2)
         except ValueError:
@@ -122,15 +139,31 @@ class DelimitedTable(ColumnTable):
             if len(fields) != len(self.names):
                 self._cells.refuse_width(index + 1, len(fields))
             texts.append([fields[column] for column in columns])
-        with_commas = self._has_decimal_commas(texts, columns)
+        of_numbers = [place for place, column in enumerate(columns) if self.names[column] not in self.stamps]
+        numbers = [[row[place] for place in of_numbers] for row in texts]
+        numeric = [columns[place] for place in of_numbers]
+        with_commas = self._has_decimal_commas(numbers, numeric)
         rows = [
             [
                 self._number(text, index + 1, column, with_commas)
-                for text, column in zip(row, columns, strict=True)
+                for text, column in zip(row, numeric, strict=True)
             ]
-            for index, row in zip(self._data, texts, strict=True)
+            for index, row in zip(self._data, numbers, strict=True)
         ]
-        return np.asarray(rows, dtype=np.float64).reshape(len(rows), len(columns)).T.copy()
+        read = np.empty((len(columns), len(texts)))
+        read[of_numbers] = np.asarray(rows, dtype=np.float64).reshape(len(rows), len(numeric)).T
+        for place, column in enumerate(columns):
+            if place not in of_numbers:
+                read[place] = self._seconds([row[place] for row in texts], column)
+        return read
+
+    def _seconds(self, cells: Sequence[str], column: int) -> NDArray[np.float64]:
+        """Seconds since the first time of a column of times."""
+        times = [nanoseconds(text) for text in cells]
+        for index, text, time in zip(self._data, cells, times, strict=True):
+            if time is None and text.casefold() not in MISSING:
+                self._cells.refuse_time(index + 1, column, text)
+        return seconds_since_first(times, with_dates=any(map(has_date, cells[:1])))
 
     def _has_decimal_commas(self, texts: Sequence[Sequence[str]], columns: Sequence[int]) -> bool:
         """Whether the numbers have decimal commas.

@@ -129,10 +129,10 @@ def delimiter_of(line: str) -> str:
     return next((character for character in "\t;" if character in line), ",")
 
 
-def split(line: str, delimiter: str | None) -> list[str]:
-    """Fields of a line."""
-    if delimiter is None:
-        return line.split()
+def split(line: str, delimiter: str | None, *, with_quotes: bool = True) -> list[str]:
+    """Fields of a line; quotation marks belong to a field where it is not `with_quotes`."""
+    if delimiter is None or not with_quotes:
+        return line.split(delimiter)
     try:
         return next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [""])
     except csv.Error:
@@ -270,7 +270,8 @@ def _lines_of_texts(lines: Sequence[str], filled: Sequence[int], rows: _Run) -> 
 
 def _texts(line: str, rows: _Run) -> tuple[str, ...]:
     """Fields of a line of texts above the rows; with blanks as the delimiter, names may contain single ones."""
-    raw = split(_without_remark(line), rows.delimiter)
+    # A single quote is the mark of an inch.
+    raw = split(_without_remark(line), rows.delimiter, with_quotes=line.count('"') % 2 == 0)
     if rows.delimiter is None and len(raw) != rows.width:
         apart = re.split(r"\s{2,}|\t", line.strip())
         raw = apart if len(apart) == rows.width else raw

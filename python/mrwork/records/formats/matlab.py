@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from mrwork.errors import RecordError
 from mrwork.records.formats.hdf5 import hdf5_variables
-from mrwork.records.table import ColumnTable, VectorTable
+from mrwork.records.table import ColumnTable, VectorTable, unused_parts
 from mrwork.store.allowance import LEAST, Allowance
 from mrwork.store.input_file import RECORD, bytes_of
 
@@ -75,7 +75,13 @@ def open_matlab(path: Path) -> ColumnTable:
             f"{path}: expected one numeric vector per quantity, found {listed}; "
             "save each column as a variable of its own, such as t_s, displacement_m, force_n"
         )
-    return VectorTable(source=str(path), sha256=hashlib.sha256(data).hexdigest(), vectors=columns)
+    others = [f"'{name}'" for name in variables if name not in columns]
+    return VectorTable(
+        source=str(path),
+        sha256=hashlib.sha256(data).hexdigest(),
+        vectors=columns,
+        unused=unused_parts("variable", others, "no vector of numbers"),
+    )
 
 
 def read_matlab_matrices(path: Path) -> dict[str, NDArray[np.float64]]:

@@ -25,6 +25,7 @@ from mrwork.records.formats.layout import (
     split,
 )
 from mrwork.records.formats.rows import Form, Rows, read_rows, without_empty_lines
+from mrwork.records.formats.stamps import stamps_of
 from mrwork.records.table import ColumnTable
 
 _HEAD: Final = 65536
@@ -36,8 +37,8 @@ class RegularTable(ColumnTable):
     """A text table whose rows have been read.
 
     `sure` are the columns in whose sampled rows commas can only be decimal ones. Requests without any of them, and for
-    columns that have not been read, are left to the table that `careful` opens; it is `None` where there can be no such
-    request. `lines` gives the index of the line of a row.
+    columns that have not been read, among them `stamps`, are left to the table that `careful` opens; it is `None` where
+    there can be no such request. `lines` gives the index of the line of a row.
     """
 
     def __init__(
@@ -49,6 +50,7 @@ class RegularTable(ColumnTable):
         rows: Rows,
         lines: Callable[[int], int],
         sure: frozenset[int],
+        stamps: frozenset[str],
         careful: Callable[[], ColumnTable] | None,
     ) -> None:
         self.names = layout.names
@@ -59,6 +61,8 @@ class RegularTable(ColumnTable):
         self._lines = lines
         self._sure = sure
         self._careful = careful
+        self.stamps = stamps
+        self.units = {**self.units, **dict.fromkeys(self.stamps, "s")}
 
     def read(self, wanted: Sequence[str]) -> dict[str, NDArray[np.float64]]:
         """The requested columns, each of shape (n_time,)."""
@@ -67,7 +71,9 @@ class RegularTable(ColumnTable):
         known = rows.width is not None or all(
             place in rows.columns or place in rows.no_numbers for place in places
         )
-        if self._careful is not None and not (known and self._sure.intersection(places)):
+        if self._careful is not None and (
+            self.stamps.intersection(wanted) or not (known and self._sure.intersection(places))
+        ):
             return self._careful().read(wanted)
         if rows.width is not None:
             row, n_fields = rows.width
@@ -134,6 +140,7 @@ def regular_table(
         rows=read,
         lines=lambda row: first + row + int(np.searchsorted(skipped, first + row, side="right")),
         sure=sure,
+        stamps=stamps_of(layout.names, [text.strip() for text in fields[0]]),
         careful=careful if form.texts or in_doubt else None,
     )
 

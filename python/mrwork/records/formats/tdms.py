@@ -16,7 +16,7 @@ import numpy as np
 
 from mrwork.errors import MrworkWarning, RecordError, reason_of
 from mrwork.records.column_names import unit_in_name
-from mrwork.records.table import ColumnTable, VectorTable
+from mrwork.records.table import ColumnTable, VectorTable, unused_parts
 from mrwork.store.input_file import RECORD, bytes_of
 
 _UNIT_PROPERTIES: Final = ("unit_string", "NI_UnitDescription", "Unit", "unit")
@@ -80,6 +80,7 @@ def open_tdms(path: Path) -> ColumnTable:
         sha256=hashlib.sha256(data).hexdigest(),
         vectors=vectors,
         units={name: unit for name, unit in units.items() if unit},
+        unused=unused_parts("channel", [f"'{name}'" for name in read if name not in vectors], "no numbers"),
     )
 
 

@@ -65,7 +65,7 @@ _BANNER = {
     "not the end of the search.",
     "stopped": "This identification was stopped on request. The parameters below are the best found until then, "
     "not the end of the search.",
-    "not_converged": "The search stopped before it converged. The parameters below may still improve.",
+    "not_converged": "The search stopped before it converged{reason}. The parameters below may still improve.",
 }
 # Entries of a setting that are shown.
 _SETTINGS_SHOWN = 12
@@ -208,7 +208,9 @@ def identification_report(
         source=source,
         status=_STATUS[fit.status],
         status_detail=_status_detail(fit),
-        banner=_BANNER.get(fit.status, ""),
+        banner=_BANNER.get(fit.status, "").format(
+            reason=f": {fit.status_reason}" if fit.status_reason else ""
+        ),
         headline=_headline(fit),
         tests=[(comparison.test.name, comparison.test.synthetic) for comparison in comparisons],
         parameters=parameter_rows(fit),

@@ -98,7 +98,8 @@ class Prediction(Summarised):
         x = self.test.displacement[self.test.counted]
         v = self.test.velocity[self.test.counted]
         x = x - 0.5 * (x.max() + x.min())
-        return np.asarray(np.arctan2(v / np.max(np.abs(v)), x / np.max(np.abs(x))))
+        # Of a damper that rests while it is compared, the phase is zero.
+        return np.asarray(np.arctan2(v / (np.max(np.abs(v)) or 1.0), x / (np.max(np.abs(x)) or 1.0)))
 
     @property
     def nrmse(self) -> float:

@@ -45,7 +45,10 @@ COMMAND_RANGE = (0.0, LARGEST_COMMAND)
 @checked
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Candidate:
-    """Sinusoidal test: amplitude [m], frequency [Hz], and the command in the model's unit, `None` without laws."""
+    """Sinusoidal test: amplitude [m] (half the peak to peak), frequency [Hz], and the command in the model's unit.
+
+    The command is `None` without laws.
+    """
 
     amplitude: Positive
     frequency: Positive
@@ -232,7 +235,7 @@ def motion_of(candidate: Candidate, spec: DamperSpec) -> tuple[Loading, slice]:
 
 
 def excitation_of(test: DamperTest) -> Candidate:
-    """Sinusoid with the amplitude and dominant frequency of a test."""
+    """Sinusoid of the nominal amplitude and frequency of a test, or else half its peak to peak at its dominant one."""
     return Candidate(
         amplitude=test.amplitude or 0.5 * float(np.ptp(test.displacement)),
         frequency=test.frequency or float(spectrum(test.displacement, test.dt).dominant),

@@ -1,0 +1,78 @@
+"""Sheets of .xlsx workbooks, read by python-calamine in a child process."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+from dataclasses import dataclass
+from pathlib import Path
+
+from mrwork.errors import RecordError
+from mrwork.records.columns import REQUIRED, guess_columns
+from mrwork.records.formats.delimited import table_of_text
+from mrwork.records.table import ColumnTable
+from mrwork.store.child_reader import TooLargeError, UnreadableError, read_members
+from mrwork.store.input_file import RECORD, bytes_of
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Sheet:
+    """A sheet that has a table: its name, the length of its text, and whether its headings tell a test."""
+
+    name: str
+    length: int
+    table: ColumnTable
+    is_record: bool
+
+
+def open_workbook(path: Path) -> ColumnTable:
+    """Open an .xlsx workbook: its first sheet whose headings tell time, displacement and force, else the longest one.
+
+    A sheet is read as a text table is, so that header blocks, rows of units and times of the day are found. Formulas
+    have the values that were saved with them.
+
+    Raises
+    ------
+    RecordError
+        python-calamine is not installed, the file is damaged or claims more data than a test has, or no sheet has a
+        table of numbers.
+    """
+    if importlib.util.find_spec("python_calamine") is None:
+        raise RecordError(f"{path}: reading .xlsx needs python-calamine; run: pip install 'mrwork[xlsx]'")
+    data = bytes_of(path, RECORD)
+    try:
+        members = read_members(data, "xlsx")
+    except TooLargeError as error:
+        raise RecordError(f"{path}: {error}; save one test, without other sheets") from None
+    except UnreadableError as error:
+        raise RecordError(
+            f"{path}: not a readable .xlsx workbook ({error}); save it again, without a password, or as CSV"
+        ) from None
+    digest = hashlib.sha256(data).hexdigest()
+    texts = {
+        str(member.attributes["name"]): member.array.tobytes()
+        for member in members.values()
+        if member.array is not None and member.array.size
+    }
+    sheets = [sheet for name, text in texts.items() for sheet in _opened(path, name, text, digest)]
+    if not sheets:
+        listed = ", ".join(f"'{name}'" for name in texts) or "it has none with cells"
+        raise RecordError(f"{path}: no sheet has a table of numbers ({listed}); put one test into a sheet")
+    records = [sheet for sheet in sheets if sheet.is_record]
+    read = next(iter(records), max(sheets, key=lambda sheet: sheet.length))
+    others = [name for name in texts if name != read.name]
+    read.table.further = tuple(sheet.name for sheet in records if sheet is not read)
+    unused = [f"'{name}'" for name in others if name not in read.table.further]
+    if unused:
+        read.table.unused = (f"sheet{'s' if len(unused) > 1 else ''} {', '.join(unused)}",)
+    return read.table
+
+
+def _opened(path: Path, name: str, text: bytes, digest: str) -> tuple[_Sheet, ...]:
+    try:
+        table = table_of_text(text, source=f"{path}, sheet '{name}'", sha256=digest)
+    except RecordError:
+        return ()
+    chosen, _ = guess_columns(table.names, units=table.units, stamps=table.stamps, source=str(path))
+    told = all(quantity in chosen for quantity in REQUIRED)
+    return (_Sheet(name=name, length=len(text), table=table, is_record=told),)
