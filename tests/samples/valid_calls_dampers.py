@@ -14,7 +14,7 @@ from wrong_arguments import Calls, call
 
 import mrwork as mr
 from mrwork import dampers, motions, records, report
-from mrwork.simulate import simulate_forces, simulate_misfits, simulate_sensitivities
+from mrwork.simulate import simulate_forces, simulate_misfits, simulate_sensitivities, stiffness_shares
 
 _N_TIME = 60
 _BINGHAM = mr.damper("bingham")
@@ -126,6 +126,7 @@ def simulation_calls(_: Path) -> Calls:
         "simulate_forces": lambda: call(
             simulate_forces, spec=_BINGHAM, theta=rows, history=history, threads=1
         ),
+        "stiffness_shares": lambda: call(stiffness_shares, spec=_BINGHAM, theta=rows, history=history),
         "simulate_sensitivities": lambda: call(
             simulate_sensitivities, spec=_BINGHAM, theta=rows, history=history, columns=[0, 1], threads=1
         ),
