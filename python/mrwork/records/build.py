@@ -15,7 +15,7 @@ from mrwork.errors import RecordError
 from mrwork.records import checks
 from mrwork.records.command import command_of, motion_matches_name
 from mrwork.records.command_signal import Command
-from mrwork.records.damper_test import DamperTest, Finding, frozen
+from mrwork.records.damper_test import DamperTest, Finding, VelocitySource, frozen
 from mrwork.records.detectors.cycles import drift_finding, mass_finding
 from mrwork.records.detectors.delay import delay_finding
 from mrwork.records.detectors.smoothing import smoothing_finding, smoothing_of
@@ -32,6 +32,8 @@ _DETECTORS: Final[tuple[Callable[[DamperTest, SmoothMotion], tuple[Finding, ...]
     checks.clipping_findings,
     drift_finding,
 )
+
+_DERIVED: Final[VelocitySource] = "derived"
 
 
 @checked
@@ -116,11 +118,10 @@ def build_damper_test(
 
     displaced = signals.displacement
     motion = motion_of(displaced, dt)
-    about_velocity: tuple[Finding, ...]
-    if signals.velocity is None:
-        moving, about_velocity = motion.velocity, (_velocity_derived(motion.smoother),)
-    else:
-        moving, about_velocity = velocity_agrees(signals.velocity, displaced, motion)
+    about_velocity: tuple[Finding, ...] = (_velocity_derived(motion.smoother),)
+    moving, velocity_source = motion.velocity, _DERIVED
+    if signals.velocity is not None:
+        moving, velocity_source, about_velocity = velocity_agrees(signals.velocity, displaced, motion)
     resisting, about_sign = checks.force_sign(signals.force, motion.velocity)
     findings += [
         *about_velocity,
@@ -143,7 +144,7 @@ def build_damper_test(
         displacement=frozen(displaced),
         velocity=frozen(moving),
         force=frozen(resisting),
-        velocity_source="derived" if signals.velocity is None else "measured",
+        velocity_source=velocity_source,
         n_settle=settling_samples(displaced),
         current=amperes if signals.current is None else frozen(signals.current),
         voltage=volts if signals.voltage is None else frozen(signals.voltage),

@@ -20,6 +20,7 @@ from mrwork.values import holds_arrays, keep_arrays
 
 Severity = Literal["note", "warning", "repaired"]
 Channel = Literal["displacement", "force"]
+VelocitySource = Literal["measured", "derived"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -99,7 +100,7 @@ class DamperTest(Summarised):
     displacement: Samples
     velocity: Samples
     force: Samples
-    velocity_source: Literal["measured", "derived"]
+    velocity_source: VelocitySource
     n_settle: Whole = 0
     current: Command | None = None
     voltage: Command | None = None

@@ -14,6 +14,7 @@ from mrwork.records.checks import mean_over_travel, rest_before_motion, samples_
 from mrwork.records.damper_test import DamperTest, Finding, Measured, frozen
 from mrwork.records.detectors.cycles import moving_mass
 from mrwork.records.detectors.delay import force_delay
+from mrwork.records.detectors.velocity import OFF_BY_FACTOR
 from mrwork.records.motion import motion_of, spectrum
 from mrwork.records.window import cut
 
@@ -26,7 +27,7 @@ _CURED: Final[dict[RepairKind, tuple[str, ...]]] = {
     "delay": ("force_delay",),
     "offset": ("force_offset",),
     "mass": ("moving_mass",),
-    "velocity": ("velocity_late", "velocity_inconsistent"),
+    "velocity": ("velocity_late", "velocity_inconsistent", OFF_BY_FACTOR),
 }
 _UNIT: Final[dict[RepairKind, str]] = {"delay": "s", "offset": "N", "mass": "kg"}
 # Least and largest amount of each.
