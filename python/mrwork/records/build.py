@@ -19,10 +19,11 @@ from mrwork.records.damper_test import DamperTest, Finding, VelocitySource, froz
 from mrwork.records.detectors.cycles import drift_finding, mass_finding
 from mrwork.records.detectors.delay import delay_finding
 from mrwork.records.detectors.smoothing import smoothing_finding, smoothing_of
+from mrwork.records.detectors.spikes import without_spikes
 from mrwork.records.detectors.velocity import velocity_agrees
 from mrwork.records.motion import Smoother, SmoothMotion, motion_of
 from mrwork.records.sampling import Signals, check_time, complete_rows, uniform_step
-from mrwork.records.window import settling_samples
+from mrwork.records.window import settling_samples, uncompared_spans
 
 _DETECTORS: Final[tuple[Callable[[DamperTest, SmoothMotion], tuple[Finding, ...]], ...]] = (
     smoothing_finding,
@@ -113,15 +114,20 @@ def build_damper_test(
         checks.check_possible(channel, channel_name, source=source)
     checks.check_varies(complete.displacement, "displacement", "m", source=source)
     checks.check_varies(complete.force, "force", "N", source=source)
-    signals, dt, resampled = uniform_step(complete, source=source)
-    findings += [*dropped, *resampled]
+    smooth, spiky, about_spikes = without_spikes(complete)
+    uniform = uniform_step(smooth, spiky, source=source)
+    signals, dt = uniform.signals, uniform.dt
+    findings += [*dropped, *about_spikes, *uniform.findings]
 
     displaced = signals.displacement
     motion = motion_of(displaced, dt)
+    uncompared = uncompared_spans(displaced, motion.velocity, uniform.spiky, uniform.missing, dt)
     about_velocity: tuple[Finding, ...] = (_velocity_derived(motion.smoother),)
     moving, velocity_source = motion.velocity, _DERIVED
     if signals.velocity is not None:
-        moving, velocity_source, about_velocity = velocity_agrees(signals.velocity, displaced, motion)
+        moving, velocity_source, about_velocity = velocity_agrees(
+            signals.velocity, displaced, motion, uncompared
+        )
     resisting, about_sign = checks.force_sign(signals.force, motion.velocity)
     findings += [
         *about_velocity,
@@ -146,6 +152,7 @@ def build_damper_test(
         force=frozen(resisting),
         velocity_source=velocity_source,
         n_settle=settling_samples(displaced),
+        uncompared=uncompared,
         current=amperes if signals.current is None else frozen(signals.current),
         voltage=volts if signals.voltage is None else frozen(signals.voltage),
         amplitude=amplitude,

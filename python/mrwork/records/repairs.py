@@ -132,7 +132,13 @@ def _delay(test: DamperTest, amount: float | None) -> tuple[DamperTest, Finding]
     shorter = cut(test, start=None if late else float(test.time[min(lost, test.n_time - 1)]), end=end)
     moved = "earlier" if late else "later"
     message = f"the force was shifted {moved} by {1e3 * abs(seen.value):.3g} ms{_error(seen, 1e3)}"
-    return replace(shorter, force=frozen(shifted)), _done("delay", message, seen.value, "s", seen)
+    # The force across a spike was shifted too.
+    uncompared = tuple(
+        (max(first - lost, 0), last) if late else (first, min(last + lost, shorter.n_time))
+        for first, last in shorter.uncompared
+    )
+    shifted_test = replace(shorter, force=frozen(shifted), uncompared=uncompared)
+    return shifted_test, _done("delay", message, seen.value, "s", seen)
 
 
 def _offset(test: DamperTest, amount: float | None) -> tuple[DamperTest, Finding]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import permutations
 from typing import Final
@@ -31,6 +32,8 @@ _OF_UNITS: Final = 0.04
 _NOISY: Final = 0.015
 _NOISIER: Final = 2.0
 
+_Kept = slice | NDArray[np.intp]
+
 OFF_BY_FACTOR: Final = "velocity_factor"
 
 
@@ -47,7 +50,7 @@ def refuse_velocity(test: DamperTest) -> None:
             raise RecordError(f"{test.label}: {finding.message}")
 
 
-def noisy_velocity(velocity: NDArray[np.float64], motion: SmoothMotion, noise: float) -> tuple[Finding, ...]:
+def noisy_velocity(own: float, noise: float, motion: SmoothMotion) -> tuple[Finding, ...]:
     """Note that a velocity is noisier than the derivative of the displacement, which replaces it then.
 
     Differences of quantised readings are: their noise biases the parameters, while a derivative over many samples has
@@ -55,12 +58,10 @@ def noisy_velocity(velocity: NDArray[np.float64], motion: SmoothMotion, noise: f
 
     Parameters
     ----------
-    noise
-        Standard deviation of the noise of the displacement [m].
+    own, noise
+        Standard deviations of the noise of velocity [m/s] and displacement [m].
     """
-    smoother = motion.smoother
-    own = smoother.noise(velocity - smoother.smooth(velocity))
-    derived = noise * smoother.noise_gain(1)
+    derived = noise * motion.smoother.noise_gain(1)
     spread = float(np.std(motion.velocity))
     if own <= max(_NOISY * spread, _NOISIER * derived):
         return ()
@@ -76,6 +77,7 @@ def velocity_agrees(
     velocity: NDArray[np.float64],
     displacement: NDArray[np.float64],
     motion: SmoothMotion,
+    uncompared: Sequence[tuple[int, int]] = (),
 ) -> tuple[NDArray[np.float64], VelocitySource, tuple[Finding, ...]]:
     """Compare a measured velocity with the derivative of the displacement; return the one to use.
 
@@ -91,23 +93,27 @@ def velocity_agrees(
     motion
         Smoothed motion. A delay below 0.02 rad at its dominant frequency is reported only if it is the half sample of
         backward differences, which degrades fits of loops with sharp knees.
+    uncompared
+        Spans of samples, first and beyond the last, that were interpolated.
     """
     smoother = motion.smoother
-    comparison = _compared(velocity, displacement, motion)
+    kept = _given(velocity.size, uncompared, smoother.window // 2)
+    comparison = _compared(velocity, displacement, motion, kept)
     measured = comparison.measured
     difference = comparison.misfit(measured)
     factor = comparison.factor()
     if abs(factor) > _SMALLEST_FACTOR and abs(factor - 1.0) > _MISFIT:
-        rescaled = _compared(velocity / factor, displacement, motion)
+        rescaled = _compared(velocity / factor, displacement, motion, kept)
         if rescaled.misfit(rescaled.measured) <= _MISFIT:
             return velocity, "measured", (_off_by(factor),)
 
-    late = comparison.delay(motion.acceleration, smoother)
+    late = comparison.delay(motion.acceleration[kept], smoother)
     delay = late.value
-    time = smoother.dt * np.arange(velocity.size)
+    time = smoother.dt * np.arange(velocity.size)[kept]
     delay_explains = comparison.misfit(np.interp(time + delay, time, measured)) < 0.5 * difference
     if difference <= _MISFIT:
-        noisy = noisy_velocity(velocity, motion, smoother.noise(displacement - motion.displacement))
+        noise = smoother.noise((displacement - motion.displacement)[kept])
+        noisy = noisy_velocity(smoother.noise((velocity - smoother.smooth(velocity))[kept]), noise, motion)
         if noisy:
             return motion.velocity, "derived", noisy
         half_sample = 0.4 < delay / smoother.dt < 0.6
@@ -180,15 +186,26 @@ class _VelocityMisfit:
         return Measured(value=late, standard_error=error, unit="s")
 
 
+def _given(n_time: int, uncompared: Sequence[tuple[int, int]], reach: int) -> _Kept:
+    """Index of the samples that no interpolated one is smoothed into, by a filter with this reach to either side."""
+    if not uncompared:
+        return slice(None)
+    given = np.ones(n_time, dtype=np.bool_)
+    for first, last in uncompared:
+        given[max(first - reach, 0) : last + reach] = False
+    return np.flatnonzero(given) if np.count_nonzero(given) > reach else slice(None)
+
+
 def _compared(
-    velocity: NDArray[np.float64], displacement: NDArray[np.float64], motion: SmoothMotion
+    velocity: NDArray[np.float64], displacement: NDArray[np.float64], motion: SmoothMotion, kept: _Kept
 ) -> _VelocityMisfit:
-    smoother, derivative = motion.smoother, motion.velocity
-    measured = smoother.smooth(velocity)
+    smoother, derivative = motion.smoother, motion.velocity[kept]
+    smooth = smoother.smooth(velocity)
+    measured = smooth[kept]
     power = float(np.mean(derivative**2))
     noise = np.hypot(
-        smoother.noise(displacement - motion.displacement) * smoother.noise_gain(1),
-        smoother.noise(velocity - measured) * smoother.noise_gain(0),
+        smoother.noise((displacement - motion.displacement)[kept]) * smoother.noise_gain(1),
+        smoother.noise((velocity - smooth)[kept]) * smoother.noise_gain(0),
     )
     # Limits the allowance for noise, so that a signal of mostly noise does not count as correct.
     expected = min(float(noise**2), _NOISE**2 * power)

@@ -49,7 +49,7 @@ def cycles_of(test: DamperTest, force: NDArray[np.float64]) -> Cycles:
     rows = [
         _cycle(test.displacement[samples], test.velocity[samples], force[samples], test.dt)
         for samples in whole_cycles(test.displacement)
-        if samples.start >= first
+        if samples.start >= first and not test.is_interpolated(samples)
     ]
     if not rows:
         raise RecordError(f"{test.label}: there is no whole cycle; give a longer test for energy per cycle")
