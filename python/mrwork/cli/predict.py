@@ -18,7 +18,7 @@ from mrwork.cli.options import (
     observation_of,
     read_tests,
 )
-from mrwork.cli.output import print_json
+from mrwork.cli.output import print_json, told_findings
 from mrwork.cli.terminal import show
 from mrwork.dampers.law_limits import LawLimit, worst_laws
 from mrwork.identification.fit_file import read_fit
@@ -80,6 +80,7 @@ def run(options: argparse.Namespace) -> int:
     nuisances = nuisances_of(options, fit.nuisances)
     words = observation_of(options, fit.settings.observe)
     tests = read_tests(options, "test", quiet=options.json)
+    findings = told_findings("predict", tests, options)
     for test in (observed(test, words) for test in tests):
         with explained_by(fit, test):
             force, quality = free_run(
@@ -136,6 +137,7 @@ def run(options: argparse.Namespace) -> int:
             "files": rows,
             "nuisances": nuisances,
             "warnings": warnings,
+            "findings": findings,
         }
         document |= {"spread": asdict(spread)} if spread is not None else {}
         document |= {"spread_unseen": asdict(spread_unseen)} if spread_unseen is not None else {}
