@@ -199,6 +199,35 @@ def test_a_record_under_two_names_is_named(made: Run, tmp_path: Path) -> None:
         assert said.index(str(made.files[0])) < said.index(str(twin))
 
 
+def test_a_test_of_another_condition_counts_as_held_out(tmp_path: Path) -> None:
+    """A hot damper under a fitted motion: of the fit's motion, and not seen by it."""
+    cold, hot = recorded(1.0), recorded(1.0, rng=1)
+    files = [
+        write_text(tmp_path / "cold.csv", cold),
+        write_text(tmp_path / "hot.csv", hot | {"force_n": 0.7 * hot["force_n"]}),
+        write_text(tmp_path / "again.csv", recorded(1.0, rng=2)),
+    ]
+    fit = (
+        "identify",
+        files[0],
+        "--model",
+        "bingham",
+        "--generations",
+        "3",
+        "--quiet",
+        "--out",
+        tmp_path / "run",
+    )
+    assert mrwork(*fit).returncode == 0
+    rows = json.loads(mrwork("predict", tmp_path / "run", *files[1:], "--json").stdout)
+    assert [row["seen"] is None for row in rows["files"]] == [True, False]
+    assert [row["other_condition"] is None for row in rows["files"]] == [False, True]
+    assert sum("temperature, pressure, pre-load?" in each for each in rows["warnings"]) == 1
+    calibrated = mrwork("calibrate", tmp_path / "run", *files[1:], "--quiet", "--json")
+    assert json.loads(calibrated.stdout)["tests"] == [str(files[1])]
+    assert "temperature, pressure, pre-load?" in calibrated.stderr
+
+
 @pytest.mark.parametrize("factor", [1000.0, 39.37, -1.0])
 def test_a_velocity_that_is_a_known_factor_off_ends_a_verb(made: Run, tmp_path: Path, factor: float) -> None:
     columns = recorded(1.0)

@@ -104,6 +104,10 @@ def _unseen(options: argparse.Namespace) -> _Predicted:
     read = read_tests(options, "calibration", quiet=options.quiet or options.json)
     findings = told_findings("calibrate", read, options)
     tests = [observed(test, words) for test in read]
+    for test in tests:
+        condition = fit.other_condition(test)
+        if condition is not None:
+            note(condition.condition_in_words)
     nuisances = nuisances_of(options, fit.nuisances)
     return fit, predict_tests(fit, tests, nuisances=nuisances), findings
 
