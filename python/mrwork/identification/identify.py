@@ -24,6 +24,7 @@ from mrwork.identification.global_search import (
 )
 from mrwork.identification.lag_choice import polish_with_wanted_lag
 from mrwork.identification.levenberg_marquardt import LocalMinimum
+from mrwork.identification.motion_noise import motion_noise_warning
 from mrwork.identification.multistart import Multistart
 from mrwork.identification.needless_average import needless_average_warnings
 from mrwork.identification.nuisance import NuisanceName
@@ -294,6 +295,15 @@ class _Ending:
             needless = interruptible(
                 lambda: needless_average_warnings(problem.objective, problem.form.box, polished.theta)
             )
+            noisy = interruptible(
+                lambda: motion_noise_warning(
+                    problem.objective,
+                    problem.form,
+                    polished.theta,
+                    polished.standard_errors,
+                    problem.spec.names,
+                )
+            )
         except KeyboardInterrupt as interrupt:
             return replace(self, problem=problem).at(interrupt, best, points.trace)
         fit = fit_at(
@@ -314,6 +324,7 @@ class _Ending:
             *linear_warning(fit.nrmse, objective.tests, follows_command=problem.spec.current is not None),
             *((missing.in_words,) if missing is not None else ()),
             *needless,
+            *noisy,
         )
         return replace(fit, warnings=(*fit.warnings, *doubts))
 

@@ -158,10 +158,6 @@ class DamperTest(Summarised):
             kept[first:last] = False
         return np.flatnonzero(kept)
 
-    def is_interpolated(self, samples: slice) -> bool:
-        """Whether one of the samples lies in a span that is not compared."""
-        return any(first < samples.stop and samples.start < last for first, last in self.uncompared)
-
     @property
     def n_counted(self) -> int:
         """Number of samples that are compared."""
