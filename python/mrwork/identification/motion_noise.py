@@ -68,20 +68,28 @@ def motion_noise_warning(
 
 
 def moved_by_noise(objective: Objective, form: Form, theta: Array) -> Array:
-    """Rms change of the parameters of the requested model, shape (n_params,), by the noise of the motion."""
+    """Rms change of the parameters of the requested model, shape (n_params,), by the noise of the motion.
+
+    Draws under which the model cannot be simulated are left out.
+    """
     # With a tally of its own, since these are no candidates.
     plain = _on(objective, objective.tests)
     free = [index for index in form.box.free if remark_of(form.box, index, float(theta[index])) == ""]
-    changed = np.zeros((_DRAWS, theta.size))
+    changed = list[Array]()
     if not free:
         return np.zeros(theta.size)
     (residuals,), (slopes,) = linearised(plain, theta[None], free)
     inverse = np.linalg.pinv(slopes.T)
     noises = [_MotionNoise.of(test) for test in plain.tests]
     for draw in range(_DRAWS):
-        noisy = tuple(each.again([draw, index]) for index, each in enumerate(noises))
-        changed[draw, free] = inverse @ (_on(objective, noisy).residuals(theta[None])[0] - residuals)
-    return np.asarray(np.sqrt(np.mean((changed @ form.to_model.jacobian(theta).T) ** 2, axis=0)))
+        noisy = _on(objective, tuple(each.again([draw, index]) for index, each in enumerate(noises)))
+        if all(np.isfinite(run.squared_error[0]) for run in noisy.misfits(theta[None])):
+            change = np.zeros(theta.size)
+            change[free] = inverse @ (noisy.residuals(theta[None])[0] - residuals)
+            changed.append(change)
+    if not changed:
+        return np.zeros(theta.size)
+    return np.asarray(np.sqrt(np.mean((np.array(changed) @ form.to_model.jacobian(theta).T) ** 2, axis=0)))
 
 
 def _on(objective: Objective, tests: tuple[DamperTest, ...]) -> Objective:

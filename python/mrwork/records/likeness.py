@@ -228,20 +228,21 @@ class Likeness:
     @property
     def in_words(self) -> str:
         """Description in words."""
-        both = "motion and command" if self.known_command else "motion"
-        return (
-            f"{self.test} has the {both} of {self.like} (correlation of displacements {self.correlation:.4f})"
-        )
+        return self._alike("motion and command")
 
     @property
     def condition_in_words(self) -> str:
         """How the force differs, and what that may mean."""
         ratio, shift = self.force_ratio or 1.0, self.force_shift or 0.0
-        command = "" if self.known_command else "command, "
+        # At unknown commands that may be the reason.
+        shared, command = ("motion and command", "") if self.known_command else ("motion", "command, ")
         return (
-            f"{self.in_words}, but its force is that of the other times {ratio:.2f} {shift:+.3g} N: another condition: "
-            f"{command}temperature, pressure, pre-load? It counts as held out"
+            f"{self._alike(shared)}, but its force is that of the other times {ratio:.2f} {shift:+.3g} N: another "
+            f"condition: {command}temperature, pressure, pre-load? It counts as held out"
         )
+
+    def _alike(self, shared: str) -> str:
+        return f"{self.test} has the {shared} of {self.like} (correlation of displacements {self.correlation:.4f})"
 
 
 def likenesses_in_words(found: Sequence[Likeness]) -> str:
