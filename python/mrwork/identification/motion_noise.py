@@ -61,9 +61,9 @@ def motion_noise_warning(
     measured = any(test.velocity_source == "measured" for test in objective.tests)
     remedy = "derive the velocity from the displacement by --repair velocity, or " if measured else ""
     return (
-        f"noise of the motion dominates: it alone moves {names[worst]} by about {share[worst]:.2g} standard errors, "
-        f"which know of the noise of the force only, so that intervals of 95 % hold about {100 * held:.0f} % of the "
-        f"parameters; {remedy}measure the motion with less noise",
+        f"noise of the motion dominates: it moves {names[worst]} by about {share[worst]:.2g} times the error that "
+        f"the residuals of the force give it, so that 95 % intervals hold about {100 * held:.0f} % of the parameters; "
+        f"{remedy}measure the motion with less noise",
     )
 
 
