@@ -130,12 +130,19 @@ def test_both_engines_say_that_a_parameter_is_at_its_bound() -> None:
 
 
 @pytest.mark.parametrize(
-    ("nuisances", "power"), [((), 2.0), (("offset", "level", "delay"), 2.0), (("level",), 5.0)]
+    ("nuisances", "power", "uncompared"),
+    [
+        ((), 2.0, ()),
+        (("offset", "level", "delay"), 2.0, ()),
+        (("level",), 5.0, ()),
+        (("level",), 2.0, ((40, 50), (70, 71))),
+    ],
 )
 def test_residuals_of_the_twin_and_their_derivatives_are_those_of_the_lanes(
-    nuisances: tuple[NuisanceName, ...], power: float
+    nuisances: tuple[NuisanceName, ...], power: float, uncompared: tuple[tuple[int, int], ...]
 ) -> None:
-    objective = Objective.of(LAWS, joint_tests(), nuisances=nuisances, power=power)
+    tests = tuple(replace(test, uncompared=uncompared) for test in joint_tests())
+    objective = Objective.of(LAWS, tests, nuisances=nuisances, power=power)
     theta = joint_theta() * np.exp(0.1 * np.random.default_rng(2).standard_normal(len(LAWS.names)))
     # No sample is close enough to mid-stroke to feel x_s, and f0 is an offset.
     columns = identifiable_form(LAWS, SHARP | bounds_without_offsets(nuisances, LAWS)).box.free

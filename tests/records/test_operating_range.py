@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from hypothesis import strategies as st
 from sinusoidal_tests import sinusoidal_test
 
 from mrwork.dampers.spec import damper
+from mrwork.records import DamperTest
 from mrwork.records.operating_range import Exceedance, OperatingRange, covering, outside_of, worst_of
 
 BINGHAM = (400.0, 1e-3, 900.0, 0.0)
@@ -91,6 +93,53 @@ def test_a_sentence_for_each_quantity_outside_and_no_other(
 ) -> None:
     found = ranges().exceeded_by(ranges(**changes))
     assert [each.in_words for each in found] == sentences
+
+
+def an_earthquake(large: float, small: float, n_small: int) -> DamperTest:
+    """Two cycles of a large amplitude [m], then `n_small` half cycles of a small one, from peak to peak."""
+    per_half = 30
+    phase = np.pi * np.arange(per_half) / per_half
+    ranges = [large] * 4 + [small] * n_small
+    direction = np.resize([1.0, -1.0], len(ranges))
+    ends = np.concatenate([[0.0], np.cumsum(direction * 2.0 * np.array(ranges))])
+    parts = [start + 0.5 * (end - start) * (1.0 - np.cos(phase)) for start, end in pairwise(ends)]
+    displacement = np.concatenate([*parts, ends[-1:]])
+    test = a_test(large, 1.0)
+    return replace(
+        test,
+        displacement=displacement,
+        velocity=np.gradient(displacement, test.dt),
+        force=np.resize(test.force, displacement.size),
+    )
+
+
+@pytest.mark.parametrize(("n_small", "warned"), [(0, False), (7, False), (20, True), (80, True)])
+def test_travel_in_half_cycles_below_the_smallest_tested_is_named_above_a_fifth(
+    n_small: int, warned: bool
+) -> None:
+    tested = OperatingRange.of_tests([a_test(0.013, 1.0), a_test(0.038, 0.5)])
+    assert tested.least_stroke == pytest.approx(0.013, rel=1e-3)
+    demand = OperatingRange.of_test(an_earthquake(0.030, 0.002, n_small), None)
+    below = [each for each in tested.exceeded_by(demand) if each.below and each.quantity == "stroke"]
+    assert [each.in_words for each in below] == (
+        ["stroke 2 mm or less in half cycles that make 20 % of the travel or more, tested from 13 mm"]
+        if warned
+        else []
+    )
+
+
+def test_the_share_of_the_travel_counts_without_the_ends_and_without_noise() -> None:
+    for cycles in (1, 2, 3, 10):
+        test = sinusoidal_test("bingham", BINGHAM, (0.01, 2.0), noise=0.0, cycles=cycles)
+        noise = 1e-5 * np.random.default_rng(cycles).standard_normal(test.n_time)
+        found = OperatingRange.of_test(replace(test, displacement=test.displacement + noise), None)
+        assert found.least_stroke == pytest.approx(0.01, rel=0.01)
+
+
+def test_a_range_says_its_least_stroke_where_that_is_another() -> None:
+    one, two = a_test(0.013, 1.0), a_test(0.038, 1.0)
+    assert dict(OperatingRange.of_tests([one, two]).rows())["stroke"] == "13 to 38 mm"
+    assert dict(OperatingRange.of_tests([one]).rows())["stroke"] == "to 13 mm"
 
 
 def test_a_single_tested_command_is_named_as_such() -> None:

@@ -12,7 +12,10 @@ from hypothesis import given
 from numpy.typing import NDArray
 from record_files import AMPLITUDE, DT, FREQUENCY, Columns, clean_columns, codes, message
 
-from mrwork.records import DamperTest, build_damper_test
+import mrwork as mr
+from mrwork.dampers.spec import damper
+from mrwork.errors import RecordError
+from mrwork.records import DamperTest, build_damper_test, repair
 
 OMEGA = 2.0 * np.pi * FREQUENCY
 
@@ -208,6 +211,9 @@ def test_deriving_beats_differences_on_noisy_displacement() -> None:
     assert error < 0.4 * np.std(np.gradient(columns["displacement_m"], DT) - exact)
 
 
+UNITS = (1000.0, 0.001, -1000.0, 0.0254, 39.37, 25.4, 100.0, 0.1)
+
+
 def test_a_velocity_of_opposite_sign_is_turned_with_a_note() -> None:
     columns = clean_columns()
     columns["velocity_mps"] = -columns["velocity_mps"]
@@ -216,13 +222,64 @@ def test_a_velocity_of_opposite_sign_is_turned_with_a_note() -> None:
     np.testing.assert_array_equal(test.velocity, clean_columns()["velocity_mps"])
 
 
-@pytest.mark.parametrize("factor", [1000.0, 0.001, -1000.0, 0.0254])
+@pytest.mark.parametrize("factor", UNITS)
 def test_a_velocity_in_another_unit_is_told_by_its_factor(factor: float) -> None:
     columns = clean_columns()
     columns["velocity_mps"] = factor * columns["velocity_mps"]
     test = built(columns)
+    assert codes(test) == ["velocity_factor"]
+    assert f"is {factor:.4g} times" in message(test, "velocity_factor")
+    assert severity(test, "velocity_factor") == "warning"
+
+
+@pytest.mark.parametrize("factor", UNITS)
+def test_a_velocity_that_is_a_known_factor_off_is_refused_by_fits_and_predictions(factor: float) -> None:
+    columns = clean_columns()
+    columns["velocity_mps"] = factor * columns["velocity_mps"]
+    test = built(columns)
+    spec = damper("bingham")
+    with pytest.raises(RecordError, match="--repair velocity"):
+        mr.identification.Objective.of(spec, (test,))
+    with pytest.raises(RecordError, match="--repair velocity"):
+        mr.identification.free_run(spec, np.array(spec.nominal), test)
+    repaired, _ = repair(test, ["velocity"])
+    assert codes(repaired) == ["repaired_velocity"]
+    mr.identification.Objective.of(spec, (repaired,))
+
+
+@pytest.mark.parametrize("factor", [2.0, -1.5, 0.7])
+def test_a_velocity_of_no_known_factor_is_told_but_not_refused(factor: float) -> None:
+    columns = clean_columns()
+    columns["velocity_mps"] = factor * columns["velocity_mps"]
+    test = built(columns)
     assert f"is {factor:.4g} times" in message(test, "velocity_inconsistent")
-    assert severity(test, "velocity_inconsistent") == "warning"
+    mr.identification.Objective.of(damper("bingham"), (test,))
+
+
+@pytest.mark.parametrize("step", [1e-5, 2e-5])
+@pytest.mark.parametrize("backward", [False, True])
+def test_differences_of_quantised_readings_are_not_used_for_the_velocity(step: float, backward: bool) -> None:
+    columns = without_velocity()
+    noise = step * np.random.default_rng(7).standard_normal(400)
+    columns["displacement_m"] = step * np.round((columns["displacement_m"] + noise) / step)
+    derived = built(columns)
+    read = columns["displacement_m"]
+    columns["velocity_mps"] = np.diff(read, prepend=read[0]) / DT if backward else np.gradient(read, DT)
+    test = built(columns)
+    assert codes(test) == ["velocity_noisy"]
+    assert severity(test, "velocity_noisy") == "note"
+    assert test.velocity_source == "derived"
+    np.testing.assert_array_equal(test.velocity, derived.velocity)
+
+
+def test_a_measured_velocity_with_the_noise_of_a_good_channel_is_used() -> None:
+    columns = clean_columns()
+    rng = np.random.default_rng(7)
+    columns["displacement_m"] = columns["displacement_m"] + 5e-6 * rng.standard_normal(400)
+    columns["velocity_mps"] = columns["velocity_mps"] + 5e-4 * rng.standard_normal(400)
+    test = built(columns)
+    assert test.velocity_source == "measured"
+    np.testing.assert_array_equal(test.velocity, columns["velocity_mps"])
 
 
 @pytest.mark.parametrize(("late", "code"), [(0.5, "velocity_late"), (-2.0, "velocity_inconsistent")])
@@ -260,7 +317,7 @@ def test_noise_alone_does_not_make_a_velocity_inconsistent(noise: float) -> None
     rng = np.random.default_rng(23)
     spread = noise * np.std(columns["velocity_mps"])
     columns["velocity_mps"] = columns["velocity_mps"] + spread * rng.standard_normal(400)
-    assert codes(built(columns)) == []
+    assert codes(built(columns)) == ([] if noise == 0.0 else ["velocity_noisy"])
 
 
 def test_noise_alone_never_passes_for_a_velocity() -> None:

@@ -11,7 +11,13 @@ import pytest
 from numpy.typing import NDArray
 
 from mrwork.records import DamperTest, RecordedMotion, build_damper_test, cut
-from mrwork.records.likeness import alike_groups, likeness, likest
+from mrwork.records.likeness import (
+    alike_groups,
+    likeness,
+    likest,
+    likest_of_other_force,
+    likest_of_same_force,
+)
 
 DT = 0.002
 
@@ -143,6 +149,48 @@ def test_unknown_commands_are_told_apart_by_the_force() -> None:
     assert not alike(unknown, recorded(sine(0.01, 1.0), current=2.0))
 
 
+@pytest.mark.parametrize("test", [SINE, RANDOM, cut(RANDOM, start=4.0)], ids=["sine", "random", "a part"])
+@pytest.mark.parametrize(("gain", "shift"), [(0.7, 0.0), (1.3, 0.0), (1.0, 150.0), (0.85, -100.0)])
+def test_the_motion_of_a_test_with_another_force_is_that_of_another_condition(
+    test: DamperTest, gain: float, shift: float
+) -> None:
+    whole = RANDOM if test is not SINE else SINE
+    hot = RecordedMotion.of(replace(test, sha256="hot", force=gain * test.force + shift))
+    seen = [RecordedMotion.of(whole)]
+    assert likest_of_same_force(hot, seen) is None
+    found = likest_of_other_force(hot, seen)
+    assert found is not None
+    assert found.force_ratio == pytest.approx(gain, rel=0.02)
+    assert found.force_shift == pytest.approx(shift, abs=5.0)
+    assert "another condition: temperature, pressure, pre-load?" in found.condition_in_words
+    assert "counts as held out" in found.condition_in_words
+    # Folds keep them together all the same.
+    assert likest(hot, seen) is not None
+
+
+@pytest.mark.parametrize("test", [SINE, RANDOM, recorded(ramped(sine(0.01, 1.0)))])
+@pytest.mark.parametrize("version", VERSIONS)
+def test_versions_of_a_record_have_its_force(test: DamperTest, version: str) -> None:
+    own, other = RecordedMotion.of(VERSIONS[version](test)), RecordedMotion.of(test)
+    assert likest_of_same_force(own, [other]) is not None
+    assert likest_of_other_force(own, [other]) is None
+
+
+def test_at_an_unknown_command_a_far_larger_force_is_of_another_command_or_condition() -> None:
+    unknown = recorded(sine(0.01, 1.0), current=None, seed=3)
+    stronger = RecordedMotion.of(replace(unknown, sha256="other", force=2.0 * unknown.force))
+    found = likest_of_other_force(stronger, [RecordedMotion.of(unknown)])
+    assert found is not None
+    assert "has the motion of" in found.condition_in_words
+    assert "command, temperature" in found.condition_in_words
+    assert (
+        likest_of_other_force(
+            RecordedMotion.of(recorded(sine(0.01, 1.0), current=2.0)), [RecordedMotion.of(SINE)]
+        )
+        is None
+    )
+
+
 def test_a_varying_command_is_compared_with_the_motion() -> None:
     time = DT * np.arange(10000)
     steps, others = (np.repeat(np.random.default_rng(seed).integers(0, 2, 40), 250) * 1.0 for seed in (1, 2))
@@ -172,7 +220,8 @@ def test_an_identical_file_is_alike_whatever_was_cut_from_it() -> None:
 def test_what_is_stored_is_small_and_survives_json() -> None:
     motion = RecordedMotion.of(RANDOM)
     stored = json.dumps(asdict(motion))
-    assert len(stored) < 7000
+    # Displacement and force of 20 s in 16 bits each.
+    assert len(stored) < 11000
     record = json.loads(stored)
     again = RecordedMotion(**(record | {"commands": tuple(record["commands"])}))
     assert again == motion

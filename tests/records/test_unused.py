@@ -97,4 +97,4 @@ def test_identify_and_predict_say_what_they_did_not_use(tmp_path: Path) -> None:
     assert f"note: {NOTE}" in fitted.stdout
     predicted = mrwork("predict", run, rig / "b.txt")
     assert predicted.returncode == 0, predicted.stderr
-    assert f"mrwork: {rig / 'b.txt'}: {NOTE}\n" in predicted.stderr
+    assert f"mrwork: note in b: {NOTE}\n" in predicted.stderr

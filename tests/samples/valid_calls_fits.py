@@ -110,6 +110,7 @@ def identification_calls(_: Path) -> Calls:
         "start_from": lambda: call(mr.start_from, fit=fit, model=mr.damper(MODEL)),
         "Fit.observed": lambda: call(fit.observed, test=test),
         "Fit.seen": lambda: call(fit.seen, test=test),
+        "Fit.other_condition": lambda: call(fit.other_condition, test=test),
         "Fit.outside": lambda: call(fit.outside, test=test, force=test.force),
         "Fit.verdict_on": lambda: call(fit.verdict_on, name=fit.estimates[0].name),
         "Fit.reading": lambda: call(fit.reading, origin="a"),

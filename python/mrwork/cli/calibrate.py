@@ -22,7 +22,7 @@ from mrwork.cli.options import (
     opened_run,
     read_tests,
 )
-from mrwork.cli.output import print_json, renew_page, table_lines
+from mrwork.cli.output import print_json, renew_page, table_lines, told_findings
 from mrwork.cli.progress import IdentificationInWords, ProgressLine
 from mrwork.cli.terminal import note, show
 from mrwork.errors import SettingError
@@ -43,6 +43,9 @@ from mrwork.uncertainty.bands.conformal import (
 from mrwork.uncertainty.bands.prediction import IN_WORDS, Fold, Prediction, predict_left_out, predict_tests
 
 _AS_FITTED = "as in the identification"
+
+# The fit, predictions by it, and findings of their tests for --json.
+_Predicted = tuple[Fit, tuple[Prediction, ...], list[dict[str, Any]]]
 
 
 def add_parser(verbs: Any) -> None:
@@ -74,22 +77,22 @@ def run(options: argparse.Namespace) -> int:
     """Predict, calibrate, measure the coverage, and write the result into the run folder."""
     with adding(options.run_folder, CALIBRATION):
         if options.files:
-            (fit, predictions), held_out = _unseen(options), "the fit has not seen"
+            (fit, predictions, findings), held_out = _unseen(options), "the fit has not seen"
         else:
-            (fit, predictions), held_out = _left_out(options), IN_WORDS[options.leave_out]
+            (fit, predictions, findings), held_out = _left_out(options), IN_WORDS[options.leave_out]
         calibration = calibrate(predictions, held_out=held_out)
         coverage = measured_coverage(predictions) if len(calibration.tests) > 1 else ()
         unseen = [each for each in predictions if each.seen is None]
         write_bands(options.run_folder, calibration, coverage, unseen, fit)
         status = renew_page(options.run_folder, quiet=options.quiet or options.json)
         if options.json:
-            print_json(_summary(calibration, coverage))
+            print_json(_summary(calibration, coverage) | {"findings": findings})
         else:
             show(_text(calibration, coverage, options.run_folder))
         return status
 
 
-def _unseen(options: argparse.Namespace) -> tuple[Fit, tuple[Prediction, ...]]:
+def _unseen(options: argparse.Namespace) -> _Predicted:
     """The fit of the run, and predictions of the files by it, for which they must not have been used."""
     fit = read_fit(options.run_folder)
     if not fit.motions:
@@ -98,17 +101,21 @@ def _unseen(options: argparse.Namespace) -> tuple[Fit, tuple[Prediction, ...]]:
             "recognised as seen; identify again from the files"
         )
     words = observation_of(options, fit.settings.observe)
-    tests = [
-        observed(test, words)
-        for test in read_tests(options, "calibration", quiet=options.quiet or options.json)
-    ]
+    read = read_tests(options, "calibration", quiet=options.quiet or options.json)
+    findings = told_findings("calibrate", read, options)
+    tests = [observed(test, words) for test in read]
+    for test in tests:
+        condition = fit.other_condition(test)
+        if condition is not None:
+            note(condition.condition_in_words)
     nuisances = nuisances_of(options, fit.nuisances)
-    return fit, predict_tests(fit, tests, nuisances=nuisances)
+    return fit, predict_tests(fit, tests, nuisances=nuisances), findings
 
 
-def _left_out(options: argparse.Namespace) -> tuple[Fit, tuple[Prediction, ...]]:
+def _left_out(options: argparse.Namespace) -> _Predicted:
     """The fit of the run, and predictions of the tests of the run, each by a fit to the others."""
     opened = opened_run(options)
+    findings = told_findings("calibrate", opened.tests, options)
     folds = Folds(opened.place, opened.fit)
     prefix = ""
 
@@ -137,7 +144,7 @@ def _left_out(options: argparse.Namespace) -> tuple[Fit, tuple[Prediction, ...]]
             f"{len(found.failures)} of {len(opened.tests)} tests cannot be predicted without themselves, first: "
             f"{found.failures[0]}; leave out less at a time"
         )
-    return opened.fit, found.predictions
+    return opened.fit, found.predictions, findings
 
 
 def _summary(calibration: Calibration, coverage: Sequence[LeftOutCoverage]) -> dict[str, Any]:

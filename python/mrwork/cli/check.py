@@ -18,8 +18,9 @@ from mrwork.cli.terminal import note, show
 from mrwork.errors import MrworkError, SettingError
 from mrwork.escaping import escaped
 from mrwork.identification.settings import is_synthetic
-from mrwork.records import DamperTest, Finding, guess_tests, mislabelled, write_test_table
+from mrwork.records import DamperTest, Finding, guess_tests, write_test_table
 from mrwork.records.command_signal import Command, command_range
+from mrwork.records.concerns import findings_of_set
 from mrwork.records.findings import gathered_findings
 from mrwork.records.rig_table import EVERY_USE, TABLE_NAME, files_not_read, records_in
 from mrwork.store.input_file import is_folder
@@ -66,7 +67,7 @@ def run(options: argparse.Namespace) -> int:
             continue
         tests.append(test)
         rows.append(_facts(test))
-    together = mislabelled(tests)
+    together = findings_of_set(tests)
     gathered = gathered_findings(tests)
     if options.json:
         document = {"files": rows, "set": [asdict(finding) for finding in together]}

@@ -19,11 +19,13 @@ from mrwork.cli.identified import (
     write_identification,
 )
 from mrwork.cli.options import command_unit, laws_are_chosen, laws_of, models_of, reading_of, tests_of
+from mrwork.cli.output import as_plain
 from mrwork.cli.progress import choice_described
 from mrwork.cli.terminal import note
 from mrwork.errors import SettingError
 from mrwork.identification.settings import FitSettings
 from mrwork.records import observed
+from mrwork.records.concerns import findings_for
 from mrwork.store.run_folder import FIT, MODELS, RANKING
 from mrwork.store.unfinished import StepJournals
 from mrwork.summary import aligned
@@ -127,7 +129,7 @@ def run(options: argparse.Namespace, settings: FitSettings) -> int:
             text=f"{text}\n\n{text_of(best, tests)}" if status == 0 else text,
             kept="what was identified",
             written=written,
-            document=_summary(choice, folder),
+            document=_summary(choice, folder) | {"findings": as_plain(findings_for("identify", tests))},
             ranking=choice.ranking,
         )
 

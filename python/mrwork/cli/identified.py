@@ -11,7 +11,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from mrwork.cli.output import drawing, print_json, result_lines, stopped_in_words
+from mrwork.cli.output import as_plain, drawing, print_json, result_lines, stopped_in_words
 from mrwork.cli.progress import ProgressLine, task_line
 from mrwork.cli.terminal import note, show
 from mrwork.dampers.spec import damper
@@ -22,6 +22,7 @@ from mrwork.identification.fit_file import manifest_of, write_run
 from mrwork.identification.result import FitSpread
 from mrwork.identification.settings import Reading
 from mrwork.records import DamperTest
+from mrwork.records.concerns import findings_for, findings_of_set
 from mrwork.records.findings import gathered_findings
 from mrwork.store.destination import Destination
 from mrwork.store.output_folder import check_destination
@@ -196,17 +197,6 @@ def spread_of(fit: Fit) -> FitSpread:
     return FitSpread.of([each.test for each in fit.quality], [each.fit_percent for each in fit.quality])
 
 
-def _findings(tests: tuple[DamperTest, ...]) -> list[dict[str, Any]]:
-    """Findings of the checks, each with its tests."""
-    gathered = gathered_findings(tests)
-    own = [
-        {"code": each.code, "severity": each.severity, "message": each.message, "tests": [test.name]}
-        for test, findings in zip(tests, gathered.own, strict=True)
-        for each in findings
-    ]
-    return [asdict(each) for each in gathered.shared] + own
-
-
 def summary_of(fit: Fit, tests: tuple[DamperTest, ...], folder: Path) -> dict[str, Any]:
     """Summary of a fit, for --json."""
     return {
@@ -233,7 +223,7 @@ def summary_of(fit: Fit, tests: tuple[DamperTest, ...], folder: Path) -> dict[st
         "rng": fit.provenance.rng,
         "files": [asdict(quality) for quality in fit.quality],
         "spread": asdict(spread_of(fit)) if len(fit.quality) > 1 else None,
-        "findings": _findings(tests),
+        "findings": as_plain(findings_for("identify", tests)),
         "out": str(folder),
     }
 
@@ -277,5 +267,6 @@ def text_of(fit: Fit, tests: tuple[DamperTest, ...]) -> str:
         lines += [f"    {finding.severity}: {finding.message}" for finding in findings]
     if len(tests) > 1:
         lines += ["", f"  {spread_of(fit).in_words}"]
+    lines += [f"  {each.severity}: {each.message}" for each in findings_of_set(tests)]
     lines += [f"  {shared.in_words}" for shared in gathered.shared]
     return "\n".join(lines)

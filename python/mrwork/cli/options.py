@@ -18,7 +18,6 @@ from mrwork.identification.fit_file import OpenedRun, reopen
 from mrwork.identification.nuisance import NuisanceName
 from mrwork.identification.settings import Reading, is_synthetic
 from mrwork.records import DamperTest, parse_column_option
-from mrwork.records.findings import unused_in_words
 from mrwork.records.observing import DETECT, VALUES_IN_WORDS, as_words
 from mrwork.records.repairs import AMOUNTS_IN_WORDS, REPAIR_KINDS, RepairKind
 from mrwork.records.rig_table import EveryUse, ListedTest, Use, check_given_once, files_not_read, listed_tests
@@ -157,11 +156,7 @@ def reading_of(options: argparse.Namespace, use: Use | EveryUse) -> Reading:
 
 def read_tests(options: argparse.Namespace, use: Use, *, quiet: bool) -> tuple[DamperTest, ...]:
     """The tests of the command line, first cut, then repaired; a line tells how many have been read."""
-    tests = tests_of(reading_of(options, use), quiet=quiet)
-    if not quiet:
-        for sentence in unused_in_words(tests):
-            note(sentence)
-    return tests
+    return tests_of(reading_of(options, use), quiet=quiet)
 
 
 def tests_of(reading: Reading, *, quiet: bool) -> tuple[DamperTest, ...]:

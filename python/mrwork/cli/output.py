@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import argparse
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from mrwork.cli.progress import PATIENCE, ProgressLine, page_described
 from mrwork.cli.terminal import note, show
 from mrwork.errors import MrworkError, OutputError
+from mrwork.records import DamperTest
+from mrwork.records.concerns import Verb, findings_for
+from mrwork.records.findings import SharedFinding
 from mrwork.store.codec import finite
 from mrwork.store.run_folder import FIT
 from mrwork.summary import Summarised, aligned
@@ -22,6 +27,21 @@ if TYPE_CHECKING:
 def print_json(document: object) -> None:
     """Print an object in one line of strict JSON; numbers that are not finite become null, as in the files."""
     show(json.dumps(finite(document), allow_nan=False))
+
+
+def as_plain(findings: Iterable[SharedFinding]) -> list[dict[str, Any]]:
+    """Findings of the checks for --json."""
+    return [asdict(each) for each in findings]
+
+
+def told_findings(
+    verb: Verb, tests: Sequence[DamperTest], options: argparse.Namespace
+) -> list[dict[str, Any]]:
+    """Say what the checks found that matters to a verb, on stderr; with --json return it only, for the object."""
+    found = findings_for(verb, tests)
+    for each in () if options.json else found:
+        note(each.in_words)
+    return as_plain(found)
 
 
 def table_lines(rows: Sequence[Sequence[str]]) -> list[str]:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from mrwork.cli.numbers import AMPLITUDES, COMMANDS, FREQUENCIES, STROKE, VELOCITY, add_number
 from mrwork.cli.options import add_json, add_quiet, add_run, add_seed, add_threads, opened_run
-from mrwork.cli.output import print_json, renew_page, table_lines
+from mrwork.cli.output import print_json, renew_page, table_lines, told_findings
 from mrwork.cli.paths import named_path
 from mrwork.cli.terminal import note, show
 from mrwork.dampers.parameters import CommandUnit
@@ -91,6 +91,7 @@ def _plan(opened: OpenedRun, options: argparse.Namespace) -> int:
     from mrwork.uncertainty.planning.plan import LinearisedPosterior, plan
     from mrwork.uncertainty.planning.plan_draws import checked_with_draws
 
+    findings = told_findings("plan", opened.tests, options)
     spec = opened.fit.spec
     limits = Limits(stroke=options.stroke, peak_velocity=options.peak_velocity)
     candidates = _candidates(options, opened, limits)
@@ -107,7 +108,7 @@ def _plan(opened: OpenedRun, options: argparse.Namespace) -> int:
     write_files(opened.place, {PLAN: addition_content(document, opened.fit)})
     status = renew_page(opened.place, quiet=options.quiet or options.json)
     if options.json:
-        print_json(document | {"out": str(opened.place / PLAN)})
+        print_json(document | {"findings": findings, "out": str(opened.place / PLAN)})
     else:
         show(_text(check, origin, unit, opened.place))
     if ranked.left_out and not options.quiet:

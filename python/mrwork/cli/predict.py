@@ -18,7 +18,7 @@ from mrwork.cli.options import (
     observation_of,
     read_tests,
 )
-from mrwork.cli.output import print_json
+from mrwork.cli.output import print_json, told_findings
 from mrwork.cli.terminal import show
 from mrwork.dampers.law_limits import LawLimit, worst_laws
 from mrwork.identification.fit_file import read_fit
@@ -74,18 +74,20 @@ def run(options: argparse.Namespace) -> int:
     spec, theta = fit.spec, np.array(fit.theta)
     rows: list[dict[str, Any]] = []
     known: list[Likeness] = []
+    conditions: list[Likeness] = []
     calibrated_on: list[Likeness] = []
     exceeded: list[tuple[str, Exceedance]] = []
     limited: list[LawLimit] = []
     nuisances = nuisances_of(options, fit.nuisances)
     words = observation_of(options, fit.settings.observe)
     tests = read_tests(options, "test", quiet=options.json)
+    findings = told_findings("predict", tests, options)
     for test in (observed(test, words) for test in tests):
         with explained_by(fit, test):
             force, quality = free_run(
                 spec, theta, test, nuisances=nuisances, substep_factor=options.substep_factor
             )
-        seen, outside = fit.seen(test), fit.outside(test, force)
+        seen, condition, outside = fit.seen(test), fit.other_condition(test), fit.outside(test, force)
         exceeded += [(test.label, each) for each in outside.exceedances]
         limited += outside.laws
         rows.append(
@@ -103,12 +105,14 @@ def run(options: argparse.Namespace) -> int:
                 "settle_seconds": quality.settle_seconds,
                 "substeps": quality.substeps,
                 "seen": None if seen is None else asdict(seen),
+                "other_condition": None if condition is None else asdict(condition),
                 "nuisance": asdict(quality.nuisance) if nuisances else None,
                 "outside_tested_range": list(outside.names) if outside.known else None,
                 "warnings": list(outside.sentences),
             }
         )
         known += [] if seen is None else [seen]
+        conditions += [] if condition is None else [condition]
         if calibration is not None:
             band = calibration.band(Prediction(test=test, model_force=force, outside=outside), options.level)
             scored = score(band, test.force[test.counted])
@@ -125,6 +129,7 @@ def run(options: argparse.Namespace) -> int:
         *missing_warnings(fit.nuisances, nuisances),
         *prediction_warning(spec, tests),
         *_warnings(exceeded, limited, len(rows)),
+        *(each.condition_in_words for each in conditions),
     ]
     spread = _spread(rows) if len(rows) > 1 else None
     unseen = [row for row in rows if row["seen"] is None]
@@ -136,6 +141,7 @@ def run(options: argparse.Namespace) -> int:
             "files": rows,
             "nuisances": nuisances,
             "warnings": warnings,
+            "findings": findings,
         }
         document |= {"spread": asdict(spread)} if spread is not None else {}
         document |= {"spread_unseen": asdict(spread_unseen)} if spread_unseen is not None else {}

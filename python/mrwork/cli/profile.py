@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from mrwork.cli.numbers import SHARE, add_number
 from mrwork.cli.options import add_json, add_quiet, add_run, add_threads, opened_run
-from mrwork.cli.output import print_json, renew_page, result_lines, verdicts_elsewhere
+from mrwork.cli.output import print_json, renew_page, result_lines, told_findings, verdicts_elsewhere
 from mrwork.cli.progress import PATIENCE, ProgressLine, profile_described
 from mrwork.cli.terminal import note, show
 from mrwork.errors import Interrupted, RecordError
@@ -61,6 +61,7 @@ def _profile(opened: OpenedRun, options: argparse.Namespace) -> int:
     from mrwork.uncertainty.identifiability.verdicts import identifiability_of
     from mrwork.uncertainty.posterior.draws_file import read_draws
 
+    findings = told_findings("profile", opened.tests, options)
     # The file of the fit has the intervals of the draws: damaged ones are refused before the profiles are computed.
     draws = read_draws(opened.place, opened.fit)
     line = ProgressLine(profile_described, quiet=options.quiet or options.json, patience=PATIENCE)
@@ -88,7 +89,7 @@ def _profile(opened: OpenedRun, options: argparse.Namespace) -> int:
     write_files(opened.place, contents)
     status = renew_page(opened.place, quiet=options.quiet or options.json)
     if options.json:
-        print_json(document | {"out": str(opened.place / PROFILES)})
+        print_json(document | {"findings": findings, "out": str(opened.place / PROFILES)})
     else:
         show(_text(fit, profiles, directions, opened.place))
     return status

@@ -6,8 +6,9 @@ import argparse
 from typing import TYPE_CHECKING, Any
 
 from mrwork.cli.options import add_json, add_quiet, add_run
-from mrwork.cli.output import drawing, print_json
+from mrwork.cli.output import drawing, print_json, told_findings
 from mrwork.cli.terminal import show
+from mrwork.records import DamperTest
 from mrwork.store.run_folder import FIGURES, REPORT
 
 if TYPE_CHECKING:
@@ -40,6 +41,7 @@ def run(options: argparse.Namespace) -> int:
     """Write the page, and the figures if requested; print where they are."""
     place = options.run_folder
     names: list[str] = []
+    tests: list[DamperTest] = []
 
     def draw(on_progress: OnDrawn) -> None:
         # Matplotlib is slow to load.
@@ -47,14 +49,17 @@ def run(options: argparse.Namespace) -> int:
         from mrwork.report.fit.page import open_run, write_page
 
         opened, comparisons = open_run(place)
+        tests.extend(each.test for each in comparisons)
         write_page(opened, comparisons, every_test=options.all_tests, on_progress=on_progress)
         if options.figures:
             names.extend(write_figures(opened, comparisons, on_progress=on_progress))
 
     status = drawing(place, draw, quiet=options.quiet or options.json)
     if status == 0:
+        findings = told_findings("report", tests, options)
         if options.json:
-            print_json({"out": str(place), "report": str(place / REPORT), "figures": names})
+            document = {"out": str(place), "report": str(place / REPORT), "figures": names}
+            print_json(document | {"findings": findings})
         else:
             show(f"Report: {place / REPORT}")
             if names:

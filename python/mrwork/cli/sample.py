@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from mrwork.cli.numbers import STEPS, TEMPERING, WALKERS, add_number
 from mrwork.cli.options import add_json, add_quiet, add_run, add_seed, add_threads, opened_run
-from mrwork.cli.output import print_json, renew_page, result_lines, verdicts_elsewhere
+from mrwork.cli.output import print_json, renew_page, result_lines, told_findings, verdicts_elsewhere
 from mrwork.cli.progress import PATIENCE, ProgressLine, sampling_described
 from mrwork.cli.terminal import note, show
 from mrwork.errors import Interrupted, JournalError
@@ -78,6 +78,7 @@ def run(options: argparse.Namespace) -> int:
     from mrwork.stored import judged_by_additions, read_profiles
 
     opened = opened_run(options)
+    findings = told_findings("sample", opened.tests, options)
     kept = opened.place / CHAIN
     # The file of the fit may have the intervals of the profiles: damaged ones are refused before the chain grows.
     profiles = read_profiles(opened.place, opened.fit)
@@ -97,7 +98,7 @@ def run(options: argparse.Namespace) -> int:
         (opened.place / FORMER_CHAIN).unlink(missing_ok=True)
         status = renew_page(opened.place, quiet=options.quiet or options.json)
         if options.json:
-            print_json(_summary(draws, opened.place))
+            print_json(_summary(draws, opened.place) | {"findings": findings})
         else:
             show(_text(fit, draws, opened.place))
         return status

@@ -17,7 +17,7 @@ from mrwork.identification.certainty import Identifiability, Intervals, Verdict
 from mrwork.identification.nuisance import NONE, Nuisance, NuisanceName
 from mrwork.identification.settings import FitSettings, Reading
 from mrwork.records import AS_IT_IS, DamperTest, Observation, observed
-from mrwork.records.likeness import Likeness, RecordedMotion, likest
+from mrwork.records.likeness import Likeness, RecordedMotion, likest_of_other_force, likest_of_same_force
 from mrwork.records.operating_range import OperatingRange, Outside, outside_of
 from mrwork.store.fingerprint import digest_of
 from mrwork.store.record import LowerBound, OrInfinite, Related, UpperBound
@@ -241,15 +241,22 @@ class Fit(Summarised, Related):
 
     @checked
     def seen(self, test: DamperTest) -> Likeness | None:
-        """The test of the fit that a test is, or whose motion and command it has; `None` where the fit has seen none.
+        """The test of the fit that a test is, or whose motion, command and force it has; `None` where it is like none.
 
         A fit of an earlier version recognises identical files only.
         """
-        found = likest(RecordedMotion.of(test), self.motions)
+        found = likest_of_same_force(RecordedMotion.of(test), self.motions)
         if found is None and test.sha256:
             same = (label for label, digest in self.provenance.inputs.items() if digest == test.sha256)
             found = next((Likeness(test=test.label, like=label, correlation=1.0) for label in same), None)
         return found
+
+    @checked
+    def other_condition(self, test: DamperTest) -> Likeness | None:
+        """The test of the fit whose motion a test has, with another force; `None` where it is like none or seen."""
+        if self.seen(test) is not None:
+            return None
+        return likest_of_other_force(RecordedMotion.of(test), self.motions)
 
     @property
     def settings(self) -> FitSettings:

@@ -25,6 +25,7 @@ from mrwork.identification.global_search import (
 from mrwork.identification.lag_choice import polish_with_wanted_lag
 from mrwork.identification.law_shape import law_shape_warnings
 from mrwork.identification.levenberg_marquardt import LocalMinimum
+from mrwork.identification.motion_noise import motion_noise_warning
 from mrwork.identification.multistart import Multistart
 from mrwork.identification.needless_average import needless_average_warnings
 from mrwork.identification.nuisance import NuisanceName
@@ -298,6 +299,15 @@ class _Ending:
             shape = interruptible(
                 lambda: law_shape_warnings(problem.objective, problem.form.box, polished.theta)
             )
+            noisy = interruptible(
+                lambda: motion_noise_warning(
+                    problem.objective,
+                    problem.form,
+                    polished.theta,
+                    polished.standard_errors,
+                    problem.spec.names,
+                )
+            )
         except KeyboardInterrupt as interrupt:
             return replace(self, problem=problem).at(interrupt, best, points.trace)
         reason = "" if polished.converged else f"the final fit ended at its most steps, {polished.steps}"
@@ -322,6 +332,7 @@ class _Ending:
             *((missing.in_words,) if missing is not None else ()),
             *needless,
             *shape,
+            *noisy,
         )
         return replace(fit, warnings=(*fit.warnings, *doubts), status_reason=reason)
 

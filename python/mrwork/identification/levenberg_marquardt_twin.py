@@ -20,6 +20,7 @@ from mrwork.dampers.spec import DamperSpec
 from mrwork.identification.levenberg_marquardt import check_recalled_minimum
 from mrwork.identification.nuisance import NuisanceName, columns_of, scaled
 from mrwork.identification.objective import Objective
+from mrwork.records import DamperTest
 from mrwork.simulate import loading_of
 from mrwork.twins.models import begin, simulate
 from mrwork.values import holds_arrays
@@ -43,11 +44,11 @@ class RecordArrays(NamedTuple):
 class TwinResiduals:
     """Static inputs of the residuals; equal values share one compilation.
 
-    `n_settle` are the numbers of samples at the start of each test that are not compared.
+    `counted` are the samples of each test that are compared: all from the first on, or each by its number.
     """
 
     spec: DamperSpec
-    n_settle: tuple[int, ...]
+    counted: tuple[int | tuple[int, ...], ...]
     nuisances: tuple[NuisanceName, ...]
     power: float
 
@@ -63,7 +64,7 @@ class TwinResiduals:
         objective.refuse_observation()
         return cls(
             spec=objective.spec,
-            n_settle=tuple(test.n_settle for test in objective.tests),
+            counted=tuple(_counted(test) for test in objective.tests),
             nuisances=objective.nuisances,
             power=objective.power,
         )
@@ -71,8 +72,8 @@ class TwinResiduals:
     def __call__(self, theta: jax.Array, tests: tuple[RecordArrays, ...]) -> jax.Array:
         """Residuals, shape (n_residuals,), of one set of parameters, (n_params,); 1 where they are not finite."""
         parts = [
-            _without_nuisance(force[n_settle:], force[n_settle:] - test.force, self.nuisances) * test.weight
-            for force, test, n_settle in zip(self._forces(theta, tests), tests, self.n_settle, strict=True)
+            _without_nuisance(force, force - test.force, self.nuisances) * test.weight
+            for force, test in zip(self._compared(theta, tests), tests, strict=True)
         ]
         if self.power != 2.0:
             squared = len(parts) * jnp.array([jnp.sum(part**2) for part in parts])
@@ -82,6 +83,13 @@ class TwinResiduals:
         residuals = jnp.concatenate(parts)
         # With these values a step to unstable parameters raises the misfit and is rejected.
         return jnp.where(jnp.isfinite(residuals), residuals, 1.0)
+
+    def _compared(self, theta: jax.Array, tests: tuple[RecordArrays, ...]) -> list[jax.Array]:
+        """Force of each test that is compared, (n_counted,)."""
+        return [
+            force[counted:] if isinstance(counted, int) else force[jnp.array(counted)]
+            for force, counted in zip(self._forces(theta, tests), self.counted, strict=True)
+        ]
 
     def _forces(self, theta: jax.Array, tests: tuple[RecordArrays, ...]) -> list[jax.Array]:
         """Force of each test, (n_time,).
@@ -100,6 +108,12 @@ class TwinResiduals:
             for row, (index, test) in enumerate(own.items()):
                 forces[index] = force[row, : len(test.motion) + 1]
         return [forces[index] for index in range(len(tests))]
+
+
+def _counted(test: DamperTest) -> int | tuple[int, ...]:
+    """The samples that are compared, as a value that a compilation can depend on."""
+    counted = test.counted
+    return counted.start if isinstance(counted, slice) else tuple(counted.tolist())
 
 
 def arrays_of(objective: Objective, substeps: tuple[int, ...]) -> tuple[RecordArrays, ...]:

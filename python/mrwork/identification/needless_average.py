@@ -52,8 +52,8 @@ def needless_average_warnings(objective: Objective, box: Box, theta: NDArray[np.
         test = objective.tests[index]
         (averaged,), _ = objective.compared[index].residuals(theta[None])
         (plain,), _ = without.compared[index].residuals(refitted[None])
-        first = test.counted.start - without.tests[index].counted.start
-        plain = plain[first : first + averaged.size]
+        samples = np.arange(test.n_time)
+        plain = plain[np.isin(samples[without.tests[index].counted], samples[test.counted])]
         if _is_better(plain, averaged):
             sentences.append(_sentence(test, _fit_percent(test, averaged), _fit_percent(test, plain)))
     return tuple(sentences)

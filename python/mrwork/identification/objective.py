@@ -145,8 +145,13 @@ class Objective(Summarised):
 
     @property
     def is_direct(self) -> bool:
-        """Whether the simulated force is compared directly, without observation models and nuisance parameters."""
-        return not self.nuisances and all(test.observation == AS_IT_IS for test in self.tests)
+        """Whether the simulated force is compared directly, from a sample on.
+
+        There are no observation models, nuisance parameters or spans that are not compared.
+        """
+        return not self.nuisances and all(
+            test.observation == AS_IT_IS and not test.uncompared for test in self.tests
+        )
 
     def refuse_observation(self) -> None:
         """Refuse tests with an observation model, which the twin does not have.
@@ -175,8 +180,8 @@ class Objective(Summarised):
         """Misfit of each row of `theta`, shape (n_batch,); infinite where a simulation failed.
 
         With `thresholds`, shape (n_batch,), the simulation of a row ends when its misfit reaches its threshold, and the
-        misfit is infinite; other rows have the same bits as without thresholds. Observation models and nuisance
-        parameters need the whole force: with them thresholds have no effect.
+        misfit is infinite; other rows have the same bits as without thresholds. Where the
+        force is not compared directly, the whole of it is needed: thresholds then have no effect.
         """
         if not self.is_direct:
             return np.concatenate(

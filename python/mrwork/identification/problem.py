@@ -198,6 +198,7 @@ def fingerprint_of(problem: Problem) -> dict[str, object]:
                 # Changes with windows, repairs and units of columns.
                 "signals": digest_of(test.dt, test.displacement, test.velocity, test.force, test.observation),
             }
+            | ({"uncompared": test.uncompared} if test.uncompared else {})
             for test in problem.objective.tests
         ],
         "version": {name: package_version(name) for name in _PACKAGES},

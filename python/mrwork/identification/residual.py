@@ -22,6 +22,7 @@ from mrwork.identification.nuisance import (
     without_nuisance,
 )
 from mrwork.records import AS_IT_IS, DamperTest
+from mrwork.records.detectors.velocity import refuse_velocity
 from mrwork.simulate import Outcome, loading_of, simulate_forces, simulate_sensitivities, stiffness_shares
 
 Array = NDArray[np.float64]
@@ -49,12 +50,13 @@ class ObservedTest:
         Raises
         ------
         RecordError
-            The force or the displacement is constant.
+            The force or the displacement is constant, or the velocity is a known factor off.
         SettingError
             A nuisance parameter is named twice, or no sample of the test is compared.
         """
         if len(set(nuisances)) != len(nuisances):
             raise SettingError(f"`nuisances` are {', '.join(nuisances)}; name each once")
+        refuse_velocity(test)
         if test.n_counted == 0:
             raise SettingError(
                 f"{test.label}: none of its {test.n_time} samples is compared, `n_settle` is {test.n_settle}"

@@ -89,7 +89,7 @@ def fit_quality(
         error_norms=ErrorNorms(time=e_t, displacement=e_x, velocity=e_v),
         residual_autocorrelation=_lag_one(residual),
         n_time=residual.size,
-        settle_seconds=test.counted.start * test.dt,
+        settle_seconds=test.window.start * test.dt,
         substeps=substeps,
         observation=test.observation,
         nuisance=nuisance,

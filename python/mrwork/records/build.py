@@ -15,14 +15,15 @@ from mrwork.errors import RecordError
 from mrwork.records import checks
 from mrwork.records.command import command_of, motion_matches_name
 from mrwork.records.command_signal import Command
-from mrwork.records.damper_test import DamperTest, Finding, frozen
+from mrwork.records.damper_test import DamperTest, Finding, VelocitySource, frozen
 from mrwork.records.detectors.cycles import drift_finding, mass_finding
 from mrwork.records.detectors.delay import delay_finding
 from mrwork.records.detectors.smoothing import smoothing_finding, smoothing_of
+from mrwork.records.detectors.spikes import without_spikes
 from mrwork.records.detectors.velocity import velocity_agrees
 from mrwork.records.motion import Smoother, SmoothMotion, motion_of
 from mrwork.records.sampling import Signals, check_time, complete_rows, uniform_step
-from mrwork.records.window import settling_samples
+from mrwork.records.window import settling_samples, uncompared_spans
 
 _DETECTORS: Final[tuple[Callable[[DamperTest, SmoothMotion], tuple[Finding, ...]], ...]] = (
     smoothing_finding,
@@ -32,6 +33,8 @@ _DETECTORS: Final[tuple[Callable[[DamperTest, SmoothMotion], tuple[Finding, ...]
     checks.clipping_findings,
     drift_finding,
 )
+
+_DERIVED: Final[VelocitySource] = "derived"
 
 
 @checked
@@ -111,16 +114,20 @@ def build_damper_test(
         checks.check_possible(channel, channel_name, source=source)
     checks.check_varies(complete.displacement, "displacement", "m", source=source)
     checks.check_varies(complete.force, "force", "N", source=source)
-    signals, dt, resampled = uniform_step(complete, source=source)
-    findings += [*dropped, *resampled]
+    smooth, spiky, about_spikes = without_spikes(complete)
+    uniform = uniform_step(smooth, spiky, source=source)
+    signals, dt = uniform.signals, uniform.dt
+    findings += [*dropped, *about_spikes, *uniform.findings]
 
     displaced = signals.displacement
     motion = motion_of(displaced, dt)
-    about_velocity: tuple[Finding, ...]
-    if signals.velocity is None:
-        moving, about_velocity = motion.velocity, (_velocity_derived(motion.smoother),)
-    else:
-        moving, about_velocity = velocity_agrees(signals.velocity, displaced, motion)
+    uncompared = uncompared_spans(displaced, motion.velocity, uniform.spiky, uniform.missing, dt)
+    about_velocity: tuple[Finding, ...] = (_velocity_derived(motion.smoother),)
+    moving, velocity_source = motion.velocity, _DERIVED
+    if signals.velocity is not None:
+        moving, velocity_source, about_velocity = velocity_agrees(
+            signals.velocity, displaced, motion, uncompared
+        )
     resisting, about_sign = checks.force_sign(signals.force, motion.velocity)
     findings += [
         *about_velocity,
@@ -143,8 +150,9 @@ def build_damper_test(
         displacement=frozen(displaced),
         velocity=frozen(moving),
         force=frozen(resisting),
-        velocity_source="derived" if signals.velocity is None else "measured",
+        velocity_source=velocity_source,
         n_settle=settling_samples(displaced),
+        uncompared=uncompared,
         current=amperes if signals.current is None else frozen(signals.current),
         voltage=volts if signals.voltage is None else frozen(signals.voltage),
         amplitude=amplitude,

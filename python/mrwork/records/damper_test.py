@@ -20,6 +20,7 @@ from mrwork.values import holds_arrays, keep_arrays
 
 Severity = Literal["note", "warning", "repaired"]
 Channel = Literal["displacement", "force"]
+VelocitySource = Literal["measured", "derived"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,10 +84,12 @@ class DamperTest(Summarised):
     `amplitude` [m], half the peak to peak, and `frequency` [Hz] are nominal values from the file name, `None` if
     unknown. `velocity_source` states whether the velocity is a measured column or a derivative. The first `n_settle`
     samples are simulated but not compared: until the damper has travelled half its peak-to-peak stroke, its force
-    depends on the state of the hysteresis before the record. `observation` models how the recorded force follows from
-    that of the damper; samples at the ends for which it needs the force beyond the record are not compared either.
-    `smoothing` is the moving average that was found in the whole record, `None` where there is none; it is kept with a
-    part of the record, where it may no longer be found. `original` is the record before repairs, if it was repaired.
+    depends on the state of the hysteresis before the record. Nor are the spans `uncompared`, first sample and beyond
+    the last, where samples were interpolated: spikes, gaps, and the motion after a gap until the force does not depend
+    on it. `observation` models how the recorded force follows from that of the damper; samples at the ends for which it
+    needs the force beyond the record are not compared either. `smoothing` is the moving average that was found in the
+    whole record, `None` where there is none; it is kept with a part of the record, where it may no longer be found.
+    `original` is the record before repairs, if it was repaired.
     """
 
     _made_by: ClassVar[str] = "mr.read_damper_test(path)"
@@ -99,8 +102,9 @@ class DamperTest(Summarised):
     displacement: Samples
     velocity: Samples
     force: Samples
-    velocity_source: Literal["measured", "derived"]
+    velocity_source: VelocitySource
     n_settle: Whole = 0
+    uncompared: tuple[tuple[Whole, Whole], ...] = ()
     current: Command | None = None
     voltage: Command | None = None
     amplitude: NotNegative | None = None
@@ -135,15 +139,29 @@ class DamperTest(Summarised):
         return int(self.force.size)
 
     @property
-    def counted(self) -> slice:
-        """The samples that are compared with a model: from `n_settle` on, those that its observation model can give."""
+    def window(self) -> slice:
+        """The samples from the first to the last that is compared with a model.
+
+        They begin at `n_settle`, where the observation model can give them.
+        """
         before, after = self.observation.reach(self.dt)
         return slice(max(self.n_settle, before), max(self.n_time - after, 0))
 
     @property
+    def counted(self) -> slice | NDArray[np.intp]:
+        """The samples that are compared with a model, as an index: the `window` without the `uncompared` spans."""
+        if not self.uncompared:
+            return self.window
+        kept = np.zeros(self.n_time, dtype=np.bool_)
+        kept[self.window] = True
+        for first, last in self.uncompared:
+            kept[first:last] = False
+        return np.flatnonzero(kept)
+
+    @property
     def n_counted(self) -> int:
         """Number of samples that are compared."""
-        return len(range(self.n_time)[self.counted])
+        return int(np.arange(self.n_time)[self.counted].size)
 
     @property
     def commands(self) -> tuple[tuple[Command, CommandUnit], ...]:
@@ -184,6 +202,7 @@ class DamperTest(Summarised):
             force=frozen(self.force[window]),
             current=part_of_command(self.current, first, min(last, self.n_time), every),
             voltage=part_of_command(self.voltage, first, min(last, self.n_time), every),
+            uncompared=_spans_of_part(self.uncompared, first, min(last, self.n_time), every),
             dt=self.dt * every,
             start_time=self.start_time + first * self.dt,
         )
@@ -199,7 +218,8 @@ class DamperTest(Summarised):
             facts=(
                 (
                     "samples",
-                    f"{self.n_time} at {1.0 / self.dt:.5g} Hz, the first {self.n_settle} not compared",
+                    f"{self.n_time} at {1.0 / self.dt:.5g} Hz, the first {self.n_settle} not compared"
+                    f"{f', nor are {spans} spans' if (spans := len(self.uncompared)) else ''}",
                 ),
                 ("command", self.command_in_words or "unknown"),
                 ("displacement", f"{self.displacement.min():.4g} to {self.displacement.max():.4g} m"),
@@ -212,6 +232,16 @@ class DamperTest(Summarised):
             ),
             notes=[f"{each.severity}: {each.message}" for each in self.findings],
         )
+
+
+def _spans_of_part(
+    spans: Sequence[tuple[int, int]], first: int, last: int, every: int
+) -> tuple[tuple[int, int], ...]:
+    """Spans of samples in every `every`-th sample from `first` up to `last`."""
+    n_kept = len(range(first, last, every))
+    # Rounded up: a sample belongs to a span if it lies in it.
+    placed = (tuple(min(max(-(-(end - first) // every), 0), n_kept) for end in span) for span in spans)
+    return tuple((begin, end) for begin, end in placed if begin < end)
 
 
 def as_tests(tests: DamperTest | Sequence[DamperTest]) -> tuple[DamperTest, ...]:

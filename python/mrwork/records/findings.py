@@ -5,13 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
 
 from mrwork.records.damper_test import DamperTest, Finding
-from mrwork.summary import listed
-
-NOT_USED: Final = "not_used"
-"""Code of the note on columns and other parts of a file that are not used."""
 
 # Tests that a sentence names; of more it names some and counts the others.
 _NAMED = 6
@@ -20,7 +15,7 @@ _NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SharedFinding:
-    """A finding in several of `n_tests` tests, whose messages differ in their numbers at most.
+    """A finding in one or several of `n_tests` tests, whose messages differ in their numbers at most.
 
     `message` is that of the first of `tests`, names in their order; it is of every test where `equal`. `lowest` and
     `highest` are the measured sizes [unit], `None` where nothing was measured.
@@ -36,15 +31,28 @@ class SharedFinding:
     highest: float | None = None
     unit: str = ""
 
+    @classmethod
+    def of_one(cls, finding: Finding, test: str, n_tests: int) -> SharedFinding:
+        """A finding of one test."""
+        return _told(finding, (test,), n_tests)
+
+    @classmethod
+    def of_the_set(cls, finding: Finding, n_tests: int) -> SharedFinding:
+        """A finding of all tests together, whose message names those that it concerns."""
+        return _told(finding, (), n_tests)
+
     @property
     def in_words(self) -> str:
         """One sentence: the severity, the tests, the message, and the range of the measured sizes."""
-        return f"{self.severity} in {self.concerned}: {self.message}{self._numbers}"
+        place = f" in {self.concerned}" if self.tests else ""
+        return f"{self.severity}{place}: {self.message}{self._numbers}"
 
     @property
     def concerned(self) -> str:
-        """The tests in words: all, or their number and the names of the first."""
+        """The tests in words: the one, all, or their number and the names of the first."""
         count = len(self.tests)
+        if count == 1:
+            return self.tests[0]
         if count == self.n_tests:
             return f"all {count} tests"
         named = ", ".join(self.tests[:_NAMED])
@@ -86,14 +94,20 @@ def gathered_findings(tests: Sequence[DamperTest]) -> GatheredFindings:
     )
 
 
-def unused_in_words(tests: Sequence[DamperTest]) -> tuple[str, ...]:
-    """What the files of tests hold that was not used, in a sentence for all files in which it is the same."""
-    unused: dict[str, list[str]] = {}
-    for test in tests:
-        for finding in test.findings:
-            if finding.code == NOT_USED:
-                unused.setdefault(finding.message, []).append(test.label)
-    return tuple(f"{listed(labels)}: {message}" for message, labels in unused.items())
+def _told(finding: Finding, tests: tuple[str, ...], n_tests: int) -> SharedFinding:
+    measured = finding.measured
+    value = None if measured is None else measured.value
+    return SharedFinding(
+        code=finding.code,
+        severity=finding.severity,
+        message=finding.message,
+        tests=tests,
+        n_tests=n_tests,
+        equal=True,
+        lowest=value,
+        highest=value,
+        unit="" if measured is None else measured.unit,
+    )
 
 
 def _key(finding: Finding) -> tuple[str, str, str]:

@@ -1,14 +1,15 @@
 """Recognise tests of one motion at one command: repeated runs, and raw, smoothed or cut versions of one record.
 
 A fit that has seen one of them has seen the other: its error there says nothing about its error on other motions. A
-hash recognises identical files only, so displacements and commands are compared.
+hash recognises identical files only, so displacements and commands are compared. Where the force is another one, the
+damper was in another condition, which the fit has not seen.
 """
 
 from __future__ import annotations
 
 import base64
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
 from typing import ClassVar, Final
 
 import numpy as np
@@ -19,6 +20,7 @@ from mrwork.records.command_signal import Command, command_range
 from mrwork.records.damper_test import DamperTest
 from mrwork.records.motion import regular_cycles, spectrum
 from mrwork.store.record import Related
+from mrwork.values import holds_arrays
 
 Array = NDArray[np.float64]
 
@@ -33,6 +35,10 @@ _AMPLITUDE: Final = 0.1
 _COMMAND: Final = 0.02
 # Smallest difference of commands that counts [A, V].
 _LEAST_COMMAND: Final = 0.005
+# Relative change of the force's deviation, and shift of its mean in deviations, that runs of one condition have; and
+# the change per that of the amplitude of displacement, as of a record that was smoothed.
+_CONDITION: Final = 0.1
+_SMOOTHED: Final = 2.0
 # Difference of the force's deviation beyond which tests of unknown command are not taken for one command.
 _FORCE: Final = 0.2
 # Least correlation of displacements: a sine and a triangle have 0.993; smoothed versions of a random motion have lost
@@ -51,7 +57,8 @@ class RecordedMotion(Related):
     `shape` is the displacement about its mean per `half_stroke` [m], in steps of `step` [s]: of the mean cycle of a
     periodic motion at constant command, of the (first part of the) record of any other; as base64 of 16-bit integers.
     `current` [A] and `voltage` [V] are constant, or the largest of a varying command, whose shape is in `commands`.
-    `force` is the standard deviation of the force [N].
+    `force` is the standard deviation of the force [N]; `force_shape` is the force about `force_mean` per `half_force`
+    [N], as the displacement, empty in fits of earlier versions.
     """
 
     _made_by: ClassVar[str] = "mr.records.RecordedMotion.of(test)"
@@ -66,6 +73,9 @@ class RecordedMotion(Related):
     shape: str = field(repr=False)
     force: NotNegative
     commands: tuple[str, ...] = field(default=(), repr=False)
+    force_mean: float = 0.0
+    half_force: NotNegative = 0.0
+    force_shape: str = field(default="", repr=False)
 
     @classmethod
     @checked
@@ -76,14 +86,16 @@ class RecordedMotion(Related):
         displacement = test.displacement[settled]
         cycles = () if test.has_varying_command else regular_cycles(displacement)
         n_each = 1
+        force = test.force[settled]
         if cycles:
-            samples = _mean_cycle(displacement, cycles)
+            samples, means = _mean_cycle(displacement, cycles), _means_of_cycle(force, cycles)
             step = test.dt * (cycles[-1].stop - cycles[0].start) / (len(cycles) * samples.size)
         else:
             n_each = _samples_of_a_mean(displacement, test.dt)
-            samples = _means(displacement, n_each)
+            samples, means = _means(displacement, n_each), _means(force, n_each)
             step = test.dt * n_each
         half_stroke, shape = _encoded(samples)
+        half_force, force_shape = _encoded(means)
         varying = [command[settled] for command, _ in test.commands if isinstance(command, np.ndarray)]
         return cls(
             test=test.label,
@@ -94,7 +106,10 @@ class RecordedMotion(Related):
             step=step,
             half_stroke=half_stroke,
             shape=shape,
-            force=float(np.std(test.force[settled])),
+            force=float(np.std(force)),
+            force_mean=float(means.mean()),
+            half_force=half_force,
+            force_shape=force_shape,
             commands=tuple(_encoded(_means(command, n_each))[1] for command in varying),
         )
 
@@ -103,6 +118,8 @@ class RecordedMotion(Related):
         for text in (self.shape, *self.commands):
             if not _decoded(text).size:
                 return f"the motion of {self.test} has no samples"
+        if self.force_shape and _decoded(self.force_shape).size != _decoded(self.shape).size:
+            return f"the force of {self.test} has other samples than its motion"
         return ""
 
     @property
@@ -110,12 +127,26 @@ class RecordedMotion(Related):
         """The displacement about its mean [m], shape (n_samples,)."""
         return self.half_stroke * _decoded(self.shape)
 
+    @property
+    def _force(self) -> Array:
+        """The force [N], shape (n_samples,); zero where it is not known."""
+        if not self.force_shape:
+            return np.zeros_like(self.displacement)
+        return self.force_mean + self.half_force * _decoded(self.force_shape)
+
     @checked
     def same_command(self, other: RecordedMotion) -> bool:
         """Whether the commands are equal; where one is unknown, whether the forces are of one size.
 
         Of varying commands, the largest values are compared here and the shapes with the motion.
         """
+        known = self._same_known_command(other)
+        if known is not None:
+            return known
+        return abs(self.force - other.force) <= _FORCE * max(self.force, other.force)
+
+    def _same_known_command(self, other: RecordedMotion) -> bool | None:
+        """Whether the commands are equal; `None` where one is unknown."""
         if len(self.commands) != len(other.commands):
             return False
         known = [
@@ -123,58 +154,95 @@ class RecordedMotion(Related):
             for one, another in ((self.current, other.current), (self.voltage, other.voltage))
             if one is not None and another is not None
         ]
-        if known:
-            return all(known)
-        return abs(self.force - other.force) <= _FORCE * max(self.force, other.force)
+        return all(known) if known else None
 
     @checked
     def correlation(self, seen: RecordedMotion) -> float | None:
         """Correlation of this motion with the part of another that contains it, or most of it; `None` without one."""
+        found = self._aligned(seen)
+        return None if found is None else found.correlation
+
+    def _aligned(self, seen: RecordedMotion) -> _Alignment | None:
+        """Motion and force beside the part of another test that contains the motion, or most of it; `None` without."""
+        mine, other = (
+            np.stack([each.displacement, each._force, *map(_decoded, each.commands)]) for each in (self, seen)
+        )
         if self.periodic and seen.periodic:
             periods = self.step * _PER_CYCLE, seen.step * _PER_CYCLE
             if abs(periods[0] - periods[1]) > _PERIOD * max(periods):
                 return None
             # In phases of the cycle, whose lengths may differ a little.
-            pair = self.displacement, np.tile(seen.displacement, 2)
-            return _contained([pair], least=1.0, limit=_PERIODIC)
+            return _contained(mine, np.tile(other, 2), least=1.0, limit=_PERIODIC)
         step = max(self.step, seen.step)
         if self.periodic:
-            own = _at(np.tile(self.displacement, 2), self.step, step)
-            pair = own, _at(seen.displacement, seen.step, step)
-            return _contained([pair], least=1.0, limit=_PERIODIC)
-        own = _at(self.displacement, self.step, step)
+            pattern = _at(np.tile(mine, 2), self.step, step)
+            return _contained(pattern, _at(other, seen.step, step), least=1.0, limit=_PERIODIC)
+        own = _at(mine, self.step, step)
         if seen.periodic:
             n_cycles = int(_SHARE * self.displacement.size * self.step / (seen.step * _PER_CYCLE))
-            cycles = np.tile(seen.displacement, max(1, min(n_cycles, _CYCLES)))
-            pair = _at(cycles, seen.step, step), own
-            return _contained([pair], least=1.0, limit=_PERIODIC)
-        pairs = [(own, _at(seen.displacement, seen.step, step))]
-        for mine, other in zip(self.commands, seen.commands, strict=True):
-            pairs.append((_at(_decoded(mine), self.step, step), _at(_decoded(other), seen.step, step)))
+            cycles = np.tile(other, max(1, min(n_cycles, _CYCLES)))
+            found = _contained(_at(cycles, seen.step, step), own, least=1.0, limit=_PERIODIC)
+            return None if found is None else found.swapped
+        record = _at(other, seen.step, step)
         least = _SHARE
         if seen.displacement.size == _MOST:
             # Of a longer motion only the first part is kept.
-            least *= min(1.0, pairs[0][1].size / own.size)
-        return _contained(pairs, least=least, limit=_IRREGULAR)
+            least *= min(1.0, record.shape[1] / own.shape[1])
+        return _contained(own, record, least=least, limit=_IRREGULAR)
+
+
+@holds_arrays
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Alignment:
+    """Correlation of two motions, and what overlaps: displacement, force and commands of each, shape (n, n_samples)."""
+
+    correlation: float
+    one: Array
+    other: Array
+
+    @property
+    def swapped(self) -> _Alignment:
+        """The second motion beside the first."""
+        return _Alignment(correlation=self.correlation, one=self.other, other=self.one)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Likeness:
-    """A test and another of the same motion at the same command; `correlation` is that of their displacements."""
+    """A test and another of the same motion at the same command; `correlation` is that of their displacements.
+
+    `force_ratio` is the standard deviation of the force per that of the other test, `force_shift` the mean of the force
+    less that of the other times this ratio [N], `None` where not known; `same_force` is whether runs of one condition
+    may differ so. Where the command of one of them is unknown, `known_command` is false.
+    """
 
     _made_by: ClassVar[str] = "fit.seen(test)"
 
     test: str
     like: str
     correlation: float
+    force_ratio: float | None = None
+    force_shift: float | None = None
+    same_force: bool = True
+    known_command: bool = True
 
     @property
     def in_words(self) -> str:
         """Description in words."""
+        return self._alike("motion and command")
+
+    @property
+    def condition_in_words(self) -> str:
+        """How the force differs, and what that may mean."""
+        ratio, shift = self.force_ratio or 1.0, self.force_shift or 0.0
+        # At unknown commands that may be the reason.
+        shared, command = ("motion and command", "") if self.known_command else ("motion", "command, ")
         return (
-            f"{self.test} has the motion and command of {self.like} (correlation of displacements "
-            f"{self.correlation:.4f})"
+            f"{self._alike(shared)}, but its force is that of the other times {ratio:.2f} {shift:+.3g} N: another "
+            f"condition: {command}temperature, pressure, pre-load? It counts as held out"
         )
+
+    def _alike(self, shared: str) -> str:
+        return f"{self.test} has the {shared} of {self.like} (correlation of displacements {self.correlation:.4f})"
 
 
 def likenesses_in_words(found: Sequence[Likeness]) -> str:
@@ -186,18 +254,54 @@ def likenesses_in_words(found: Sequence[Likeness]) -> str:
 def likeness(test: RecordedMotion, seen: RecordedMotion) -> Likeness | None:
     """Whether a test has the motion and command of another one, wholly or for the greater part."""
     if test.sha256 and test.sha256 == seen.sha256:
-        correlation: float | None = 1.0
-    elif test.same_command(seen):
-        correlation = test.correlation(seen)
-    else:
+        return Likeness(test=test.test, like=seen.test, correlation=1.0)
+    return motion_likeness(test, seen) if test.same_command(seen) else None
+
+
+def motion_likeness(test: RecordedMotion, seen: RecordedMotion) -> Likeness | None:
+    """Whether a test has the motion of another one and no other command, whatever its force is."""
+    known = test._same_known_command(seen)
+    found = None if known is False else test._aligned(seen)
+    if found is None:
         return None
-    return None if correlation is None else Likeness(test=test.test, like=seen.test, correlation=correlation)
+    alike = Likeness(
+        test=test.test, like=seen.test, correlation=found.correlation, known_command=known is True
+    )
+    if not (test.force_shape and seen.force_shape):
+        return alike
+    (stroke, force), (other_stroke, other_force) = found.one[:2], found.other[:2]
+    deviation = max(float(np.std(other_force)), np.finfo(np.float64).tiny)
+    ratio = float(np.std(force)) / deviation
+    shift = float(np.mean(force) - ratio * np.mean(other_force))
+    smoothing = abs(float(np.std(stroke) / np.std(other_stroke)) - 1.0)
+    return replace(
+        alike,
+        force_ratio=ratio,
+        force_shift=shift,
+        same_force=abs(np.log(max(ratio, 1e-3))) <= _CONDITION + _SMOOTHED * smoothing
+        and abs(shift) <= _CONDITION * max(deviation, float(np.std(force))),
+    )
 
 
 def likest(test: RecordedMotion, seen: Sequence[RecordedMotion]) -> Likeness | None:
     """The closest of several tests that a test is like."""
-    found = [each for each in (likeness(test, other) for other in seen) if each is not None]
-    return max(found, key=lambda each: each.correlation, default=None)
+    return _closest(likeness(test, other) for other in seen)
+
+
+def likest_of_same_force(test: RecordedMotion, seen: Sequence[RecordedMotion]) -> Likeness | None:
+    """The closest of several tests that a test is like in its force, too."""
+    found = (likeness(test, other) for other in seen)
+    return _closest(each for each in found if each is not None and each.same_force)
+
+
+def likest_of_other_force(test: RecordedMotion, seen: Sequence[RecordedMotion]) -> Likeness | None:
+    """The closest of several tests that a test is like in its motion, and unlike in its force."""
+    found = (motion_likeness(test, other) for other in seen)
+    return _closest(each for each in found if each is not None and not each.same_force)
+
+
+def _closest(found: Iterable[Likeness | None]) -> Likeness | None:
+    return max((each for each in found if each is not None), key=lambda each: each.correlation, default=None)
 
 
 def alike_groups(motions: Sequence[RecordedMotion]) -> list[list[int]]:
@@ -217,6 +321,15 @@ def _mean_cycle(displacement: Array, cycles: Sequence[slice]) -> Array:
     phase = (np.arange(_PER_CYCLE) + 0.5) / _PER_CYCLE
     place = np.array([cycle.start + phase * (cycle.stop - cycle.start) for cycle in cycles])
     return np.asarray(np.interp(place, np.arange(displacement.size), displacement).mean(axis=0))
+
+
+def _means_of_cycle(force: Array, cycles: Sequence[slice]) -> Array:
+    """Means over the parts of a cycle; single samples of a force that steps at reversals would miss its mean."""
+    edges = np.arange(_PER_CYCLE + 1) / _PER_CYCLE
+    place = np.array([cycle.start + edges * (cycle.stop - cycle.start) for cycle in cycles])
+    total = np.concatenate([[0.0], np.cumsum(force)])
+    sums = np.diff(np.interp(place, np.arange(total.size), total), axis=1)
+    return np.asarray((sums / np.diff(place, axis=1)).mean(axis=0))
 
 
 def _samples_of_a_mean(displacement: Array, dt: float) -> int:
@@ -246,29 +359,42 @@ def _largest(command: Command | None) -> float | None:
     return None if command is None else command_range(command)[1]
 
 
-def _at(samples: Array, step: float, wanted: float) -> Array:
-    """Samples in steps of `step` at steps of `wanted`."""
+def _at(channels: Array, step: float, wanted: float) -> Array:
+    """Channels, shape (n, n_samples), in steps of `step` at steps of `wanted`."""
     if step == wanted:
-        return samples
-    place = np.arange(int((samples.size - 1) * step / wanted) + 1) * wanted / step
-    return np.asarray(np.interp(place, np.arange(samples.size), samples))
+        return channels
+    n_samples = channels.shape[1]
+    place = np.arange(int((n_samples - 1) * step / wanted) + 1) * wanted / step
+    return np.stack([np.interp(place, np.arange(n_samples), each) for each in channels])
 
 
-def _contained(pairs: Sequence[tuple[Array, Array]], *, least: float, limit: float) -> float | None:
-    """Largest correlation of a pattern with a record, over all shifts; `None` below the limit.
+def _contained(pattern: Array, record: Array, *, least: float, limit: float) -> _Alignment | None:
+    """A pattern where it correlates best with a record, over all shifts; `None` below the limit.
 
-    Of several patterns with their records, such as displacement and command, the least correlation at one shift counts.
-    A share `least` of a pattern must lie within the record, with the same amplitude.
+    Both have a displacement, a force and any commands, shape (n, n_samples), of which the force does not count, and the
+    least correlation of the others does. A share `least` of the pattern must lie within the record, with the same
+    amplitude.
     """
-    n_pattern, n_record = (min(each.size for each in side) for side in zip(*pairs, strict=True))
+    n_pattern, n_record = pattern.shape[1], record.shape[1]
     n_least = max(3, int(np.ceil(least * n_pattern)))
-    if min(n_pattern, n_record) < n_least:
+    if min(n_pattern, n_record) < n_least or len(pattern) != len(record):
         return None
-    found = np.min(
-        [_correlations(one[:n_pattern], other[:n_record], n_least) for one, other in pairs], axis=0
+    compared = [row for row in range(len(pattern)) if row != _FORCE_ROW]
+    found = np.min([_correlations(pattern[row], record[row], n_least) for row in compared], axis=0)
+    best = int(np.argmax(found))
+    if found[best] < limit:
+        return None
+    # The shifts of `_correlations` are those with enough overlap.
+    shift = n_least - n_pattern + best
+    first, last = max(0, shift), min(n_record, shift + n_pattern)
+    return _Alignment(
+        correlation=min(float(found[best]), 1.0),
+        one=pattern[:, first - shift : last - shift],
+        other=record[:, first:last],
     )
-    best = float(found.max())
-    return min(best, 1.0) if best >= limit else None
+
+
+_FORCE_ROW: Final = 1
 
 
 def _correlations(pattern: Array, record: Array, n_least: int) -> Array:

@@ -251,6 +251,33 @@ def turning_points(
     return place[chosen], np.sign(velocity[before[chosen]])
 
 
+# Reversals of less than this fraction of the peak-to-peak displacement are noise.
+_LEAST_HALF_CYCLE: Final = 0.01
+
+
+def half_cycles(displacement: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Peak-to-peak displacement of each half cycle, from one reversal to the next, shape (n_half_cycles,).
+
+    What lies before the first reversal and after the last is no half cycle; a motion with fewer than two reversals
+    counts as one. Reversals of less than 1 % of the peak-to-peak displacement of the record are ignored.
+    """
+    least = _LEAST_HALF_CYCLE * float(np.ptp(displacement))
+    turned = np.flatnonzero(np.diff(np.sign(np.diff(displacement)))) + 1
+    places = displacement[np.concatenate([[0], turned, [displacement.size - 1]])].tolist()
+    kept = [places[0]]
+    # 1, -1: the motion goes up, down since the last reversal; 0: it has not begun.
+    way = 0
+    for place in places[1:]:
+        moved = place - kept[-1]
+        if way * moved > 0.0:
+            kept[-1] = place
+        elif abs(moved) > least:
+            kept.append(place)
+            way = 1 if moved > 0.0 else -1
+    ranges = np.abs(np.diff(kept))
+    return ranges[1:-1] if ranges.size > 2 else np.array([np.ptp(displacement)])
+
+
 def reversals(velocity: NDArray[np.float64]) -> NDArray[np.intp]:
     """Samples at which the motion reverses, shape (n_reversals,): midway between velocities of either sign [m/s]."""
     moving = np.flatnonzero(np.abs(velocity) > _LEAST_SPEED * np.max(np.abs(velocity), initial=0.0))

@@ -16,7 +16,7 @@ from mrwork.dampers.parameters import CommandUnit
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
 from mrwork.records.damper_test import DamperTest
-from mrwork.records.motion import whole_cycles
+from mrwork.records.motion import half_cycles, whole_cycles
 from mrwork.store.record import Related
 from mrwork.summary import Summarised, Summary
 
@@ -37,6 +37,8 @@ _TOLERANCE = 0.05
 _FREQUENCY_TOLERANCE = 0.1
 # Deviations of a measured command below this [A or V] are noise.
 _COMMAND_NOISE = 0.02
+# Share of the travel in half cycles that are smaller than the smallest tested amplitude, beyond which they matter.
+_SMALL = 0.2
 # Share of the cycles that are longer, and that are shorter, than those of the frequency range.
 _RARE = 0.1
 
@@ -91,6 +93,11 @@ class Exceedance(Summarised):
             self.quantity, (self.demanded, self.lowest, self.highest), self.unit
         )
         tested = f"to {highest}"
+        if self.quantity == "stroke" and self.below:
+            return (
+                f"stroke {demanded} {unit} or less in half cycles that make {100 * _SMALL:.0f} % of the travel or "
+                f"more, tested from {lowest} {unit}"
+            )
         if self.quantity in ("frequency", "command"):
             single = _is_single(self.lowest, self.highest)
             tested = f"at {highest}" if single else f"from {lowest} to {highest}"
@@ -111,10 +118,11 @@ class Exceedance(Summarised):
 class OperatingRange(Summarised, Related):
     """Ranges of motion, command and load of a damper: those it was tested in, or those that a simulation demands.
 
-    `stroke` is half the peak-to-peak elongation [m], or its peak from rest; `velocity` [m/s] and `force` [N] are peaks;
-    `power` is the largest mean dissipated power of a test [W], which heats the damper. `frequency` [Hz] is that of the
-    cycles, without the slowest and the fastest tenth; `command` [A or V, `command_unit`] is the lowest and the highest,
-    `None` if unknown.
+    `stroke` is half the peak-to-peak elongation [m], or its peak from rest; half cycles of the amplitude `least_stroke`
+    [m] and smaller make a fifth of the travel, `None` if unknown, of several tests the least; `velocity` [m/s] and
+    `force` [N] are peaks; `power` is the largest mean dissipated power of a test [W], which heats the damper.
+    `frequency` [Hz] is that of the cycles, without the slowest and the fastest tenth; `command` [A or V,
+    `command_unit`] is the lowest and the highest, `None` if unknown.
     """
 
     stroke: NotNegative
@@ -124,6 +132,7 @@ class OperatingRange(Summarised, Related):
     command_unit: CommandUnit | None
     force: NotNegative
     power: NotNegative
+    least_stroke: NotNegative | None = None
 
     def disagreement(self) -> str:
         """Whether the ends of ranges are in order, and a command has its unit."""
@@ -152,6 +161,7 @@ class OperatingRange(Summarised, Related):
             command_unit=None if command is None else unit,
             force=float(np.abs(load).max()),
             power=max(0.0, float(np.mean(load * test.velocity))),
+            least_stroke=_least_stroke(test),
         )
 
     @classmethod
@@ -167,8 +177,14 @@ class OperatingRange(Summarised, Related):
 
     @checked
     def exceeded_by(self, demand: OperatingRange) -> tuple[Exceedance, ...]:
-        """Quantities in which a demand is outside these ranges by more than 5 %, and 10 % in frequency."""
+        """Quantities in which a demand is outside these ranges by more than 5 %, and 10 % in frequency.
+
+        Half cycles below the least tested stroke count where they make a fifth of the travel of the demand.
+        """
         found = []
+        if self.least_stroke is not None and demand.least_stroke is not None:
+            smaller = demand.least_stroke, demand.least_stroke
+            found.append(_exceedance("stroke", "m", (self.least_stroke, max(self.stroke, *smaller)), smaller))
         for quantity, unit in _PEAKS:
             found.append(
                 _exceedance(quantity, unit, (0.0, getattr(self, quantity)), (0.0, getattr(demand, quantity)))
@@ -202,6 +218,8 @@ class OperatingRange(Summarised, Related):
             if value is None:
                 continue
             ends = value if isinstance(value, tuple) else (value,)
+            if quantity == "stroke" and self.least_stroke is not None:
+                ends = ends if _is_single(self.least_stroke, value) else (self.least_stroke, value)
             shown, unit = _shown(quantity, ends, str(self.command_unit))
             span = f"to {shown[0]}"
             if len(shown) == 2:
@@ -269,6 +287,9 @@ def covering(ranges: Sequence[OperatingRange]) -> OperatingRange:
         command_unit=units[0] if units else None,
         force=max(each.force for each in ranges),
         power=max(each.power for each in ranges),
+        least_stroke=min(
+            (each.least_stroke for each in ranges if each.least_stroke is not None), default=None
+        ),
     )
 
 
@@ -310,6 +331,13 @@ def _frequencies(test: DamperTest) -> tuple[float, float] | None:
         return None
     lowest, highest = np.quantile(1.0 / np.array(seconds), [_RARE, 1.0 - _RARE])
     return float(lowest), float(highest)
+
+
+def _least_stroke(test: DamperTest) -> float:
+    """Amplitude [m] of half cycles that make, with all smaller ones, a fifth of the travel."""
+    ranges = np.sort(half_cycles(test.displacement))
+    travelled = np.cumsum(ranges)
+    return 0.5 * float(ranges[np.searchsorted(travelled, _SMALL * travelled[-1])])
 
 
 def _commands(tests: Sequence[DamperTest]) -> tuple[list[object], list[object]]:

@@ -18,7 +18,6 @@ from mrwork.records.column_names import TestQuantity
 from mrwork.records.columns import COMMAND, COMMANDS, StatedCommand, choose_columns, unclear_commands
 from mrwork.records.command import nominal_from_name, with_nominal_command
 from mrwork.records.damper_test import DamperTest, Finding
-from mrwork.records.findings import NOT_USED
 from mrwork.records.formats.open import open_table
 from mrwork.records.rig_table import EVERY_USE, EveryUse, Use, files_not_read, listed_tests
 from mrwork.records.table import ColumnTable
@@ -121,7 +120,7 @@ def unused_finding(table: ColumnTable, used: Collection[str]) -> tuple[Finding, 
     columns = [f"'{name}'" for name in table.names if name and name not in used]
     named = f"column{'s' if len(columns) > 1 else ''} {listed(columns, _MOST_NAMED)}"
     parts = [*([named] if columns else []), *table.unused]
-    unused = (Finding.note(NOT_USED, f"not used: {'; '.join(parts)}"),) if parts else ()
+    unused = (Finding.note("not_used", f"not used: {'; '.join(parts)}"),) if parts else ()
     further = listed([f"'{name}'" for name in table.further], _MOST_NAMED)
     message = f"{len(table.further)} more sheets have a record: {further}"
     action = "save each as a file of its own to read it"

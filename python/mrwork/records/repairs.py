@@ -14,6 +14,7 @@ from mrwork.records.checks import mean_over_travel, rest_before_motion, samples_
 from mrwork.records.damper_test import DamperTest, Finding, Measured, frozen
 from mrwork.records.detectors.cycles import moving_mass
 from mrwork.records.detectors.delay import force_delay
+from mrwork.records.detectors.velocity import OFF_BY_FACTOR
 from mrwork.records.motion import motion_of, spectrum
 from mrwork.records.window import cut
 
@@ -26,7 +27,7 @@ _CURED: Final[dict[RepairKind, tuple[str, ...]]] = {
     "delay": ("force_delay",),
     "offset": ("force_offset",),
     "mass": ("moving_mass",),
-    "velocity": ("velocity_late", "velocity_inconsistent"),
+    "velocity": ("velocity_late", "velocity_inconsistent", OFF_BY_FACTOR),
 }
 _UNIT: Final[dict[RepairKind, str]] = {"delay": "s", "offset": "N", "mass": "kg"}
 # Least and largest amount of each.
@@ -131,7 +132,13 @@ def _delay(test: DamperTest, amount: float | None) -> tuple[DamperTest, Finding]
     shorter = cut(test, start=None if late else float(test.time[min(lost, test.n_time - 1)]), end=end)
     moved = "earlier" if late else "later"
     message = f"the force was shifted {moved} by {1e3 * abs(seen.value):.3g} ms{_error(seen, 1e3)}"
-    return replace(shorter, force=frozen(shifted)), _done("delay", message, seen.value, "s", seen)
+    # The force across a spike was shifted too.
+    uncompared = tuple(
+        (max(first - lost, 0), last) if late else (first, min(last + lost, shorter.n_time))
+        for first, last in shorter.uncompared
+    )
+    shifted_test = replace(shorter, force=frozen(shifted), uncompared=uncompared)
+    return shifted_test, _done("delay", message, seen.value, "s", seen)
 
 
 def _offset(test: DamperTest, amount: float | None) -> tuple[DamperTest, Finding]:

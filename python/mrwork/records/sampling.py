@@ -126,8 +126,23 @@ def check_time(time: NDArray[np.float64], *, source: str, locate: Callable[[int]
     )
 
 
-def uniform_step(signals: Signals, *, source: str) -> tuple[Signals, float, tuple[Finding, ...]]:
-    """Return the signals on a uniform grid, its step [s], and findings on the changes.
+@holds_arrays
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Uniform:
+    """Signals on a uniform grid of step `dt` [s].
+
+    `spiky` and `missing` are the samples that no sensor gave, in spikes and in gaps, shape (n_time,).
+    """
+
+    signals: Signals
+    dt: float
+    spiky: NDArray[np.bool_]
+    missing: NDArray[np.bool_]
+    findings: tuple[Finding, ...] = ()
+
+
+def uniform_step(signals: Signals, spiky: NDArray[np.bool_], *, source: str) -> Uniform:
+    """Put signals, of which the `spiky` samples were bridged, shape (n_time,), on a uniform grid.
 
     If a step differs from the median by more than 1e-3 of it, the record is resampled to about the median step,
     keeping the first and the last sample: by a cubic spline, or by PCHIP, which does not overshoot, if there are
@@ -150,7 +165,7 @@ def uniform_step(signals: Signals, *, source: str) -> tuple[Signals, float, tupl
     mean = duration / (time.size - 1)
     deviation = float(np.max(np.abs(steps - median)))
     if deviation <= _JITTER * median + 2.0 * np.spacing(np.max(np.abs(time))):
-        return signals, mean, ()
+        return Uniform(signals=signals, dt=mean, spiky=spiky, missing=np.zeros_like(spiky))
     uniform = rounded_grid(time)
     if uniform is not None:
         dt = float(uniform[-1] - uniform[0]) / (time.size - 1)
@@ -160,7 +175,13 @@ def uniform_step(signals: Signals, *, source: str) -> tuple[Signals, float, tupl
             message=f"times are rounded, with steps of {1e3 * steps.min():.4g} to {1e3 * steps.max():.4g} ms; taken "
             f"as uniform every {1e3 * dt:.6g} ms ({1.0 / dt:.6g} Hz), by regression on the number of the sample",
         )
-        return replace(signals, time=uniform), dt, (rounded,)
+        return Uniform(
+            signals=replace(signals, time=uniform),
+            dt=dt,
+            spiky=spiky,
+            missing=np.zeros_like(spiky),
+            findings=(rounded,),
+        )
 
     n_uniform = round(duration / median) + 1
     gaps = np.flatnonzero(steps > _GAP_STEPS * median)
@@ -178,7 +199,7 @@ def uniform_step(signals: Signals, *, source: str) -> tuple[Signals, float, tupl
             Finding.warning(
                 "gaps",
                 f"{count} of {steps[longest]:.4g} s after {time[longest]:.6g} s "
-                f"({steps[longest] / median:.0f} steps) was bridged by interpolation",
+                f"({steps[longest] / median:.0f} steps) was bridged by interpolation, and is not compared",
                 action="fit a part without it (--from, --until)",
             )
         )
@@ -203,7 +224,17 @@ def uniform_step(signals: Signals, *, source: str) -> tuple[Signals, float, tupl
         None if command is None else resampled_command(time, command, grid)
         for command in (signals.current, signals.voltage)
     )
-    return replace(motion, time=grid, current=current, voltage=voltage), dt, tuple(findings)
+    before = np.clip(np.searchsorted(time, grid, side="right") - 1, 0, time.size - 2)
+    # A sample of the grid has neighbours in the record; next to one of them, it is that.
+    beside = np.minimum(grid - time[before], time[before + 1] - grid) > _JITTER * median
+    missing = beside & (steps > _GAP_STEPS * median)[before]
+    return Uniform(
+        signals=replace(motion, time=grid, current=current, voltage=voltage),
+        dt=dt,
+        spiky=spiky[before] | spiky[before + 1],
+        missing=missing,
+        findings=tuple(findings),
+    )
 
 
 def rounded_grid(time: NDArray[np.float64]) -> NDArray[np.float64] | None:

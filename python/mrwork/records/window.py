@@ -26,6 +26,40 @@ def settling_samples(displacement: NDArray[np.float64]) -> int:
     return int(np.searchsorted(travel, np.ptp(displacement) / 2))
 
 
+def uncompared_spans(
+    displacement: NDArray[np.float64],
+    velocity: NDArray[np.float64],
+    spiky: NDArray[np.bool_],
+    missing: NDArray[np.bool_],
+    dt: float,
+) -> tuple[tuple[int, int], ...]:
+    """Spans of samples, first and beyond the last, that are not compared: in spikes, in gaps and after these.
+
+    After a gap the damper must travel as far as it could have in the gap, at most half its peak-to-peak stroke, until
+    its force no longer depends on the motion that is not known.
+
+    Parameters
+    ----------
+    displacement, velocity, spiky, missing
+        Shape (n_time,): motion [m, m/s], and samples that were interpolated in spikes and in gaps.
+    dt
+        Time step [s].
+    """
+    left_out = spiky | missing
+    travel = np.cumsum(np.abs(np.diff(displacement, prepend=displacement[0])))
+    fastest = float(np.abs(velocity).max())
+    for first, last in _runs(missing):
+        unknown = min(0.5 * float(np.ptp(displacement)), (last - first + 1) * dt * fastest)
+        left_out[first : int(np.searchsorted(travel, travel[last - 1] + unknown))] = True
+    return _runs(left_out)
+
+
+def _runs(chosen: NDArray[np.bool_]) -> tuple[tuple[int, int], ...]:
+    """First sample, and sample beyond the last, of each run of chosen samples."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], chosen, [False]])))
+    return tuple((int(first), int(last)) for first, last in zip(edges[::2], edges[1::2], strict=True))
+
+
 @checked
 def cut(
     test: DamperTest, *, start: float | None = None, end: float | None = None, every: Count = 1

@@ -132,12 +132,13 @@ def _test_block(
 def _conditions(test: DamperTest, quality: FitQuality) -> str:
     """Command, motion and sampling of a test, and the observation model of its force, in one line."""
     observed = ", ".join(filter(None, (quality.observation.in_words, quality.nuisance.in_words)))
-    counted = test.counted
+    window = test.window
     ends = [
         f"{end} {numbers.shortest(n_left * test.dt, 2)}{_THIN}s"
-        for end, n_left in (("first", counted.start), ("last", test.n_time - counted.stop))
+        for end, n_left in (("first", window.start), ("last", test.n_time - window.stop))
         if n_left
     ]
+    n_bridged = len(range(test.n_time)[window]) - test.n_counted
     parts = [
         test.command_in_words,
         _quantity(None if test.amplitude is None else 1e3 * test.amplitude, "mm"),
@@ -145,6 +146,7 @@ def _conditions(test: DamperTest, quality: FitQuality) -> str:
         f"{numbers.fixed(test.n_time, 0)} samples every {numbers.shortest(1e3 * test.dt)}{_THIN}ms",
         f"velocity {test.velocity_source}",
         f"{' and '.join(ends)} not compared" if ends else "",
+        f"{n_bridged} interpolated samples not compared" if n_bridged else "",
         f"model force {observed}" if observed else "",
     ]
     return _MIDDLE_DOT.join(part for part in parts if part)

@@ -90,6 +90,7 @@ class _Facts:
     current: float | None
     voltage: float | None
     observation: Observation
+    uncompared: tuple[tuple[Whole, Whole], ...] = ()
 
 
 _FACTS = tuple(each.name for each in fields(_Facts) if each.name not in (*_COMMANDS, "observation"))

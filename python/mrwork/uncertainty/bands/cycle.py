@@ -49,12 +49,17 @@ def cycles_of(test: DamperTest, force: NDArray[np.float64]) -> Cycles:
     rows = [
         _cycle(test.displacement[samples], test.velocity[samples], force[samples], test.dt)
         for samples in whole_cycles(test.displacement)
-        if samples.start >= first
+        if samples.start >= first and not _is_interpolated(samples, test)
     ]
     if not rows:
         raise RecordError(f"{test.label}: there is no whole cycle; give a longer test for energy per cycle")
     energy, stiffness, damping = np.array(rows).T
     return Cycles(energy=energy, stiffness=stiffness, damping=damping)
+
+
+def _is_interpolated(samples: slice, test: DamperTest) -> bool:
+    """Whether one of the samples lies in a span that is not compared."""
+    return any(first < samples.stop and samples.start < last for first, last in test.uncompared)
 
 
 def scales_of(prediction: Prediction) -> dict[CycleQuantity, float]:

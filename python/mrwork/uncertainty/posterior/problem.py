@@ -134,6 +134,7 @@ class SamplingProblem:
                         test.observation,
                     ),
                 }
+                | ({"uncompared": test.uncompared} if test.uncompared else {})
                 for test in objective.tests
             ],
             "version": {name: package_version(name) for name in _PACKAGES},

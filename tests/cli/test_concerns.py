@@ -1,0 +1,248 @@
+"""What `mrwork check` knows of a record, every verb says that it matters to: the table in `records`, walked."""
+
+from __future__ import annotations
+
+import ast
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+from pathlib import Path
+from typing import Any, get_args
+
+import numpy as np
+import pytest
+from command_line import mrwork
+from record_files import Columns, codes, write_text
+
+import mrwork as mr
+from mrwork.dampers.spec import damper
+from mrwork.records import DamperTest, Finding, read_damper_test
+from mrwork.records.concerns import CONCERNS, Verb, findings_for
+from mrwork.records.repairs import REPAIR_KINDS
+
+VERBS: tuple[Verb, ...] = get_args(Verb)
+# Findings of tests together, which stand in no test.
+OF_THE_SET = ("command_mislabelled", "record_repeated")
+CELLS = list(product(CONCERNS, VERBS))
+
+
+def has_finding(code: str) -> DamperTest:
+    finding = Finding(code=code, severity="warning", message=f"it has {code}; do something")
+    return replace(mr.synthetic_test("spencer1997_fast"), findings=(finding,), sha256=code)
+
+
+@pytest.mark.parametrize(("code", "verb"), CELLS)
+def test_a_verb_says_a_finding_where_the_table_has_it(code: str, verb: Verb) -> None:
+    alone = [has_finding(code), replace(has_finding("another"), findings=())]
+    tests = set_with(code) if code in OF_THE_SET else alone
+    said = [each.code for each in findings_for(verb, tests)]
+    assert said == ([code] if verb in CONCERNS[code] else [])
+
+
+def set_with(code: str) -> list[DamperTest]:
+    plain = replace(mr.synthetic_test("spencer1997_fast"), findings=(), current=1.0)
+    if code == "record_repeated":
+        return [replace(plain, name="first", path="a.csv"), replace(plain, name="second", path="b.csv")]
+    others = [replace(plain, name=f"{number}", sha256=f"{number}") for number in range(3)]
+    return [*others, replace(plain, name="another", sha256="4", force=0.5 * plain.force)]
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_several_tests_with_one_finding_are_said_once(verb: Verb) -> None:
+    found = findings_for(verb, [replace(has_finding("gaps"), sha256=f"{number}") for number in range(3)])
+    assert [each.in_words for each in found] == ["warning in all 3 tests: it has gaps; do something"]
+
+
+def test_check_says_everything_and_identify_all_that_it_does_not_refuse() -> None:
+    assert {code for code, verbs in CONCERNS.items() if "check" not in verbs} == set()
+    assert {code for code, verbs in CONCERNS.items() if "identify" not in verbs} == {"velocity_factor"}
+
+
+def test_the_table_has_every_code_of_the_checks() -> None:
+    root = Path(mr.__file__).parent / "records"
+    found = {f"{word}_{kind}" for word in ("repaired", "no") for kind in REPAIR_KINDS}
+    for module in root.rglob("*.py"):
+        for call in ast.walk(ast.parse(module.read_text())):
+            if isinstance(call, ast.Call) and ast.unparse(call.func) in (
+                "Finding",
+                "Finding.note",
+                "Finding.warning",
+            ):
+                named = [each.value for each in call.keywords if each.arg == "code"] or call.args[:1]
+                found |= {each.value for each in named if isinstance(each, ast.Constant)}
+                found |= {NAMED[each.id] for each in named if isinstance(each, ast.Name)}
+    assert found == set(CONCERNS)
+
+
+# Codes that have a name in their modules.
+NAMED = {"FORCE_OFFSET": "force_offset", "OFF_BY_FACTOR": "velocity_factor"}
+
+
+def recorded(frequency: float, *, amplitude: float = 0.01, n_time: int = 400, rng: int = 0) -> Columns:
+    """A record of a Bingham damper, with the noise of a good rig."""
+    spec = damper("bingham")
+    time = 0.005 * np.arange(n_time)
+    phase = 2.0 * np.pi * frequency * time
+    motion = {
+        "displacement": amplitude * np.sin(phase),
+        "velocity": 2.0 * np.pi * frequency * amplitude * np.cos(phase),
+    }
+    force = mr.simulate_force(spec, spec.nominal, mr.Loading(dt=0.005, **motion))
+    noise = np.random.default_rng(rng).standard_normal((3, n_time))
+    return {
+        "t_s": time,
+        "displacement_m": motion["displacement"] + 5e-6 * noise[0],
+        "velocity_mps": motion["velocity"] + 1e-4 * noise[1],
+        "force_n": force + 5.0 * noise[2],
+    }
+
+
+def strange_records(folder: Path) -> list[Path]:
+    """Records of one rig, each with several faults."""
+    folder.mkdir()
+    gaps = recorded(1.0, rng=1)
+    gaps["force_n"][250] = 2e4
+    kept = np.ones(400, dtype=bool)
+    kept[100:140] = False
+    gaps = {name: samples[kept] for name, samples in gaps.items()}
+    clipped = recorded(1.3, rng=2)
+    top = 0.8 * clipped["force_n"].max()
+    clipped["force_n"] = -np.clip(clipped["force_n"], -top, top)
+    clipped["velocity_mps"] = 1.3 * clipped["velocity_mps"]
+    differenced = recorded(1.6, rng=3)
+    differenced["displacement_m"] = 2e-5 * np.round(differenced["displacement_m"] / 2e-5)
+    differenced["velocity_mps"] = np.gradient(differenced["displacement_m"], 0.005)
+    coarse = recorded(17.0, amplitude=0.002, rng=4)
+    del coarse["velocity_mps"]
+    moved = recorded(0.9, rng=5)
+    moved["force_n"] = moved["force_n"] + 300.0
+    # As backward differences have it.
+    moved["velocity_mps"] = np.interp(moved["t_s"] - 0.0025, moved["t_s"], moved["velocity_mps"])
+    made = {
+        "gaps": gaps,
+        "clipped": clipped,
+        "differenced": differenced,
+        "coarse_30mm1Hz": coarse,
+        "moved": moved,
+    }
+    return [write_text(folder / f"{name}.csv", columns) for name, columns in made.items()]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Run:
+    """A run folder of a fit to strange records, and their findings by code."""
+
+    folder: Path
+    files: Sequence[Path]
+    found: frozenset[str]
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Run:
+    place = tmp_path_factory.mktemp("concerns")
+    files = strange_records(place / "rig")
+    found = frozenset(code for file in files for code in codes(read_damper_test(file)))
+    small = ("--model", "bingham", "--generations", "3", "--threads", "1", "--quiet", "--json")
+    ended = mrwork("identify", *files, *small, "--out", place / "run")
+    assert ended.returncode == 0, ended.stderr
+    assert told(json.loads(ended.stdout)) == {code for code in found if "identify" in CONCERNS[code]}
+    return Run(folder=place / "run", files=files, found=found)
+
+
+def told(document: Any) -> set[str]:
+    return {each["code"] for each in document["findings"]}
+
+
+def arguments_of(verb: Verb, run: Run) -> tuple[object, ...]:
+    if verb == "predict":
+        return ("predict", run.folder, *run.files)
+    others: dict[Verb, tuple[object, ...]] = {
+        "calibrate": ("--leave-out", "test", "--threads", "1"),
+        "sample": ("--steps", "4", "--walkers", "10", "--threads", "1"),
+        "profile": ("--parameter", "f_c", "--threads", "1"),
+        "plan": ("--amplitudes", "0.01", "--frequencies", "1,2", "--threads", "1"),
+        "report": (),
+    }
+    return (verb, run.folder, *others[verb], "--quiet")
+
+
+@pytest.mark.parametrize("verb", [verb for verb in VERBS if verb not in ("check", "identify")])
+def test_the_verb_says_what_matters_to_it(made: Run, verb: Verb) -> None:
+    """On stderr, once each; with --json in the object and nowhere else."""
+    mattering = {code for code in made.found if verb in CONCERNS[code]}
+    # So that the equality says something: some are said, and not all.
+    assert len(mattering) >= 6
+    assert len(mattering) < len(made.found)
+    plain = mrwork(*arguments_of(verb, made))
+    assert plain.returncode == 0, plain.stderr
+    lines = [
+        line
+        for line in plain.stderr.splitlines()
+        if line.startswith(("mrwork: warning in", "mrwork: note in"))
+    ]
+    assert len(lines) == len(set(lines)) >= len(mattering)
+    ended = mrwork(*arguments_of(verb, made), "--json")
+    assert ended.returncode == 0, ended.stderr
+    assert told(json.loads(ended.stdout)) == mattering
+    assert " in " not in ended.stderr
+
+
+def test_a_record_under_two_names_is_named(made: Run, tmp_path: Path) -> None:
+    twin = tmp_path / "copy.csv"
+    twin.write_bytes(Path(made.files[0]).read_bytes())
+    for command in (("check",), ("predict", made.folder)):
+        ended = mrwork(*command, made.files[0], twin)
+        assert ended.returncode == 0
+        said = f"{ended.stdout} {ended.stderr}"
+        assert said.count("are the same record, byte for byte") == 1
+        assert said.index(str(made.files[0])) < said.index(str(twin))
+
+
+def test_a_test_of_another_condition_counts_as_held_out(tmp_path: Path) -> None:
+    """A hot damper under a fitted motion: of the fit's motion, and not seen by it."""
+    cold, hot = recorded(1.0), recorded(1.0, rng=1)
+    files = [
+        write_text(tmp_path / "cold.csv", cold),
+        write_text(tmp_path / "hot.csv", hot | {"force_n": 0.7 * hot["force_n"]}),
+        write_text(tmp_path / "again.csv", recorded(1.0, rng=2)),
+    ]
+    fit = (
+        "identify",
+        files[0],
+        "--model",
+        "bingham",
+        "--generations",
+        "3",
+        "--quiet",
+        "--out",
+        tmp_path / "run",
+    )
+    assert mrwork(*fit).returncode == 0
+    rows = json.loads(mrwork("predict", tmp_path / "run", *files[1:], "--json").stdout)
+    assert [row["seen"] is None for row in rows["files"]] == [True, False]
+    assert [row["other_condition"] is None for row in rows["files"]] == [False, True]
+    assert sum("temperature, pressure, pre-load?" in each for each in rows["warnings"]) == 1
+    calibrated = mrwork("calibrate", tmp_path / "run", *files[1:], "--quiet", "--json")
+    assert json.loads(calibrated.stdout)["tests"] == [str(files[1])]
+    assert "temperature, pressure, pre-load?" in calibrated.stderr
+
+
+@pytest.mark.parametrize("factor", [1000.0, 39.37, -1000.0])
+def test_a_velocity_that_is_a_known_factor_off_ends_a_verb(made: Run, tmp_path: Path, factor: float) -> None:
+    columns = recorded(1.0)
+    file = write_text(tmp_path / "off.csv", columns | {"velocity_mps": factor * columns["velocity_mps"]})
+    refusing: tuple[tuple[object, ...], ...] = (
+        ("identify", file, "--model", "bingham", "--quiet", "--out", tmp_path / "run"),
+        ("predict", made.folder, file),
+        ("calibrate", made.folder, file, "--quiet"),
+    )
+    for command in refusing:
+        refused = mrwork(*command)
+        assert (refused.returncode, refused.stdout) == (2, "")
+        assert "--repair velocity" in refused.stderr
+        assert "times the displacement's derivative" in refused.stderr
+    mended = mrwork("predict", made.folder, file, "--repair", "velocity")
+    assert mended.returncode == 0, mended.stderr
+    checked = mrwork("check", file)
+    assert (checked.returncode, "warning: the velocity is" in checked.stdout) == (0, True)

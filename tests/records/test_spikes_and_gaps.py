@@ -1,0 +1,155 @@
+"""Samples that no sensor gave, in spikes and gaps, are told, and neither compared nor part of the tested ranges."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from record_files import AMPLITUDE, DT, FREQUENCY, Columns, clean_columns, codes, message
+from sinusoidal_tests import sinusoidal_test
+
+import mrwork as mr
+from mrwork.dampers.spec import damper
+from mrwork.records import DamperTest, Observation, OperatingRange, build_damper_test, cut, repair
+from mrwork.records.detectors.spikes import spikes_of
+from mrwork.synthetic import SYNTHETIC_TESTS, synthetic_test
+
+MODEL = "viscous_dahl"
+# Samples, in the middle of the record.
+PLACES = {"three apart": (150, 210, 300), "three in a row": (200, 201, 202), "one": (250,)}
+
+
+def built(columns: Columns) -> DamperTest:
+    return build_damper_test(
+        name="rig",
+        time=columns["t_s"],
+        displacement=columns["displacement_m"],
+        velocity=columns.get("velocity_mps"),
+        force=columns["force_n"],
+    )
+
+
+def noisy_columns() -> Columns:
+    """A record of a Dahl damper at its published parameters, with the noise of a good rig."""
+    columns = clean_columns()
+    spec = damper(MODEL)
+    motion = {"displacement": columns["displacement_m"], "velocity": columns["velocity_mps"]}
+    rng = np.random.default_rng(1)
+    force = mr.simulate_force(spec, spec.nominal, mr.Loading(dt=DT, **motion))
+    return columns | {"force_n": force + 8.0 * rng.standard_normal(force.size)}
+
+
+def with_spikes(columns: Columns, places: tuple[int, ...], channel: str, times: float) -> Columns:
+    samples = columns[channel].copy()
+    samples[list(places)] = times * np.abs(samples).max()
+    return columns | {channel: samples}
+
+
+def without(columns: Columns, first: int, last: int) -> Columns:
+    kept = np.ones(columns["t_s"].size, dtype=bool)
+    kept[first:last] = False
+    return {name: samples[kept] for name, samples in columns.items()}
+
+
+def within_errors(fit: mr.Fit) -> bool:
+    """Whether the estimates are the parameters of the record within four standard errors."""
+    return all(
+        each.standard_error is not None and abs(each.value - true) < 4.0 * each.standard_error
+        for each, true in zip(fit.estimates, damper(MODEL).nominal, strict=True)
+    )
+
+
+@pytest.mark.parametrize("channel", ["force_n", "displacement_m", "velocity_mps"])
+@pytest.mark.parametrize("places", PLACES.values(), ids=PLACES)
+@pytest.mark.parametrize("times", [12.0, -2.5])
+def test_spikes_change_neither_fit_nor_tested_ranges(
+    channel: str, places: tuple[int, ...], times: float
+) -> None:
+    columns = noisy_columns()
+    clean, test = built(columns), built(with_spikes(columns, places, channel, times))
+    assert codes(test) == ["spikes"]
+    compared = np.arange(test.n_time)[test.counted]
+    assert not set(places) & set(compared.tolist())
+    assert test.n_counted == clean.n_counted - len(places)
+    ranges = [OperatingRange.of_test(each, None) for each in (clean, test)]
+    assert ranges[1].force == pytest.approx(ranges[0].force, rel=0.02)
+    assert ranges[1].velocity == pytest.approx(ranges[0].velocity, rel=0.02)
+    assert ranges[1].stroke == pytest.approx(ranges[0].stroke, rel=0.02)
+    fit = mr.identify(MODEL, test, threads=1)
+    assert within_errors(fit)
+    assert fit.quality[0].n_time == test.n_counted
+
+
+@pytest.mark.parametrize("name", SYNTHETIC_TESTS)
+def test_a_good_record_has_no_spikes(name: str) -> None:
+    test = synthetic_test(name)
+    for channel in (test.displacement, test.velocity, test.force):
+        assert not spikes_of(channel).any()
+
+
+@pytest.mark.parametrize("per_cycle", [8, 20, 400])
+def test_steps_reversals_and_rest_are_no_spikes(per_cycle: int) -> None:
+    phase = 2.0 * np.pi * np.arange(10 * per_cycle) / per_cycle
+    rest = np.zeros(10 * per_cycle)
+    for force in (np.sign(np.sin(phase)), np.tanh(20.0 * np.sin(phase)), np.sin(phase) ** 7):
+        assert not spikes_of(force).any()
+        assert not spikes_of(np.concatenate([rest, force, rest])).any()
+
+
+def test_a_gap_is_not_compared_nor_the_force_that_depends_on_its_motion() -> None:
+    columns = noisy_columns()
+    first, last = 150, 210
+    test = built(without(columns, first, last))
+    assert codes(test) == ["gaps", "resampled"]
+    assert "is not compared" in message(test, "gaps")
+    ((begin, end),) = test.uncompared
+    assert begin == first
+    travel = np.abs(np.diff(test.displacement[last:end])).sum()
+    assert travel == pytest.approx(0.5 * np.ptp(test.displacement), rel=0.1)
+    # Straight across the gap the velocity says nothing of whether the columns belong together.
+    fit = mr.identify(MODEL, test, threads=1)
+    assert within_errors(fit)
+
+
+def test_a_gap_of_a_few_samples_costs_a_few_samples() -> None:
+    test = built(without(noisy_columns(), 200, 204))
+    ((begin, end),) = test.uncompared
+    assert (begin, end <= 215) == (200, True)
+
+
+def test_the_spans_move_with_a_part_of_the_record() -> None:
+    test = built(with_spikes(noisy_columns(), (200, 201, 202, 250), "force_n", 9.0))
+    assert test.uncompared == ((200, 203), (250, 251))
+    assert test.part(190, 240).uncompared == ((10, 13),)
+    assert test.part(201, 400, 2).uncompared == ((0, 1),)
+    assert test.part(200, 400, 2).uncompared == ((0, 2), (25, 26))
+    assert test.part(203, 250).uncompared == ()
+    shorter = cut(test, start=190 * DT)
+    assert shorter.uncompared == ((10, 13), (60, 61))
+    shifted, _ = repair(test, ["delay"], amounts={"delay": 2.0 * DT})
+    assert shifted.uncompared == ((198, 203), (248, 251))
+
+
+def test_every_path_of_the_misfit_leaves_the_spans_out() -> None:
+    """A force that is wrong in them alone changes no misfit, no residual and no derivative."""
+    spec = damper(MODEL)
+    theta = np.array([spec.nominal, 1.1 * np.array(spec.nominal)])
+    test = sinusoidal_test(MODEL, spec.nominal, (AMPLITUDE, FREQUENCY), noise=0.01)
+    spans = ((70, 75), (100, 120))
+    wrong = test.force.copy()
+    for first, last in spans:
+        wrong[first:last] = 1e5
+    for observation in (Observation(), Observation(average_seconds=0.02)):
+        found = [
+            mr.identification.Objective.of(
+                spec, (replace(test, force=force, uncompared=spans, observation=observation),), threads=1
+            )
+            for force in (test.force, wrong)
+        ]
+        one, other = found
+        np.testing.assert_array_equal(one(theta), other(theta))
+        np.testing.assert_array_equal(one(theta, np.ones(2)), other(theta, np.ones(2)))
+        np.testing.assert_array_equal(one.residuals(theta), other.residuals(theta))
+        np.testing.assert_allclose(np.linalg.norm(one.residuals(theta), axis=1), one(theta), rtol=1e-12)
+        assert one.residuals(theta).shape[1] == one.tests[0].n_counted
