@@ -19,7 +19,9 @@ from mrwork.identification.folded import FoldedFit, FoldedTests
 from mrwork.identification.law_coefficients import joint_box, with_other_laws
 from mrwork.identification.level_search import PER_CYCLE, command_is_constant, levels_of, spec_by_values
 from mrwork.identification.progress import interruptible
+from mrwork.identification.residual import ObservedTest
 from mrwork.identification.settings import FitSettings, Start
+from mrwork.identification.threads import on_every_test
 from mrwork.records import DamperTest
 from mrwork.records.observing import NONE
 from mrwork.records.window import middle_excerpt
@@ -59,6 +61,14 @@ class _Promise:
     fit_percent: Array
 
 
+@holds_arrays
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Predictions:
+    """NRMSE of each whole test, shape (n_tests,), by the fit without its fold; infinite where it cannot be predicted."""
+
+    nrmse: Array
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Move:
     """Laws of which one differs by a degree from the present ones, with the fit that they promise [%]."""
@@ -85,10 +95,14 @@ class Candidate:
 
 @dataclass(slots=True, kw_only=True)
 class LawSearch:
-    """A search of laws in progress; `free` are the parameters whose laws are chosen, `degrees` counts those allowed."""
+    """A search of laws in progress; `free` are the parameters whose laws are chosen, of the degree `most` at most.
+
+    Laws are fitted to `tests`, excerpts; those of each fold are predicted as `whole` records.
+    """
 
     plain: DamperSpec
     tests: tuple[DamperTest, ...]
+    whole: tuple[ObservedTest, ...]
     commands: Array
     folds: list[list[int]]
     folded: FoldedTests
@@ -210,16 +224,23 @@ class LawSearch:
         fit = self._once(
             "laws", FoldedFit, lambda: interruptible(lambda: self._fit(spec, box, starts)), box, starts
         )
+        predicted = self._once(
+            "predictions",
+            _Predictions,
+            lambda: interruptible(lambda: self._predicted(spec, fit.theta)),
+            box,
+            fit.theta,
+        ).nrmse
         tried = TriedLaws.of(
             self.given | laws,
             n_params=len(box.free),
             fit_percent=100.0 * (1.0 - min(float(np.sqrt(np.mean(fit.squared[0]))), _NOT_PREDICTED)),
-            left_out=self._left_out(fit.squared),
+            left_out=[np.minimum(predicted[members], _NOT_PREDICTED) for members in self.folds],
             not_predicted=[
                 self.tests[index].name
-                for row, members in enumerate(self.folds, start=1)
+                for members in self.folds
                 for index in members
-                if not np.isfinite(fit.squared[row, index])
+                if not np.isfinite(predicted[index])
             ],
         )
         self.found.append(Candidate(spec=spec, box=box, laws=laws, fit=fit, tried=tried))
@@ -234,10 +255,18 @@ class LawSearch:
             return fit
         return self.folded.fit(spec, box, np.where(failed[:, None], fit.theta[np.argmin(misfit)], fit.theta))
 
-    def _left_out(self, squared: Array) -> list[Array]:
-        """NRMSE of the tests of each fold without which they were fitted, from the squares, (n_rows, n_tests)."""
-        nrmse = np.minimum(np.sqrt(squared), _NOT_PREDICTED)
-        return [nrmse[row, members] for row, members in enumerate(self.folds, start=1)]
+    def _predicted(self, spec: DamperSpec, theta: Array) -> _Predictions:
+        """Predict each whole test by the fit without its fold, a row of `theta`, shape (1 + n_folds, n_params)."""
+        row_of = {index: row for row, members in enumerate(self.folds, start=1) for index in members}
+        nrmse = np.empty(len(self.whole))
+
+        def fill(index: int, threads: int) -> None:
+            each = replace(self.whole[index], spec=spec)
+            residuals, failed = each.residuals(theta[[row_of[index]]], threads=threads)
+            nrmse[index] = np.inf if failed.any() else np.linalg.norm(residuals[0]) * each.weight(1)
+
+        on_every_test(len(self.whole), self.folded.threads, fill)
+        return _Predictions(nrmse=nrmse)
 
     def model(self, laws: Laws) -> tuple[DamperSpec, Box]:
         """The model with laws by values, as many as polynomials of these degrees have coefficients."""
@@ -333,6 +362,7 @@ def prepared(
     return LawSearch(
         plain=plain,
         tests=short,
+        whole=tuple(ObservedTest.of(spec, test, settings.nuisances) for test in tests),
         commands=np.array(sorted(levels)),
         leave_out=leave_out,
         folds=folds,
