@@ -64,7 +64,7 @@ class _Promise:
 @holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Predictions:
-    """NRMSE of each whole test, shape (n_tests,), by the fit without its fold; infinite where it cannot be predicted."""
+    """NRMSE of each whole test by the fit without its fold, shape (n_tests,); infinite where not simulated."""
 
     nrmse: Array
 

@@ -21,10 +21,10 @@ _EXACT = 1e-9
 LawVerdict = Literal["chosen", "as good", "behind"]
 
 LAW_DEFINITIONS = (
-    "Left-out fit: 100 (1 - NRMSE) in percent of whole tests that the fit has not seen: the geometric mean of the NRMSE "
-    "in each fold, then the mean over folds with its standard error. A test that cannot be predicted counts as 0 %. Laws "
-    "are as good as the best within one standard error of the paired difference, no more than that of the best itself, "
-    f"or within {NEGLIGIBLE:g} points; of those the laws with the fewest parameters are chosen.",
+    "Left-out fit: 100 (1 - NRMSE) in percent of whole tests that the fit has not seen: the geometric mean of the "
+    "NRMSE in each fold, then the mean over folds with its standard error. A test that cannot be predicted counts as "
+    "0 %. Laws are as good as the best within one standard error of the paired difference, no more than that of the "
+    f"best itself, or within {NEGLIGIBLE:g} points; of those the laws with the fewest parameters are chosen.",
     "A path of laws starts with every positive parameter quadratic in the command and is lowered by one degree at a "
     "time, the one for which the linearised fit to all tests loses least; the best of the path is raised again where "
     "that promises a better fit. A law of degree n is the curve through n + 1 values at commands. Laws are fitted to "
