@@ -78,7 +78,8 @@ def test_a_yield_force_that_is_a_polynomial_is_advised_the_law_through_its_value
     assert advised.rmse_n == pytest.approx(NOISE_N, rel=0.1)
     assert fit.rmse_n > 1.25 * advised.rmse_n
     promised = float(sentence.partition("better: ")[2].split()[0])
-    assert promised == pytest.approx(advised.fit_percent, abs=0.02)
+    # The promise is of the cycles that the search compares.
+    assert promised == pytest.approx(advised.fit_percent, abs=0.1)
     assert not advice(advised)
 
 

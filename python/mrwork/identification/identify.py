@@ -297,7 +297,12 @@ class _Ending:
                 lambda: needless_average_warnings(problem.objective, problem.form.box, polished.theta)
             )
             shape = interruptible(
-                lambda: law_shape_warnings(problem.objective, problem.form.box, polished.theta)
+                # On the excerpts of the search: another fit to the whole tests would cost as much as the final one.
+                lambda: law_shape_warnings(
+                    problem.objective.on(problem.form.spec, points.objective.tests),
+                    problem.form.box,
+                    polished.theta,
+                )
             )
             noisy = interruptible(
                 lambda: motion_noise_warning(
