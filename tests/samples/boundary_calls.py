@@ -126,6 +126,7 @@ def calls() -> dict[str, Call]:
         ),
         "force_histories": Call(function=_rust.force_histories, arguments=batch, free={"theta": (0,)}),
         "sensitivities": Call(function=_rust.sensitivities, arguments=batch, free={"theta": (0,)}),
+        "stiffness_shares": Call(function=_rust.stiffness_shares, arguments=batch, free={"theta": (0,)}),
         "rate": Call(function=_rust.rate, arguments=point, free={}),
         "force": Call(function=_rust.force, arguments=point, free={}),
         "flops_per_step": Call(
