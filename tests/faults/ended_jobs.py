@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -241,6 +242,8 @@ def _content(path: Path) -> object:
         return _lasting(json.loads(content))
     if path.suffix == ".jsonl":
         return [_lasting(json.loads(line)) for line in content.splitlines()]
+    if path.suffix == ".toml":
+        return _lasting(tomllib.loads(content.decode()))
     if path.suffix == ".npz":
         with np.load(io.BytesIO(content)) as arrays:
             return {name: (arrays[name].dtype.str, arrays[name].tobytes()) for name in arrays.files}

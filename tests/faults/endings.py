@@ -111,8 +111,10 @@ def environment() -> dict[str, str]:
 
 
 def cpu_of(pid: int) -> float:
-    """CPU seconds of a process and of its children that have ended."""
+    """CPU seconds of a process and of its children that have ended; OSError where it has ended itself."""
     fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    if fields[0] == "Z":
+        raise ProcessLookupError(pid)
     return TICK * sum(int(each) for each in fields[11:15])
 
 

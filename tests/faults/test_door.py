@@ -283,6 +283,42 @@ def test_an_interrupt_while_an_object_is_released_is_not_lost() -> None:
     assert (ended.stdout, ended.stderr) == (f"{128 + signal.SIGTERM}\n", "")
 
 
+CLEARED = """
+import os
+import signal
+import sys
+import time
+from importlib.machinery import ExtensionFileLoader
+
+from mrwork.cli.signals import Signals
+
+signals = Signals.of_this_process()
+signals.interrupt()
+
+class Loader(ExtensionFileLoader):
+    def exec_module(self, module):
+        try:
+            os.kill(os.getpid(), signal.SIGTERM)
+            time.sleep(0.1)
+        except KeyboardInterrupt:
+            print("cleared")
+
+try:
+    Loader("compiled", "compiled.so").exec_module(None)
+    time.sleep(60)
+except KeyboardInterrupt:
+    print(signals.status)
+"""
+
+
+def test_an_interrupt_while_a_compiled_module_is_loaded_comes_after_it() -> None:
+    # Such a module may clear the exceptions of the Python code that it runs, and with them an interrupt.
+    ended = subprocess.run(
+        [sys.executable, "-c", CLEARED], capture_output=True, text=True, check=False, timeout=PATIENCE
+    )
+    assert (ended.stdout, ended.stderr) == (f"{128 + signal.SIGTERM}\n", "")
+
+
 def test_a_terminated_identification_keeps_what_it_has(tmp_path: Path) -> None:
     out = tmp_path / "run"
     # The optimiser of the last stage is loaded while the search runs.
