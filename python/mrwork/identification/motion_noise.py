@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from math import erf, sqrt
 
 import numpy as np
@@ -12,19 +13,24 @@ from numpy.typing import NDArray
 from mrwork.identification.equivalent import Form
 from mrwork.identification.linearisation import linearised
 from mrwork.identification.objective import Objective
+from mrwork.identification.progress import Tally
 from mrwork.identification.result import remark_of
+from mrwork.identification.threads import on_every_test
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import frozen
 from mrwork.records.motion import Smoother, motion_of
 
 Array = NDArray[np.float64]
 
-# Number of motions with more noise that are simulated.
+# Number of motions with more noise that are simulated at most, and in a round.
 _DRAWS = 24
+_ROUND = 4
 # Expected share of the 95 % intervals that hold the parameters, below which the noise of the motion dominates: 90 %,
 # and one for the error of the draws.
 _HELD = 0.91
 _QUANTILE = 1.96
+# Standard errors of the mean square of the draws so far by which it may be too small, when no more are drawn.
+_SURELY = 2.0
 
 
 def motion_noise_warning(
@@ -49,57 +55,65 @@ def motion_noise_warning(
     names
         Names of the parameters of the requested model.
     """
-    moved = moved_by_noise(objective, form, theta)
-    known = np.isfinite(standard_errors) & (standard_errors > 0.0) & np.isfinite(moved)
+    errors = standard_errors
+    known = np.isfinite(errors) & (errors > 0.0)
     if not known.any():
         return ()
-    share = np.divide(moved, standard_errors, out=np.zeros_like(moved), where=known)
-    held = float(np.mean([erf(_QUANTILE / sqrt(2.0 * (1.0 + each**2))) for each in share[known]]))
-    if held >= _HELD:
+    changes = np.empty((0, theta.size))
+    for changes in _changes_by_noise(objective, form, theta):
+        shares = np.sqrt(np.mean(changes**2, axis=0))[known] / errors[known]
+        # A mean square of n draws has a relative standard error of sqrt(2/n), a root of it half of that.
+        if _held(shares * (1.0 + _SURELY / sqrt(2.0 * len(changes)))) >= _HELD:
+            return ()
+    if not len(changes) or _held(shares) >= _HELD:
         return ()
-    worst = int(np.argmax(share))
+    worst = int(np.argmax(shares))
     measured = any(test.velocity_source == "measured" for test in objective.tests)
     remedy = "derive the velocity from the displacement by --repair velocity, or " if measured else ""
     return (
-        f"noise of the motion dominates: it moves {names[worst]} by about {share[worst]:.2g} times the error that "
-        f"the residuals of the force give it, so that 95 % intervals hold about {100 * held:.0f} % of the parameters; "
-        f"{remedy}measure the motion with less noise",
+        f"noise of the motion dominates: it moves {np.array(names)[known][worst]} by about {shares[worst]:.2g} times "
+        f"the error that the residuals of the force give it, so that 95 % intervals hold about "
+        f"{100 * _held(shares):.0f} % of the parameters; {remedy}measure the motion with less noise",
     )
 
 
-def moved_by_noise(objective: Objective, form: Form, theta: Array) -> Array:
-    """Rms change of the parameters of the requested model, shape (n_params,), by the noise of the motion.
+def _held(shares: Array) -> float:
+    """Expected share of the 95 % intervals that hold, where noise moves parameters by these shares of their errors."""
+    return float(np.mean([erf(_QUANTILE / sqrt(2.0 * (1.0 + each**2))) for each in shares]))
+
+
+def _changes_by_noise(objective: Objective, form: Form, theta: Array) -> Iterator[Array]:
+    """Changes of the parameters of the requested model by noise of the motion, more and more, (n_draws, n_params).
 
     Draws under which the model cannot be simulated are left out.
     """
     # With a tally of its own, since these are no candidates.
-    plain = _on(objective, objective.tests)
+    objective = replace(objective.plain, tally=Tally(), journal=None)
     free = [index for index in form.box.free if remark_of(form.box, index, float(theta[index])) == ""]
-    changed = list[Array]()
     if not free:
-        return np.zeros(theta.size)
-    (residuals,), (slopes,) = linearised(plain, theta[None], free)
+        return
+    (residuals,), (slopes,) = linearised(objective, theta[None], free)
     inverse = np.linalg.pinv(slopes.T)
-    noises = [_MotionNoise.of(test) for test in plain.tests]
-    for draw in range(_DRAWS):
-        noisy = _on(objective, tuple(each.again([draw, index]) for index, each in enumerate(noises)))
-        if all(np.isfinite(run.squared_error[0]) for run in noisy.misfits(theta[None])):
-            change = np.zeros(theta.size)
-            change[free] = inverse @ (noisy.residuals(theta[None])[0] - residuals)
-            changed.append(change)
-    if not changed:
-        return np.zeros(theta.size)
-    return np.asarray(np.sqrt(np.mean((np.array(changed) @ form.to_model.jacobian(theta).T) ** 2, axis=0)))
+    noises = [_MotionNoise.of(test) for test in objective.tests]
 
+    def moved(first: int, index: int, threads: int) -> Array | None:
+        parts = []
+        for number, each in enumerate(noises):
+            observed = objective.compared[number].of_test(each.again([first + index, number]))
+            (part,), (failed,) = observed.residuals(theta[None], threads=threads)
+            if failed:
+                return None
+            parts.append(part * observed.weight(len(noises)))
+        change = np.zeros(theta.size)
+        change[free] = inverse @ (np.concatenate(parts) - residuals)
+        return form.to_model.jacobian(theta) @ change
 
-def _on(objective: Objective, tests: tuple[DamperTest, ...]) -> Objective:
-    return Objective.of(
-        objective.spec,
-        tests,
-        nuisances=objective.nuisances,
-        force_exponent=objective.force_exponent,
-        threads=objective.threads,
-    )
+    changes = list[Array]()
+    for first in range(0, _DRAWS, _ROUND):
+        draws = on_every_test(_ROUND, objective.threads, partial(moved, first))
+        changes += [change for change in draws if change is not None]
+        if changes:
+            yield np.array(changes)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

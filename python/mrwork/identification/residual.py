@@ -69,6 +69,10 @@ class ObservedTest:
                 )
         return cls(spec=spec, test=test, history=loading_of(test, spec).history(), nuisances=nuisances)
 
+    def of_test(self, test: DamperTest) -> ObservedTest:
+        """Another test, compared as this one, with its share."""
+        return replace(ObservedTest.of(self.spec, test, self.nuisances), share=self.share)
+
     @property
     def measured(self) -> Array:
         """The measured force that is compared [N], shape (n_counted,)."""
