@@ -351,7 +351,8 @@ def test_an_interrupted_page_loses_no_result_and_is_drawn_by_resume(
             text.replace("[clairvoyant]\nrandom_starts = 0\n", "").replace("steps = 1", "steps = 0")
         )
     command = (*words, "--quiet", "--threads", "1", "--out", "run")
-    ended = signalled(number, 5, *command, module="matplotlib")
+    # It is loaded when the first figure is written.
+    ended = signalled(number, 1, *command, module="matplotlib.backends.backend_mixed")
     assert ended.returncode == 128 + number, ended.stderr
     (sentence,) = (line for line in ended.stderr.splitlines() if "mrwork: " in line)
     assert "interrupted while the page was drawn; the results are in run" in sentence

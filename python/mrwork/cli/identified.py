@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import argparse
+import importlib
 import os
 import shlex
 import sys
+import threading
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from pathlib import Path
@@ -35,6 +37,9 @@ if TYPE_CHECKING:
     from mrwork.uncertainty.choice.ranking import Ranking
 
 Result = TypeVar("Result")
+
+# Time after which a thread that loads modules lets the search go on [s].
+_SWITCH_SECONDS = 5e-4
 
 
 def stem_of(tests: tuple[DamperTest, ...]) -> str:
@@ -72,6 +77,7 @@ def run_search(
     """
     line = ProgressLine(described, quiet=options.quiet or options.json)
     try:
+        threading.Thread(target=_load_for_the_end, name="mrwork-load", daemon=True).start()
         return search(line), 0
     except Interrupted as interrupt:
         if interrupt.result is None:
@@ -80,6 +86,20 @@ def run_search(
         return interrupt.result, 130
     finally:
         line.close()
+
+
+def _load_for_the_end() -> None:
+    """Load what is needed after a search and slow to load, meanwhile; what fails is loaded, and said, where needed."""
+    before = sys.getswitchinterval()
+    # Else the search waits this long after each simulation, 5 ms by default.
+    sys.setswitchinterval(_SWITCH_SECONDS)
+    try:
+        for name in ("mrwork.uncertainty.identifiability.verdicts", "mrwork.report.fit.page"):
+            importlib.import_module(name)
+    except Exception:  # raised again where it is needed
+        pass
+    finally:
+        sys.setswitchinterval(before)
 
 
 def with_command(fit: Fit, reading: Reading) -> Fit:

@@ -69,8 +69,11 @@ PER_CYCLE = 100
 _MINIMA = 4
 _LEVEL_ROUNDS = 3
 _ITERATIONS = 60
-# Iterations of the fit of a test alone, which starts from the minima at its command.
+# The fit of a test alone: starts, from the minima at its command; iterations; decrease of the squared misfit that ends
+# it. Joint fits that are several times as bad are looked for, so that it need not be exact.
+_OWN_STARTS = 2
 _OWN_ITERATIONS = 30
+_OWN_TOLERANCE = 1e-4
 # Commands whose minimum gives further starts of the joint fit; starts with a minimum at random at each command.
 _MOST_SHAPES = 4
 _RANDOM_STARTS = 4
@@ -250,8 +253,9 @@ def _fit_each(problem: Problem, tests: tuple[DamperTest, ...], fits: Sequence[Le
         minima = find_minima(
             problem.objective.on(plain, (test,)),
             near,
-            _inside(near, fit.minima),
+            _inside(near, fit.minima[:_OWN_STARTS]),
             max_iterations=_OWN_ITERATIONS,
+            tolerance=_OWN_TOLERANCE,
         )
         least = int(np.argmin(minima.misfit))
         command[index], theta[index], nrmse[index] = fit.command, minima.theta[least], minima.misfit[least]

@@ -26,6 +26,8 @@ from mrwork.summary import Summarised
 _ROWS = 64
 # Factor between limits and thresholds: limits allow for sums that are rounded in another order than the misfit.
 _MARGIN = 1.0 + 1e-9
+# Parts in which tests are simulated one after the other where candidates have thresholds.
+_STAGES = 8
 # Power of the root mean square, that of least squares.
 ROOT_MEAN_SQUARE = 2.0
 
@@ -196,8 +198,8 @@ class Objective(Summarised):
     def _limited(self, theta: NDArray[np.float64], thresholds: NDArray[np.float64]) -> NDArray[np.float64]:
         """Misfits with thresholds.
 
-        The tests are simulated in descending order of what they have added to the misfit per step; the mean is taken
-        in the order of the tests.
+        The tests are simulated in descending order of what they have added to the misfit per step, an eighth of them at
+        once; the mean is taken in the order of the tests.
         """
         n_tests = len(self.tests)
         self.tally.simulations += len(theta)
@@ -206,27 +208,47 @@ class Objective(Summarised):
         substeps = np.ones(len(theta), dtype=np.int64)
         # Amount that the remaining tests may still add to the sum of powers of the NRMSE.
         allowance = n_tests * thresholds**self.power
-        for index in sorted(range(n_tests), key=lambda index: -self.tally.added_per_step.get(index, np.inf)):
-            test = self.compared[index].test
-            weight = self.compared[index].weight(1) ** 2
+        order = sorted(range(n_tests), key=lambda index: -self.tally.added_per_step.get(index, np.inf))
+        at_once = -(-n_tests // _STAGES)
+        for some in (order[first : first + at_once] for first in range(0, n_tests, at_once)):
             allowed = np.maximum(allowance[remaining], 0.0) ** (2.0 / self.power)
-            run = self._simulated(
-                index, theta[remaining], limits=allowed * (_MARGIN / weight), threads=self.threads
-            )
-            self.tally.steps += int(run.steps.sum())
-            substeps[remaining] = run.substeps
-            # Counted over all rows: those that reached their thresholds in earlier tests have no steps here.
-            self.tally.spared += int(test.n_time * substeps.sum() - run.steps.sum())
-            reached = np.where(run.outcome == Outcome.ABANDONED, allowed, run.squared_error * weight)
-            added = float(np.sum(reached, where=np.isfinite(reached)))
-            self.tally.added_per_step[index] = added / max(int(run.steps.sum()), 1)
-            squared[index, remaining] = reached
-            finite = np.isfinite(run.squared_error)
+            runs = self._with_limits(some, theta[remaining], allowed)
+            finite = np.ones(remaining.size, dtype=np.bool_)
+            for index, run in zip(some, runs, strict=True):
+                test = self.compared[index].test
+                self.tally.steps += int(run.steps.sum())
+                substeps[remaining] = run.substeps
+                # Counted over all rows: those that reached their thresholds in earlier tests have no steps here.
+                self.tally.spared += int(test.n_time * substeps.sum() - run.steps.sum())
+                reached = np.where(
+                    run.outcome == Outcome.ABANDONED,
+                    allowed,
+                    run.squared_error * self.compared[index].weight(1) ** 2,
+                )
+                added = float(np.sum(reached, where=np.isfinite(reached)))
+                self.tally.added_per_step[index] = added / max(int(run.steps.sum()), 1)
+                squared[index, remaining] = reached
+                finite &= np.isfinite(run.squared_error)
+                with np.errstate(invalid="ignore"):
+                    allowance[remaining] -= reached ** (self.power / 2.0)
             remaining = remaining[finite]
-            allowance[remaining] -= reached[finite] ** (self.power / 2.0)
         misfit = np.full(len(theta), np.inf)
         misfit[remaining] = self._mean(squared[:, remaining])
+        # Tests that run at once may reach a threshold together only.
+        misfit[misfit > _MARGIN * thresholds] = np.inf
         return misfit
+
+    def _with_limits(
+        self, tests: Sequence[int], theta: NDArray[np.float64], allowed: NDArray[np.float64]
+    ) -> list[Misfits]:
+        """Misfits of each row of `theta` in these tests, up to its `allowed` squared NRMSE."""
+
+        def run(number: int, threads: int) -> Misfits:
+            index = tests[number]
+            limits = allowed * (_MARGIN / self.compared[index].weight(1) ** 2)
+            return self._simulated(index, theta, limits=limits, threads=threads)
+
+        return on_every_test(len(tests), self.threads, run)
 
     def _indirect(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
         self.tally.simulations += len(theta)
