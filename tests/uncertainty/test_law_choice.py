@@ -88,6 +88,22 @@ def test_of_laws_as_good_as_the_best_the_simplest_is_chosen(choice: LawChoice) -
     assert "each predicted without the tests of its motion" in choice.table.sentence
 
 
+def test_laws_with_the_force_of_simpler_ones_are_not_listed(settings: FitSettings) -> None:
+    # Without noise every law that contains the true one is fitted by it.
+    tests = [
+        replace(
+            sinusoidal_test("dahl", (200.0 + 400.0 * command, 2000.0, 20.0), motion, noise=0.0, rng=0),
+            current=command,
+            name=f"{motion} at {command} A",
+        )
+        for motion in MOTIONS[:3]
+        for command in (0.0, 1.0)
+    ]
+    table = choose_laws("dahl", tests, settings=settings, threads=1).table
+    assert [each.laws for each in table.tried] == [{"k_w": "linear"}, {}]
+    assert table.notes == ("not listed: 1 with the same force as laws with fewer parameters",)
+
+
 def test_given_laws_and_parameters_with_bounds_are_not_chosen(
     tests: tuple[DamperTest, ...], settings: FitSettings
 ) -> None:

@@ -49,6 +49,9 @@ _DAMPING = 1e-3
 _SMALL = 1e-4
 # NRMSE of a prediction by the mean force: that of a test that cannot be predicted.
 _NOT_PREDICTED = 1.0
+# Forces are the same up to this NRMSE in each test; their misfits then agree at least to this share.
+_SAME_FORCE = 1e-6
+_SAME_MISFIT = 1e-3
 # Number of motions from which on a motion is left out, and not a test.
 _MOTIONS = 3
 
@@ -132,6 +135,24 @@ class LawSearch:
         starts = np.repeat(np.array(first.theta)[None], 1 + len(self.folds), axis=0)
         self._simplify(self._fitted(self.first_laws, starts))
         self._enrich()
+
+    def distinct(self) -> list[Candidate]:
+        """The candidates without those whose force is that of one with fewer parameters."""
+        kept = list[Candidate]()
+        for each in sorted(self.found, key=lambda each: each.tried.n_params):
+            if not any(self._is_same_force(each, other) for other in kept):
+                kept.append(each)
+        return kept
+
+    def _is_same_force(self, one: Candidate, other: Candidate) -> bool:
+        if not np.allclose(one.fit.squared[0], other.fit.squared[0], rtol=_SAME_MISFIT):
+            return False
+        for observed in self.folded.observed:
+            (first,), _ = replace(observed, spec=one.spec).residuals(one.fit.theta[:1])
+            (second,), _ = replace(observed, spec=other.spec).residuals(other.fit.theta[:1])
+            if np.linalg.norm(first - second) * observed.weight(1) > _SAME_FORCE:
+                return False
+        return True
 
     def started_from(self, tried: TriedLaws) -> tuple[Candidate, Start]:
         """The candidate of these laws, and the start that its fit to all tests is."""

@@ -119,7 +119,7 @@ class LawTable(Summarised, Related):
 
     `model` is the chosen one of all `models`; `failed` has the reason by the name of a model that could not be fitted.
     `held_out` describes the tests left out of the fits, `given` are laws that were not to be chosen, `remarks` are on
-    the selection of models.
+    the selection of models and on laws that are not listed.
     """
 
     model: str
@@ -168,7 +168,7 @@ class LawTable(Summarised, Related):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Why models could not be fitted, and remarks on their selection, a clause each."""
+        """Why models could not be fitted, and the remarks, a clause each."""
         fitted = {each.model for each in self.tried}
         return (
             *(

@@ -191,8 +191,11 @@ class RunningLawChoice:
 
     def _table(self, *, complete: bool) -> LawTable:
         search = self.compared[0].search
+        distinct = [(own, each) for own in self.compared for each in own.search.distinct()]
+        n_same = len(self.found) - len(distinct)
+        same = [f"not listed: {n_same} with the same force as laws with fewer parameters"] if n_same else []
         return law_table(
-            [replace(each.tried, model=own.name) for own, each in self.found],
+            [replace(each.tried, model=own.name) for own, each in distinct],
             models=[own.name for own in self.compared],
             unit=search.unit,
             held_out=held_out_words(self.tests, search.leave_out),
@@ -200,7 +203,7 @@ class RunningLawChoice:
             given=self.given,
             complete=complete,
             failed=self.failed,
-            remarks=self.remarks,
+            remarks=(*self.remarks, *same),
         )
 
     def _chosen(self, table: LawTable) -> tuple[ComparedModel, Candidate, FitSettings]:
