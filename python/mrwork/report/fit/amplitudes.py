@@ -15,6 +15,7 @@ from mrwork.report import numbers
 from mrwork.report.comparison import Comparison
 from mrwork.report.fit.kind import SectionKind
 from mrwork.report.section import Group, Section, Table, table
+from mrwork.values import holds_arrays
 
 Array = NDArray[np.float64]
 
@@ -26,6 +27,7 @@ _REVERSAL = 0.1
 _LARGER = 2.0
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _HalfCycles:
     """Half cycles of all tests: amplitude [m] and class of each; sums over samples, rows at and between reversals.
