@@ -39,7 +39,7 @@ def test_a_cheap_family_that_is_as_good_is_named() -> None:
         {"loop": 64, "curve": 2, "line": 2},
     )
     assert found == (
-        "the fit of Loop takes 64 integration steps a sample of 1 ms in a building; Curve is as good "
+        "the fit of Loop takes about 64 integration steps a sample of 1 ms in a building; Curve is as good "
         "(92.80 % against 92.85 % left out) and takes 2: use it in studies"
     )
 
