@@ -74,7 +74,7 @@ def anchors(place: Path) -> list[str]:
 
 
 def test_identify_writes_what_the_fit_says_by_itself_and_names_the_rest(plain: Path) -> None:
-    assert anchors(plain) == ["test-1", "tested", "identifiability", "residuals", "absent"]
+    assert anchors(plain) == ["test-1", "tested", "identifiability", "residuals", "amplitudes", "absent"]
     text = (plain / "report.html").read_text()
     for command in ("mrwork profile RUN", "mrwork sample RUN", "mrwork calibrate RUN TESTS"):
         assert f"<code>{command}</code>" in text
@@ -90,6 +90,7 @@ def test_every_verb_adds_its_section(whole: Path) -> None:
         "profiles",
         "posterior",
         "residuals",
+        "amplitudes",
         "bands",
         "left-out",
         "next-test",
@@ -207,7 +208,7 @@ def test_a_run_interrupted_while_its_page_is_drawn_loses_nothing(
     assert "mrwork report RUN" in (place / "report.html").read_text()
     assert [path.name for path in tmp_path.iterdir()] == ["run"]
     run_verb("report", place)
-    assert anchors(place) == ["test-1", "tested", "identifiability", "residuals", "absent"]
+    assert anchors(place) == ["test-1", "tested", "identifiability", "residuals", "amplitudes", "absent"]
 
 
 def test_progress_of_a_page_counts_its_parts(plain: Path) -> None:

@@ -14,6 +14,7 @@ from command_line import printed
 import mrwork as mr
 from mrwork.records.operating_range import OperatingRange
 from mrwork.report.study.page import study_page
+from mrwork.store.codec import plain
 from mrwork.study.dampers import IdentifiedDamper
 from mrwork.study.demand import demands_of
 from mrwork.study.folder import study_document
@@ -122,6 +123,29 @@ def test_unknown_ranges_are_said_once_and_are_no_warning(tmp_path: Path) -> None
     assert [fact for fact in results.facts if fact[0] == "Tested ranges"] == [("Tested ranges", "not known")]
 
 
+def test_strokes_below_the_tested_ones_are_named_for_every_run_with_dampers(tmp_path: Path) -> None:
+    results = studied(tmp_path, ranges(least_stroke=0.1))
+    (warning,) = results.warnings()
+    assert warning.startswith("stroke ")
+    assert "in half cycles that make 20 % of the travel or more, tested from 100 mm: " in warning
+    assert warning.endswith("outside the tested range in 2 of 2 runs with dampers.")
+    # The uncontrolled building and that with actuators demand nothing.
+    assert [run.least_stroke.size for run in results.runs.values()] == [0, 1, 1, 1]
+    found = results.demands(2, 0)[0].demand.least_stroke
+    assert found is not None
+    assert 0.0 < found < results.runs[2, 0].peak_stroke[0]
+    # A damper that was tested at strokes as small is within its range.
+    assert studied(tmp_path, ranges(least_stroke=0.9 * found)).warnings() == []
+
+
+def test_histories_for_the_least_stroke_change_no_bit_of_the_other_results(tmp_path: Path) -> None:
+    without, found = studied(tmp_path, ranges()), studied(tmp_path, ranges(least_stroke=1e-9))
+    assert without.runs.keys() == found.runs.keys()
+    for key, run in found.runs.items():
+        other = plain(replace(run, least_stroke=np.empty(0)))
+        assert other == plain(replace(without.runs[key], least_stroke=np.empty(0)))
+
+
 def test_a_law_that_turns_negative_at_a_demanded_command_is_a_warning(tmp_path: Path) -> None:
     text = STUDY.replace('run = "run"', 'run = "run"\nparameters = { alpha = [-100, 900] }')
     results = studied(tmp_path, ranges(), text)
@@ -152,6 +176,24 @@ def test_the_simulation_in_python_says_the_same() -> None:
     assert velocity.startswith(f"pair: velocity {1e3 * responses.peak_rate.max():.3g} mm/s, tested to 1 mm/s")
     assert command.startswith("pair: command 1.88 A, tested from 0 to 1.5 A (1.3 times); the laws of")
     assert "warning: pair: velocity" in repr(responses)
+
+
+def test_the_simulation_in_python_knows_small_strokes_from_its_histories() -> None:
+    building = mr.building("uts")
+    device = mr.Device(
+        name="one",
+        spec=PRESET.spec,
+        theta=PRESET.theta,
+        row=building.storeys[0],
+        largest_command=1.88,
+        tested=ranges(least_stroke=0.1),
+    )
+    motion = mr.GroundMotion(name="sine", dt=0.01, acceleration=np.sin(15.0 * np.arange(0.0, 2.0, 0.01)))
+    law = mr.ControlLaw(name="passive", gains={"command": [[1.0]]})
+    without = mr.simulate_loop(building, [device], law, [motion])
+    assert (without.demand(0, 0).least_stroke, without.warnings()) == (None, [])
+    (warning,) = mr.simulate_loop(building, [device], law, [motion], histories=True).warnings()
+    assert warning.endswith("tested from 100 mm")
 
 
 def test_the_page_shows_the_demand_beside_the_tested_range() -> None:

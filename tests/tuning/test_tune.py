@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ import tuning_samples
 import mrwork as mr
 from mrwork.closed_loop.evaluation import SCORE
 from mrwork.errors import Interrupted, JournalError, SettingError
+from mrwork.records.operating_range import OperatingRange
 from mrwork.store.codec import plain
 from mrwork.store.journal_file import line_of
 from mrwork.tuning.benches import benches_of
@@ -297,3 +299,41 @@ def test_points_of_a_front_are_ratios_whatever_the_limits(tmp_path: Path) -> Non
     limit = "constraints = { peak_stroke = 1e-9 }\n"
     front = tune(mr.read_study(tuning_samples.study_file(tmp_path, tune=text + limit)), threads=1).fronts[0]
     assert all(0.0 < ratio < 3.0 for point in front.points for ratio in point.train.values())
+
+
+def test_strokes_below_the_tested_ones_are_named_for_the_tuned_laws(study: mr.Study, tmp_path: Path) -> None:
+    tested = OperatingRange(
+        stroke=1.0,
+        velocity=10.0,
+        frequency=(0.01, 100.0),
+        command=(0.0, 2.0),
+        command_unit="A",
+        force=1e6,
+        power=1e6,
+        least_stroke=0.1,
+    )
+    assert study.problem is not None
+    devices = tuple(replace(each, tested=tested) for each in study.problem.devices)
+    limited = replace(
+        study,
+        devices=devices,
+        problem=replace(study.problem, devices=devices),
+        arrangements=tuple(
+            replace(each, devices=devices) if each.devices else each for each in study.arrangements
+        ),
+    )
+    with closing(mr.Journal(tmp_path / "journal.jsonl")) as journal:
+        found = tune(limited, threads=1, journal=journal)
+    (warning,) = found.damper_warnings
+    assert "in half cycles that make 20 % of the travel or more, tested from 100 mm: " in warning
+    assert f"with {found.laws[0].label}" in warning
+    # Under the training motion and both test motions.
+    assert warning.endswith("outside the tested range in 3 of 3 runs with dampers.")
+    assert warning in found.warnings
+    assert warning in tuning_document(found)["warnings"]
+    with closing(mr.Journal(tmp_path / "journal.jsonl", resume=True)) as journal:
+        assert without_times(tune(limited, threads=1, journal=journal)) == without_times(found)
+
+
+def test_within_the_tested_ranges_a_tuning_says_nothing_of_the_dampers(results: TuningResults) -> None:
+    assert results.damper_warnings == ()

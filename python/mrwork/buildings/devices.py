@@ -97,11 +97,13 @@ class Device(Summarised):
         seconds: Positive,
         peak_command: NotNegative,
         mean_command: NotNegative,
+        least_stroke: NotNegative | None = None,
     ) -> OperatingRange:
         """Demand of a run on one of the dampers, from peaks and the dissipated energy of all of them.
 
         The frequency is that of a sinusoid with the peak velocity and the peak stroke. A command whose mean is within
-        10 % of its peak is taken for constant, any other to start from zero, as every run does.
+        10 % of its peak is taken for constant, any other to start from zero, as every run does. `least_stroke` is that
+        of `OperatingRange`, `None` where the run has no history.
         """
         n_dampers = self.count * (2.0 if self.differential else 1.0)
         frequency = velocity / (2.0 * np.pi * stroke) if stroke > 0.0 else None
@@ -117,7 +119,13 @@ class Device(Summarised):
             command_unit=None if command is None or self.spec.current is None else self.spec.current.unit,
             force=force / n_dampers,
             power=max(0.0, energy / n_dampers / seconds),
+            least_stroke=least_stroke,
         )
+
+    @property
+    def knows_least_stroke(self) -> bool:
+        """Whether demand can be below the tested strokes, which only the history of a run shows."""
+        return self.tested is not None and self.tested.least_stroke is not None
 
     @checked
     def outside(self, demand: OperatingRange) -> Outside:

@@ -16,7 +16,7 @@ from mrwork.buildings.devices import Device
 from mrwork.buildings.matrices import Building
 from mrwork.dampers.law_limits import LawLimit, worst_laws
 from mrwork.errors import SettingError
-from mrwork.records.operating_range import Exceedance, OperatingRange, Outside, worst_of
+from mrwork.records.operating_range import Exceedance, OperatingRange, Outside, least_stroke, worst_of
 from mrwork.summary import Summarised, Summary, rounded
 from mrwork.values import holds_arrays
 
@@ -230,6 +230,7 @@ class Responses(Summarised):
             seconds=self.seconds[run // n_draws % n_motions],
             peak_command=float(self.peak_current[run, device]),
             mean_command=float(self.mean_current[run, device]),
+            least_stroke=self._least_stroke(run, device),
         )
 
     @checked
@@ -250,6 +251,9 @@ class Responses(Summarised):
         worst = [f"{name}: {each.in_words}" for each, name, _ in worst_of(exceeded)]
         return [*worst, *(each.in_words for each in worst_laws(laws))]
 
+    def _least_stroke(self, run: int, device: int) -> float | None:
+        return None if self.histories is None else least_stroke(self.histories[run].deformation[:, device])
+
     def _extreme(self, runs: NDArray[np.intp], device: int) -> list[int]:
         """The runs with the largest and the smallest value of a quantity of a device."""
         if not runs.size:
@@ -260,6 +264,8 @@ class Responses(Summarised):
         columns = [each[runs, device] for each in signals]
         columns[-1] = columns[-1] / seconds
         columns.append(columns[1] / np.maximum(columns[0], np.finfo(float).tiny))
+        if self.histories is not None:
+            columns.append(np.array([self._least_stroke(run, device) for run in runs.tolist()]))
         ends = {int(runs[pick(column)]) for column in columns for pick in (np.argmax, np.argmin)}
         return sorted(ends)
 

@@ -93,6 +93,10 @@ def _no_dashpot(_: Values, scales: Scales, distance: float) -> Values:
     return {"k_x": scales.force / scales.speed / distance}
 
 
+def _small_play(_: Values, scales: Scales, distance: float) -> Values:
+    return {"g": 0.3 * scales.stroke / distance}
+
+
 def _exponential_knee(p: Values, scales: Scales, distance: float) -> Values:
     """The loop of Dahl; a small stiffness carries the offset of the force."""
     k = scales.force / scales.stroke / distance
@@ -166,6 +170,11 @@ NESTINGS: Mapping[str, Nesting] = {
     "viscous_dahl": Nesting(model="dahl", shared=("k_w", "rho", "f0"), near=_no_dashpot),
     "lugre": Nesting(model="viscous_dahl", shared=("f0",), near=_soft_bristles),
     "normalised_bouc_wen": Nesting(model="viscous_dahl", shared=("k_w", "rho"), near=_exponential_knee),
+    "backlash_bouc_wen": Nesting(
+        model="normalised_bouc_wen",
+        shared=("c", "k", "x0", "k_w", "rho", "sigma", "n"),
+        near=_small_play,
+    ),
     "normalised_modified_bouc_wen": Nesting(
         model="normalised_bouc_wen", shared=("k_w", "rho", "sigma", "n"), near=_series_dashpot
     ),

@@ -29,6 +29,9 @@ _READING = "reading"
 # Share by which a value may exceed its bound after a conversion between forms of a model.
 _ROUNDING = 1e-6
 
+NEGLIGIBLE = 0.1
+"""Negligible difference in fit [percentage points]: the cycles of a real test repeat to 97-99 %."""
+
 FitStatus = Literal["converged", "not_converged", "interrupted", "stopped"]
 
 
@@ -151,10 +154,10 @@ class Fit(Summarised, Related):
     `refinement_steps` counts those of the final fit, one simulation with its derivatives each. `identifiability` is
     the result of `uncertainty.identifiability_of`, `None` where it was not computed. `forces` are those of the free
     runs, one for each test, [N], shape (n_time,); `warnings` are sentences on what could mislead in the result, and
-    `status_reason` says why it has not converged; `motions` recognise the tests of the fit and others of the same
-    motion and command; `tested` are the ranges of motion, command and load of the tests, `None` for a fit of an
-    earlier version whose tests cannot be read; `live_settings` are the settings with the search that ran. A fit that
-    was read from its file has neither forces nor live settings.
+    `status_reason` says why it has not converged, or what a converged fit costs in a building; `motions` recognise the
+    tests of the fit and others of the same motion and command; `tested` are the ranges of motion, command and load of
+    the tests, `None` for a fit of an earlier version whose tests cannot be read; `live_settings` are the settings with
+    the search that ran. A fit that was read from its file has neither forces nor live settings.
     """
 
     _made_by: ClassVar[str] = "mr.identify(model, tests)"
@@ -197,7 +200,7 @@ class Fit(Summarised, Related):
 
     @property
     def status_in_words(self) -> str:
-        """How the identification ended, with the reason where it has not converged."""
+        """How the identification ended, with the reason where it has not converged, or with its cost."""
         reason = f" ({self.status_reason})" if self.status_reason else ""
         return f"{self.status.replace('_', ' ')}{reason}"
 

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from mrwork.arguments import Seed, Threads, checked
 from mrwork.dampers.coordinates import Box
-from mrwork.dampers.spec import DamperSpec, damper
-from mrwork.errors import Interrupted, MrworkWarning, SimulationError
+from mrwork.dampers.spec import DamperSpec, damper, damper_models
+from mrwork.errors import Interrupted, MrworkError, MrworkWarning, SimulationError
+from mrwork.identification.building_cost import BuildingCost, cost_warning
 from mrwork.identification.driver_lag import missing_lag
 from mrwork.identification.fit import Fit, FitStatus, SearchTrace
 from mrwork.identification.global_search import (
@@ -165,7 +166,10 @@ def identify_with(
     journal: Journal | None = None,
     warns: bool = True,
 ) -> Fit:
-    """`identify` with its settings as one value; without `warns` its warnings are with the fit only."""
+    """`identify` with its settings as one value.
+
+    Without `warns` its warnings are with the fit only, and no cheaper model is fitted beside one that is costly.
+    """
     began = time.perf_counter() - (0.0 if journal is None else journal.seconds_before)
     problem = Problem.of(
         damper(model) if isinstance(model, str) else model,
@@ -178,7 +182,7 @@ def identify_with(
         # Of the line that calls `identify`.
         warn(sentence, MrworkWarning, stacklevel=4)
     reporter = _begun(problem, began, on_progress, journal)
-    ending = _Ending(problem=problem, reporter=reporter, journal=journal)
+    ending = _Ending(problem=problem, reporter=reporter, journal=journal, compares=warns)
 
     def on_search(generation: int, misfit: float, median: float, share: float) -> None:
         count = problem.objective.tally.simulations
@@ -245,11 +249,15 @@ def _begun(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Ending:
-    """The end of an identification: the final fit, or the fit so far after an interrupt."""
+    """The end of an identification: the final fit, or the fit so far after an interrupt.
+
+    With `compares` a fit that is costly in a building is compared with models without states.
+    """
 
     problem: Problem
     reporter: Reporter
     journal: Journal | None
+    compares: bool = False
 
     def at(self, interrupt: KeyboardInterrupt, theta: NDArray[np.float64], trace: SearchTrace) -> Fit:
         """The fit at the best point so far: returned where it was stopped by the callback, else raised."""
@@ -329,6 +337,15 @@ class _Ending:
             seconds=reporter.seconds,
         )
         objective = problem.objective
+        cost = BuildingCost.of(fit.spec, fit.theta, objective.tests)
+        costly: tuple[str, ...] = ()
+        if cost.is_high:
+            reason = reason or cost.in_words
+            try:
+                cheap = interruptible(lambda: self._without_states(fit.spec)) if self.compares else ()
+            except KeyboardInterrupt as interrupt:
+                return replace(self, problem=problem).at(interrupt, best, points.trace)
+            costly = (cost_warning(fit, cost, cheap),)
         missing = missing_lag(problem.form.spec, objective, polished.theta)
         doubts = (
             *points.warnings,
@@ -338,8 +355,29 @@ class _Ending:
             *needless,
             *shape,
             *noisy,
+            *costly,
         )
         return replace(fit, warnings=(*fit.warnings, *doubts), status_reason=reason)
+
+    def _without_states(self, spec: DamperSpec) -> tuple[Fit, ...]:
+        """Fits of the models without states to the same tests; none where parameters follow the command."""
+        if spec.current is not None:
+            return ()
+        settings, objective = self.problem.settings, self.problem.objective
+        found = []
+        for model in damper_models():
+            if model.n_states:
+                continue
+            bounds = {name: ends for name, ends in settings.bounds.items() if name in model.names}
+            own = replace(settings, bounds=bounds, starts=(), search=None, engine="lanes")
+            try:
+                found.append(
+                    identify_with(model, objective.tests, own, threads=objective.threads, warns=False)
+                )
+            except MrworkError:
+                # One that cannot be fitted is none to be named.
+                continue
+        return tuple(found)
 
 
 def starting_points(problem: Problem, *, on_search: OnSearch) -> StartingPoints:

@@ -255,27 +255,35 @@ def turning_points(
 _LEAST_HALF_CYCLE: Final = 0.01
 
 
-def half_cycles(displacement: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Peak-to-peak displacement of each half cycle, from one reversal to the next, shape (n_half_cycles,).
+def half_cycle_ends(displacement: NDArray[np.float64]) -> NDArray[np.intp]:
+    """Samples between which the half cycles of a motion lie, from reversal to reversal, shape (n_half_cycles + 1,).
 
     What lies before the first reversal and after the last is no half cycle; a motion with fewer than two reversals
-    counts as one. Reversals of less than 1 % of the peak-to-peak displacement of the record are ignored.
+    counts as one, between its extremes. Reversals of less than 1 % of the peak-to-peak displacement of the record are
+    ignored.
     """
     least = _LEAST_HALF_CYCLE * float(np.ptp(displacement))
     turned = np.flatnonzero(np.diff(np.sign(np.diff(displacement)))) + 1
-    places = displacement[np.concatenate([[0], turned, [displacement.size - 1]])].tolist()
-    kept = [places[0]]
+    samples = np.concatenate([[0], turned, [displacement.size - 1]])
+    kept, ends = [float(displacement[0])], [0]
     # 1, -1: the motion goes up, down since the last reversal; 0: it has not begun.
     way = 0
-    for place in places[1:]:
+    for sample, place in zip(samples.tolist(), displacement[samples].tolist(), strict=True):
         moved = place - kept[-1]
         if way * moved > 0.0:
-            kept[-1] = place
+            kept[-1], ends[-1] = place, sample
         elif abs(moved) > least:
             kept.append(place)
+            ends.append(sample)
             way = 1 if moved > 0.0 else -1
-    ranges = np.abs(np.diff(kept))
-    return ranges[1:-1] if ranges.size > 2 else np.array([np.ptp(displacement)])
+    if len(ends) > 3:
+        return np.array(ends[1:-1], dtype=np.intp)
+    return np.sort([np.argmin(displacement), np.argmax(displacement)])
+
+
+def half_cycles(displacement: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Peak-to-peak displacement of each half cycle, see `half_cycle_ends`, shape (n_half_cycles,)."""
+    return np.asarray(np.abs(np.diff(displacement[half_cycle_ends(displacement)])))
 
 
 def reversals(velocity: NDArray[np.float64]) -> NDArray[np.intp]:

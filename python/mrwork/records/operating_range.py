@@ -8,7 +8,7 @@ from math import inf, isfinite
 from typing import ClassVar, Literal, get_args
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from mrwork.arguments import NotNegative, Samples, checked
 from mrwork.dampers.law_limits import LawLimit, law_limits
@@ -89,15 +89,16 @@ class Exceedance(Summarised):
     @property
     def in_words(self) -> str:
         """As in "velocity 313 mm/s, tested to 88 mm/s (3.6 times)"."""
-        (demanded, lowest, highest), unit = _shown(
-            self.quantity, (self.demanded, self.lowest, self.highest), self.unit
-        )
-        tested = f"to {highest}"
         if self.quantity == "stroke" and self.below:
+            (demanded, lowest), unit = _shown(self.quantity, (self.demanded, self.lowest), self.unit)
             return (
                 f"stroke {demanded} {unit} or less in half cycles that make {100 * _SMALL:.0f} % of the travel or "
                 f"more, tested from {lowest} {unit}"
             )
+        (demanded, lowest, highest), unit = _shown(
+            self.quantity, (self.demanded, self.lowest, self.highest), self.unit
+        )
+        tested = f"to {highest}"
         if self.quantity in ("frequency", "command"):
             single = _is_single(self.lowest, self.highest)
             tested = f"at {highest}" if single else f"from {lowest} to {highest}"
@@ -161,7 +162,7 @@ class OperatingRange(Summarised, Related):
             command_unit=None if command is None else unit,
             force=float(np.abs(load).max()),
             power=max(0.0, float(np.mean(load * test.velocity))),
-            least_stroke=_least_stroke(test),
+            least_stroke=least_stroke(test.displacement),
         )
 
     @classmethod
@@ -333,9 +334,9 @@ def _frequencies(test: DamperTest) -> tuple[float, float] | None:
     return float(lowest), float(highest)
 
 
-def _least_stroke(test: DamperTest) -> float:
-    """Amplitude [m] of half cycles that make, with all smaller ones, a fifth of the travel."""
-    ranges = np.sort(half_cycles(test.displacement))
+def least_stroke(displacement: NDArray[np.float64]) -> float:
+    """Amplitude [m] of half cycles that make, with all smaller ones, a fifth of the travel of a displacement [m]."""
+    ranges = np.sort(half_cycles(displacement))
     travelled = np.cumsum(ranges)
     return 0.5 * float(ranges[np.searchsorted(travelled, _SMALL * travelled[-1])])
 

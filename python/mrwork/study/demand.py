@@ -35,6 +35,7 @@ def demands_of(run: RunResult, devices: Sequence[Device], seconds: float) -> tup
             seconds=seconds,
             peak_command=float(run.peak_current[number]),
             mean_command=float(run.mean_current[number]),
+            least_stroke=float(run.least_stroke[number]) if run.least_stroke.size else None,
         )
         found.append(DeviceDemand(device=device.name, demand=demand, outside=device.outside(demand)))
     return tuple(found)

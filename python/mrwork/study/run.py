@@ -128,7 +128,9 @@ def run_study(
             if arrangement.law is None:
                 arrangements[row], known = _with_best_constant(study, arrangement, journal, threads)
             fresh: dict[int, RunHistory | None] = {}
-            for motion, result in _runs(study, arrangements[row], journal, fresh, threads, known=known):
+            for motion, result in runs_of(
+                study, arrangements[row], journal, threads, fresh=fresh, known=known
+            ):
                 runs[row, motion] = result
             for motion in study.histories:
                 # The history of a run that did not finish holds numbers that are not finite.
@@ -143,16 +145,15 @@ def run_study(
                 # The searches start from the commands of the best law, too.
                 found = played.searched(motion, arrangements, results(), journal, report)
                 clairvoyants[motion] = found
-                runs[row, motion], _ = played.run(motion, found)
+                runs[row, motion], drawn = played.run(motion, found, histories=True)
                 if motion in study.histories and runs[row, motion].finished and not kept(row, motion):
-                    _, drawn = played.run(motion, found, histories=True)
                     assert drawn is not None
                     keep(row, motion, drawn)
         # After all other runs, so that a study without this check can be resumed with it.
         if halved is not None:
             for row, arrangement in enumerate(arrangements):
                 report(f"{arrangement.row.label}, half the step")
-                for motion, result in _runs(study, arrangement, journal, {}, threads, step_factor=2):
+                for motion, result in runs_of(study, arrangement, journal, threads, step_factor=2):
                     halved[row, motion] = result
             for motion, found in clairvoyants.items():
                 halved[len(arrangements), motion], _ = played.run(motion, found, step_factor=2)
@@ -208,20 +209,21 @@ def _results_of(
     )
 
 
-def _runs(
+def runs_of(
     study: Study,
     arrangement: Arrangement,
     journal: Journal | None,
-    fresh: dict[int, RunHistory | None],
     threads: int,
     *,
+    fresh: dict[int, RunHistory | None] | None = None,
     known: Mapping[int, RunResult] = MappingProxyType({}),
     step_factor: int = 1,
 ) -> Iterator[tuple[int, RunResult]]:
-    """The run under each motion: recalled, `known` from before, or simulated with all later ones.
+    """The run under each motion: recalled, `known` from before, or simulated with later ones.
 
     `fresh` collects the simulated motions, with their histories if the study keeps them and they fit into memory
-    together: a run with its history takes half the time of one without and another with it.
+    together: a run with its history takes half the time of one without and another with it. Where small strokes are
+    outside the tested range of a damper, runs are simulated with their histories, as many together as fit.
     """
     step = "run" if step_factor == 1 else "run with half the step"
     simulated = dict(known)
@@ -237,16 +239,22 @@ def _runs(
             yield motion, recalled
             continue
         if motion not in simulated:
-            stored = [number for number in study.histories if number >= motion and step_factor == 1]
+            to_end = len(study.motions) - motion
+            together = _histories_together(study, arrangement, motion)
+            demanded = step_factor == 1 and _knows_least_strokes(arrangement)
+            count = together if demanded else to_end
+            stored = [
+                number for number in study.histories if step_factor == 1 and 0 <= number - motion < count
+            ]
             responses = simulated_by(
                 arrangement,
-                study.grounds[motion:],
+                study.grounds[motion : motion + count],
                 study,
-                histories=bool(stored) and _history_bytes(study, arrangement, motion) < _MOST_HISTORY_BYTES,
+                histories=demanded or (bool(stored) and together == to_end),
                 step_factor=step_factor,
                 threads=threads,
             )
-            for run in range(len(study.motions) - motion):
+            for run in range(count):
                 simulated[motion + run] = result_of(responses, run, arrangement)
             if responses.histories is not None:
                 histories = {
@@ -254,7 +262,8 @@ def _runs(
                 }
         if journal is not None:
             journal.record(step, inputs, plain(simulated[motion]))
-        fresh[motion] = histories.get(motion)
+        if fresh is not None:
+            fresh[motion] = histories.get(motion)
         yield motion, simulated[motion]
 
 
@@ -266,8 +275,13 @@ def _history(study: Study, arrangement: Arrangement, motion: int, threads: int) 
     return history_of(responses.histories[0], arrangement)
 
 
-def _history_bytes(study: Study, arrangement: Arrangement, first: int) -> float:
-    """Memory of the histories of an arrangement under the motions from `first` on."""
+def _knows_least_strokes(arrangement: Arrangement) -> bool:
+    """Whether small strokes can be outside the tested range of a damper."""
+    return any(device.knows_least_stroke for device in arrangement.devices) and not arrangement.has_actuators
+
+
+def _histories_together(study: Study, arrangement: Arrangement, first: int) -> int:
+    """Number of motions from `first` on, at least one, whose histories fit into memory together."""
     building = arrangement.building
     columns = {
         "run": 1,
@@ -277,9 +291,10 @@ def _history_bytes(study: Study, arrangement: Arrangement, first: int) -> float:
         "element": len(building.elements),
         "state": 2 * building.n_coordinates,
     }
-    seconds = sum(motion.duration for motion in study.grounds[first:])
     width = sum(columns[signal.axis] for signal in history_signals())
-    return 8.0 * width * seconds / study.hardware.sample_time
+    seconds = np.cumsum([motion.duration for motion in study.grounds[first:]])
+    needed = 8.0 * width * seconds / study.hardware.sample_time
+    return max(1, int(np.sum(needed < _MOST_HISTORY_BYTES)))
 
 
 def simulated_by(
@@ -331,12 +346,13 @@ def _with_best_constant(
                 "finish or has no response; check the dampers and the step, or leave best_passive out"
             )
         best = int(np.nanargmin(scores))
-        known.update(
-            (motion, run)
-            for motion, ground in enumerate(study.grounds)
-            for chosen, run in zip(study.chosen_on, levels[best], strict=True)
-            if ground is chosen
-        )
+        if not _knows_least_strokes(arrangement):
+            known.update(
+                (motion, run)
+                for motion, ground in enumerate(study.grounds)
+                for chosen, run in zip(study.chosen_on, levels[best], strict=True)
+                if ground is chosen
+            )
         return BestConstant(command=float(commands[best]), score=scores[best])
 
     if journal is None:

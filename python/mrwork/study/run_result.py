@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated, Any, get_type_hints
 
 import numpy as np
@@ -17,6 +17,7 @@ from mrwork.closed_loop.responses import (
     history_signals,
     run_quantities,
 )
+from mrwork.records.operating_range import least_stroke
 from mrwork.simulate import Outcome
 from mrwork.store.codec import rebuilt
 from mrwork.store.record import OneOf
@@ -72,7 +73,8 @@ class RunResult(RunEnd):
 
     `outcome` is "finished", "failed_safe" if a sensor failed and the dampers had no command, or the reason why the run
     did not finish. `energy_error` is the imbalance of energy over the largest energy. `steps` is the number of
-    integration steps per sample.
+    integration steps per sample. `least_stroke` is that of `OperatingRange` [m] for each damper, empty for a run whose
+    history was not simulated.
     """
 
     outcome: str
@@ -97,6 +99,7 @@ class RunResult(RunEnd):
     device_energy: Floats
     energy_error: float
     steps: int
+    least_stroke: Floats = field(default_factory=lambda: np.empty(0))
 
 
 @holds_arrays
@@ -142,6 +145,9 @@ def result_of(responses: Responses, run: int, arrangement: Arrangement) -> RunRe
     if arrangement.has_actuators:
         # The command of an ideal actuator is a force, not a current.
         kept |= {name: kept[name][:0] for name in _COMMANDS}
+    if responses.histories is not None and arrangement.devices and np.isfinite(responses.energy_error[run]):
+        strokes = responses.histories[run].deformation[:, : len(arrangement.devices)]
+        kept["least_stroke"] = np.array([least_stroke(each) for each in strokes.T])
     return RunResult(
         outcome=Outcome(int(responses.outcome[run])).name.lower(),
         steps=int(responses.steps[run]),
@@ -179,6 +185,8 @@ def recorded_result(record: Mapping[str, Any], arrangement: Arrangement) -> RunR
             continue
         if found != expected:
             raise ValueError(f"{quantity.name} has the shape {found} where {expected} was expected")
+    if result.least_stroke.shape not in ((0,), (len(arrangement.devices),)):
+        raise ValueError(f"least_stroke has the shape {result.least_stroke.shape}")
     return result
 
 

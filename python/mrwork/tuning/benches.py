@@ -6,10 +6,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol, TypeVar
 
+from mrwork.errors import SettingError
 from mrwork.motions import GroundMotion
 from mrwork.store import Journal, digest_of
 from mrwork.study.batches import RunCriteria, simulated_criteria
+from mrwork.study.demand import DeviceDemand, demands_of
 from mrwork.study.realisations import Realisations, nominal
+from mrwork.study.run import runs_of
 from mrwork.study.study import Study
 from mrwork.summary import Summarised
 from mrwork.tuning.objective import Objective
@@ -81,6 +84,24 @@ class Benches(Summarised):
         if self.testing is None:
             return train, None
         return train, self._judged(self.testing, self.testing_varied, law, candidate, objective, robust)
+
+    def demands(
+        self, law: str, candidate: Candidate, label: str
+    ) -> dict[tuple[str, str], tuple[DeviceDemand, ...]]:
+        """Demand of a law on each damper under every motion of the study, by label and motion; none without a law."""
+        bench = self.training
+        try:
+            arrangement = bench.arrangement_with(law, candidate, label)
+        except SettingError:
+            return {}
+        runs = runs_of(bench.study, arrangement, self.journal, bench.threads)
+        motions = bench.study.motions
+        return {
+            (label, motions[number].name): demands_of(
+                run, arrangement.devices, motions[number].ground.duration
+            )
+            for number, run in runs
+        }
 
     def _judged(
         self,

@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 
 from mrwork.closed_loop.evaluation import criteria
 from mrwork.control.design_problem import DesignProblem
-from mrwork.control.law_design import design_candidates, settings_of
+from mrwork.control.law_design import design_candidates, design_law, settings_of
 from mrwork.control.laws import control_law
 from mrwork.control.setting_base import NO_CERTIFICATE, Magnitudes
 from mrwork.errors import SettingError
 from mrwork.motions import GroundMotion
 from mrwork.study.batches import RunCriteria, simulated_criteria
 from mrwork.study.realisations import Realisations
-from mrwork.study.study import Arrangement, Study
+from mrwork.study.study import Arrangement, Row, Study
 from mrwork.summary import Summarised
 from mrwork.tuning.objective import PENALTY, Objective
 from mrwork.tuning.space import Candidate
@@ -124,6 +124,16 @@ class Bench(Summarised):
             for device in self.problem.devices
         )
         return replace(self.problem, devices=devices)
+
+    def arrangement_with(self, law: str, candidate: Candidate, label: str) -> Arrangement:
+        """The dampers of the study under a law with these settings, as `mrwork respond` simulates it."""
+        problem = self.limited(candidate.largest_command)
+        return replace(
+            self.arrangement,
+            row=Row(label=label, kind="controller"),
+            devices=tuple(problem.devices),
+            law=design_law(law, problem, settings_of(law, candidate.settings)),
+        )
 
     def certificate(self, law: str, candidate: Candidate) -> str:
         """What is proved of a law with these settings."""

@@ -16,7 +16,7 @@ from mrwork.tuning.first_candidates import CONVEX, DASHPOTS, EQUAL, Basis, first
 from mrwork.tuning.objective import Objective
 from mrwork.tuning.problem import Scores, described, scored
 from mrwork.tuning.results import LawResult
-from mrwork.tuning.space import LARGEST, Candidate, space_of
+from mrwork.tuning.space import Candidate, space_of
 
 BEST_CONSTANT = "Best constant command"
 """Label of the best constant command among the references."""
@@ -65,8 +65,7 @@ def references_of(benches: Benches, objective: Objective, basis: Basis) -> Itera
 
 def best_constant(references: Sequence[LawResult]) -> Candidate:
     """The best constant command among references."""
-    settings = dict(next(each.settings for each in references if each.label == BEST_CONSTANT))
-    return Candidate(largest_command=settings.pop(LARGEST), settings=settings)
+    return next(each.chosen for each in references if each.label == BEST_CONSTANT)
 
 
 def _declared(basis: Basis) -> Iterator[_Reference]:

@@ -17,7 +17,7 @@ from mrwork.study.batches import Band, RunCriteria
 from mrwork.summary import Summarised, Summary, listed, rounded, with_decimals
 from mrwork.tuning.objective import Objective, over
 from mrwork.tuning.problem import Bench
-from mrwork.tuning.space import LARGEST, FreeSetting
+from mrwork.tuning.space import LARGEST, Candidate, FreeSetting
 
 Floats = NDArray[np.float64]
 
@@ -120,6 +120,12 @@ class LawResult(Summarised, Related):
     free: tuple[FreeSetting, ...] = ()
     trace: tuple[TracePoint, ...] = ()
 
+    @property
+    def chosen(self) -> Candidate:
+        """The settings as a candidate."""
+        settings = dict(self.settings)
+        return Candidate(largest_command=settings.pop(LARGEST), settings=settings)
+
     def disagreement(self) -> str:
         """Whether the largest command is a number, and is there where it is one of the settings."""
         if LARGEST not in self.settings:
@@ -155,7 +161,8 @@ class TuningResults(Summarised):
     """What `tune` found.
 
     `share_outside` is the share of the time outside the simulation: design of gains, search, scores.
-    `building_warnings` are sentences on modes of the building without damping or stiffness.
+    `building_warnings` are sentences on modes of the building without damping or stiffness, `damper_warnings` on
+    demand of the tuned laws outside the tested ranges of the dampers.
     """
 
     title: str
@@ -172,6 +179,7 @@ class TuningResults(Summarised):
     share_outside: OrNan = 0.0
     facts: tuple[tuple[str, str], ...] = ()
     building_warnings: tuple[str, ...] = ()
+    damper_warnings: tuple[str, ...] = ()
 
     @property
     def ranked(self) -> tuple[LawResult, ...]:
@@ -180,8 +188,8 @@ class TuningResults(Summarised):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Sentences on undamped modes, on what the scores cannot say, and on limits that are exceeded."""
-        found = [*self.building_warnings, *(() if self.testing else (TRAINING_ONLY,))]
+        """Sentences on undamped modes, demand out of tested ranges, what scores cannot say, and exceeded limits."""
+        found = [*self.building_warnings, *self.damper_warnings, *(() if self.testing else (TRAINING_ONLY,))]
         for each in self.laws:
             if each.train.violation > 0.0:
                 found.append(

@@ -15,6 +15,7 @@ from mrwork.keys import suggestion
 from mrwork.search.peers import library
 from mrwork.search.registry import OPTIMISERS, PEERS
 from mrwork.store import Journal
+from mrwork.study.demand import DeviceDemand, damper_warnings
 from mrwork.study.study import Study, fingerprint_of
 from mrwork.study.tuning_schema import Risk, TuneTable
 from mrwork.tuning.benches import benches_of
@@ -89,9 +90,11 @@ def tune(
     found: list[LawResult] = []
     fronts: list[Front] = []
     references: list[LawResult] = []
+    demands: dict[tuple[str, str], tuple[DeviceDemand, ...]] = {}
 
     def results(status: Literal["finished", "interrupted"]) -> TuningResults:
-        return _results(study, tuple(found), tuple(references), tuple(fronts), status, clock)
+        made = _results(study, tuple(found), tuple(references), tuple(fronts), status, clock)
+        return replace(made, damper_warnings=damper_warnings(demands))
 
     try:
         robust = any(table.robust for table in tables)
@@ -119,6 +122,7 @@ def tune(
                 )
 
             found.append(tuned_law(plan, benches, basis, rng=rng, report=report))
+            demands |= benches.demands(plan.law, found[-1].chosen, plan.label)
             if plan.table.objectives:
                 fronts.append(front_of(plan, benches, basis, rng=rng, report=report))
     except Interrupted as interrupt:

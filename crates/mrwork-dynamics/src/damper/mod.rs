@@ -1,5 +1,6 @@
 //! The registry of damper models: one model per file, written over the trait of [`model`].
 
+mod backlash_bouc_wen;
 mod bingham;
 mod bouc_wen;
 mod dahl;
@@ -28,6 +29,7 @@ pub(crate) use normalised_bouc_wen::{Hysteresis, fastest_relaxation};
 
 /// Every damper model, one line each.
 pub static REGISTRY: &[&dyn Damper] = &[
+    &backlash_bouc_wen::BacklashBoucWen,
     &bingham::Bingham,
     &bouc_wen::BoucWen,
     &dahl::Dahl,

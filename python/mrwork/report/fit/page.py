@@ -17,6 +17,7 @@ from mrwork.records import DamperTest
 from mrwork.report import numbers
 from mrwork.report.comparison import Comparison
 from mrwork.report.fit.agreement import agreement_rows, blocks_of_tests, checked
+from mrwork.report.fit.amplitudes import AMPLITUDES
 from mrwork.report.fit.bands import BANDS
 from mrwork.report.fit.coverage import COVERAGE
 from mrwork.report.fit.identifiability import IDENTIFIABILITY
@@ -46,6 +47,7 @@ SECTIONS: tuple[SectionKind, ...] = (
     PROFILES,
     POSTERIOR,
     RESIDUALS,
+    AMPLITUDES,
     BANDS,
     COVERAGE,
     RANKING,
@@ -241,7 +243,8 @@ def _status_detail(fit: Fit) -> str:
     if fit.status in ("interrupted", "stopped"):
         return "the best found so far"
     steps = "step" if fit.refinement_steps == 1 else "steps"
-    return f"after {numbers.fixed(fit.refinement_steps, 0)} refinement {steps}"
+    cost = f"; {fit.status_reason}" if fit.status == "converged" and fit.status_reason else ""
+    return f"after {numbers.fixed(fit.refinement_steps, 0)} refinement {steps}{cost}"
 
 
 def _headline(fit: Fit) -> list[tuple[str, str, str]]:

@@ -14,6 +14,7 @@ from mrwork.dampers.parameters import CommandUnit, LawName
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import Interrupted, JournalError, MrworkError, MrworkWarning, OutputError, SettingError
 from mrwork.identification.autocorrelation import effective_samples
+from mrwork.identification.building_cost import BuildingCost
 from mrwork.identification.fit import Fit
 from mrwork.identification.identify import identify_with
 from mrwork.identification.problem import command_warning
@@ -32,7 +33,7 @@ from mrwork.uncertainty.bands.prediction import (
     held_out_words,
 )
 from mrwork.uncertainty.choice.collapse import collapsed
-from mrwork.uncertainty.choice.conclusion import ranking_of
+from mrwork.uncertainty.choice.conclusion import cost_remark, ranking_of
 from mrwork.uncertainty.choice.families import ALL, Family, families
 from mrwork.uncertainty.choice.leave_one_out import Likelihood, free_parameters, residuals_of, variance_of
 from mrwork.uncertainty.choice.ranking import Evidence, Ranking, rank
@@ -189,13 +190,15 @@ class RunningComparison:
         same = collapsed(self.fits, residuals, n_params, self.tests, n_effective)
         evidence = [replace(each, collapse=same.get(model)) for model, each in self.evidence.items()]
         standings = rank(evidence, n_effective)
+        left_out = {model: each.left_out for model, each in self.evidence.items()}
+        costs = {model: BuildingCost.of(fit.spec, fit.theta, self.tests) for model, fit in self.fits.items()}
         ranking = ranking_of(
             standings,
             held_out=held_out_words(self.tests, self.leave_out),
             n_folds=max(len(each.left_out) for each in evidence),
             n_blocks=self.n_blocks,
             n_effective=n_effective,
-            remarks=self.remarks,
+            remarks=(*self.remarks, *cost_remark(standings, left_out, costs)),
             missing=[each.spec.name for each in self.compared if each.spec.name not in self.evidence],
         )
         order = [each.model for each in standings if each.model in self.fits]

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
-from mrwork.uncertainty.choice.ranking import Ranking, Standing
+from mrwork.identification.building_cost import MANY, BuildingCost
+from mrwork.uncertainty.choice.ranking import Ranking, Standing, is_as_good
 
 # Number of folds below which a standard error is uncertain.
 _FEW_FOLDS = 4
@@ -56,6 +57,34 @@ def ranking_of(
         remarks=tuple(remarks),
         missing=tuple(missing),
     )
+
+
+def cost_remark(
+    standings: Sequence[Standing],
+    left_out: Mapping[str, tuple[float, ...]],
+    costs: Mapping[str, BuildingCost],
+) -> tuple[str, ...]:
+    """A sentence where the chosen family is costly in a building; it names the best one that is not.
+
+    `left_out` are the NRMSE of the folds by model, `costs` those of the families that were identified.
+    """
+    chosen = next(each for each in standings if each.verdict == "chosen")
+    if not costs[chosen.model].is_high:
+        return ()
+    text = f"the fit of {chosen.title} takes {costs[chosen.model].in_words}"
+    cheap = [
+        each
+        for each in standings
+        if each.model in costs and left_out.get(each.model) and not costs[each.model].is_high
+    ]
+    if not cheap:
+        return (f"{text}, and so does every other that predicts what was left out",)
+    best = min(cheap, key=lambda each: sum(left_out[each.model]))
+    found = f"{best.left_out_percent:.2f} % against {chosen.left_out_percent:.2f} %"
+    steps = f"{costs[best.model].steps:.0f}"
+    if is_as_good(left_out[best.model], left_out[chosen.model]):
+        return (f"{text}; {best.title} is as good ({found} left out) and takes {steps}: use it in studies",)
+    return (f"{text}; of those that take fewer than {MANY} {best.title} comes nearest ({found} left out)",)
 
 
 def _choice(standings: tuple[Standing, ...], chosen: Standing, held_out: str) -> str:

@@ -11,13 +11,11 @@ from numpy.typing import NDArray
 
 from mrwork.arguments import NotNegative, Positive, Whole
 from mrwork.errors import SettingError
+from mrwork.identification.fit import NEGLIGIBLE
 from mrwork.store.record import Related
 from mrwork.summary import Summarised, Summary, listed, rounded
 from mrwork.uncertainty.choice.collapse import Collapse
 from mrwork.uncertainty.choice.leave_one_out import UNRELIABLE, LeaveOneOut
-
-# Negligible difference in fit [percentage points]: the cycles of a real test repeat to 97-99 %.
-NEGLIGIBLE = 0.1
 
 DEFINITIONS = (
     "Left-out fit: 100 (1 - NRMSE) in percent of what the fit has not seen, the mean over folds with its standard "
