@@ -82,7 +82,7 @@ def test_a_costly_fit_is_not_only_converged_and_names_the_model_that_is_as_good(
     assert "where a model without states takes 2; " in warning
     # Two forms of one equation; the one with fewer parameters is named.
     assert "hyperbolic_tangent_guo, which has no states, fits " in warning
-    assert warning.endswith("use it in studies")
+    assert warning.endswith("use it in studies of the tested range")
     again = fit_from_json(fit_content(fit).decode(), origin="here")
     assert again.status_in_words == fit.status_in_words
 

@@ -68,7 +68,7 @@ def test_the_average_of_a_measured_record_improves_its_fit_wherever_the_part_end
         for observe in ("detect", "none")
     )
     assert averaged.nrmse < 0.75 * plain.nrmse
-    assert not averaged.warnings
+    assert not any("average" in each for each in averaged.warnings)
 
 
 def fooled(test: DamperTest) -> DamperTest:

@@ -40,7 +40,7 @@ def test_a_cheap_family_that_is_as_good_is_named() -> None:
     )
     assert found == (
         "the fit of Loop takes about 64 integration steps a sample of 1 ms in a building; Curve is as good "
-        "(92.80 % against 92.85 % left out) and takes 2: use it in studies"
+        "(92.80 % against 92.85 % left out) and takes 2: use it in studies of the tested range"
     )
 
 

@@ -78,4 +78,6 @@ def _remedy(fit: Fit, cheap: Sequence[Fit]) -> str:
     if best.fit_percent < fit.fit_percent - NEGLIGIBLE:
         return f"of the models without states {best.model} comes nearest ({both})"
     as_well = "better" if best.fit_percent > fit.fit_percent + NEGLIGIBLE else "as well"
-    return f"{best.model}, which has no states, fits {as_well} ({both}): use it in studies"
+    return (
+        f"{best.model}, which has no states, fits {as_well} ({both}): use it in studies of the tested range"
+    )

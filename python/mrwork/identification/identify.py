@@ -15,7 +15,7 @@ from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec, damper, damper_models
 from mrwork.errors import Interrupted, MrworkError, MrworkWarning, SimulationError
 from mrwork.identification.building_cost import BuildingCost, cost_warning
-from mrwork.identification.driver_lag import missing_lag
+from mrwork.identification.doubts import doubts_on_fit
 from mrwork.identification.fit import Fit, FitStatus, SearchTrace
 from mrwork.identification.global_search import (
     OnSearch,
@@ -24,18 +24,14 @@ from mrwork.identification.global_search import (
     points_from_optimiser,
 )
 from mrwork.identification.lag_choice import polish_with_wanted_lag
-from mrwork.identification.law_shape import law_shape_warnings
 from mrwork.identification.levenberg_marquardt import LocalMinimum
-from mrwork.identification.motion_noise import motion_noise_warning
 from mrwork.identification.multistart import Multistart
-from mrwork.identification.needless_average import needless_average_warnings
 from mrwork.identification.nuisance import NuisanceName
 from mrwork.identification.problem import Problem, fingerprint_of
 from mrwork.identification.progress import Progress, Reporter, interruptible
 from mrwork.identification.result import fit_at
 from mrwork.identification.searches import Search, UnregisteredSearch
 from mrwork.identification.settings import Engine, FitSettings, Start
-from mrwork.identification.suspicion import linear_warning
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
 from mrwork.records.observing import DETECT, as_words
@@ -301,63 +297,29 @@ class _Ending:
             # Without the driver's lag where the tests do not want it.
             problem, polished = ended.problem, ended.polished
             best = polished.theta
-            needless = interruptible(
-                lambda: needless_average_warnings(problem.objective, problem.form.box, polished.theta)
+            reason = "" if polished.converged else f"the final fit ended at its most steps, {polished.steps}"
+            if points.is_suspected:
+                reason = "a false minimum is suspected"
+            fit = fit_at(
+                problem,
+                polished.theta,
+                errors=polished.standard_errors,
+                n_effective=polished.n_effective,
+                trace=points.trace,
+                steps=polished.steps,
+                status="not_converged" if reason else "converged",
+                seconds=reporter.seconds,
             )
-            shape = interruptible(
-                # On the excerpts of the search: another fit to the whole tests would cost as much as the final one.
-                lambda: law_shape_warnings(
-                    problem.objective.on(problem.form.spec, points.objective.tests),
-                    problem.form.box,
-                    polished.theta,
-                )
-            )
-            noisy = interruptible(
-                lambda: motion_noise_warning(
-                    problem.objective,
-                    problem.form,
-                    polished.theta,
-                    polished.standard_errors,
-                    problem.spec.names,
-                )
-            )
+            doubts = interruptible(lambda: doubts_on_fit(problem, points, polished, fit))
+            cost = BuildingCost.of(fit.spec, fit.theta, problem.objective.tests)
+            if cost.is_high:
+                reason = reason or cost.in_words
+                cheap = interruptible(lambda: self._without_states(fit.spec)) if self.compares else ()
+                doubts = (*doubts, cost_warning(fit, cost, cheap))
         except KeyboardInterrupt as interrupt:
             return replace(self, problem=problem).at(interrupt, best, points.trace)
-        reason = "" if polished.converged else f"the final fit ended at its most steps, {polished.steps}"
-        if points.is_suspected:
-            reason = "a false minimum is suspected"
-        fit = fit_at(
-            problem,
-            polished.theta,
-            errors=polished.standard_errors,
-            n_effective=polished.n_effective,
-            trace=points.trace,
-            steps=polished.steps,
-            status="not_converged" if reason else "converged",
-            seconds=reporter.seconds,
-        )
-        objective = problem.objective
-        cost = BuildingCost.of(fit.spec, fit.theta, objective.tests)
-        costly: tuple[str, ...] = ()
-        if cost.is_high:
-            reason = reason or cost.in_words
-            try:
-                cheap = interruptible(lambda: self._without_states(fit.spec)) if self.compares else ()
-            except KeyboardInterrupt as interrupt:
-                return replace(self, problem=problem).at(interrupt, best, points.trace)
-            costly = (cost_warning(fit, cost, cheap),)
-        missing = missing_lag(problem.form.spec, objective, polished.theta)
-        doubts = (
-            *points.warnings,
-            *ended.warnings,
-            *linear_warning(fit.nrmse, objective.tests, follows_command=problem.spec.current is not None),
-            *((missing.in_words,) if missing is not None else ()),
-            *needless,
-            *shape,
-            *noisy,
-            *costly,
-        )
-        return replace(fit, warnings=(*fit.warnings, *doubts), status_reason=reason)
+        warnings = (*fit.warnings, *points.warnings, *ended.warnings, *doubts)
+        return replace(fit, warnings=warnings, status_reason=reason, seconds=reporter.seconds)
 
     def _without_states(self, spec: DamperSpec) -> tuple[Fit, ...]:
         """Fits of the models without states to the same tests; none where parameters follow the command."""

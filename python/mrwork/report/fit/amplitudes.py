@@ -75,11 +75,13 @@ class _HalfCycles:
         return at, between
 
 
-def amplitude_section(comparisons: Sequence[Comparison]) -> Section:
-    """A table of the errors by classes of amplitude, and what it shows."""
+def amplitude_section(comparisons: Sequence[Comparison]) -> Section | None:
+    """A table of the errors by classes of amplitude, and what it shows; `None` where no half cycle is compared."""
     every = _half_cycles(comparisons)
     classes = [every.of_class(number) for number in np.unique(every.number)]
     classes = [each for each in classes if each.count.any()]
+    if not classes:
+        return None
     return Section(
         anchor="amplitudes",
         title="Errors by amplitude",
