@@ -31,8 +31,6 @@ _ITERATIONS = 30
 _DAMPING_FACTORS = (0.1, 1.0, 10.0)
 _FIRST_DAMPING = 0.01
 _MOST_DAMPING = 1e6
-# Derivatives of the forces of a test that are in memory at once.
-_MOST_NUMBERS = 20_000_000
 # Floor of the sensitivity of a parameter, relative to the largest one.
 _LEAST_SENSITIVITY = 1e-7
 
@@ -119,16 +117,13 @@ class FoldedTests:
 
         def fill(index: int, threads: int) -> None:
             each = replace(self.observed[index], spec=spec)
-            at_once = max(_MOST_NUMBERS // (n_free * each.test.n_time), 1)
-            for first in range(0, n_batch, at_once):
-                rows = slice(first, first + at_once)
-                residuals, jacobian, failed = each.linearised(theta[rows], box.free, threads=threads)
-                residuals *= each.weight(1)
-                jacobian *= each.weight(1) * slope[rows, :, None]
-                squared[rows, index] = np.einsum("bt,bt->b", residuals, residuals)
-                gradient[rows, index] = np.einsum("bpt,bt->bp", jacobian, residuals)
-                matrix[rows, index] = jacobian @ jacobian.transpose(0, 2, 1)
-                squared[rows, index][failed] = np.inf
+            residuals, jacobian, failed = each.linearised(theta, box.free, threads=threads)
+            residuals *= each.weight(1)
+            jacobian *= each.weight(1) * slope[..., None]
+            squared[:, index] = np.einsum("bt,bt->b", residuals, residuals)
+            gradient[:, index] = np.einsum("bpt,bt->bp", jacobian, residuals)
+            matrix[:, index] = jacobian @ jacobian.transpose(0, 2, 1)
+            squared[failed, index] = np.inf
 
         on_every_test(len(self.observed), self.threads, fill)
         return NormalEquations(squared=squared, gradient=gradient, matrix=matrix)

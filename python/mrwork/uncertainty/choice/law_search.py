@@ -100,8 +100,7 @@ class Candidate:
 class LawSearch:
     """A search of laws in progress; `free` are the parameters whose laws are chosen, of the degree `most` at most.
 
-    Laws are fitted to `tests`, excerpts, and the best of them to the `whole` records; the tests of each fold are
-    predicted whole.
+    Laws are fitted to `tests`, excerpts; those of each fold are predicted as `whole` records.
     """
 
     plain: DamperSpec
@@ -136,7 +135,6 @@ class LawSearch:
         starts = np.repeat(np.array(first.theta)[None], 1 + len(self.folds), axis=0)
         self._simplify(self._fitted(self.first_laws, starts))
         self._enrich()
-        self._fit_whole()
 
     def distinct(self) -> list[Candidate]:
         """The candidates without those whose force is that of one with fewer parameters."""
@@ -184,14 +182,6 @@ class LawSearch:
             if not moves or moves[0].fit_percent < best.tried.fit_percent + _WORTH_TRYING:
                 return
             worse = 0 if self._moved(best, moves[0].laws).score < best.score else worse + 1
-
-    def _fit_whole(self) -> None:
-        """Fit the laws as good as the best to the whole tests, from their fits to the excerpts."""
-        best = min(self.found, key=lambda each: each.score)
-        whole = replace(self.folded, observed=self.whole)
-        for index, each in enumerate(self.found):
-            if is_as_good(each.tried.left_out, best.tried.left_out):
-                self.found[index] = self._candidate(whole, each.spec, each.box, each.laws, each.fit.theta)
 
     def _moves(self, current: Candidate, change: int) -> list[_Move]:
         """Laws not tried yet of which one differs by a degree, the best promise of the linearised fit first."""
@@ -249,24 +239,11 @@ class LawSearch:
 
     def _fitted(self, laws: Laws, starts: Array) -> Candidate:
         spec, box = self.model(laws)
-        self.found.append(self._candidate(self.folded, spec, box, laws, starts))
-        return self.found[-1]
-
-    def _candidate(
-        self, folded: FoldedTests, spec: DamperSpec, box: Box, laws: Laws, starts: Array
-    ) -> Candidate:
-        """Fit laws to these tests, and predict the whole ones."""
-        to_whole = folded is not self.folded
         self.report(
             f"fitting {', '.join(f'{name} {law}' for name, law in laws.items()) or 'constant parameters'}"
-            f"{' to the whole tests' if to_whole else ''}"
         )
         fit = self._once(
-            "whole laws" if to_whole else "laws",
-            FoldedFit,
-            lambda: interruptible(lambda: _fit(folded, spec, box, starts)),
-            box,
-            starts,
+            "laws", FoldedFit, lambda: interruptible(lambda: self._fit(spec, box, starts)), box, starts
         )
         predicted = self._once(
             "predictions",
@@ -287,7 +264,17 @@ class LawSearch:
                 if not np.isfinite(predicted[index])
             ],
         )
-        return Candidate(spec=spec, box=box, laws=laws, fit=fit, tried=tried)
+        self.found.append(Candidate(spec=spec, box=box, laws=laws, fit=fit, tried=tried))
+        return self.found[-1]
+
+    def _fit(self, spec: DamperSpec, box: Box, starts: Array) -> FoldedFit:
+        """Fit every row; rows that no simulation could start from begin at the best of the others."""
+        fit = self.folded.fit(spec, box, starts)
+        misfit = self.folded.misfit(fit.squared, self.folded.shares)
+        failed = ~np.isfinite(misfit)
+        if not failed.any() or failed.all():
+            return fit
+        return self.folded.fit(spec, box, np.where(failed[:, None], fit.theta[np.argmin(misfit)], fit.theta))
 
     def _predicted(self, spec: DamperSpec, theta: Array) -> _Predictions:
         """Predict each whole test by the fit without its fold, a row of `theta`, shape (1 + n_folds, n_params)."""
@@ -316,16 +303,6 @@ class LawSearch:
         if self.journal is None:
             return compute()
         return self.journal.once(step, digest_of(*inputs), kind, compute)
-
-
-def _fit(folded: FoldedTests, spec: DamperSpec, box: Box, starts: Array) -> FoldedFit:
-    """Fit every row; rows that no simulation could start from begin at the best of the others."""
-    fit = folded.fit(spec, box, starts)
-    misfit = folded.misfit(fit.squared, folded.shares)
-    failed = ~np.isfinite(misfit)
-    if not failed.any() or failed.all():
-        return fit
-    return folded.fit(spec, box, np.where(failed[:, None], fit.theta[np.argmin(misfit)], fit.theta))
 
 
 def _best_step(matrix: Array, gradient: Array) -> Array:

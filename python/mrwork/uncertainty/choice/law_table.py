@@ -29,8 +29,7 @@ LAW_DEFINITIONS = (
     "A path of laws starts with every positive parameter quadratic in the command and is lowered by one degree at a "
     "time, the one for which the linearised fit to all tests loses least; the best of the path is raised again where "
     "that promises a better fit. A law of degree n is the curve through n + 1 values at commands. Laws are fitted to "
-    "cycles from the middle of all tests, and of all but those of each fold, from the fits of the laws before; those "
-    "as good as the best then to the whole tests.",
+    "cycles from the middle of all tests, and of all but those of each fold, from the fits of the laws before.",
     "The left-out fit of the chosen laws is optimistic, because they were chosen by it; tests that were not given "
     "measure it without bias.",
 )
