@@ -17,7 +17,7 @@ from mrwork.dampers.parameters import CommandUnit
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import RecordError, SettingError, SimulationError
 from mrwork.records import DamperTest
-from mrwork.records.command_signal import impossible_command
+from mrwork.records.command_signal import impossible_command, without_ringing
 from mrwork.summary import Summarised
 from mrwork.values import holds_arrays, keep_arrays
 
@@ -85,6 +85,7 @@ class Loading(Summarised):
             )
             if wrong := impossible_command(command):
                 raise SettingError(f"`command` {wrong}")
+            command = np.ascontiguousarray(without_ringing(command))
         with _refusals():
             return _rust.LoadingHistory(self.dt, displacement, velocity, command)
 

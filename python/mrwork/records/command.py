@@ -14,13 +14,15 @@ from mrwork.dampers.parameters import CommandUnit
 from mrwork.errors import RecordError
 from mrwork.records.column_suggestions import column_option
 from mrwork.records.command_signal import (
-    LARGEST_COMMAND,
     Command,
+    beyond_any_driver,
     command_noise,
     command_range,
     impossible_command,
     range_in_words,
+    rings_below_zero,
     variation_in_words,
+    without_ringing,
 )
 from mrwork.records.damper_test import DamperTest, Finding, Measured
 
@@ -34,14 +36,15 @@ _FREQUENCY: Final = 0.20
 def command_of(
     samples: NDArray[np.float64], quantity: str, unit: str, *, source: str
 ) -> tuple[Command, tuple[Finding, ...]]:
-    """Return a command as a number, its median, if it varies no more than a measured constant does; else as it is.
+    """Return a command as a number, its median, if it varies no more than a measured constant does; else as it varies.
 
-    A varying command comes with a note on its range, a negative one with a warning.
+    A varying command comes with a note on its range, a negative one with a warning. One that only rings below zero is
+    zero there, with a note.
 
     Raises
     ------
     RecordError
-        Every sample is missing, one is infinite, or most are beyond any driver.
+        Every sample is missing, one is infinite, or a command is beyond any driver.
     """
     present = samples[~np.isnan(samples)]
     if present.size == 0 or np.isinf(present).any():
@@ -50,24 +53,43 @@ def command_of(
     value = float(np.median(present))
     tolerance = command_noise(value)
     low, high = np.percentile(present, [1.0, 99.0])
-    wrong = impossible_command(np.array([low, high]))
-    if max(-low, high) > LARGEST_COMMAND:
-        raise RecordError(f"{source}: the {quantity} {wrong}; check its unit, or leave the column out")
+    is_constant = high - low <= tolerance and not _has_pulse(np.abs(present - value) > tolerance)
+    command: Command = value if is_constant else present
+    if beyond := beyond_any_driver(command):
+        raise RecordError(f"{source}: the {quantity} {beyond}; check its unit, or leave the column out")
+    wrong = impossible_command(command)
     negative = (
         (Finding(code="command_negative", severity="warning", message=f"the {quantity} {wrong}"),)
         if wrong
         else ()
     )
-    if high - low <= tolerance and not _has_pulse(np.abs(present - value) > tolerance):
+    if is_constant:
         return value, negative
-    lowest, highest = range_in_words(present)
+    rings = _rings(present, quantity, unit)
+    lowest, highest = range_in_words(without_ringing(present))
     message = (
         f"the {quantity} {variation_in_words(present)} {lowest} and {highest} {unit}; a model follows it by current "
         "laws (--law)"
     )
     measured = Measured(value=float(np.ptp(present)), unit=unit)
     varies = Finding.note("command_varies", message, measured=measured)
-    return samples, (varies, *negative)
+    return np.maximum(samples, 0.0) if rings else samples, (varies, *rings, *negative)
+
+
+def _rings(present: NDArray[np.float64], quantity: str, unit: str) -> tuple[Finding, ...]:
+    """A note on a command that rings below zero."""
+    if not rings_below_zero(present):
+        return ()
+    lowest = float(present.min())
+    share = 100.0 * float(np.mean(present < -command_noise(lowest)))
+    return (
+        Finding.note(
+            "command_rings",
+            f"the {quantity} rings below zero, to {lowest:.3g} {unit} ({share:.2g} % of the samples); it is taken as "
+            "zero there",
+            measured=Measured(value=lowest, unit=unit),
+        ),
+    )
 
 
 def _has_pulse(outside: NDArray[np.bool_]) -> bool:

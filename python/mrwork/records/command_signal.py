@@ -25,8 +25,18 @@ _RAMPING: Final = 0.9
 # A jump is a change by this share of the range, beside which the command changes by less than this share of the jump.
 _JUMP: Final = 0.05
 _BESIDE: Final = 0.25
-# Levels differ by more than this share of the range.
+# Levels differ by more than this share of the range without its outermost hundredths.
 _LEVEL: Final = 0.05
+# A level is a mode that has this share of the samples of the largest one: what a driver only passes has fewer.
+_MODE: Final = 0.1
+# Quantiles from which modes are found.
+_QUANTILES: Final = (np.arange(400) + 0.5) / 400.0
+# A driver that rings is below zero for at most this share of the time, by at most this share of its highest level: the
+# first overshoot of a step at a tenth of critical damping is 73 %.
+_RINGING: Final = 0.1
+_RINGING_DEPTH: Final = 0.75
+# Fewer samples in succession are a glitch.
+_GLITCH: Final = 3
 # Share of the sum of squared changes that the jumps of a stepped command have.
 _STEPPED: Final = 0.8
 
@@ -37,13 +47,54 @@ def command_range(command: Command) -> tuple[float, float]:
 
 
 def impossible_command(command: Command) -> str:
-    """What is wrong with a command, as the rest of a sentence: it is negative beyond noise, or beyond any driver."""
+    """What is wrong with a command, as the rest of a sentence: it is negative beyond noise, or beyond any driver.
+
+    A command that only rings below zero is not negative.
+    """
     low, high = command_range(command)
-    if max(-low, high) > LARGEST_COMMAND:
-        return f"reaches {low if -low > high else high:g}, and no driver gives more than {LARGEST_COMMAND:g} A or V"
-    if low < -command_noise(max(-low, high)):
+    if beyond := beyond_any_driver(command):
+        return beyond
+    if low < -command_noise(max(-low, high)) and not rings_below_zero(command):
         return f"goes down to {low:g}: the force does not depend on its direction; give its magnitude"
     return ""
+
+
+def beyond_any_driver(command: Command) -> str:
+    """How far a command is beyond any driver, as the rest of a sentence; empty where it is not."""
+    low, high = command_range(command)
+    if max(-low, high) <= LARGEST_COMMAND:
+        return ""
+    return (
+        f"reaches {low if -low > high else high:g}, and no driver gives more than {LARGEST_COMMAND:g} A or V"
+    )
+
+
+def rings_below_zero(command: Command) -> bool:
+    """Whether a command is below zero, beyond noise, only in passing, as that of an underdamped driver after a step.
+
+    It stays at no level below zero, is there for at most a tenth of the time, and goes no further than three quarters
+    of its highest level; one or two samples are a glitch and may go further.
+    """
+    if not isinstance(command, np.ndarray) or command.size <= _GLITCH:
+        return False
+    levels = levels_of_command(command)
+    noise = command_noise(levels[-1])
+    below = command < -noise
+    if levels[0] < -noise or not 0.0 < float(np.mean(below)) <= _RINGING:
+        return False
+    # The highest of any samples in succession: a glitch does not lower it.
+    highest = np.lib.stride_tricks.sliding_window_view(command, _GLITCH).max(axis=1)
+    return bool(highest.min() >= -_RINGING_DEPTH * levels[-1])
+
+
+def without_ringing(command: Command) -> Command:
+    """A command that rings below zero with zero there, the least force; any other as it is.
+
+    A driver that takes current out of the coil lowers it no further than to zero, or reverses it for a moment.
+    """
+    if isinstance(command, np.ndarray) and rings_below_zero(command):
+        return np.maximum(command, 0.0)
+    return command
 
 
 def command_noise(level: float) -> float:
@@ -106,18 +157,28 @@ def steps_of_command(command: Command) -> NDArray[np.intp]:
 
 
 def levels_of_command(command: Command) -> tuple[float, ...]:
-    """Values at which a command stays for some of the time, lowest first; of one that varies smoothly, about twenty.
+    """Values at which a command stays for some of the time, lowest first; of one that varies smoothly, a dozen.
 
-    A level is the median of its samples, which noise does not shift.
+    A level is the median of the samples of a mode, which neither noise nor the ringing of a driver shifts.
     """
     if not isinstance(command, np.ndarray):
         return (float(command),)
-    groups: list[list[float]] = [[]]
-    for value in np.percentile(command, np.arange(0.5, 100.0, 1.0)):
-        if groups[-1] and value - groups[-1][0] > _LEVEL * np.ptp(command):
-            groups.append([])
-        groups[-1].append(float(value))
-    return tuple(float(np.median(group)) for group in groups)
+    left = np.quantile(command, _QUANTILES)
+    low, high = np.quantile(left, [0.01, 0.99])
+    width = _LEVEL * float(high - low)
+    levels: list[float] = []
+    most = 0
+    while left.size:
+        ends = np.searchsorted(left, left + width, side="right")
+        counts = ends - np.arange(left.size)
+        first = int(np.argmax(counts))
+        if counts[first] < _MODE * most:
+            break
+        most = max(most, int(counts[first]))
+        levels.append(float(np.median(left[first : ends[first]])))
+        # Samples beside a mode are its noise.
+        left = left[np.abs(left - levels[-1]) > width]
+    return tuple(sorted(levels))
 
 
 def resampled_command(
