@@ -14,7 +14,7 @@ import mrwork as mr
 from mrwork.errors import RecordError, SettingError
 from mrwork.records import DamperTest, build_damper_test, cut, mislabelled, read_damper_test, repair
 from mrwork.records.command_signal import is_stepped, levels_of_command, same_command
-from mrwork.records.window import excerpt
+from mrwork.records.window import excerpt, varied_excerpt
 
 DT = 1e-3
 N_TIME = 4000
@@ -217,6 +217,25 @@ def test_a_command_in_time_with_the_motion_is_no_static_force() -> None:
 def test_ranges_are_told_to_a_hundredth() -> None:
     noisy = SWITCHING + 0.004 * np.random.default_rng(13).standard_normal(N_TIME)
     assert built(noisy).command_in_words in {"-0.01 to 1.01 A, stepped", "-0.01 to 1.02 A, stepped"}
+
+
+def test_the_part_for_a_search_shows_every_level_in_less_than_half_of_the_record() -> None:
+    time = 0.005 * np.arange(12_000)
+    phases = np.random.default_rng(23).uniform(0.0, 2.0 * np.pi, 9)
+    waves = np.array([np.sin(2.0 * np.pi * (0.5 + 0.2 * n) * time + phase) for n, phase in enumerate(phases)])
+    displacement = 0.01 * waves.sum(axis=0)
+    current = np.random.default_rng(24).permutation(np.resize((0.0, 0.6, 1.2, 1.8), 60))[time.astype(int)]
+    force = (1.0 + current) * np.tanh(30.0 * np.gradient(displacement, time))
+    long = build_damper_test(name="long", time=time, displacement=displacement, force=force, current=current)
+    part = varied_excerpt(long)
+    assert part.n_time * part.dt < 0.5 * long.n_time * long.dt
+    assert levels_of_command(np.asarray(part.current)) == (0.0, 0.6, 1.2, 1.8)
+    assert np.ptp(part.displacement) > 0.8 * np.ptp(long.displacement)
+    # A level that the command has only once, at the end, is in it too, or the record is whole.
+    once = replace(long, current=np.where(time > 50.0, 2.4, current))
+    assert 2.4 in levels_of_command(np.asarray(varied_excerpt(once).current))
+    # A test at a constant command is cut as any other.
+    assert varied_excerpt(built(0.5)).n_time == excerpt(built(0.5)).n_time
 
 
 def test_levels_of_a_stepped_command_are_those_without_noise() -> None:
