@@ -10,7 +10,6 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.dampers.parameters import CommandUnit
 from mrwork.errors import RecordError
 from mrwork.records.column_suggestions import column_option
 from mrwork.records.command_signal import (
@@ -25,6 +24,7 @@ from mrwork.records.command_signal import (
     without_ringing,
 )
 from mrwork.records.damper_test import DamperTest, Finding, Measured
+from mrwork.units import CommandUnit
 
 # Fewest samples of a pulse that noise does not explain.
 _PULSE: Final = 3
@@ -34,7 +34,7 @@ _FREQUENCY: Final = 0.20
 
 
 def command_of(
-    samples: NDArray[np.float64], quantity: str, unit: str, *, source: str
+    samples: NDArray[np.float64], quantity: str, unit: CommandUnit, *, source: str
 ) -> tuple[Command, tuple[Finding, ...]]:
     """Return a command as a number, its median, if it varies no more than a measured constant does; else as it varies.
 
@@ -51,13 +51,13 @@ def command_of(
         problem = "has no value" if present.size == 0 else "has infinite values"
         raise RecordError(f"{source}: the {quantity} {problem}; correct the column or leave it out")
     value = float(np.median(present))
-    tolerance = command_noise(value)
+    tolerance = command_noise(value, unit)
     low, high = np.percentile(present, [1.0, 99.0])
     is_constant = high - low <= tolerance and not _has_pulse(np.abs(present - value) > tolerance)
     command: Command = value if is_constant else present
-    if beyond := beyond_any_driver(command):
+    if beyond := beyond_any_driver(command, unit):
         raise RecordError(f"{source}: the {quantity} {beyond}; check its unit, or leave the column out")
-    wrong = impossible_command(command)
+    wrong = impossible_command(command, unit)
     negative = (
         (Finding(code="command_negative", severity="warning", message=f"the {quantity} {wrong}"),)
         if wrong
@@ -66,7 +66,7 @@ def command_of(
     if is_constant:
         return value, negative
     rings = _rings(present, quantity, unit)
-    lowest, highest = range_in_words(without_ringing(present))
+    lowest, highest = range_in_words(without_ringing(present, unit))
     message = (
         f"the {quantity} {variation_in_words(present)} {lowest} and {highest} {unit}; a model follows it by current "
         "laws (--law)"
@@ -76,12 +76,12 @@ def command_of(
     return np.maximum(samples, 0.0) if rings else samples, (varies, *rings, *negative)
 
 
-def _rings(present: NDArray[np.float64], quantity: str, unit: str) -> tuple[Finding, ...]:
+def _rings(present: NDArray[np.float64], quantity: str, unit: CommandUnit) -> tuple[Finding, ...]:
     """A note on a command that rings below zero."""
-    if not rings_below_zero(present):
+    if not rings_below_zero(present, unit):
         return ()
     lowest = float(present.min())
-    share = 100.0 * float(np.mean(present < -command_noise(lowest)))
+    share = 100.0 * float(np.mean(present < -command_noise(lowest, unit)))
     return (
         Finding.note(
             "command_rings",
@@ -96,11 +96,6 @@ def _has_pulse(outside: NDArray[np.bool_]) -> bool:
     """Whether samples beyond the tolerance follow each other, as in a pulse too short for the percentiles."""
     runs = np.convolve(outside, np.ones(_PULSE), mode="valid") if outside.size >= _PULSE else np.zeros(0)
     return bool(np.any(runs > _PULSE - 0.5))
-
-
-def command_level(value: float) -> float:
-    """Set point of a measured command [A or V]: measured commands of one level differ by noise."""
-    return round(value, 2)
 
 
 def motion_matches_name(
@@ -148,7 +143,7 @@ def _with_command(
     if unit in recorded:
         # A varying command disagrees if it never is the nominal one.
         nearest = float(np.clip(value, *command_range(recorded[unit])))
-        if abs(nearest - value) > command_noise(value):
+        if abs(nearest - value) > command_noise(value, unit):
             found = (_disagrees(quantity, value, nearest, unit),)
     elif recorded:
         message = f"the command is {test.command_in_words}; the {named} of the file name are not used"

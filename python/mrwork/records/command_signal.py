@@ -8,14 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.summary import of_unit
+from mrwork.units import COMMAND_SCALES, CommandUnit
 
 Command = float | NDArray[np.float64]
-"""Command [A or V]: a number if it is constant, else shape (n_time,)."""
+"""Command: a number if it is constant, else shape (n_time,)."""
 
-LARGEST_COMMAND: Final = 1000.0
+LARGEST_COMMAND: Final = COMMAND_SCALES["A"].largest
 """Largest command [A or V] that a test may have."""
-# A measured command of zero is not exactly zero: by this [A or V], and by this share of the largest.
-_NOISE: Final = 0.02
+# A measured command of zero is not exactly zero: by this number of its last decimals, and by this share of the largest.
+_NOISE: Final = 2.0
 _NOISE_SHARE: Final = 0.05
 
 # Share of the samples in the middle half of the range of a command that switches between two levels.
@@ -46,39 +47,43 @@ def command_range(command: Command) -> tuple[float, float]:
     return float(np.min(command)), float(np.max(command))
 
 
-def impossible_command(command: Command) -> str:
+def impossible_command(command: Command, unit: CommandUnit) -> str:
     """What is wrong with a command, as the rest of a sentence: it is negative beyond noise, or beyond any driver.
 
     A command that only rings below zero is not negative.
     """
     low, high = command_range(command)
-    if beyond := beyond_any_driver(command):
+    if beyond := beyond_any_driver(command, unit):
         return beyond
-    if low < -command_noise(max(-low, high)) and not rings_below_zero(command):
+    if COMMAND_SCALES[unit].is_signed:
+        return ""
+    if low < -command_noise(max(-low, high), unit) and not (
+        isinstance(command, np.ndarray) and rings_below_zero(command, unit)
+    ):
         return f"goes down to {low:g}: the force does not depend on its direction; give its magnitude"
     return ""
 
 
-def beyond_any_driver(command: Command) -> str:
+def beyond_any_driver(command: Command, unit: CommandUnit) -> str:
     """How far a command is beyond any driver, as the rest of a sentence; empty where it is not."""
     low, high = command_range(command)
-    if max(-low, high) <= LARGEST_COMMAND:
+    largest = COMMAND_SCALES[unit].largest
+    if max(-low, high) <= largest:
         return ""
-    return (
-        f"reaches {low if -low > high else high:g}, and no driver gives more than {LARGEST_COMMAND:g} A or V"
-    )
+    shared = "A or V" if unit in ("A", "V") else unit
+    return f"reaches {low if -low > high else high:g}, and no driver gives more than {largest:g} {shared}"
 
 
-def rings_below_zero(command: Command) -> bool:
+def rings_below_zero(command: NDArray[np.float64], unit: CommandUnit) -> bool:
     """Whether a command is below zero, beyond noise, only in passing, as that of an underdamped driver after a step.
 
     It stays at no level below zero, is there for at most a tenth of the time, and goes no further than three quarters
     of its highest level; one or two samples are a glitch and may go further.
     """
-    if not isinstance(command, np.ndarray) or command.size <= _GLITCH:
+    if command.size <= _GLITCH or COMMAND_SCALES[unit].is_signed:
         return False
     levels = levels_of_command(command)
-    noise = command_noise(levels[-1])
+    noise = command_noise(levels[-1], unit)
     below = command < -noise
     if levels[0] < -noise or not 0.0 < float(np.mean(below)) <= _RINGING:
         return False
@@ -87,19 +92,22 @@ def rings_below_zero(command: Command) -> bool:
     return bool(highest.min() >= -_RINGING_DEPTH * levels[-1])
 
 
-def without_ringing(command: Command) -> Command:
+def without_ringing(command: NDArray[np.float64], unit: CommandUnit) -> NDArray[np.float64]:
     """A command that rings below zero with zero there, the least force; any other as it is.
 
     A driver that takes current out of the coil lowers it no further than to zero, or reverses it for a moment.
     """
-    if isinstance(command, np.ndarray) and rings_below_zero(command):
-        return np.maximum(command, 0.0)
-    return command
+    return np.maximum(command, 0.0) if rings_below_zero(command, unit) else command
 
 
-def command_noise(level: float) -> float:
-    """By how much a measured constant command of this level may vary [A or V]."""
-    return _NOISE_SHARE * abs(level) + _NOISE
+def command_noise(level: float, unit: CommandUnit) -> float:
+    """By how much a measured constant command of this level may vary, in its unit."""
+    return _NOISE_SHARE * abs(level) + _NOISE / 10.0 ** COMMAND_SCALES[unit].decimals
+
+
+def command_level(value: float, unit: CommandUnit) -> float:
+    """Set point of a measured command: measured commands of one level differ by noise."""
+    return round(value, COMMAND_SCALES[unit].decimals)
 
 
 def command_in_words(command: Command, unit: str) -> str:

@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.arguments import NotNegative, Whole, checked
-from mrwork.dampers.parameters import CommandUnit, LawName
+from mrwork.dampers.parameters import LawName
 from mrwork.store.record import OrInfinite, Related
 from mrwork.summary import Summarised, Summary, aligned
 from mrwork.uncertainty.choice.ranking import NEGLIGIBLE, error_of_mean, is_as_good
+from mrwork.units import CommandUnit
 
 # Floor of the NRMSE, for synthetic tests without noise.
 _EXACT = 1e-9
