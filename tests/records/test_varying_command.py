@@ -90,6 +90,9 @@ def test_a_driver_that_rings_below_zero_is_zero_there_for_check_and_fit_alike(da
     assert {"command_rings", "command_varies"} <= set(codes(test))
     assert "command_negative" not in codes(test)
     np.testing.assert_array_equal(test.current, np.maximum(measured, 0.0))
+    below = np.flatnonzero(measured < -0.2)
+    assert np.intersect1d(below, np.arange(test.n_time)[test.counted]).size == 0
+    assert test.n_counted > 0.6 * test.n_time
     # Nor is it refused where it is simulated, also as arrays of one's own.
     spec = mr.damper("bingham").with_current_laws({"f_c": "linear"})
     theta = np.where(spec.nominal == 0.0, 1.0, spec.nominal)

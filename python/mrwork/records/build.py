@@ -14,7 +14,7 @@ from mrwork.arguments import AnyArrayLike, NotNegative, checked
 from mrwork.errors import RecordError
 from mrwork.records import checks
 from mrwork.records.command import command_of, motion_matches_name
-from mrwork.records.command_signal import Command
+from mrwork.records.command_signal import Command, ringing_samples, without_ringing
 from mrwork.records.damper_test import DamperTest, Finding, VelocitySource, frozen
 from mrwork.records.detectors.cycles import drift_finding, mass_finding
 from mrwork.records.detectors.delay import delay_finding
@@ -23,7 +23,7 @@ from mrwork.records.detectors.spikes import without_spikes
 from mrwork.records.detectors.velocity import velocity_agrees
 from mrwork.records.motion import Smoother, SmoothMotion, motion_of
 from mrwork.records.sampling import Signals, check_time, complete_rows, uniform_step
-from mrwork.records.window import settling_samples, uncompared_spans
+from mrwork.records.window import settling_samples, spans_with, uncompared_spans
 from mrwork.units import CommandUnit
 
 _DETECTORS: Final[tuple[Callable[[DamperTest, SmoothMotion], tuple[Finding, ...]], ...]] = (
@@ -136,6 +136,13 @@ def build_damper_test(
         moving, velocity_source, about_velocity = velocity_agrees(
             signals.velocity, displaced, motion, uncompared
         )
+    rings = np.zeros(displaced.size, dtype=np.bool_)
+    commands: dict[str, Command | None] = {"current": amperes, "voltage": volts, "command": scalar}
+    for channel_name, unit in (("current", "A"), ("voltage", "V"), ("command", command_unit)):
+        sent = getattr(signals, channel_name)
+        if sent is not None and unit is not None:
+            rings |= ringing_samples(sent, unit)
+            commands[channel_name] = frozen(without_ringing(sent, unit))
     resisting, about_sign = checks.force_sign(signals.force, motion.velocity)
     findings += [
         *about_velocity,
@@ -161,10 +168,10 @@ def build_damper_test(
         force=frozen(resisting),
         velocity_source=velocity_source,
         n_settle=settling_samples(displaced),
-        uncompared=uncompared,
-        current=amperes if signals.current is None else frozen(signals.current),
-        voltage=volts if signals.voltage is None else frozen(signals.voltage),
-        command=scalar if signals.command is None else frozen(signals.command),
+        uncompared=spans_with(uncompared, rings),
+        current=commands["current"],
+        voltage=commands["voltage"],
+        command=commands["command"],
         command_unit=command_unit,
         amplitude=amplitude,
         frequency=frequency,

@@ -38,8 +38,7 @@ def command_of(
 ) -> tuple[Command, tuple[Finding, ...]]:
     """Return a command as a number, its median, if it varies no more than a measured constant does; else as it varies.
 
-    A varying command comes with a note on its range, a negative one with a warning. One that only rings below zero is
-    zero there, with a note.
+    A varying command comes with a note on its range and one where it rings below zero, a negative one with a warning.
 
     Raises
     ------
@@ -73,7 +72,7 @@ def command_of(
     )
     measured = Measured(value=float(np.ptp(present)), unit=unit)
     varies = Finding.note("command_varies", message, measured=measured)
-    return np.maximum(samples, 0.0) if rings else samples, (varies, *rings, *negative)
+    return samples, (varies, *rings, *negative)
 
 
 def _rings(present: NDArray[np.float64], quantity: str, unit: CommandUnit) -> tuple[Finding, ...]:
@@ -86,7 +85,7 @@ def _rings(present: NDArray[np.float64], quantity: str, unit: CommandUnit) -> tu
         Finding.note(
             "command_rings",
             f"the {quantity} rings below zero, to {lowest:.3g} {unit} ({share:.2g} % of the samples); it is taken as "
-            "zero there",
+            "zero there, and the force is not compared until as long after",
             measured=Measured(value=lowest, unit=unit),
         ),
     )

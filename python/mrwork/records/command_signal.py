@@ -100,6 +100,20 @@ def without_ringing(command: NDArray[np.float64], unit: CommandUnit) -> NDArray[
     return np.maximum(command, 0.0) if rings_below_zero(command, unit) else command
 
 
+def ringing_samples(command: NDArray[np.float64], unit: CommandUnit) -> NDArray[np.bool_]:
+    """Samples while a driver rings below zero and as long after that, shape (n_time,).
+
+    Whether it reverses the current there, or only ends it, is not known, nor is then the force.
+    """
+    left_out = np.zeros(command.size, dtype=np.bool_)
+    if rings_below_zero(command, unit):
+        below = command < -command_noise(float(command.max()), unit)
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], below, [False]])))
+        for first, last in zip(edges[::2], edges[1::2], strict=True):
+            left_out[first : 2 * last - first] = True
+    return left_out
+
+
 def command_noise(level: float, unit: CommandUnit) -> float:
     """By how much a measured constant command of this level may vary, in its unit."""
     return _NOISE_SHARE * abs(level) + _NOISE / 10.0 ** COMMAND_SCALES[unit].decimals

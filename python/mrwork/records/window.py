@@ -55,6 +55,18 @@ def uncompared_spans(
     return _runs(left_out)
 
 
+def spans_with(
+    spans: tuple[tuple[int, int], ...], left_out: NDArray[np.bool_]
+) -> tuple[tuple[int, int], ...]:
+    """Spans of samples together with other samples that are left out, shape (n_time,)."""
+    if not left_out.any():
+        return spans
+    chosen = left_out.copy()
+    for first, last in spans:
+        chosen[first:last] = True
+    return _runs(chosen)
+
+
 def _runs(chosen: NDArray[np.bool_]) -> tuple[tuple[int, int], ...]:
     """First sample, and sample beyond the last, of each run of chosen samples."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], chosen, [False]])))
