@@ -13,12 +13,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from mrwork import _rust
 from mrwork.arguments import AnyArrayLike, AnyNumbers, Count, Samples, Shape, Threads, checked
-from mrwork.dampers.parameters import CommandUnit
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import RecordError, SettingError, SimulationError
 from mrwork.records import DamperTest
-from mrwork.records.command_signal import impossible_command
+from mrwork.records.command_signal import impossible_command, without_ringing
 from mrwork.summary import Summarised
+from mrwork.units import CommandUnit
 from mrwork.values import holds_arrays, keep_arrays
 
 
@@ -53,7 +53,8 @@ class Loading(Summarised):
     """Imposed motion of a damper: displacement [m] and velocity [m/s], shape (n_time,), every `dt` [s].
 
     Both are interpolated by C2 cubic splines; without a velocity, the derivative of the displacement spline is used.
-    The `command` is one number, or one per sample, held until the next; `command_unit` is amperes or volts.
+    The `command` is one number, or one per sample, held until the next; `command_unit` is
+    amperes, volts or the unit of another scalar.
     """
 
     dt: float
@@ -80,11 +81,13 @@ class Loading(Summarised):
         velocity = None if self.velocity is None else np.ascontiguousarray(self.velocity, dtype=np.float64)
         command = None
         if self.command is not None:
+            unit = self.command_unit or "A"
             command = np.array(
                 np.broadcast_to(np.asarray(self.command, dtype=np.float64), displacement.shape)
             )
-            if wrong := impossible_command(command):
+            if wrong := impossible_command(command, unit):
                 raise SettingError(f"`command` {wrong}")
+            command = np.ascontiguousarray(without_ringing(command, unit))
         with _refusals():
             return _rust.LoadingHistory(self.dt, displacement, velocity, command)
 
@@ -140,9 +143,9 @@ def loading_of(test: DamperTest, spec: DamperSpec) -> Loading:
     motion = Loading(dt=test.dt, displacement=test.displacement, velocity=test.velocity)
     if spec.current is None:
         return motion
-    for command, unit in test.commands:
-        if unit == spec.current.unit:
-            return replace(motion, command=command, command_unit=unit)
+    command = test.command_in(spec.current.unit)
+    if command is not None:
+        return replace(motion, command=command, command_unit=spec.current.unit)
     raise RecordError(
         f"{test.label}: the model takes its command in {spec.current.unit}, the test has "
         f"{test.command_in_words or 'none'}; give a column for it, or a model in the other unit"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final, Literal
 
@@ -28,6 +29,82 @@ MeasuredQuantity = Literal[
     "current rate",
     "voltage rate",
 ]
+
+CommandUnit = Literal[
+    "A",
+    "V",
+    "mm",
+    "in",
+    "deg",
+    "%",
+    "bar",
+    "psi",
+    "kPa",
+    "MPa",
+    "lb",
+    "degC",
+    "degF",
+    "K",
+    "rpm",
+    "Hz",
+    "T",
+    "mT",
+    "W",
+]
+"""Unit of a command: of a current or voltage in SI, or that in which another scalar is recorded, never converted."""
+
+DriverUnit = Literal["A", "V"]
+"""Unit of the command that a controller sends to a driver."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CommandScale:
+    """What the size of a command means: decimals of a set point, the largest one, and whether it may be negative."""
+
+    decimals: int
+    largest: float = 1e6
+    is_signed: bool = False
+
+
+COMMAND_SCALES: Final[Mapping[CommandUnit, CommandScale]] = MappingProxyType(
+    {
+        "A": CommandScale(decimals=2, largest=1000.0),
+        "V": CommandScale(decimals=2, largest=1000.0),
+        "mm": CommandScale(decimals=2),
+        "in": CommandScale(decimals=3),
+        "deg": CommandScale(decimals=1),
+        "%": CommandScale(decimals=1),
+        "bar": CommandScale(decimals=2),
+        "psi": CommandScale(decimals=1),
+        "kPa": CommandScale(decimals=0),
+        "MPa": CommandScale(decimals=3),
+        "lb": CommandScale(decimals=1),
+        "degC": CommandScale(decimals=1, is_signed=True),
+        "degF": CommandScale(decimals=1, is_signed=True),
+        "K": CommandScale(decimals=1),
+        "rpm": CommandScale(decimals=0),
+        "Hz": CommandScale(decimals=2),
+        "T": CommandScale(decimals=3),
+        "mT": CommandScale(decimals=0),
+        "W": CommandScale(decimals=1),
+    }
+)
+"""Each unit of a command."""
+
+OTHER_COMMAND_UNITS: Final[tuple[CommandUnit, ...]] = tuple(
+    unit for unit in COMMAND_SCALES if unit not in ("A", "V")
+)
+"""Units of commands that are neither a current nor a voltage."""
+
+_COMMAND_SPELLINGS: Final[Mapping[str, CommandUnit]] = {
+    **{unit.casefold(): unit for unit in OTHER_COMMAND_UNITS},
+    **dict.fromkeys(("\N{DEGREE SIGN}c", "deg c", "deg_c", "celsius"), "degC"),
+    **dict.fromkeys(("\N{DEGREE SIGN}f", "deg f", "deg_f", "fahrenheit"), "degF"),
+    **dict.fromkeys(("pct", "percent", "perc"), "%"),
+    **dict.fromkeys(("lbs", "lbf"), "lb"),
+    **dict.fromkeys(("\N{DEGREE SIGN}", "degree", "degrees"), "deg"),
+    "inch": "in",
+}
 
 # A pound-force is 0.45359237 kg times standard gravity, both exact by definition.
 _POUND_FORCE: Final = 4.4482216152605
@@ -146,6 +223,11 @@ def factor_of(unit: str, quantity: MeasuredQuantity) -> float | None:
 def quantity_of(unit: str) -> MeasuredQuantity | None:
     """Quantity that a unit measures, `None` for an unknown unit."""
     return next((quantity for quantity in FACTORS if factor_of(unit, quantity) is not None), None)
+
+
+def command_unit_of(unit: str) -> CommandUnit | None:
+    """The unit of a command that is neither a current nor a voltage, in any case and common spelling; else `None`."""
+    return _COMMAND_SPELLINGS.get(" ".join(unit.split()).casefold()) if len(unit) <= _LONGEST else None
 
 
 def known_units(quantity: MeasuredQuantity) -> str:

@@ -123,6 +123,13 @@ def test_laws_and_lag_are_recovered(fit: Fit) -> None:
     assert float(np.std(predicted.residual)) == pytest.approx(NOISE_N, rel=0.1)
 
 
+def test_the_default_search_finds_the_laws_and_the_lag_in_few_simulations() -> None:
+    """It gives starts of local minimisations: 300 generations were 10 000 simulations, with and without the lag."""
+    fit = mr.identify(SPEC, record(random_steps), bounds=FIXED)
+    assert_recovered(fit)
+    assert fit.trace.evaluations[-1] < 3000
+
+
 def test_the_median_of_a_switching_command_misleads() -> None:
     """What a fit was before: every test at the median of its command."""
     tests = SETS["switching and three constants"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,10 +10,11 @@ import pytest
 from numpy.typing import NDArray
 from record_files import AMPLITUDE, FREQUENCY, clean_columns, codes
 
-from mrwork.errors import RecordError
+import mrwork as mr
+from mrwork.errors import RecordError, SettingError
 from mrwork.records import DamperTest, build_damper_test, cut, mislabelled, read_damper_test, repair
 from mrwork.records.command_signal import is_stepped, levels_of_command, same_command
-from mrwork.records.window import excerpt
+from mrwork.records.window import excerpt, varied_excerpt
 
 DT = 1e-3
 N_TIME = 4000
@@ -64,6 +66,71 @@ def test_a_negative_command_is_a_warning_and_one_beyond_any_driver_refused() -> 
         RecordError, match=r"the current reaches 1e\+09, and no driver gives more than 1000 A or V"
     ):
         built(1e9)
+
+
+def ringing(
+    damping: float, hold: float = 0.5, levels: tuple[float, ...] = (1.8, 0.6, 1.2, 0.0)
+) -> NDArray[np.float64]:
+    """A driver of second order, 14 Hz, that follows steps, with noise."""
+    omega = 2.0 * np.pi * 14.0
+    sent = np.array(levels)[(TIME / hold).astype(int) % len(levels)]
+    command, position, rate = np.empty(N_TIME), sent[0], 0.0
+    for index, wanted in enumerate(sent):
+        command[index] = position
+        rate += DT * (omega**2 * (wanted - position) - 2.0 * damping * omega * rate)
+        position += DT * rate
+    return command + 0.004 * np.random.default_rng(19).standard_normal(N_TIME)
+
+
+@pytest.mark.parametrize("damping", [0.15, 0.25, 0.4])
+def test_a_driver_that_rings_below_zero_is_zero_there_for_check_and_fit_alike(damping: float) -> None:
+    measured = ringing(damping, levels=(1.8, 0.0))
+    assert measured.min() < -0.4
+    test = built(measured)
+    assert {"command_rings", "command_varies"} <= set(codes(test))
+    assert "command_negative" not in codes(test)
+    np.testing.assert_array_equal(test.current, np.maximum(measured, 0.0))
+    below = np.flatnonzero(measured < -0.2)
+    assert np.intersect1d(below, np.arange(test.n_time)[test.counted]).size == 0
+    assert test.n_counted > 0.6 * test.n_time
+    # Nor is it refused where it is simulated, also as arrays of one's own.
+    spec = mr.damper("bingham").with_current_laws({"f_c": "linear"})
+    theta = np.where(spec.nominal == 0.0, 1.0, spec.nominal)
+    motion = mr.Loading(dt=DT, displacement=test.displacement, command=measured, command_unit="A")
+    whole = mr.simulate_force(spec, theta, motion)
+    np.testing.assert_array_equal(
+        whole, mr.simulate_force(spec, theta, replace(motion, command=test.current))
+    )
+
+
+def test_levels_of_a_driver_that_rings_are_those_at_which_it_stays() -> None:
+    assert levels_of_command(ringing(0.2)) == pytest.approx((0.0, 0.6, 1.2, 1.8), abs=0.02)
+
+
+@pytest.mark.parametrize(
+    "current",
+    [
+        np.where(TIME % 0.5 < 0.25, -1.0, 1.0),
+        # Held, if only once.
+        np.where(TIME > 3.8, -1.0, SWITCHING),
+        SWITCHING - 0.3,
+        0.4 * np.sin(2.0 * np.pi * 0.7 * TIME),
+        -ringing(0.4),
+    ],
+    ids=["either sign", "a pulse", "an offset", "a wave", "turned"],
+)
+def test_a_negative_command_is_no_ringing(current: NDArray[np.float64]) -> None:
+    assert "command_negative" in codes(built(current))
+    with pytest.raises(SettingError, match="does not depend on its direction; give its magnitude"):
+        mr.Loading(dt=DT, displacement=np.sin(TIME), command=current, command_unit="A").history()
+
+
+def test_a_glitch_of_a_command_is_no_ringing_beyond_it() -> None:
+    measured = ringing(0.4)
+    measured[2000] = -5.0
+    test = built(measured)
+    assert "command_rings" in codes(test)
+    assert np.min(np.asarray(test.current)) == 0.0
 
 
 def test_a_pulse_shorter_than_a_hundredth_of_the_record_is_a_varying_command() -> None:
@@ -153,6 +220,25 @@ def test_a_command_in_time_with_the_motion_is_no_static_force() -> None:
 def test_ranges_are_told_to_a_hundredth() -> None:
     noisy = SWITCHING + 0.004 * np.random.default_rng(13).standard_normal(N_TIME)
     assert built(noisy).command_in_words in {"-0.01 to 1.01 A, stepped", "-0.01 to 1.02 A, stepped"}
+
+
+def test_the_part_for_a_search_shows_every_level_in_less_than_half_of_the_record() -> None:
+    time = 0.005 * np.arange(12_000)
+    phases = np.random.default_rng(23).uniform(0.0, 2.0 * np.pi, 9)
+    waves = np.array([np.sin(2.0 * np.pi * (0.5 + 0.2 * n) * time + phase) for n, phase in enumerate(phases)])
+    displacement = 0.01 * waves.sum(axis=0)
+    current = np.random.default_rng(24).permutation(np.resize((0.0, 0.6, 1.2, 1.8), 60))[time.astype(int)]
+    force = (1.0 + current) * np.tanh(30.0 * np.gradient(displacement, time))
+    long = build_damper_test(name="long", time=time, displacement=displacement, force=force, current=current)
+    part = varied_excerpt(long)
+    assert part.n_time * part.dt < 0.5 * long.n_time * long.dt
+    assert levels_of_command(np.asarray(part.current)) == (0.0, 0.6, 1.2, 1.8)
+    assert np.ptp(part.displacement) > 0.8 * np.ptp(long.displacement)
+    # A level that the command has only once, at the end, is in it too, or the record is whole.
+    once = replace(long, current=np.where(time > 50.0, 2.4, current))
+    assert 2.4 in levels_of_command(np.asarray(varied_excerpt(once).current))
+    # A test at a constant command is cut as any other.
+    assert varied_excerpt(built(0.5)).n_time == excerpt(built(0.5)).n_time
 
 
 def test_levels_of_a_stepped_command_are_those_without_noise() -> None:

@@ -28,6 +28,9 @@ TESTED = OperatingRange(
 
 
 def identified(run: Path) -> IdentifiedDamper:
+    if run.name == "valve":
+        spec = damper("dahl").with_current_laws({"k_w": "values:0,50"}, unit="%")
+        return IdentifiedDamper(spec=spec, theta=tuple(spec.nominal.tolist()), tested=None)
     if run.name not in ("run", "old"):
         raise RecordError(f"{run} does not exist; give the run folder")
     preset = damper("bouc_wen").preset("jansen2000")
@@ -91,6 +94,10 @@ def test_an_identified_run_is_taken_with_its_laws_and_its_largest_tested_command
 @pytest.mark.parametrize(
     ("text", "message"),
     [
+        (
+            'run = "valve"',
+            r"follows a command in %, and a controller sends a current or a voltage; identify it",
+        ),
         ("", "names no damper; give a preset, a run, or a model with parameters"),
         ('preset = "kwok2005"', r"line 2: no published set is called 'kwok2005', did you mean kwok2006"),
         ('preset = "spencer1997"', r"'spencer1997' is a set of bingham and bouc_wen; choose one with model"),

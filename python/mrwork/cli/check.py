@@ -121,6 +121,8 @@ def _facts(test: DamperTest) -> dict[str, Any]:
         "peak_force_n": float(np.abs(test.force).max()),
         "current_a": _plain(test.current),
         "voltage_v": _plain(test.voltage),
+        "command": _plain(test.command),
+        "command_unit": test.command_unit,
         "velocity_source": test.velocity_source,
         "synthetic": test.synthetic,
         "findings": [asdict(finding) for finding in test.findings],

@@ -50,6 +50,7 @@ from mrwork.identification.searches import Search, method_of, search_named, sear
 from mrwork.identification.settings import Engine, FitSettings
 from mrwork.records import DamperTest, observed
 from mrwork.store.unfinished import discard_journal, run_journal
+from mrwork.units import COMMAND_SCALES
 
 
 def add_parser(verbs: Any) -> None:
@@ -91,8 +92,10 @@ def add_parser(verbs: Any) -> None:
     )
     parser.add_argument(
         "--command-unit",
-        choices=["A", "V"],
-        help="unit of the command in the laws, default A where the tests have a current",
+        choices=[*COMMAND_SCALES],
+        metavar="UNIT",
+        help="unit of the command in the laws, where tests have several: A or V, or that of another scalar, as mm, %%, "
+        "bar, psi, lb or degC; default A where the tests have a current",
     )
     parser.add_argument(
         "--driver-lag",

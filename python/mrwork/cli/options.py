@@ -12,7 +12,7 @@ from mrwork.cli.numbers import EVERY, INSTANT, SEED, SETTLE, THREADS, add_number
 from mrwork.cli.paths import named_path
 from mrwork.cli.progress import reading_line
 from mrwork.cli.terminal import note
-from mrwork.dampers.parameters import CommandUnit, LawName
+from mrwork.dampers.parameters import LawName
 from mrwork.errors import SettingError
 from mrwork.identification.fit_file import OpenedRun, reopen
 from mrwork.identification.nuisance import NuisanceName
@@ -21,6 +21,7 @@ from mrwork.records import DamperTest, parse_column_option
 from mrwork.records.observing import DETECT, VALUES_IN_WORDS, as_words
 from mrwork.records.repairs import AMOUNTS_IN_WORDS, REPAIR_KINDS, RepairKind
 from mrwork.records.rig_table import EveryUse, ListedTest, Use, check_given_once, files_not_read, listed_tests
+from mrwork.units import COMMAND_SCALES, CommandUnit
 
 _NONE = "none"
 _AUTO = "auto"
@@ -226,9 +227,30 @@ def laws_of(options: argparse.Namespace) -> dict[str, LawName]:
 
 
 def command_unit(tests: tuple[DamperTest, ...], options: argparse.Namespace) -> CommandUnit:
-    """Unit of the command in the laws: that of the command line, or else amperes where the tests have a current."""
-    in_amperes = any(test.current is not None for test in tests)
-    unit: CommandUnit = options.command_unit or ("A" if in_amperes else "V")
+    """Unit of the command in the laws: that of the command line, or else the first one that any test has.
+
+    Raises
+    ------
+    SettingError
+        A test has its command in another unit.
+    """
+    given: CommandUnit | None = options.command_unit
+    own = [{unit for _, unit in test.commands} for test in tests]
+    known = [unit for unit in COMMAND_SCALES if any(unit in units for units in own)]
+    shared = [unit for unit in known if all(unit in units for units in own)]
+    unit = given or next(iter([*shared, *known]), None) or "V"
+    for test, units in zip(tests, own, strict=True):
+        if units and unit not in units:
+            other = (
+                next(each.label for each, has in zip(tests, own, strict=True) if unit in has)
+                if not given
+                else ""
+            )
+            beside = f"that of {other} in {unit}" if other else f"--command-unit is {unit}"
+            raise SettingError(
+                f"{test.label}: the command is {test.command_in_words}, {beside}; laws have one unit of the "
+                "command, so fit tests in one unit"
+            )
     return unit
 
 

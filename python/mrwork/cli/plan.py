@@ -15,7 +15,6 @@ from mrwork.cli.options import add_json, add_quiet, add_run, add_seed, add_threa
 from mrwork.cli.output import print_json, renew_page, table_lines, told_findings
 from mrwork.cli.paths import named_path
 from mrwork.cli.terminal import note, show
-from mrwork.dampers.parameters import CommandUnit
 from mrwork.errors import SettingError
 from mrwork.identification.equivalent import identifiable_form
 from mrwork.identification.fit_file import OpenedRun, addition_content
@@ -23,6 +22,7 @@ from mrwork.store.output_file import write_files
 from mrwork.store.run_folder import PLAN, REPORT
 from mrwork.store.run_lock import adding
 from mrwork.uncertainty.planning.candidates import Candidate, Limits, candidate_grid, read_candidates
+from mrwork.units import CommandUnit
 
 if TYPE_CHECKING:
     from mrwork.uncertainty.planning.plan import LinearisedPosterior

@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.dampers.parameters import CommandUnit
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
 from mrwork.simulate import Loading, simulate_force
+from mrwork.units import CommandUnit
 from mrwork.values import holds_arrays
 
 Floats = NDArray[np.float64]

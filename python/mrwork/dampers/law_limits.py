@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mrwork.dampers.parameters import CommandUnit, ParamSpec, law_named
+from mrwork.dampers.parameters import ParamSpec, law_named
 from mrwork.dampers.spec import DamperSpec
 from mrwork.summary import of_unit
+from mrwork.units import CommandUnit
 
 # Commands at which a law is evaluated.
 _N_COMMANDS = 201

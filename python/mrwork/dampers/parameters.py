@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from mrwork import _rust
 from mrwork.errors import UnknownChoiceError, UnknownNameError
 from mrwork.keys import suggestion
+from mrwork.units import CommandUnit
 
 # NumPy or JAX array; no annotation covers both without importing JAX.
 Array = Any
@@ -22,7 +23,6 @@ Array = Any
 Scale = Literal["linear", "log", "offset"]
 # A name of `current_laws`, or that of a law by values at commands, such as "values:0,0.5,1" or "quadratic:0,0.5,1".
 LawName = str
-CommandUnit = Literal["A", "V"]
 
 
 # Most commands at which a law may have values; the compiled module refuses more.
@@ -232,7 +232,7 @@ _VALUES = "values"
 
 
 def law_at(law: LawName, commands: Iterable[float]) -> LawName:
-    """Name of a law by values at these commands [A or V], as in "values:0,0.5,1"; `law` is what precedes the colon."""
+    """Name of a law by values at these commands, as in "values:0,0.5,1"; `law` is what precedes the colon."""
     return f"{law}:{','.join(f'{command:.12g}' for command in commands)}"
 
 

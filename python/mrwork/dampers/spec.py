@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from mrwork import _rust
 from mrwork.arguments import checked
 from mrwork.dampers.parameters import (
-    CommandUnit,
     CurrentLaws,
     LawName,
     ParamSpec,
@@ -26,6 +25,7 @@ from mrwork.dampers.parameters import (
 from mrwork.dampers.presets import PUBLISHED_SETS, PublishedSet
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.summary import Summarised, Summary, rounded
+from mrwork.units import CommandUnit
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)

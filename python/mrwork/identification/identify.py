@@ -71,7 +71,8 @@ def identify(
         One test or several. With `power` 2 all have the same weight, independent of length and force.
     search
         A search with its settings, or its name in the registry; default `Multistart()`. Where a model has current laws
-        and every command varies, that default is `EfficientGA()`.
+        and every command varies, that default is `EfficientGA` with 60 generations, which give starts of local
+        minimisations.
     bounds
         Parameter name to (lower, upper); equal bounds fix the parameter. Others have their admissible range.
     nuisances
@@ -362,10 +363,9 @@ def starting_points(problem: Problem, *, on_search: OnSearch) -> StartingPoints:
 
     if has_levels(problem.form.spec, problem.objective.tests):
         return points_from_levels(problem, search, on_search=on_search)
-    from mrwork.identification.scaled_search import points_from_scaled_forces
-    from mrwork.search.efficient_genetic import EfficientGA
+    from mrwork.identification.scaled_search import points_from_scaled_forces, search_of_starts
 
-    optimiser = EfficientGA() if isinstance(search, Multistart) else search
+    optimiser = search_of_starts() if isinstance(search, Multistart) else search
     return points_from_scaled_forces(problem, optimiser, on_search=on_search)
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from mrwork.identification.driver_lag import missing_lag, rate_is_shown, with_lag
 from mrwork.identification.equivalent import identifiable_form
 from mrwork.identification.global_search import StartingPoints
+from mrwork.identification.multistart import minima_from
 from mrwork.identification.polish import OnStart, OnStep, Polished, polish
 from mrwork.identification.problem import Problem
 from mrwork.values import holds_arrays
@@ -59,12 +60,14 @@ def polish_with_wanted_lag(
     plain = _without_lag(problem)
     if not plain.form.box.free:
         return lagged
+    objective = points.objective.on(plain.form.spec, points.objective.tests)
+    given = np.array([lagged.polished.theta, *points.theta])[:, :-1]
     starts = replace(
         points,
-        objective=points.objective.on(plain.form.spec, points.objective.tests),
+        objective=objective,
         form=plain.form,
-        theta=np.array([lagged.polished.theta, *points.theta])[:, :-1],
-        minima=False,
+        theta=minima_from(objective, plain.form.box, given, mirrored=plain.form.mirrored),
+        minima=True,
     )
     # A start of the model without the lag is none of the fit that may be interrupted.
     polished = polish(plain, starts, on_start=lambda _minimum, _share: None, on_step=on_step)

@@ -53,8 +53,7 @@ from mrwork.identification.problem import Problem
 from mrwork.identification.search_ranges import search_box
 from mrwork.identification.suspicion import far_worse, far_worse_sentence
 from mrwork.records import DamperTest
-from mrwork.records.command import command_level
-from mrwork.records.command_signal import levels_of_command
+from mrwork.records.command_signal import command_level, levels_of_command
 from mrwork.records.window import middle_excerpt
 from mrwork.search import Optimiser
 from mrwork.simulate import loading_of
@@ -298,10 +297,11 @@ def tested_commands(spec: DamperSpec, tests: Sequence[DamperTest]) -> Array:
 
     Each command at which a varying one stays counts.
     """
+    unit = "A" if spec.current is None else spec.current.unit
     commands = (loading_of(test, spec).command for test in tests)
     known = [command for command in commands if command is not None]
     return np.array(
-        sorted({command_level(level) for command in known for level in levels_of_command(command)})
+        sorted({command_level(level, unit) for command in known for level in levels_of_command(command)})
     )
 
 
@@ -332,7 +332,8 @@ def command_is_constant(test: DamperTest, spec: DamperSpec) -> bool:
 
 def _by_level(spec: DamperSpec, tests: Sequence[DamperTest]) -> dict[float, tuple[DamperTest, ...]]:
     commands = [float(np.mean(np.asarray(loading_of(test, spec).command))) for test in tests]
-    level_of = [command_level(command) for command in commands]
+    unit = "A" if spec.current is None else spec.current.unit
+    level_of = [command_level(command, unit) for command in commands]
     return {
         level: tuple(test for test, own in zip(tests, level_of, strict=True) if own == level)
         for level in sorted(set(level_of))

@@ -280,6 +280,52 @@ def distinct_minima(box: Box, theta: NDArray[np.float64], misfit: NDArray[np.flo
     return theta[chosen[:_MOST_DISTINCT]]
 
 
+def minima_from(
+    objective: Objective,
+    box: Box,
+    starts: NDArray[np.float64],
+    *,
+    mirrored: tuple[int, ...] = (),
+    on_iteration: Callable[[LocalMinima], None] | None = None,
+) -> NDArray[np.float64]:
+    """The `distinct_minima` that local minimisations from these starts reach, in one batch; one to three rows.
+
+    Parameters
+    ----------
+    starts
+        Shape (n_starts, n_params).
+    mirrored
+        As in `search_starts`: a further minimisation starts from the mirror image of the best minimum.
+    """
+    settings = Multistart()
+
+    def descended(starts: NDArray[np.float64]) -> LocalMinima:
+        return find_minima(
+            objective,
+            box,
+            starts,
+            max_iterations=settings.most_iterations,
+            tolerance=_TOLERANCE,
+            hopeless=Hopeless(
+                after=_HOPELESS_AFTER,
+                factor=_HOPELESS,
+                found=settings.found,
+                closeness=settings.closeness,
+            ),
+            on_iteration=on_iteration,
+        )
+
+    found = descended(starts)
+    theta, misfit = found.theta, found.misfit
+    if mirrored:
+        image = theta[[int(np.argmin(misfit))]]
+        image[:, list(mirrored)] *= -1.0
+        found = descended(image)
+        theta, misfit = np.concatenate([theta, found.theta]), np.concatenate([misfit, found.misfit])
+    order = np.argsort(misfit, kind="stable")
+    return distinct_minima(box, theta[order], misfit[order])
+
+
 class _Rounds:
     """State of the search: the best sample, the minima of the rounds that have ended, those of the present round."""
 

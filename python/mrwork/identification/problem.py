@@ -25,8 +25,7 @@ from mrwork.identification.objective import ROOT_MEAN_SQUARE, Objective
 from mrwork.identification.searches import Search, method_of
 from mrwork.identification.settings import FitSettings, Start
 from mrwork.records import DamperTest, observed
-from mrwork.records.command import command_level
-from mrwork.records.command_signal import Command, command_in_words
+from mrwork.records.command_signal import Command, command_in_words, command_level
 from mrwork.store import Journal, digest_of
 from mrwork.store.fingerprint import package_version
 from mrwork.summary import listed
@@ -194,6 +193,7 @@ def fingerprint_of(problem: Problem) -> dict[str, object]:
                 "settle_samples": test.n_settle,
                 "current": _recorded(test.current),
                 "voltage": _recorded(test.voltage),
+                **({} if test.command is None else {"command": [_recorded(test.command), test.command_unit]}),
                 "observation": test.observation.in_words,
                 # Changes with windows, repairs and units of columns.
                 "signals": digest_of(test.dt, test.displacement, test.velocity, test.force, test.observation),
@@ -209,7 +209,7 @@ def command_warning(tests: Sequence[DamperTest], specs: Sequence[DamperSpec]) ->
     """A sentence where models with constant parameters are to describe several commands; else nothing."""
     known = [test.commands[0] for test in tests if test.commands]
     levels = sorted(
-        {(unit, command_level(value)) for value, unit in known if not isinstance(value, np.ndarray)}
+        {(unit, command_level(value, unit)) for value, unit in known if not isinstance(value, np.ndarray)}
     )
     varying = {command_in_words(value, unit) for value, unit in known if isinstance(value, np.ndarray)}
     constant = [spec.name for spec in specs if spec.current is None]

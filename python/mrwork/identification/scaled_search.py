@@ -21,15 +21,19 @@ from mrwork.identification.global_search import (
 )
 from mrwork.identification.law_coefficients import fitted_law, joint_box, plain_of
 from mrwork.identification.level_search import refuse_few_levels, tested_commands
+from mrwork.identification.levenberg_marquardt import LocalMinima
+from mrwork.identification.multistart import minima_from
 from mrwork.identification.problem import Problem
 from mrwork.identification.search_ranges import search_box
 from mrwork.records import DamperTest
-from mrwork.records.window import excerpt
-from mrwork.search import Optimiser, run_search
+from mrwork.records.window import varied_excerpt
+from mrwork.search import EfficientGA, Optimiser, StopRules, run_search
 from mrwork.simulate import loading_of
 from mrwork.values import holds_arrays
 
 _STARTS = 8
+# Generations of the default search: local minimisations from its elite reach the same minimum after 10 as after 300.
+_GENERATIONS = 60
 # The starts have the nominal rate of the driver's lag times these factors, in turn.
 _RATES = (1.0, 0.2, 5.0)
 # Force at the command of the least force, relative to that of the largest.
@@ -96,10 +100,18 @@ def relative_force(
     return np.asarray(line / np.mean(line))
 
 
+def search_of_starts() -> EfficientGA:
+    """The default search, which only has to find the basin of the minimum."""
+    return EfficientGA(stop=StopRules(max_generations=_GENERATIONS))
+
+
 def points_from_scaled_forces(
     problem: Problem, search: Optimiser[Any], *, on_search: OnSearch
 ) -> StartingPoints:
     """Search the plain parameters whose laws, scaled as the measured force is by the command, fit all tests best.
+
+    The search and local minimisations from its elite, in one batch, compare the shortest parts of the tests that show
+    every level of the command, see `varied_excerpt`.
 
     Raises
     ------
@@ -111,14 +123,14 @@ def points_from_scaled_forces(
         On Ctrl-C, carrying `StartingPoints` with only the best point so far, `None` where there is none.
     """
     form, rng = problem.form, problem.settings.rng
-    excerpts = tuple(excerpt(test) for test in problem.objective.tests)
-    objective = problem.objective.on(form.spec, excerpts)
-    commands = tested_commands(form.spec, excerpts)
+    tests = problem.objective.tests
+    objective = problem.objective.on(form.spec, tuple(varied_excerpt(test) for test in tests))
+    commands = tested_commands(form.spec, tests)
     refuse_few_levels(form.spec, len(commands))
     plain, bounds = plain_of(form)
-    box = search_box(plain, bounds, excerpts)
-    laws = ScaledLaws.of(form.spec, excerpts, commands)
-    joint_form = replace(form, box=joint_box(form, excerpts, commands))
+    box = search_box(plain, bounds, tests)
+    laws = ScaledLaws.of(form.spec, tests, commands)
+    joint_form = replace(form, box=joint_box(form, tests, commands))
 
     def from_unit(unit: NDArray[np.float64]) -> NDArray[np.float64]:
         theta = laws.theta(np.asarray(box.theta_from_unit(np.atleast_2d(unit))))
@@ -143,10 +155,18 @@ def points_from_scaled_forces(
     starts = from_unit(found.elite[:_STARTS])
     if form.spec.current is not None and form.spec.current.lagged:
         starts[:, -1] *= np.resize(_RATES, len(starts))
-    inside = np.clip(starts, joint_form.box.lower, joint_form.box.upper)
-    return StartingPoints(
-        objective=objective,
-        form=joint_form,
-        theta=np.array([joint_form.box.inside(start) for start in inside]),
-        trace=joined_trace([found]),
-    )
+    box = joint_form.box
+    starts = np.array([box.inside(start) for start in np.clip(starts, box.lower, box.upper)])
+    trace = joined_trace([found])
+
+    def on_iteration(minima: LocalMinima) -> None:
+        misfits = minima.misfit[np.isfinite(minima.misfit)]
+        on_search(
+            len(found.trace.best) + minima.iterations, float(misfits.min()), float(np.median(misfits)), 1.0
+        )
+
+    try:
+        theta = minima_from(objective, box, starts, mirrored=joint_form.mirrored, on_iteration=on_iteration)
+    except KeyboardInterrupt as interrupt:
+        raise interrupted_at(starts[0], objective, joint_form, trace) from interrupt
+    return StartingPoints(objective=objective, form=joint_form, theta=theta, trace=trace, minima=True)

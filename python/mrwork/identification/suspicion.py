@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.records import DamperTest
-from mrwork.records.command import command_level
+from mrwork.records.command_signal import command_level
 
 # A fit whose misfit is not below this share of that of a linear spring and dashpot has lost its non-linear part.
 LINEAR_SHARE = 0.98
@@ -31,7 +31,7 @@ def _command_of(test: DamperTest) -> object:
     """What tests at one command share; a test whose command varies is by itself."""
     if test.has_varying_command:
         return test.label
-    return tuple((unit, command_level(float(np.mean(command)))) for command, unit in test.commands)
+    return tuple((unit, command_level(float(np.mean(command)), unit)) for command, unit in test.commands)
 
 
 def _linear_squares(tests: Sequence[DamperTest]) -> list[float]:

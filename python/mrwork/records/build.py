@@ -14,7 +14,7 @@ from mrwork.arguments import AnyArrayLike, NotNegative, checked
 from mrwork.errors import RecordError
 from mrwork.records import checks
 from mrwork.records.command import command_of, motion_matches_name
-from mrwork.records.command_signal import Command
+from mrwork.records.command_signal import Command, ringing_samples, without_ringing
 from mrwork.records.damper_test import DamperTest, Finding, VelocitySource, frozen
 from mrwork.records.detectors.cycles import drift_finding, mass_finding
 from mrwork.records.detectors.delay import delay_finding
@@ -23,7 +23,8 @@ from mrwork.records.detectors.spikes import without_spikes
 from mrwork.records.detectors.velocity import velocity_agrees
 from mrwork.records.motion import Smoother, SmoothMotion, motion_of
 from mrwork.records.sampling import Signals, check_time, complete_rows, uniform_step
-from mrwork.records.window import settling_samples, uncompared_spans
+from mrwork.records.window import settling_samples, spans_with, uncompared_spans
+from mrwork.units import CommandUnit
 
 _DETECTORS: Final[tuple[Callable[[DamperTest, SmoothMotion], tuple[Finding, ...]], ...]] = (
     smoothing_finding,
@@ -47,6 +48,8 @@ def build_damper_test(
     velocity: AnyArrayLike | None = None,
     current: AnyArrayLike | None = None,
     voltage: AnyArrayLike | None = None,
+    command: AnyArrayLike | None = None,
+    command_unit: CommandUnit | None = None,
     amplitude: NotNegative | None = None,
     frequency: NotNegative | None = None,
     synthetic: bool = False,
@@ -67,6 +70,8 @@ def build_damper_test(
     current, voltage
         Command [A, V], one number or shape (n_time,). The test has its median if it is constant within noise; else
         each sample is held until the next.
+    command, command_unit
+        Likewise the command of a damper that follows another scalar, in its own unit, such as "mm" or "%".
     amplitude, frequency
         Nominal values [m, Hz], compared with half the peak to peak of the motion and its dominant frequency.
     synthetic
@@ -100,7 +105,10 @@ def build_damper_test(
     )
     amperes, about_current = _command(current, "current", "A", source, raw.time.size)
     volts, about_voltage = _command(voltage, "voltage", "V", source, raw.time.size)
-    given = replace(raw, current=_if_varying(amperes), voltage=_if_varying(volts))
+    scalar, about_scalar = _command(command, "command", command_unit or "A", source, raw.time.size)
+    given = replace(
+        raw, current=_if_varying(amperes), voltage=_if_varying(volts), command=_if_varying(scalar)
+    )
     for channel_name, channel in given.channels():
         if channel.size != raw.time.size:
             raise RecordError(
@@ -128,6 +136,13 @@ def build_damper_test(
         moving, velocity_source, about_velocity = velocity_agrees(
             signals.velocity, displaced, motion, uncompared
         )
+    rings = np.zeros(displaced.size, dtype=np.bool_)
+    commands: dict[str, Command | None] = {"current": amperes, "voltage": volts, "command": scalar}
+    for channel_name, unit in (("current", "A"), ("voltage", "V"), ("command", command_unit)):
+        sent = getattr(signals, channel_name)
+        if sent is not None and unit is not None:
+            rings |= ringing_samples(sent, unit)
+            commands[channel_name] = frozen(without_ringing(sent, unit))
     resisting, about_sign = checks.force_sign(signals.force, motion.velocity)
     findings += [
         *about_velocity,
@@ -139,12 +154,13 @@ def build_damper_test(
         *checks.samples_per_cycle(motion.frequency, dt),
         *about_current,
         *about_voltage,
+        *about_scalar,
         *motion_matches_name(displaced, motion.frequency, dt * displaced.size, amplitude, frequency),
     ]
     test = DamperTest(
         name=name,
         path=path,
-        sha256=_digest(raw, current, voltage) if sha256 is None else sha256,
+        sha256=_digest(raw, current, voltage, command) if sha256 is None else sha256,
         dt=dt,
         start_time=float(signals.time[0]),
         displacement=frozen(displaced),
@@ -152,9 +168,11 @@ def build_damper_test(
         force=frozen(resisting),
         velocity_source=velocity_source,
         n_settle=settling_samples(displaced),
-        uncompared=uncompared,
-        current=amperes if signals.current is None else frozen(signals.current),
-        voltage=volts if signals.voltage is None else frozen(signals.voltage),
+        uncompared=spans_with(uncompared, rings),
+        current=commands["current"],
+        voltage=commands["voltage"],
+        command=commands["command"],
+        command_unit=command_unit,
         amplitude=amplitude,
         frequency=frequency,
         synthetic=synthetic,
@@ -178,7 +196,7 @@ def _channel(samples: ArrayLike, name: str, source: str) -> NDArray[np.float64]:
 
 
 def _command(
-    samples: ArrayLike | None, quantity: str, unit: str, source: str, n_time: int
+    samples: ArrayLike | None, quantity: str, unit: CommandUnit, source: str, n_time: int
 ) -> tuple[Command | None, tuple[Finding, ...]]:
     if samples is None:
         return None, ()
@@ -205,8 +223,8 @@ def _velocity_derived(smoother: Smoother) -> Finding:
     )
 
 
-def _digest(raw: Signals, current: ArrayLike | None, voltage: ArrayLike | None) -> str:
-    named = [*raw.channels(), ("current", current), ("voltage", voltage)]
+def _digest(raw: Signals, *commands: ArrayLike | None) -> str:
+    named = [*raw.channels(), *zip(("current", "voltage", "command"), commands, strict=True)]
     digest = hashlib.sha256()
     for name, samples in named:
         if samples is not None:

@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping
 from typing import Final, Literal, get_args
 
-from mrwork.units import quantity_of
+from mrwork.units import CommandUnit, command_unit_of, quantity_of
 
 TestQuantity = Literal["time", "displacement", "velocity", "force", "current", "voltage"]
 
@@ -50,6 +50,8 @@ _OF_COMMAND: Final = frozenset({
     "command", "commanded", "setpoint", "set", "point", "target", "demand", "coil", "damper", "mr",
     "mrd", "drive", "driver", "applied", "control", "input", "excitation", "spule", "bobina",
 })  # fmt: skip
+# Beside those words, what sets the force of a damper that follows no current or voltage.
+_SCALAR_COMMANDS: Final = _COMMAND | {"valve", "opening", "orifice", "needle", "gap", "control"}
 # A word, optionally followed by a separator and a unit: force_kN, Force (kN), "v [m/s]", disp/mm.
 _NAME: Final = re.compile(r"\s*([^\W\d_]+)(?:[\s_\-/,:.(\[]+(.*?)[)\]]?)?\s*")
 # Several words before the unit: Axial Force (kN), load_cell_kN, Position(Linear:Digital Position) (mm).
@@ -87,6 +89,26 @@ def unit_in_name(quantity: TestQuantity, name: str) -> str | None:
         is_sensed = said & _OF_SENSORS[quantity] and quantity_of(at_end) not in (None, quantity)
         return at_end if is_named and others - letters <= _OF_COMMAND and not is_sensed else None
     return at_end if said & stems and not others & _NOT_MEASURED else None
+
+
+def scalar_unit_in_name(name: str, apart: str = "") -> CommandUnit | None:
+    """Unit of a column whose name means a command that is neither a current nor a voltage; else `None`.
+
+    Such as ``valve_mm``, ``Valve Opening (%)``, ``setpoint_psi`` and ``command [deg C]``. `apart` is a unit that the
+    file states beside the name. A name of further words, as ``Axial Command (mm)``, means a command of the rig.
+    """
+    if len(name) > LONGEST_NAME:
+        return None
+    words, at_end = _words_and_unit(name)
+    match = _NAME.fullmatch(name)
+    for said, text in ((words, at_end), (match[1], match[2] or "") if match else ("", ""), (name, apart)):
+        unit = command_unit_of(text)
+        own = _words(said)
+        if unit is None or not own:
+            continue
+        if own & _SCALAR_COMMANDS and not own - _SCALAR_COMMANDS - _OF_COMMAND:
+            return unit
+    return None
 
 
 def is_second_choice(quantity: TestQuantity, name: str) -> bool:

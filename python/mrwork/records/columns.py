@@ -14,6 +14,7 @@ from mrwork.records.column_names import (
     TestQuantity,
     is_plain,
     is_second_choice,
+    scalar_unit_in_name,
     unit_at_end,
     unit_in_name,
     without_unit,
@@ -25,9 +26,18 @@ from mrwork.records.column_suggestions import (
     no_numbers,
     suggested_options,
 )
-from mrwork.records.command_signal import LARGEST_COMMAND
+from mrwork.records.command_signal import LARGEST_COMMAND, impossible_command
 from mrwork.summary import listed
-from mrwork.units import FACTORS, factor_of, factor_to_si, known_units, quantity_of
+from mrwork.units import (
+    FACTORS,
+    OTHER_COMMAND_UNITS,
+    CommandUnit,
+    command_unit_of,
+    factor_of,
+    factor_to_si,
+    known_units,
+    quantity_of,
+)
 
 REQUIRED: Final[tuple[TestQuantity, ...]] = ("time", "displacement", "force")
 
@@ -50,7 +60,10 @@ _MOST_SHOWN: Final = 20
 # In the names of columns, and in no unit.
 _OF_A_NAME: Final = re.compile(r"[\s()\[\]{}]")
 _STARTS_AS_NUMBER: Final = re.compile(r"[+-]?[.,]?\d|[+-]?(nan|inf)\b", re.IGNORECASE)
-_NUMBER_AND_UNIT: Final = re.compile(r"([+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?)\s*([^\W\d_]+)")
+_NUMBER_AND_UNIT: Final = re.compile(
+    r"([+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?)\s*([^\W\d_]+|%|deg [CF]|\N{DEGREE SIGN}[CF]?)",
+    re.IGNORECASE,
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -117,37 +130,41 @@ def check_specification(name: str, specification: str) -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StatedCommand:
-    """The command as it is stated for a test: a number in SI, or a column, with its unit or the file's.
+    """The command as it is stated for a test: a number, or a column, with its unit or the file's.
 
-    The `quantity` is `None` where the unit is that of the file.
+    A current or a voltage is in SI; a command of another `unit` is in that. The `quantity` is `None` where the unit is
+    that of the file, or none of a current or a voltage.
     """
 
     quantity: TestQuantity | None
     value: float | None = None
     column: str = ""
+    unit: CommandUnit | None = None
 
-    def in_file(
-        self, names: Sequence[str], units: Mapping[str, str], source: str
-    ) -> tuple[TestQuantity, str]:
-        """The quantity of a command that is a column, and its ``"COLUMN:UNIT"``.
+    def in_file(self, names: Sequence[str], units: Mapping[str, str], source: str) -> StatedCommand:
+        """A command that is a column with the unit that its name or the file gives it.
 
         Raises
         ------
         RecordError
             There is no such column.
         UnitError
-            Neither its name nor the file gives it a unit of a current or a voltage.
+            Neither its name nor the file gives it a unit of a command.
         """
-        if self.quantity is not None:
-            return self.quantity, self.column
+        if self.quantity is not None or self.value is not None:
+            return self
         name = _find(self.column, names, source)
+        if self.unit is not None:
+            return replace(self, column=name)
         for unit in (units.get(name, ""), unit_at_end(name)):
             for quantity in COMMANDS:
                 if quantity_of(unit) == quantity:
-                    return quantity, f"{name}:{unit}"
+                    return StatedCommand(quantity=quantity, column=f"{name}:{unit}")
+            if (own := command_unit_of(unit)) is not None:
+                return StatedCommand(quantity=None, column=name, unit=own)
         raise UnitError(
-            f"{source}: the column '{name}' of the command does not say whether it is a current or a voltage; give its "
-            f"unit, as in {column_option(COMMAND, name, 'A')}"
+            f"{source}: the column '{name}' of the command does not say its unit; give it, as in "
+            f"{column_option(COMMAND, name, 'A')}, or one of {', '.join(OTHER_COMMAND_UNITS)}"
         )
 
     @classmethod
@@ -159,7 +176,7 @@ class StatedCommand:
         SettingError
             The text has another form.
         UnitError
-            The unit is none of a current or a voltage.
+            The unit is none of a command.
         """
         number = _NUMBER_AND_UNIT.fullmatch(text.strip())
         unit = number[2] if number else text.rpartition(":")[2].strip()
@@ -173,10 +190,7 @@ class StatedCommand:
                 )
             if number is None and ":" not in text:
                 return cls(quantity=None, column=text.strip())
-            raise UnitError(
-                f"the command is '{text.strip()}': '{unit}' is no unit of a current or a voltage; give one of "
-                f"{', '.join(known_units(each) for each in COMMANDS)}"
-            )
+            return cls._of_other_unit(text.strip(), unit, None if number is None else number[1])
         if number is None:
             _parse_specification(quantity, text)
             return cls(quantity=quantity, column=text.strip())
@@ -188,6 +202,43 @@ class StatedCommand:
                 "depend on its direction"
             )
         return cls(quantity=quantity, value=value)
+
+    @classmethod
+    def _of_other_unit(cls, text: str, unit: str, number: str | None) -> StatedCommand:
+        """A command that is neither a current nor a voltage: a number in its unit, or ``"COLUMN:UNIT"``."""
+        own = command_unit_of(unit)
+        column = text.rpartition(":")[0].strip()
+        if own is None or (number is None and not column):
+            raise UnitError(
+                f"the command is '{text}': '{unit}' is no unit of a command; give one of "
+                f"{', '.join(known_units(each) for each in COMMANDS)}, {', '.join(OTHER_COMMAND_UNITS)}"
+            )
+        if number is None:
+            return cls(quantity=None, column=column, unit=own)
+        value = float(number.replace(",", "."))
+        if wrong := impossible_command(value, own):
+            raise SettingError(f"the command '{text}' {wrong}")
+        return cls(quantity=None, value=value, unit=own)
+
+
+def scalar_command(names: Sequence[str], units: Mapping[str, str], *, source: str) -> StatedCommand | None:
+    """The column whose name means a command that is neither a current nor a voltage, with its unit; else `None`.
+
+    Raises
+    ------
+    RecordError
+        There are several.
+    """
+    found = [
+        (name, unit) for name in names for unit in [scalar_unit_in_name(name, units.get(name, ""))] if unit
+    ]
+    if len(found) > 1:
+        (first, unit), (second, _) = found[:2]
+        raise RecordError(
+            f"{source}: columns '{first}' and '{second}' both look like the command; say which one to use, as in "
+            f"{column_option(COMMAND, first, unit)}"
+        )
+    return StatedCommand(quantity=None, column=found[0][0], unit=found[0][1]) if found else None
 
 
 def choose_columns(

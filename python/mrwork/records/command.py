@@ -10,19 +10,21 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.dampers.parameters import CommandUnit
 from mrwork.errors import RecordError
 from mrwork.records.column_suggestions import column_option
 from mrwork.records.command_signal import (
-    LARGEST_COMMAND,
     Command,
+    beyond_any_driver,
     command_noise,
     command_range,
     impossible_command,
     range_in_words,
+    rings_below_zero,
     variation_in_words,
+    without_ringing,
 )
 from mrwork.records.damper_test import DamperTest, Finding, Measured
+from mrwork.units import CommandUnit
 
 # Fewest samples of a pulse that noise does not explain.
 _PULSE: Final = 3
@@ -32,53 +34,67 @@ _FREQUENCY: Final = 0.20
 
 
 def command_of(
-    samples: NDArray[np.float64], quantity: str, unit: str, *, source: str
+    samples: NDArray[np.float64], quantity: str, unit: CommandUnit, *, source: str
 ) -> tuple[Command, tuple[Finding, ...]]:
-    """Return a command as a number, its median, if it varies no more than a measured constant does; else as it is.
+    """Return a command as a number, its median, if it varies no more than a measured constant does; else as it varies.
 
-    A varying command comes with a note on its range, a negative one with a warning.
+    A varying command comes with a note on its range and one where it rings below zero, a negative one with a warning.
 
     Raises
     ------
     RecordError
-        Every sample is missing, one is infinite, or most are beyond any driver.
+        Every sample is missing, one is infinite, or a command is beyond any driver.
     """
     present = samples[~np.isnan(samples)]
     if present.size == 0 or np.isinf(present).any():
         problem = "has no value" if present.size == 0 else "has infinite values"
         raise RecordError(f"{source}: the {quantity} {problem}; correct the column or leave it out")
     value = float(np.median(present))
-    tolerance = command_noise(value)
+    tolerance = command_noise(value, unit)
     low, high = np.percentile(present, [1.0, 99.0])
-    wrong = impossible_command(np.array([low, high]))
-    if max(-low, high) > LARGEST_COMMAND:
-        raise RecordError(f"{source}: the {quantity} {wrong}; check its unit, or leave the column out")
+    is_constant = high - low <= tolerance and not _has_pulse(np.abs(present - value) > tolerance)
+    command: Command = value if is_constant else present
+    if beyond := beyond_any_driver(command, unit):
+        raise RecordError(f"{source}: the {quantity} {beyond}; check its unit, or leave the column out")
+    wrong = impossible_command(command, unit)
     negative = (
         (Finding(code="command_negative", severity="warning", message=f"the {quantity} {wrong}"),)
         if wrong
         else ()
     )
-    if high - low <= tolerance and not _has_pulse(np.abs(present - value) > tolerance):
+    if is_constant:
         return value, negative
-    lowest, highest = range_in_words(present)
+    rings = _rings(present, quantity, unit)
+    lowest, highest = range_in_words(without_ringing(present, unit))
     message = (
         f"the {quantity} {variation_in_words(present)} {lowest} and {highest} {unit}; a model follows it by current "
         "laws (--law)"
     )
     measured = Measured(value=float(np.ptp(present)), unit=unit)
     varies = Finding.note("command_varies", message, measured=measured)
-    return samples, (varies, *negative)
+    return samples, (varies, *rings, *negative)
+
+
+def _rings(present: NDArray[np.float64], quantity: str, unit: CommandUnit) -> tuple[Finding, ...]:
+    """A note on a command that rings below zero."""
+    if not rings_below_zero(present, unit):
+        return ()
+    lowest = float(present.min())
+    share = 100.0 * float(np.mean(present < -command_noise(lowest, unit)))
+    return (
+        Finding.note(
+            "command_rings",
+            f"the {quantity} rings below zero, to {lowest:.3g} {unit} ({share:.2g} % of the samples); it is taken as "
+            "zero there, and the force is not compared until as long after",
+            measured=Measured(value=lowest, unit=unit),
+        ),
+    )
 
 
 def _has_pulse(outside: NDArray[np.bool_]) -> bool:
     """Whether samples beyond the tolerance follow each other, as in a pulse too short for the percentiles."""
     runs = np.convolve(outside, np.ones(_PULSE), mode="valid") if outside.size >= _PULSE else np.zeros(0)
     return bool(np.any(runs > _PULSE - 0.5))
-
-
-def command_level(value: float) -> float:
-    """Set point of a measured command [A or V]: measured commands of one level differ by noise."""
-    return round(value, 2)
 
 
 def motion_matches_name(
@@ -126,7 +142,7 @@ def _with_command(
     if unit in recorded:
         # A varying command disagrees if it never is the nominal one.
         nearest = float(np.clip(value, *command_range(recorded[unit])))
-        if abs(nearest - value) > command_noise(value):
+        if abs(nearest - value) > command_noise(value, unit):
             found = (_disagrees(quantity, value, nearest, unit),)
     elif recorded:
         message = f"the command is {test.command_in_words}; the {named} of the file name are not used"

@@ -8,14 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.summary import of_unit
+from mrwork.units import COMMAND_SCALES, CommandUnit
 
 Command = float | NDArray[np.float64]
-"""Command [A or V]: a number if it is constant, else shape (n_time,)."""
+"""Command: a number if it is constant, else shape (n_time,)."""
 
-LARGEST_COMMAND: Final = 1000.0
+LARGEST_COMMAND: Final = COMMAND_SCALES["A"].largest
 """Largest command [A or V] that a test may have."""
-# A measured command of zero is not exactly zero: by this [A or V], and by this share of the largest.
-_NOISE: Final = 0.02
+# A measured command of zero is not exactly zero: by this number of its last decimals, and by this share of the largest.
+_NOISE: Final = 2.0
 _NOISE_SHARE: Final = 0.05
 
 # Share of the samples in the middle half of the range of a command that switches between two levels.
@@ -25,8 +26,18 @@ _RAMPING: Final = 0.9
 # A jump is a change by this share of the range, beside which the command changes by less than this share of the jump.
 _JUMP: Final = 0.05
 _BESIDE: Final = 0.25
-# Levels differ by more than this share of the range.
+# Levels differ by more than this share of the range without its outermost hundredths.
 _LEVEL: Final = 0.05
+# A level is a mode that has this share of the samples of the largest one: what a driver only passes has fewer.
+_MODE: Final = 0.1
+# Quantiles from which modes are found.
+_QUANTILES: Final = (np.arange(400) + 0.5) / 400.0
+# A driver that rings is below zero for at most this share of the time, by at most this share of its highest level: the
+# first overshoot of a step at a tenth of critical damping is 73 %.
+_RINGING: Final = 0.1
+_RINGING_DEPTH: Final = 0.75
+# Fewer samples in succession are a glitch.
+_GLITCH: Final = 3
 # Share of the sum of squared changes that the jumps of a stepped command have.
 _STEPPED: Final = 0.8
 
@@ -36,19 +47,81 @@ def command_range(command: Command) -> tuple[float, float]:
     return float(np.min(command)), float(np.max(command))
 
 
-def impossible_command(command: Command) -> str:
-    """What is wrong with a command, as the rest of a sentence: it is negative beyond noise, or beyond any driver."""
+def impossible_command(command: Command, unit: CommandUnit) -> str:
+    """What is wrong with a command, as the rest of a sentence: it is negative beyond noise, or beyond any driver.
+
+    A command that only rings below zero is not negative.
+    """
     low, high = command_range(command)
-    if max(-low, high) > LARGEST_COMMAND:
-        return f"reaches {low if -low > high else high:g}, and no driver gives more than {LARGEST_COMMAND:g} A or V"
-    if low < -command_noise(max(-low, high)):
+    if beyond := beyond_any_driver(command, unit):
+        return beyond
+    if COMMAND_SCALES[unit].is_signed:
+        return ""
+    if low < -command_noise(max(-low, high), unit) and not (
+        isinstance(command, np.ndarray) and rings_below_zero(command, unit)
+    ):
         return f"goes down to {low:g}: the force does not depend on its direction; give its magnitude"
     return ""
 
 
-def command_noise(level: float) -> float:
-    """By how much a measured constant command of this level may vary [A or V]."""
-    return _NOISE_SHARE * abs(level) + _NOISE
+def beyond_any_driver(command: Command, unit: CommandUnit) -> str:
+    """How far a command is beyond any driver, as the rest of a sentence; empty where it is not."""
+    low, high = command_range(command)
+    largest = COMMAND_SCALES[unit].largest
+    if max(-low, high) <= largest:
+        return ""
+    shared = "A or V" if unit in ("A", "V") else unit
+    return f"reaches {low if -low > high else high:g}, and no driver gives more than {largest:g} {shared}"
+
+
+def rings_below_zero(command: NDArray[np.float64], unit: CommandUnit) -> bool:
+    """Whether a command is below zero, beyond noise, only in passing, as that of an underdamped driver after a step.
+
+    It stays at no level below zero, is there for at most a tenth of the time, and goes no further than three quarters
+    of its highest level; one or two samples are a glitch and may go further.
+    """
+    if command.size <= _GLITCH or COMMAND_SCALES[unit].is_signed:
+        return False
+    levels = levels_of_command(command)
+    noise = command_noise(levels[-1], unit)
+    below = command < -noise
+    if levels[0] < -noise or not 0.0 < float(np.mean(below)) <= _RINGING:
+        return False
+    # The highest of any samples in succession: a glitch does not lower it.
+    highest = np.lib.stride_tricks.sliding_window_view(command, _GLITCH).max(axis=1)
+    return bool(highest.min() >= -_RINGING_DEPTH * levels[-1])
+
+
+def without_ringing(command: NDArray[np.float64], unit: CommandUnit) -> NDArray[np.float64]:
+    """A command that rings below zero with zero there, the least force; any other as it is.
+
+    A driver that takes current out of the coil lowers it no further than to zero, or reverses it for a moment.
+    """
+    return np.maximum(command, 0.0) if rings_below_zero(command, unit) else command
+
+
+def ringing_samples(command: NDArray[np.float64], unit: CommandUnit) -> NDArray[np.bool_]:
+    """Samples while a driver rings below zero and as long after that, shape (n_time,).
+
+    Whether it reverses the current there, or only ends it, is not known, nor is then the force.
+    """
+    left_out = np.zeros(command.size, dtype=np.bool_)
+    if rings_below_zero(command, unit):
+        below = command < -command_noise(float(command.max()), unit)
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], below, [False]])))
+        for first, last in zip(edges[::2], edges[1::2], strict=True):
+            left_out[first : 2 * last - first] = True
+    return left_out
+
+
+def command_noise(level: float, unit: CommandUnit) -> float:
+    """By how much a measured constant command of this level may vary, in its unit."""
+    return _NOISE_SHARE * abs(level) + _NOISE / 10.0 ** COMMAND_SCALES[unit].decimals
+
+
+def command_level(value: float, unit: CommandUnit) -> float:
+    """Set point of a measured command: measured commands of one level differ by noise."""
+    return round(value, COMMAND_SCALES[unit].decimals)
 
 
 def command_in_words(command: Command, unit: str) -> str:
@@ -106,18 +179,28 @@ def steps_of_command(command: Command) -> NDArray[np.intp]:
 
 
 def levels_of_command(command: Command) -> tuple[float, ...]:
-    """Values at which a command stays for some of the time, lowest first; of one that varies smoothly, about twenty.
+    """Values at which a command stays for some of the time, lowest first; of one that varies smoothly, a dozen.
 
-    A level is the median of its samples, which noise does not shift.
+    A level is the median of the samples of a mode, which neither noise nor the ringing of a driver shifts.
     """
     if not isinstance(command, np.ndarray):
         return (float(command),)
-    groups: list[list[float]] = [[]]
-    for value in np.percentile(command, np.arange(0.5, 100.0, 1.0)):
-        if groups[-1] and value - groups[-1][0] > _LEVEL * np.ptp(command):
-            groups.append([])
-        groups[-1].append(float(value))
-    return tuple(float(np.median(group)) for group in groups)
+    left = np.quantile(command, _QUANTILES)
+    low, high = np.quantile(left, [0.01, 0.99])
+    width = _LEVEL * float(high - low)
+    levels: list[float] = []
+    most = 0
+    while left.size:
+        ends = np.searchsorted(left, left + width, side="right")
+        counts = ends - np.arange(left.size)
+        first = int(np.argmax(counts))
+        if counts[first] < _MODE * most:
+            break
+        most = max(most, int(counts[first]))
+        levels.append(float(np.median(left[first : ends[first]])))
+        # Samples beside a mode are its noise.
+        left = left[np.abs(left - levels[-1]) > width]
+    return tuple(sorted(levels))
 
 
 def resampled_command(

@@ -52,6 +52,7 @@ CONCERNS: Final[Mapping[str, tuple[Verb, ...]]] = {
     # What the file says of the test.
     "command_negative": _EVERY,
     "command_varies": _TOLD_ONCE,
+    "command_rings": _TOLD_ONCE,
     "command_unclear": _EVERY,
     "name_disagrees": _OF_FILES,
     "name_not_used": _OF_FILES,

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.arguments import Count, NotNegative, Samples, Whole, Within, checked
-from mrwork.dampers.parameters import CommandUnit
 from mrwork.errors import RecordError, SettingError
 from mrwork.records.command_signal import Command, command_in_words, part_of_command, same_command
 from mrwork.records.observation import AS_IT_IS, Observation
 from mrwork.summary import Summarised, Summary
+from mrwork.units import CommandUnit
 from mrwork.values import holds_arrays, keep_arrays
 
 Severity = Literal["note", "warning", "repaired"]
@@ -80,7 +80,8 @@ class DamperTest(Summarised):
 
     Arrays have shape (n_time,): `displacement` [m] and `velocity` [m/s] of elongation, and the resisting `force` [N],
     so that force times velocity is dissipated power. `current` [A] and `voltage` [V] are a number if they are constant
-    over the test, an array of shape (n_time,) if they vary, each sample held until the next, `None` if unknown.
+    over the test, an array of shape (n_time,) if they vary, each sample held until the next, `None` if unknown. So is
+    the `command` of a damper that follows another scalar, such as the opening of a valve, in its own `command_unit`.
     `amplitude` [m], half the peak to peak, and `frequency` [Hz] are nominal values from the file name, `None` if
     unknown. `velocity_source` states whether the velocity is a measured column or a derivative. The first `n_settle`
     samples are simulated but not compared: until the damper has travelled half its peak-to-peak stroke, its force
@@ -107,6 +108,8 @@ class DamperTest(Summarised):
     uncompared: tuple[tuple[Whole, Whole], ...] = ()
     current: Command | None = None
     voltage: Command | None = None
+    command: Command | None = None
+    command_unit: CommandUnit | None = None
     amplitude: NotNegative | None = None
     frequency: NotNegative | None = None
     synthetic: bool = False
@@ -116,8 +119,13 @@ class DamperTest(Summarised):
     original: DamperTest | None = None
 
     def __post_init__(self) -> None:
-        keep_arrays(self, "displacement", "velocity", "force", "current", "voltage")
-        for name in ("current", "voltage"):
+        keep_arrays(self, "displacement", "velocity", "force", "current", "voltage", "command")
+        if (self.command is None) is not (self.command_unit is None) or self.command_unit in ("A", "V"):
+            raise SettingError(
+                f"the command of {self.label} is {'unknown' if self.command is None else 'known'} and its unit is "
+                f"{self.command_unit}; give both, a current as `current` and a voltage as `voltage`"
+            )
+        for name in ("current", "voltage", "command"):
             command = getattr(self, name)
             if not isinstance(command, np.ndarray):
                 continue
@@ -166,8 +174,16 @@ class DamperTest(Summarised):
     @property
     def commands(self) -> tuple[tuple[Command, CommandUnit], ...]:
         """The known commands, each with its unit."""
-        pairs: tuple[tuple[Command | None, CommandUnit], ...] = ((self.current, "A"), (self.voltage, "V"))
-        return tuple((command, unit) for command, unit in pairs if command is not None)
+        pairs: tuple[tuple[Command | None, CommandUnit | None], ...] = (
+            (self.current, "A"),
+            (self.voltage, "V"),
+            (self.command, self.command_unit),
+        )
+        return tuple((command, unit) for command, unit in pairs if command is not None and unit is not None)
+
+    def command_in(self, unit: CommandUnit | None) -> Command | None:
+        """The command in this unit, `None` where it is not known."""
+        return next((command for command, own in self.commands if own == unit), None)
 
     @property
     def has_varying_command(self) -> bool:
@@ -202,6 +218,7 @@ class DamperTest(Summarised):
             force=frozen(self.force[window]),
             current=part_of_command(self.current, first, min(last, self.n_time), every),
             voltage=part_of_command(self.voltage, first, min(last, self.n_time), every),
+            command=part_of_command(self.command, first, min(last, self.n_time), every),
             uncompared=_spans_of_part(self.uncompared, first, min(last, self.n_time), every),
             dt=self.dt * every,
             start_time=self.start_time + first * self.dt,
@@ -272,8 +289,17 @@ def _has_samples_of(one: DamperTest, other: DamperTest) -> bool:
         one.dt == other.dt
         and np.array_equal(one.force, other.force)
         and np.array_equal(one.displacement, other.displacement)
-        and same_command(one.current, other.current)
+        and same_commands(one, other)
+    )
+
+
+def same_commands(one: DamperTest, other: DamperTest) -> bool:
+    """Whether the commands of two tests are equal, sample by sample where they vary."""
+    return (
+        same_command(one.current, other.current)
         and same_command(one.voltage, other.voltage)
+        and same_command(one.command, other.command)
+        and one.command_unit == other.command_unit
     )
 
 

@@ -20,6 +20,7 @@ from mrwork.records.command_signal import Command, command_range
 from mrwork.records.damper_test import DamperTest
 from mrwork.records.motion import regular_cycles, spectrum
 from mrwork.store.record import Related
+from mrwork.units import CommandUnit
 from mrwork.values import holds_arrays
 
 Array = NDArray[np.float64]
@@ -76,6 +77,8 @@ class RecordedMotion(Related):
     force_mean: float = 0.0
     half_force: NotNegative = 0.0
     force_shape: str = field(default="", repr=False)
+    command: float | None = None
+    command_unit: CommandUnit | None = None
 
     @classmethod
     @checked
@@ -102,6 +105,8 @@ class RecordedMotion(Related):
             sha256=test.sha256,
             current=_largest(test.current),
             voltage=_largest(test.voltage),
+            command=_largest(test.command),
+            command_unit=test.command_unit,
             periodic=bool(cycles),
             step=step,
             half_stroke=half_stroke,
@@ -151,7 +156,11 @@ class RecordedMotion(Related):
             return False
         known = [
             abs(one - another) <= _COMMAND * max(abs(one), abs(another)) + _LEAST_COMMAND
-            for one, another in ((self.current, other.current), (self.voltage, other.voltage))
+            for one, another in (
+                (self.current, other.current),
+                (self.voltage, other.voltage),
+                (self.command, other.command if other.command_unit == self.command_unit else None),
+            )
             if one is not None and another is not None
         ]
         return all(known) if known else None

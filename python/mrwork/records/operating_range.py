@@ -12,13 +12,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from mrwork.arguments import NotNegative, Samples, checked
 from mrwork.dampers.law_limits import LawLimit, law_limits
-from mrwork.dampers.parameters import CommandUnit
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
+from mrwork.records.command_signal import command_noise
 from mrwork.records.damper_test import DamperTest
 from mrwork.records.motion import half_cycles, whole_cycles
 from mrwork.store.record import Related
 from mrwork.summary import Summarised, Summary
+from mrwork.units import COMMAND_SCALES, CommandUnit
 
 OperatingQuantity = Literal["stroke", "velocity", "frequency", "command", "force", "power"]
 _ORDER: tuple[OperatingQuantity, ...] = get_args(OperatingQuantity)
@@ -35,8 +36,6 @@ _PEAKS: tuple[tuple[OperatingQuantity, str], ...] = (
 _TOLERANCE = 0.05
 # Cycles of a motion differ in length by more than that.
 _FREQUENCY_TOLERANCE = 0.1
-# Deviations of a measured command below this [A or V] are noise.
-_COMMAND_NOISE = 0.02
 # Share of the travel in half cycles that are smaller than the smallest tested amplitude, beyond which they matter.
 _SMALL = 0.2
 # Share of the cycles that are longer, and that are shorter, than those of the frequency range.
@@ -122,8 +121,8 @@ class OperatingRange(Summarised, Related):
     `stroke` is half the peak-to-peak elongation [m], or its peak from rest; half cycles of the amplitude `least_stroke`
     [m] and smaller make a fifth of the travel, `None` if unknown, of several tests the least; `velocity` [m/s] and
     `force` [N] are peaks; `power` is the largest mean dissipated power of a test [W], which heats the damper.
-    `frequency` [Hz] is that of the cycles, without the slowest and the fastest tenth; `command` [A or V,
-    `command_unit`] is the lowest and the highest, `None` if unknown.
+    `frequency` [Hz] is that of the cycles, without the slowest and the fastest tenth; `command`, in
+    `command_unit`, is the lowest and the highest, `None` if unknown.
     """
 
     stroke: NotNegative
@@ -153,7 +152,7 @@ class OperatingRange(Summarised, Related):
             raise SettingError(
                 f"`force` has {load.size} samples; give one for each of the {test.n_time} of {test.label}"
             )
-        command = {"A": test.current, "V": test.voltage, None: None}[unit]
+        command = test.command_in(unit)
         return cls(
             stroke=0.5 * float(np.ptp(test.displacement)),
             velocity=float(np.abs(test.velocity).max()),
@@ -172,8 +171,7 @@ class OperatingRange(Summarised, Related):
         if not tests:
             raise SettingError("the range of no test was asked for; give at least one test")
         if unit is None:
-            known = [sum(value is not None for value in values) for values in _commands(tests)]
-            unit = None if max(known) == 0 else "A" if known[0] >= known[1] else "V"
+            unit = _most_common([own for test in tests for _, own in test.commands])
         return covering([cls.of_test(test, unit) for test in tests])
 
     @checked
@@ -199,10 +197,17 @@ class OperatingRange(Summarised, Related):
         if (
             self.command is not None
             and demand.command is not None
+            and self.command_unit is not None
             and self.command_unit == demand.command_unit
         ):
             found.append(
-                _exceedance("command", str(self.command_unit), self.command, demand.command, _COMMAND_NOISE)
+                _exceedance(
+                    "command",
+                    self.command_unit,
+                    self.command,
+                    demand.command,
+                    command_noise(0.0, self.command_unit),
+                )
             )
         return tuple(sorted(filter(None, found), key=lambda each: _ORDER.index(each.quantity)))
 
@@ -316,9 +321,12 @@ def _exceedance(
     relative: float = _TOLERANCE,
 ) -> Exceedance | None:
     lowest, highest = tested
-    if demand[1] > (1.0 + relative) * highest + absolute:
+    # Only commands, as temperatures, may be negative.
+    above = (1.0 + relative) * highest if highest > 0.0 else highest - relative * highest
+    below = lowest / (1.0 + relative) if lowest > 0.0 else (1.0 + relative) * lowest
+    if demand[1] > above + absolute:
         demanded = demand[1]
-    elif demand[0] < lowest / (1.0 + relative) - absolute:
+    elif demand[0] < below - absolute:
         demanded = demand[0]
     else:
         return None
@@ -341,8 +349,10 @@ def least_stroke(displacement: NDArray[np.float64]) -> float:
     return 0.5 * float(ranges[np.searchsorted(travelled, _SMALL * travelled[-1])])
 
 
-def _commands(tests: Sequence[DamperTest]) -> tuple[list[object], list[object]]:
-    return [test.current for test in tests], [test.voltage for test in tests]
+def _most_common(units: Sequence[CommandUnit]) -> CommandUnit | None:
+    """The unit that most commands have; of several a current, then a voltage. `None` where there is none."""
+    counted: list[CommandUnit] = [unit for unit in COMMAND_SCALES if unit in units]
+    return max(counted, key=units.count) if counted else None
 
 
 def _hull(spans: Iterable[tuple[float, float] | None]) -> tuple[float, float] | None:

@@ -15,7 +15,14 @@ from mrwork.arguments import checked
 from mrwork.errors import RecordError
 from mrwork.records.build import build_damper_test
 from mrwork.records.column_names import TestQuantity
-from mrwork.records.columns import COMMAND, COMMANDS, StatedCommand, choose_columns, unclear_commands
+from mrwork.records.columns import (
+    COMMAND,
+    COMMANDS,
+    StatedCommand,
+    choose_columns,
+    scalar_command,
+    unclear_commands,
+)
 from mrwork.records.command import nominal_from_name, with_nominal_command
 from mrwork.records.damper_test import DamperTest, Finding
 from mrwork.records.formats.open import open_table
@@ -33,7 +40,8 @@ def read_damper_test(path: str | os.PathLike[str], *, columns: Mapping[str, str]
 
     Columns are recognised by their names with units (``t_s``, ``displacement_mm``, ``Force (kN)``, ``current_a``, in
     any case); a column of times of the day is the time from its first. Time, displacement and force are required;
-    velocity, current and voltage are optional. A file name such as ``10mm1Hz0x5A`` gives nominal amplitude, frequency
+    velocity, current and voltage are optional, and so is a command in another unit (``valve_mm``, ``opening_%``,
+    ``setpoint_psi``), which is not converted. A file name such as ``10mm1Hz0x5A`` gives nominal amplitude, frequency
     and command; a column of the command takes precedence.
 
     Parameters
@@ -71,9 +79,15 @@ def read_damper_test(path: str | os.PathLike[str], *, columns: Mapping[str, str]
     table = open_table(file)
     given = dict(columns or {})
     stated = StatedCommand.of(given.pop(COMMAND)) if COMMAND in given else None
-    if stated is not None and stated.column:
-        quantity, column = stated.in_file(table.names, table.units, source)
-        given[quantity] = column
+    scalar: StatedCommand | None = None
+    if stated is not None:
+        stated = stated.in_file(table.names, table.units, source)
+        if stated.unit is not None:
+            scalar = stated
+        elif stated.quantity is not None and stated.column:
+            given[stated.quantity] = stated.column
+    elif not given.keys() & set(COMMANDS):
+        scalar = scalar_command(table.names, table.units, source=source)
 
     def numbers_of(name: str) -> NDArray[np.float64] | None:
         try:
@@ -81,12 +95,17 @@ def read_damper_test(path: str | os.PathLike[str], *, columns: Mapping[str, str]
         except RecordError:
             return None
 
+    # A scalar command is none of the other quantities, whatever the unit in its name.
+    names = tuple(name for name in table.names if scalar is None or name != scalar.column)
     chosen = choose_columns(
-        table.names, given, units=table.units, stamps=table.stamps, source=source, read=numbers_of
+        names, given, units=table.units, stamps=table.stamps, source=source, read=numbers_of
     )
-    if stated is not None and stated.value is not None:
+    if stated is not None and (stated.value is not None or stated.unit is not None):
         chosen = {quantity: choice for quantity, choice in chosen.items() if quantity not in COMMANDS}
-    numbers = table.read([choice.column for choice in chosen.values()])
+    if chosen.keys() & set(COMMANDS):
+        scalar = None
+    of_scalar = () if scalar is None or scalar.value is not None else (scalar.column,)
+    numbers = table.read([*(choice.column for choice in chosen.values()), *of_scalar])
     # Overflowing values become infinite, and the checks refuse them with their line.
     with np.errstate(over="ignore", invalid="ignore"):
         si: dict[TestQuantity, ArrayLike] = {
@@ -103,13 +122,15 @@ def read_damper_test(path: str | os.PathLike[str], *, columns: Mapping[str, str]
         velocity=si.get("velocity"),
         current=si.get("current"),
         voltage=si.get("voltage"),
+        command=None if scalar is None else numbers[scalar.column] if of_scalar else scalar.value,
+        command_unit=None if scalar is None else scalar.unit,
         amplitude=nominal.amplitude,
         frequency=nominal.frequency,
         path=source,
         sha256=table.sha256,
         locate=table.locate,
     )
-    used = {choice.column for choice in chosen.values()}
+    used = {*(choice.column for choice in chosen.values()), *of_scalar}
     test = with_nominal_command(test, nominal, unclear_commands(table.names, table.units, used))
     unused = unused_finding(table, used)
     return replace(test, findings=(*test.findings, *unused))

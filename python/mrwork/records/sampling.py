@@ -29,7 +29,7 @@ _GAP_STEPS: Final = 3.0
 class Signals:
     """Channels in SI on one time base, each of shape (n_time,); `None` for a channel that was not measured.
 
-    `current` and `voltage` are the commands that vary.
+    `current`, `voltage` and `command`, of another unit, are the commands that vary.
     """
 
     time: NDArray[np.float64]
@@ -38,6 +38,7 @@ class Signals:
     velocity: NDArray[np.float64] | None = None
     current: NDArray[np.float64] | None = None
     voltage: NDArray[np.float64] | None = None
+    command: NDArray[np.float64] | None = None
 
     def channels(self) -> tuple[tuple[str, NDArray[np.float64]], ...]:
         """Name and samples of every channel that exists."""
@@ -47,7 +48,7 @@ class Signals:
     @property
     def has_commands(self) -> bool:
         """Whether a command varies."""
-        return self.current is not None or self.voltage is not None
+        return any(sent is not None for sent in (self.current, self.voltage, self.command))
 
     def through(self, change: Callable[[NDArray[np.float64]], NDArray[np.float64]]) -> Signals:
         """Signals with the same change applied to every channel."""
@@ -217,19 +218,19 @@ def uniform_step(signals: Signals, spiky: NDArray[np.bool_], *, source: str) -> 
     from scipy.interpolate import CubicSpline, PchipInterpolator  # slow to load, and rarely needed
 
     interpolator = PchipInterpolator if gaps.size else CubicSpline
-    motion = replace(signals, current=None, voltage=None).through(
+    motion = replace(signals, current=None, voltage=None, command=None).through(
         lambda channel: np.asarray(interpolator(time, channel)(grid), dtype=np.float64)
     )
-    current, voltage = (
-        None if command is None else resampled_command(time, command, grid)
-        for command in (signals.current, signals.voltage)
+    current, voltage, command = (
+        None if sent is None else resampled_command(time, sent, grid)
+        for sent in (signals.current, signals.voltage, signals.command)
     )
     before = np.clip(np.searchsorted(time, grid, side="right") - 1, 0, time.size - 2)
     # A sample of the grid has neighbours in the record; next to one of them, it is that.
     beside = np.minimum(grid - time[before], time[before + 1] - grid) > _JITTER * median
     missing = beside & (steps > _GAP_STEPS * median)[before]
     return Uniform(
-        signals=replace(motion, time=grid, current=current, voltage=voltage),
+        signals=replace(motion, time=grid, current=current, voltage=voltage, command=command),
         dt=dt,
         spiky=spiky[before] | spiky[before + 1],
         missing=missing,

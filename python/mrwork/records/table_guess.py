@@ -10,7 +10,16 @@ from typing import Final
 from mrwork.arguments import checked
 from mrwork.errors import MrworkError
 from mrwork.records.column_names import TestQuantity
-from mrwork.records.columns import COMMAND, COMMANDS, REQUIRED, ColumnChoice, guess_columns, unclear_commands
+from mrwork.records.columns import (
+    COMMAND,
+    COMMANDS,
+    REQUIRED,
+    ColumnChoice,
+    StatedCommand,
+    guess_columns,
+    scalar_command,
+    unclear_commands,
+)
 from mrwork.records.command import nominal_from_name
 from mrwork.records.formats.open import open_table
 from mrwork.records.read import read_damper_test
@@ -36,7 +45,12 @@ def _guess(file: Path) -> ListedTest:
         table = open_table(file)
     except MrworkError as error:
         return ListedTest(file=str(file), doubt=_plain(error, file))
-    chosen, doubts = guess_columns(table.names, units=table.units, stamps=table.stamps, source=str(file))
+    try:
+        scalar = scalar_command(table.names, table.units, source=str(file))
+    except MrworkError as error:
+        return ListedTest(file=str(file), doubt=_plain(error, file))
+    names = [name for name in table.names if scalar is None or name != scalar.column]
+    chosen, doubts = guess_columns(names, units=table.units, stamps=table.stamps, source=str(file))
     columns: dict[str, str] = {
         quantity: choice.specification if choice is not None else UNKNOWN
         for quantity in _IN_COLUMNS
@@ -44,13 +58,13 @@ def _guess(file: Path) -> ListedTest:
         if choice is not None or quantity in REQUIRED
     }
     used = {choice.column for choice in chosen.values()}
-    unclear = unclear_commands(table.names, table.units, used)
+    unclear = unclear_commands(names, table.units, used)
     about_columns = next((doubts[quantity] for quantity in COMMANDS if quantity in doubts), "")
     if unclear:
         about_columns = (
             f"'{unclear[0]}' may be the command and does not say its unit; give it as {unclear[0]}:A"
         )
-    command, about_command = (UNKNOWN, about_columns) if about_columns else _command(file, chosen)
+    command, about_command = (UNKNOWN, about_columns) if about_columns else _command(file, chosen, scalar)
     if command:
         columns[COMMAND] = command
     remarks = [*(doubt for quantity, doubt in doubts.items() if quantity not in COMMANDS), about_command]
@@ -59,13 +73,17 @@ def _guess(file: Path) -> ListedTest:
     return ListedTest(file=str(file), use="fit", columns=columns, doubt="; ".join(filter(None, remarks)))
 
 
-def _command(file: Path, chosen: dict[TestQuantity, ColumnChoice]) -> tuple[str, str]:
+def _command(
+    file: Path, chosen: dict[TestQuantity, ColumnChoice], scalar: StatedCommand | None
+) -> tuple[str, str]:
     """The command as a table states it, and a doubt about it, either empty where there is none."""
     recorded = [chosen[quantity] for quantity in COMMANDS if quantity in chosen]
     if len(recorded) > 1:
         return "", f"the command may be '{recorded[0].column}' or '{recorded[1].column}'"
     if recorded:
         return recorded[0].specification, ""
+    if scalar is not None:
+        return f"{scalar.column}:{scalar.unit}", ""
     nominal = nominal_from_name(file.stem)
     for value, unit in ((nominal.current, "A"), (nominal.voltage, "V")):
         if value is not None:

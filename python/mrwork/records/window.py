@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from mrwork.arguments import Count, checked
 from mrwork.errors import SettingError
+from mrwork.records.command_signal import levels_of_command
 from mrwork.records.damper_test import DamperTest
 from mrwork.records.motion import spectrum
 
@@ -52,6 +53,18 @@ def uncompared_spans(
         unknown = min(0.5 * float(np.ptp(displacement)), (last - first + 1) * dt * fastest)
         left_out[first : int(np.searchsorted(travel, travel[last - 1] + unknown))] = True
     return _runs(left_out)
+
+
+def spans_with(
+    spans: tuple[tuple[int, int], ...], left_out: NDArray[np.bool_]
+) -> tuple[tuple[int, int], ...]:
+    """Spans of samples together with other samples that are left out, shape (n_time,)."""
+    if not left_out.any():
+        return spans
+    chosen = left_out.copy()
+    for first, last in spans:
+        chosen[first:last] = True
+    return _runs(chosen)
 
 
 def _runs(chosen: NDArray[np.bool_]) -> tuple[tuple[int, int], ...]:
@@ -98,6 +111,12 @@ _LONGEST_STEP = 0.04
 # number of samples per period of the band edge.
 _CYCLIC_BAND = 5.0
 _PER_FASTEST = 40
+# The shortest part of a record of a varying command, in periods of its dominant frequency; places where a part is
+# looked for, in its own length; the shares that it has of the range of the motion, and of the time at each level.
+_VARIED_CYCLES = 6
+_PLACES = 8
+_MOTION_SHARE = 0.8
+_LEVEL_SHARE = 0.5
 
 
 def excerpt(test: DamperTest) -> DamperTest:
@@ -115,6 +134,46 @@ def excerpt(test: DamperTest) -> DamperTest:
     if test.has_varying_command:
         return cut(test, every=thin)
     return cut(test, end=test.start_time + _excerpt_seconds(test, motion.dominant), every=thin)
+
+
+def varied_excerpt(test: DamperTest) -> DamperTest:
+    """Return the shortest part of an `excerpt` that shows what the whole record of a varying command does.
+
+    It has every level of the command, for half of its share of the time or more, and most of the largest displacement
+    and velocity. It is at most half of the record, else the whole one.
+    """
+    whole = excerpt(test)
+    levels = [_at_levels(command) for command, _ in whole.commands if isinstance(command, np.ndarray)]
+    dominant = spectrum(whole.displacement, whole.dt).dominant
+    if not levels or dominant <= 0.0:
+        return whole
+    length = ceil(_VARIED_CYCLES / (dominant * whole.dt))
+    while 2 * length <= whole.n_time:
+        for first in range(0, whole.n_time - length + 1, max(length // _PLACES, 1)):
+            part = slice(first, first + length)
+            if _shows_motion(whole, part) and all(_shows_levels(each, part) for each in levels):
+                found = whole.part(part.start, part.stop)
+                return replace(found, n_settle=settling_samples(found.displacement))
+        length *= 2
+    return whole
+
+
+def _at_levels(command: NDArray[np.float64]) -> NDArray[np.intp]:
+    """Number of the level that is nearest to each sample of a command, shape (n_time,)."""
+    levels = np.array(levels_of_command(command))
+    return np.searchsorted(0.5 * (levels[:-1] + levels[1:]), command)
+
+
+def _shows_levels(at_level: NDArray[np.intp], part: slice) -> bool:
+    whole, own = (np.bincount(each, minlength=at_level.max() + 1) for each in (at_level, at_level[part]))
+    return bool(np.all(own / own.sum() >= _LEVEL_SHARE * whole / whole.sum()))
+
+
+def _shows_motion(test: DamperTest, part: slice) -> bool:
+    return all(
+        float(np.ptp(signal[part])) >= _MOTION_SHARE * float(np.ptp(signal))
+        for signal in (test.displacement, test.velocity)
+    )
 
 
 def _excerpt_seconds(test: DamperTest, frequency: float) -> float:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from itertools import islice
 from math import inf
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,15 +15,15 @@ from numpy.typing import NDArray
 from mrwork.buildings import Building
 from mrwork.buildings.additions import with_brace
 from mrwork.buildings.devices import Device
-from mrwork.dampers.parameters import CommandUnit, LawName, law_named, polynomial_laws
+from mrwork.dampers.parameters import LawName, law_named, polynomial_laws
 from mrwork.dampers.spec import DamperSpec, damper, damper_models
 from mrwork.errors import RecordError
 from mrwork.keys import Place, suggestion
-from mrwork.records.command import command_level
+from mrwork.records.command_signal import command_level
 from mrwork.records.operating_range import OperatingRange
 from mrwork.study.declared import located
 from mrwork.study.schema import DamperTable
-from mrwork.units import number_in
+from mrwork.units import CommandUnit, DriverUnit, number_in
 from mrwork.values import holds_arrays
 
 
@@ -86,7 +87,9 @@ def chosen_damper(table: DamperTable, folder: Path, identified: Identified) -> C
         draft, largest, source = _of_preset(table, table.preset)
     elif table.run is not None:
         draft, tested = _of_run(table, folder / table.run, identified)
-        largest = None if tested is None or tested.command is None else command_level(tested.command[1])
+        largest = (
+            None if tested is None or tested.command is None else command_level(tested.command[1], draft.unit)
+        )
         source = f"run {table.run}"
     else:
         unit = table.unit or "A"
@@ -200,9 +203,15 @@ def _of_preset(table: DamperTable, name: str) -> tuple[_Draft, float | None, str
 def _of_run(table: DamperTable, run: Path, identified: Identified) -> tuple[_Draft, OperatingRange | None]:
     try:
         found = identified(run)
-        return _draft(found.spec, found.theta), found.tested
     except RecordError as error:
         table.place.within("run").refuse(str(error))
+    current = found.spec.current
+    if current is not None and found.spec.follows_command and current.unit not in get_args(DriverUnit):
+        table.place.within("run").refuse(
+            f"the damper of this run follows a command in {current.unit}, and a controller sends a current or a "
+            "voltage; identify it from tests with their current or voltage"
+        )
+    return _draft(found.spec, found.theta), found.tested
 
 
 def _draft(spec: DamperSpec, theta: tuple[float, ...]) -> _Draft:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from mrwork.closed_loop.hardware import Feedback, Hardware, LoopSignal
-from mrwork.dampers.parameters import CommandUnit, LawName
+from mrwork.dampers.parameters import LawName
 from mrwork.keys import LARGEST_SEED, Place, key
 from mrwork.motions.processing import HIGHEST_ORDER
 from mrwork.motions.suites import MOST_OF_A_SUITE, USUAL_SOILS, Pulses, Soil
@@ -22,6 +22,7 @@ from mrwork.study.clairvoyant_row import ClairvoyantTable
 from mrwork.study.law_file import LawFileTable
 from mrwork.study.study import Use
 from mrwork.study.tuning_schema import TuneTable, UncertaintyTable
+from mrwork.units import DriverUnit
 
 Synthetic = Literal["kanai_tajimi", "clough_penzien"]
 
@@ -68,7 +69,7 @@ class DamperTable:
         "laws of parameters in the command; by default several coefficients are a polynomial",
         default=None,
     )
-    unit: CommandUnit | None = key(
+    unit: DriverUnit | None = key(
         "unit of the command, for given parameters, A by default; a preset and a run have their own",
         default=None,
     )

@@ -9,7 +9,6 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 
-from mrwork.dampers.parameters import CommandUnit
 from mrwork.report import numbers, style
 from mrwork.report.canvas import grid_of_axes, name_ordinate
 from mrwork.report.comparison import Comparison
@@ -17,6 +16,7 @@ from mrwork.report.fit.kind import SectionKind
 from mrwork.report.section import Absent, Group, Section, panel, table
 from mrwork.stored import StoredRun
 from mrwork.uncertainty.planning.plan import Gain, Plan
+from mrwork.units import CommandUnit
 
 # Rows of the table.
 _SHOWN = 8

@@ -30,12 +30,13 @@ from mrwork.store.run_folder import CALIBRATION, FOLDS, PREDICTIONS
 from mrwork.summary import Summarised, Summary
 from mrwork.uncertainty.bands.conformal import Calibration, LeftOutCoverage
 from mrwork.uncertainty.bands.prediction import Prediction
+from mrwork.units import CommandUnit
 
 # Significant digits of a stored score; the errors that it is compared with are not known more precisely.
 _DIGITS = 5
 _CHANNELS = ("displacement", "velocity", "force")
 # A constant command is a fact, one that varies a channel.
-_COMMANDS = ("current", "voltage")
+_COMMANDS = ("current", "voltage", "command")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -91,6 +92,8 @@ class _Facts:
     voltage: float | None
     observation: Observation
     uncompared: tuple[tuple[Whole, Whole], ...] = ()
+    command: float | None = None
+    command_unit: CommandUnit | None = None
 
 
 _FACTS = tuple(each.name for each in fields(_Facts) if each.name not in (*_COMMANDS, "observation"))

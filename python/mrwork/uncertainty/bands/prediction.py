@@ -18,7 +18,7 @@ from mrwork.identification.problem import prediction_warning
 from mrwork.identification.residual import ObservedTest
 from mrwork.identification.result import explained_by
 from mrwork.records import DamperTest, Likeness, RecordedMotion
-from mrwork.records.command_signal import same_command
+from mrwork.records.damper_test import same_commands
 from mrwork.records.likeness import alike_groups, likenesses_in_words, likest
 from mrwork.records.motion import regular_cycles, whole_cycles
 from mrwork.records.operating_range import Outside
@@ -259,10 +259,6 @@ def folds_of(tests: Sequence[DamperTest], fold: Fold) -> list[list[int]]:
     return folds
 
 
-def _same_command(one: DamperTest, other: DamperTest) -> bool:
-    return same_command(one.current, other.current) and same_command(one.voltage, other.voltage)
-
-
 def alike_remark(tests: Sequence[DamperTest]) -> str:
     """Which tests have the motion and command of another and are left out with it; empty where none has."""
     motions = [RecordedMotion.of(test) for test in tests]
@@ -289,7 +285,7 @@ def _motion(test: DamperTest) -> tuple[float, float]:
 _TOGETHER: dict[Fold, Callable[[DamperTest, DamperTest], bool]] = {
     "test": lambda one, other: False,
     "motion": _same_motion,
-    "command": _same_command,
+    "command": same_commands,
 }
 
 

@@ -10,7 +10,7 @@ from typing import TypeVar
 from warnings import warn
 
 from mrwork.arguments import Threads, checked
-from mrwork.dampers.parameters import CommandUnit, LawName
+from mrwork.dampers.parameters import LawName
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import Interrupted, JournalError, MrworkError, MrworkWarning, OutputError, SettingError
 from mrwork.identification.autocorrelation import effective_samples
@@ -38,6 +38,7 @@ from mrwork.uncertainty.choice.families import ALL, Family, families
 from mrwork.uncertainty.choice.leave_one_out import Likelihood, free_parameters, residuals_of, variance_of
 from mrwork.uncertainty.choice.ranking import Evidence, Ranking, rank
 from mrwork.uncertainty.noise import noise_model
+from mrwork.units import CommandUnit
 
 T = TypeVar("T")
 

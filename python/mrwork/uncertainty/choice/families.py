@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from mrwork.dampers.parameters import CommandUnit, LawName
+from mrwork.dampers.parameters import LawName
 from mrwork.dampers.spec import DamperSpec, damper, damper_models
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.identification.equivalent import identifiable_form
 from mrwork.identification.level_search import spec_by_values, tested_commands
 from mrwork.records import DamperTest
+from mrwork.units import CommandUnit
 
 ALL = "all"
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.dampers.coordinates import Box
-from mrwork.dampers.parameters import CommandUnit, LawName, law_named, polynomial_laws
+from mrwork.dampers.parameters import LawName, law_named, polynomial_laws
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
 from mrwork.identification.equivalent import identifiable_form
@@ -29,6 +29,7 @@ from mrwork.store import Journal, digest_of
 from mrwork.uncertainty.bands.prediction import Fold, folds_of
 from mrwork.uncertainty.choice.law_table import TriedLaws
 from mrwork.uncertainty.choice.ranking import is_as_good
+from mrwork.units import CommandUnit
 from mrwork.values import holds_arrays
 
 T = TypeVar("T")

@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.arguments import NotNegative, Whole, checked
-from mrwork.dampers.parameters import CommandUnit, LawName
+from mrwork.dampers.parameters import LawName
 from mrwork.identification.fit import NEGLIGIBLE
 from mrwork.store.record import OrInfinite, Related
 from mrwork.summary import Summarised, Summary, aligned
 from mrwork.uncertainty.choice.ranking import error_of_mean, is_as_good
+from mrwork.units import CommandUnit
 
 # Floor of the NRMSE, for synthetic tests without noise.
 _EXACT = 1e-9

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import TypeVar
 
 from mrwork.arguments import Threads, checked
-from mrwork.dampers.parameters import CommandUnit, LawName
+from mrwork.dampers.parameters import LawName
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import Interrupted
 from mrwork.identification.settings import FitSettings
@@ -18,6 +18,7 @@ from mrwork.uncertainty.choice.choose import JournalOf
 from mrwork.uncertainty.choice.families import compared_models, refuse_unknown
 from mrwork.uncertainty.choice.law_search import prepared
 from mrwork.uncertainty.choice.running_laws import ComparedModel, LawChoice, LawProgress, RunningLawChoice
+from mrwork.units import CommandUnit
 
 T = TypeVar("T")
 

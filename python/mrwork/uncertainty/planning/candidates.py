@@ -12,16 +12,15 @@ from pathlib import Path
 import numpy as np
 
 from mrwork.arguments import Positive, checked
-from mrwork.dampers.parameters import CommandUnit
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import RecordError, SettingError
 from mrwork.records import DamperTest
-from mrwork.records.command import command_level
-from mrwork.records.command_signal import LARGEST_COMMAND, Command, levels_of_command
+from mrwork.records.command_signal import LARGEST_COMMAND, Command, command_level, levels_of_command
 from mrwork.records.damper_test import as_tests
 from mrwork.records.motion import spectrum
 from mrwork.simulate import Loading
 from mrwork.store.input_file import CANDIDATES, text_of
+from mrwork.units import CommandUnit
 
 # Default grid: range beyond the tested amplitudes and frequencies either way, number of values, excess of velocity.
 _FURTHER = 2.0
@@ -148,7 +147,9 @@ def candidate_grid(
     levels: Sequence[float | None] = [None]
     if spec.current is not None:
         known = [command for test in tests for command, unit in test.commands if unit == spec.current.unit]
-        levels = commands or sorted({level for command in known for level in _ends(command)})
+        levels = commands or sorted(
+            {level for command in known for level in _ends(command, spec.current.unit)}
+        )
     _check_count(len(levels) * len(amplitudes) * len(frequencies), spec)
     grid = tuple(
         candidate
@@ -242,12 +243,12 @@ def excitation_of(test: DamperTest) -> Candidate:
     )
 
 
-def _ends(command: Command) -> tuple[float, ...]:
+def _ends(command: Command, unit: CommandUnit) -> tuple[float, ...]:
     """A constant command, or the lowest and the highest level of one that varies."""
     if not isinstance(command, np.ndarray):
         return (command,)
     levels = levels_of_command(command)
-    return command_level(levels[0]), command_level(levels[-1])
+    return command_level(levels[0], unit), command_level(levels[-1], unit)
 
 
 def _about(values: Sequence[float]) -> list[float]:

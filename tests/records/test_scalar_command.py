@@ -1,0 +1,236 @@
+"""A command that is neither a current nor a voltage keeps the unit of the user: in tests, laws, files and messages."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import get_args
+
+import numpy as np
+import pytest
+from command_line import mrwork
+from numpy.typing import NDArray
+from record_files import clean_columns
+
+import mrwork as mr
+from mrwork.errors import RecordError, SettingError, UnitError
+from mrwork.records import DamperTest, OperatingRange, build_damper_test, read_damper_test
+from mrwork.records.command_signal import levels_of_command
+from mrwork.records.table_guess import guess_tests
+from mrwork.units import COMMAND_SCALES, CommandUnit
+
+DT = 2e-3
+NOISE_N = 5.0
+LEVELS = np.array([0.0, 1.0, 0.4])
+COLD: tuple[CommandUnit, float, float] = ("degC", 40.0, -10.0)
+PERCENT: tuple[CommandUnit, float, float] = ("%", 100.0, 0.0)
+SPEC = mr.damper("static_hysteretic")
+LAWS = {"c": "values:0,1", "alpha": "values:0,0.4,1"}
+TRUTH = np.array([1000.0, 2500.0, 500.0, 100.0, 400.0, 800.0, 60.0, 1.5, 1e-4, 20.0])
+
+
+def recorded(name: str, *, rng: int = 0, n_time: int = 3000) -> tuple[NDArray[np.float64], ...]:
+    """Time, motion, force, and the share of the largest command, which steps through three levels."""
+    time = DT * np.arange(n_time)
+    omega = 2.0 * np.pi * (2.0 + 0.4 * rng)
+    displacement, velocity = 0.01 * np.sin(omega * time), 0.01 * omega * np.cos(omega * time)
+    share = LEVELS[np.random.default_rng([rng, 3]).integers(3, size=200)[(time / 0.3).astype(int)]]
+    spec = SPEC.with_current_laws(LAWS)
+    loading = mr.Loading(dt=DT, displacement=displacement, velocity=velocity, command=share, command_unit="A")
+    force = mr.simulate_force(spec, TRUTH, loading)
+    force = force + NOISE_N * np.random.default_rng([rng, 5]).standard_normal(n_time)
+    return time, displacement, velocity, force, share
+
+
+def written(folder: Path, heading: str, scale: float, zero: float, *, rng: int = 0) -> Path:
+    time, displacement, velocity, force, share = recorded(heading, rng=rng)
+    path = folder / f"rig{rng}.csv"
+    table = np.column_stack([time, 1e3 * displacement, velocity, force, zero + scale * share])
+    np.savetxt(
+        path,
+        table,
+        delimiter=",",
+        header=f"t_s,displacement_mm,velocity_mps,force_N,{heading}",
+        comments="",
+    )
+    return path
+
+
+def test_units_of_commands_are_those_with_a_scale() -> None:
+    assert get_args(CommandUnit) == tuple(COMMAND_SCALES)
+
+
+@pytest.mark.parametrize(
+    ("heading", "unit"),
+    [
+        ("command_mm", "mm"),
+        ("valve_mm", "mm"),
+        ("Gap (in)", "in"),
+        ("Valve Opening (%)", "%"),
+        ("opening_pct", "%"),
+        ("setpoint_psi", "psi"),
+        ("control_bar", "bar"),
+        ("damper command (lb)", "lb"),
+        ("command [deg C]", "degC"),
+    ],
+)
+def test_a_heading_of_a_command_in_another_unit_is_read_without_conversion(
+    tmp_path: Path, heading: str, unit: CommandUnit
+) -> None:
+    test = read_damper_test(written(tmp_path, heading, 50.0, 0.0))
+    assert test.command_unit == unit
+    assert levels_of_command(np.asarray(test.command)) == (0.0, 20.0, 50.0)
+    assert unit in test.command_in_words
+    assert (test.current, test.voltage) == (None, None)
+
+
+@pytest.mark.parametrize("heading", ["Axial Command (mm)", "pressure_bar", "temperature_degC", "damper_mm"])
+def test_a_column_that_is_no_command_of_the_damper_is_not_used(tmp_path: Path, heading: str) -> None:
+    test = read_damper_test(written(tmp_path, heading, 50.0, 0.0))
+    assert test.commands == ()
+    assert "not_used" in {finding.code for finding in test.findings}
+    # Unless it is said to be.
+    unit = heading.rpartition("_")[2].strip("()") if "_" in heading else "mm"
+    assert read_damper_test(test.path, columns={"command": f"{heading}:{unit}"}).command_unit == unit
+
+
+def test_a_current_is_the_command_where_a_record_has_both(tmp_path: Path) -> None:
+    columns = clean_columns()
+    columns["current_A"], columns["valve_mm"] = np.full_like(columns["t_s"], 0.5), columns["t_s"]
+    path = tmp_path / "rig.csv"
+    np.savetxt(
+        path, np.column_stack(list(columns.values())), delimiter=",", header=",".join(columns), comments=""
+    )
+    test = read_damper_test(path)
+    assert test.commands == ((0.5, "A"),)
+
+
+def test_a_table_of_tests_guesses_a_command_in_another_unit(tmp_path: Path) -> None:
+    (row,) = guess_tests([written(tmp_path, "valve_mm", 2.0, 0.0)])
+    assert row.columns["command"] == "valve_mm:mm"
+    assert row.doubt == ""
+
+
+@pytest.mark.parametrize(
+    ("stated", "command"), [("20 %", (20.0, "%")), ("-15 deg C", (-15.0, "degC")), ("0.8mm", (0.8, "mm"))]
+)
+def test_a_number_in_another_unit_is_the_command(
+    tmp_path: Path, stated: str, command: tuple[float, CommandUnit]
+) -> None:
+    path = written(tmp_path, "pressure_bar", 50.0, 0.0)
+    assert read_damper_test(path, columns={"command": stated}).commands == (command,)
+
+
+@pytest.mark.parametrize(
+    ("stated", "sentence"),
+    [
+        ("5 kg", "'kg' is no unit of a command; give one of A, mA, V, mV, mm"),
+        ("valve:turns", "'turns' is no unit of a command"),
+        ("-5 psi", "goes down to -5: the force does not depend on its direction"),
+        ("1e9 %", "no driver gives more than 1e\\+06 %"),
+    ],
+)
+def test_what_is_no_command_is_refused(tmp_path: Path, stated: str, sentence: str) -> None:
+    path = written(tmp_path, "pressure_bar", 50.0, 0.0)
+    with pytest.raises((UnitError, SettingError), match=sentence):
+        read_damper_test(path, columns={"command": stated})
+
+
+def test_a_negative_opening_is_a_warning_and_a_negative_temperature_is_none(tmp_path: Path) -> None:
+    for heading, warned in (("valve_mm", True), ("command (degC)", False)):
+        test = read_damper_test(written(tmp_path, heading, 50.0, -20.0))
+        assert ("command_negative" in {finding.code for finding in test.findings}) is warned
+
+
+def built(unit: CommandUnit, command: float | NDArray[np.float64], *, rng: int = 0) -> DamperTest:
+    time, displacement, velocity, force, _ = recorded("built", rng=rng)
+    return build_damper_test(
+        name=f"{unit} {rng}",
+        time=time,
+        displacement=displacement,
+        velocity=velocity,
+        force=force,
+        command=command,
+        command_unit=unit,
+    )
+
+
+def test_a_command_and_its_unit_come_together() -> None:
+    test = built("mm", 2.0)
+    for change in ({"command": None}, {"command_unit": None}, {"command_unit": "A"}):
+        with pytest.raises(SettingError, match="give both"):
+            replace(test, **change)
+
+
+def test_parts_resampled_times_and_samples_keep_the_command() -> None:
+    share = recorded("built")[-1]
+    test = built("bar", 3.0 * share)
+    np.testing.assert_array_equal(test.part(100, 900).command, 3.0 * share[100:900])
+    assert mr.records.RecordedMotion.of(test).command == 3.0
+    time = recorded("built")[0] + 0.2 * DT * np.random.default_rng(1).uniform(-1.0, 1.0, share.size)
+    jittered = build_damper_test(
+        name="jitter",
+        time=time,
+        displacement=test.displacement,
+        force=test.force,
+        command=share,
+        command_unit="bar",
+    )
+    assert set(np.unique(np.asarray(jittered.command))) == set(LEVELS)
+
+
+def test_a_colder_test_than_any_is_outside_of_the_tested_range() -> None:
+    tested = OperatingRange.of_tests([built("degC", -10.0), built("degC", 30.0, rng=1)])
+    assert tested.command == (-10.0, 30.0)
+    inside, colder = (OperatingRange.of_test(built("degC", at), "degC") for at in (-10.2, -14.0))
+    assert tested.exceeded_by(inside) == ()
+    (found,) = tested.exceeded_by(colder)
+    assert "command -14 degC" in found.in_words
+
+
+def test_tests_in_two_units_are_refused_by_laws() -> None:
+    spec = SPEC.with_current_laws({"c": "linear"}, unit="mm")
+    with pytest.raises(RecordError, match=r"takes its command in mm, the test has 20 %"):
+        mr.identify(spec, [built("mm", 2.0), built("%", 20.0, rng=1)])
+
+
+@pytest.mark.parametrize(("unit", "scale", "zero"), [PERCENT, COLD], ids=["percent", "temperature"])
+def test_the_command_line_fits_predicts_and_reports_in_the_unit_of_the_user(
+    tmp_path: Path, unit: CommandUnit, scale: float, zero: float
+) -> None:
+    heading = f"command ({unit})"
+    first, second = (written(tmp_path, heading, scale, zero, rng=rng) for rng in (0, 1))
+    checked = json.loads(mrwork("check", first, "--json").stdout)["files"][0]
+    assert (checked["command"], checked["command_unit"]) == ({"lowest": zero, "highest": zero + scale}, unit)
+    ends, middle = (f"{zero:g}", f"{zero + scale:g}"), f"{zero + 0.4 * scale:g}"
+    laws = [f"c=values:{','.join(ends)}", f"alpha=values:{ends[0]},{middle},{ends[1]}"]
+    fixed = f"alpha@{middle}{unit}"
+    out = tmp_path / "run"
+    done = mrwork(
+        *("identify", first, "--model", "static_hysteretic", "--law", laws[0], "--law", laws[1]),
+        *("--fix", "x_s=1e-4", "--fix", f"{fixed}=400", "--quiet", "--json", "--out", out),
+    )
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)
+    assert found["current_laws"]["unit"] == unit
+    # A name of a parameter can be given again, as it was in --fix.
+    assert found["parameters"][fixed]["value"] == 400.0
+    for name, truth in ((f"c@{ends[0]}{unit}", 1000.0), (f"c@{ends[1]}{unit}", 2500.0)):
+        estimate = found["parameters"][name]
+        assert abs(estimate["value"] - truth) < 5.0 * estimate["standard_error"]
+    assert f"{unit}, stepped" in (out / "report.html").read_text()
+    loaded = mr.load(out).fit
+    assert loaded.spec.current.unit == loaded.tested.command_unit == unit
+    predicted = json.loads(mrwork("predict", out, second, "--json").stdout)["files"][0]
+    assert predicted["rmse_n"] == pytest.approx(NOISE_N, rel=0.15)
+    assert mrwork("calibrate", out, second, "--json").returncode == 0
+
+
+def test_the_command_line_refuses_two_units_in_a_sentence(tmp_path: Path) -> None:
+    first = written(tmp_path, "command_mm", 2.0, 0.0)
+    second = written(tmp_path, "command_bar", 2.0, 0.0, rng=1)
+    refused = mrwork("identify", first, second, "--model", "static_hysteretic", "--law", "c=linear")
+    assert refused.returncode == 2
+    assert "laws have one unit of the command" in refused.stderr
+    assert len(refused.stderr.strip().splitlines()) == 1
