@@ -181,6 +181,7 @@ class DamperTest(Summarised):
         )
         return tuple((command, unit) for command, unit in pairs if command is not None and unit is not None)
 
+    @checked
     def command_in(self, unit: CommandUnit | None) -> Command | None:
         """The command in this unit, `None` where it is not known."""
         return next((command for command, own in self.commands if own == unit), None)

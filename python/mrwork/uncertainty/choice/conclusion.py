@@ -84,7 +84,8 @@ def cost_remark(
     steps = f"{costs[best.model].steps:.0f}"
     if is_as_good(left_out[best.model], left_out[chosen.model]):
         return (
-            f"{text}; {best.title} is as good ({found} left out) and takes {steps}: use it in studies of the tested range",
+            f"{text}; {best.title} is as good ({found} left out) and takes {steps}: use it in studies of the tested "
+            "range",
         )
     return (f"{text}; of those that take fewer than {MANY} {best.title} comes nearest ({found} left out)",)
 
