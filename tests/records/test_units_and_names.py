@@ -60,6 +60,20 @@ def test_set_points_and_shunts_are_the_current(tmp_path: Path, heading: str) -> 
     assert (test.current, test.voltage) == (0.75, None)
 
 
+@pytest.mark.parametrize("heading", ["driver_V", "Driver [V]", "MR driver (V)", "coil_V", "driver coil (V)"])
+def test_a_voltage_of_the_driver_is_the_command(tmp_path: Path, heading: str) -> None:
+    columns = {"t_s": TIME, "x_mm": MM, "F_N": NEWTON, heading: 2.0 * CONSTANT}
+    test = read_damper_test(write_table(tmp_path / "rig.txt", columns))
+    assert (test.current, test.voltage) == (None, 2.0)
+
+
+@pytest.mark.parametrize("heading", ["input (V)", "drive (V)", "damper (V)", "coil temperature (V)"])
+def test_a_voltage_that_may_be_of_a_sensor_is_no_command(tmp_path: Path, heading: str) -> None:
+    columns = {"t_s": TIME, "x_mm": MM, "F_N": NEWTON, heading: 2.0 * CONSTANT}
+    test = read_damper_test(write_table(tmp_path / "rig.txt", columns))
+    assert (test.current, test.voltage) == (None, None)
+
+
 def test_a_sensor_counts_only_where_no_column_has_the_name_of_the_quantity(tmp_path: Path) -> None:
     columns = {
         "t_s": TIME, "LVDT (mm)": 2.0 * MM, "Stroke (mm)": MM, "Cell (kN)": NEWTON, "Force (N)": NEWTON,

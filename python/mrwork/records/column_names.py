@@ -50,6 +50,8 @@ _OF_COMMAND: Final = frozenset({
     "command", "commanded", "setpoint", "set", "point", "target", "demand", "coil", "damper", "mr",
     "mrd", "drive", "driver", "applied", "control", "input", "excitation", "spule", "bobina",
 })  # fmt: skip
+# With these words a voltage is that of the coil, and not the signal of a sensor.
+_OF_DRIVER: Final = frozenset({"coil", "driver", "spule", "bobina"})
 # Beside those words, what sets the force of a damper that follows no current or voltage.
 _SCALAR_COMMANDS: Final = _COMMAND | {"valve", "opening", "orifice", "needle", "gap", "control"}
 # A word, optionally followed by a separator and a unit: force_kN, Force (kN), "v [m/s]", disp/mm.
@@ -83,8 +85,9 @@ def unit_in_name(quantity: TestQuantity, name: str) -> str | None:
         # A letter is enough beside words of a command: I_set, U_cmd.
         letters = _STEMS[quantity] - stems
         is_named = said & stems or (said & letters and len(said) > 1)
-        # Coil (A), which is no sensor's.
-        is_named = is_named or (said and quantity == quantity_of(at_end) == "current")
+        # Coil (A) and driver_V, which are no sensor's.
+        in_own_unit = quantity == quantity_of(at_end) and (quantity == "current" or said & _OF_DRIVER)
+        is_named = is_named or (said and in_own_unit)
         # What a shunt shows in volts is no command.
         is_sensed = said & _OF_SENSORS[quantity] and quantity_of(at_end) not in (None, quantity)
         return at_end if is_named and others - letters <= _OF_COMMAND and not is_sensed else None
