@@ -34,8 +34,8 @@ _PEAKS: tuple[tuple[OperatingQuantity, str], ...] = (
 
 # Demand beyond a tested range by less than this share is within it: rigs repeat a motion to a few per cent.
 _TOLERANCE = 0.05
-# Cycles of a motion differ in length by more than that.
-_FREQUENCY_TOLERANCE = 0.1
+# Cycles of a motion differ in length, and half cycles in amplitude, by more than that.
+_CYCLE_TOLERANCE = 0.1
 # Share of the travel in half cycles that are smaller than the smallest tested amplitude, beyond which they matter.
 _SMALL = 0.2
 # Share of the cycles that are longer, and that are shorter, than those of the frequency range.
@@ -176,23 +176,29 @@ class OperatingRange(Summarised, Related):
 
     @checked
     def exceeded_by(self, demand: OperatingRange) -> tuple[Exceedance, ...]:
-        """Quantities in which a demand is outside these ranges by more than 5 %, and 10 % in frequency.
+        """Quantities in which a demand is outside these ranges by more than 5 %, frequency and least stroke 10 %.
 
         Half cycles below the least tested stroke count where they make a fifth of the travel of the demand.
         """
         found = []
         if self.least_stroke is not None and demand.least_stroke is not None:
             smaller = demand.least_stroke, demand.least_stroke
-            found.append(_exceedance("stroke", "m", (self.least_stroke, max(self.stroke, *smaller)), smaller))
+            found.append(
+                _exceedance(
+                    "stroke",
+                    "m",
+                    (self.least_stroke, max(self.stroke, *smaller)),
+                    smaller,
+                    relative=_CYCLE_TOLERANCE,
+                )
+            )
         for quantity, unit in _PEAKS:
             found.append(
                 _exceedance(quantity, unit, (0.0, getattr(self, quantity)), (0.0, getattr(demand, quantity)))
             )
         if self.frequency is not None and demand.frequency is not None:
             found.append(
-                _exceedance(
-                    "frequency", "Hz", self.frequency, demand.frequency, relative=_FREQUENCY_TOLERANCE
-                )
+                _exceedance("frequency", "Hz", self.frequency, demand.frequency, relative=_CYCLE_TOLERANCE)
             )
         if (
             self.command is not None
