@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Final, Literal
+from typing import Final, Literal, get_args
 
 from mrwork.errors import UnitError
 
@@ -92,7 +92,7 @@ COMMAND_SCALES: Final[Mapping[CommandUnit, CommandScale]] = MappingProxyType(
 """Each unit of a command."""
 
 OTHER_COMMAND_UNITS: Final[tuple[CommandUnit, ...]] = tuple(
-    unit for unit in COMMAND_SCALES if unit not in ("A", "V")
+    unit for unit in COMMAND_SCALES if unit not in get_args(DriverUnit)
 )
 """Units of commands that are neither a current nor a voltage."""
 

@@ -276,11 +276,16 @@ except KeyboardInterrupt:
 """
 
 
-def test_an_interrupt_while_an_object_is_released_is_not_lost() -> None:
+def assert_interrupted(program: str) -> None:
+    """A program that sends SIGTERM to itself is interrupted, and prints the status of that alone."""
     ended = subprocess.run(
-        [sys.executable, "-c", LOST], capture_output=True, text=True, check=False, timeout=PATIENCE
+        [sys.executable, "-c", program], capture_output=True, text=True, check=False, timeout=PATIENCE
     )
     assert (ended.stdout, ended.stderr) == (f"{128 + signal.SIGTERM}\n", "")
+
+
+def test_an_interrupt_while_an_object_is_released_is_not_lost() -> None:
+    assert_interrupted(LOST)
 
 
 CLEARED = """
@@ -313,10 +318,7 @@ except KeyboardInterrupt:
 
 def test_an_interrupt_while_a_compiled_module_is_loaded_comes_after_it() -> None:
     # Such a module may clear the exceptions of the Python code that it runs, and with them an interrupt.
-    ended = subprocess.run(
-        [sys.executable, "-c", CLEARED], capture_output=True, text=True, check=False, timeout=PATIENCE
-    )
-    assert (ended.stdout, ended.stderr) == (f"{128 + signal.SIGTERM}\n", "")
+    assert_interrupted(CLEARED)
 
 
 def test_a_terminated_identification_keeps_what_it_has(tmp_path: Path) -> None:

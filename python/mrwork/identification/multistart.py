@@ -158,23 +158,7 @@ def search_starts(
             if on_iteration is not None:
                 on_iteration(rounds.found(""), min(len(rounds.best) / most, 1.0))
 
-        rounds.end(
-            find_minima(
-                objective,
-                box,
-                starts,
-                max_iterations=settings.most_iterations,
-                tolerance=_TOLERANCE,
-                hopeless=Hopeless(
-                    after=_HOPELESS_AFTER,
-                    factor=_HOPELESS,
-                    found=settings.found,
-                    closeness=settings.closeness,
-                    earlier=rounds.misfits,
-                ),
-                on_iteration=advance,
-            )
-        )
+        rounds.end(_descended(objective, box, starts, settings, earlier=rounds.misfits, on_iteration=advance))
 
     reason = "max_rounds"
     left = list(order)
@@ -280,6 +264,33 @@ def distinct_minima(box: Box, theta: NDArray[np.float64], misfit: NDArray[np.flo
     return theta[chosen[:_MOST_DISTINCT]]
 
 
+def _descended(
+    objective: Objective,
+    box: Box,
+    starts: NDArray[np.float64],
+    settings: Multistart,
+    *,
+    earlier: tuple[float, ...] = (),
+    on_iteration: Callable[[LocalMinima], None] | None,
+) -> LocalMinima:
+    """Local minimisations of one round, of which slow ones are given up; misfits of `earlier` minima count as well."""
+    return find_minima(
+        objective,
+        box,
+        starts,
+        max_iterations=settings.most_iterations,
+        tolerance=_TOLERANCE,
+        hopeless=Hopeless(
+            after=_HOPELESS_AFTER,
+            factor=_HOPELESS,
+            found=settings.found,
+            closeness=settings.closeness,
+            earlier=earlier,
+        ),
+        on_iteration=on_iteration,
+    )
+
+
 def minima_from(
     objective: Objective,
     box: Box,
@@ -298,29 +309,12 @@ def minima_from(
         As in `search_starts`: a further minimisation starts from the mirror image of the best minimum.
     """
     settings = Multistart()
-
-    def descended(starts: NDArray[np.float64]) -> LocalMinima:
-        return find_minima(
-            objective,
-            box,
-            starts,
-            max_iterations=settings.most_iterations,
-            tolerance=_TOLERANCE,
-            hopeless=Hopeless(
-                after=_HOPELESS_AFTER,
-                factor=_HOPELESS,
-                found=settings.found,
-                closeness=settings.closeness,
-            ),
-            on_iteration=on_iteration,
-        )
-
-    found = descended(starts)
+    found = _descended(objective, box, starts, settings, on_iteration=on_iteration)
     theta, misfit = found.theta, found.misfit
     if mirrored:
         image = theta[[int(np.argmin(misfit))]]
         image[:, list(mirrored)] *= -1.0
-        found = descended(image)
+        found = _descended(objective, box, image, settings, on_iteration=on_iteration)
         theta, misfit = np.concatenate([theta, found.theta]), np.concatenate([misfit, found.misfit])
     order = np.argsort(misfit, kind="stable")
     return distinct_minima(box, theta[order], misfit[order])

@@ -32,7 +32,8 @@ from mrwork.simulate import loading_of
 from mrwork.values import holds_arrays
 
 _STARTS = 8
-# Generations of the default search: local minimisations from its elite reach the same minimum after 10 as after 300.
+# Generations of the default search. Local minimisations from its elite reached the same minimum after 10 to 80 in all
+# runs of normalised_bouc_wen, 6 seeds on 3 records, and in 23 of 24 of normalised_modified_bouc_wen.
 _GENERATIONS = 60
 # The starts have the nominal rate of the driver's lag times these factors, in turn.
 _RATES = (1.0, 0.2, 5.0)
