@@ -16,6 +16,7 @@ from mrwork.identification.levenberg_marquardt import LocalMinimum, find_minima,
 from mrwork.identification.multistart import distinct_minima
 from mrwork.identification.objective import Objective
 from mrwork.identification.problem import Problem
+from mrwork.identification.stiffness_limit import nearest_below_stiffness
 from mrwork.values import holds_arrays
 
 # Largest number of evaluations: of the final fit, of the screening of each start, and of the second screening, which
@@ -75,7 +76,7 @@ def _in_a_batch(problem: Problem, starts: NDArray[np.float64], on_step: OnStep) 
     minima = find_minima(
         problem.objective,
         problem.form.box,
-        starts,
+        nearest_below_stiffness(problem.objective.compared, problem.form.box, starts),
         max_iterations=_FINAL_EVALUATIONS,
         on_iteration=lambda minima: on_step(minima.iterations, float(minima.misfit.min())),
     )
