@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -138,17 +139,17 @@ def _corner(
     delays = np.arange(-_LONGEST, _LONGEST + 0.5 * _STEP, _STEP)
     first, end = _until_fallen(time, force, count, delays, before)
     rows, weight = _windows(first, end, count)
-    columns = _with_corner((time[rows] - delays[:, np.newaxis]) / before)
+    terms = _with_corner((time[rows] - delays[:, np.newaxis]) / before)
     residual = np.full(delays.size, np.inf)
     enough = end - first >= _FEWEST
-    least = _triangles(columns, force[rows], weight)[enough, -1, -1]
+    least = _triangles(terms, force[rows], weight)[enough, -1, -1]
     residual[enough] = least**2 / np.sum(weight[enough] ** 2, axis=1)
     best = int(np.argmin(residual))
     if not residual[best] < _LARGEST_RESIDUAL**2 or best in (0, delays.size - 1):
         return None
     window = slice(int(first[best]), int(end[best]))
     s = (time[window] - delays[best]) / before
-    corner = _mean_square(_with_corner(s), force[window], count[window])
+    corner = _mean_square(np.stack(_with_corner(s), axis=1), force[window], count[window])
     smooth = _mean_square(np.vander(s, 6), force[window], count[window])
     return float(delays[best]), corner / smooth
 
@@ -168,12 +169,18 @@ def _until_fallen(
     turned = np.searchsorted(time, delays, side="right")
     rows, weight = _windows(first, turned, count)
     since = time[rows] - delays[:, np.newaxis]
-    triangles = _triangles(np.stack([since**2, since, np.ones_like(since)], axis=2), force[rows], weight)
+    triangles = _triangles((since**2, since, np.ones_like(since)), force[rows], weight)
     curved, steep, level = np.linalg.solve(triangles[:, :3, :3], triangles[:, :3, 3:])[..., 0].T[
         ..., np.newaxis
     ]
+    # In place, because fresh memory costs more than the sums.
     after = time - delays[:, np.newaxis]
-    fallen = np.abs((curved * after + steep) * after + level - force) > _FALL
+    branch = curved * after
+    branch += steep
+    branch *= after
+    branch += level
+    branch -= force
+    fallen = np.abs(branch, out=branch) > _FALL
     fallen &= np.arange(time.size) >= turned[:, np.newaxis]
     end = np.where(fallen.any(axis=1), np.argmax(fallen, axis=1) + 1, time.size)
     return first, np.where(turned - first >= _FEWEST // 2, end, first)
@@ -189,24 +196,26 @@ def _windows(
     return rows, np.sqrt(count[rows] * inside)
 
 
-def _with_corner(s: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Parabola and corner at the time `s` since it, the terms along a last axis."""
+def _with_corner(s: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+    """Terms of a parabola and a corner at the time `s` since it."""
     past = np.maximum(s, 0.0)
-    return np.stack([np.ones_like(s), s, s**2, past**2, past**3], axis=-1)
+    return np.ones_like(s), s, s**2, past**2, past**3
 
 
 def _triangles(
-    columns: NDArray[np.float64], force: NDArray[np.float64], weight: NDArray[np.float64]
+    terms: Sequence[NDArray[np.float64]], force: NDArray[np.float64], weight: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Triangular factors of weighted least-squares problems, the force as their last column.
+    """Triangular factors of weighted least-squares problems, (n_windows, n_terms + 1, n_terms + 1).
 
-    Shapes (n_windows, n_rows, n_terms) and (n_windows, n_rows) twice. The last diagonal element is the norm of the
-    residual. Terms that a window cannot tell apart are kept finite by rows of `_NEGLIGIBLE`.
+    All arguments have the shape (n_windows, n_rows). The force is the last column, so that the last diagonal element is
+    the norm of the residual. Terms that a window cannot tell apart are kept finite by rows of `_NEGLIGIBLE`.
     """
-    n_windows, _, n_terms = columns.shape
-    problem = np.concatenate([columns, force[..., np.newaxis]], axis=2) * weight[..., np.newaxis]
-    damping = np.broadcast_to(_NEGLIGIBLE * np.eye(n_terms, n_terms + 1), (n_windows, n_terms, n_terms + 1))
-    return np.asarray(np.linalg.qr(np.concatenate([problem, damping], axis=1), mode="r"))
+    n_windows, n_rows = weight.shape
+    problem = np.empty((n_windows, n_rows + len(terms), len(terms) + 1))
+    for place, column in enumerate((*terms, force)):
+        np.multiply(column, weight, out=problem[:, :n_rows, place])
+    problem[:, n_rows:] = _NEGLIGIBLE * np.eye(len(terms), len(terms) + 1)
+    return np.asarray(np.linalg.qr(problem, mode="r"))
 
 
 def _mean_square(
