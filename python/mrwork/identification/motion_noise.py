@@ -18,7 +18,7 @@ from mrwork.identification.result import remark_of
 from mrwork.identification.threads import on_every_test
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import frozen
-from mrwork.records.motion import Smoother, motion_of
+from mrwork.records.motion import Smoother, spectrum
 
 Array = NDArray[np.float64]
 
@@ -118,32 +118,38 @@ def _changes_by_noise(objective: Objective, form: Form, theta: Array) -> Iterato
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _MotionNoise:
-    """A test with the standard deviations of the noise of its displacement [m] and of a measured velocity [m/s]."""
+    """A test with the standard deviations of the noise of its displacement [m] and of a measured velocity [m/s].
+
+    The `velocity` is `None` where it is derived from the displacement.
+    """
 
     test: DamperTest
     smoother: Smoother
     displacement: float
-    velocity: float
+    velocity: float | None
 
     @classmethod
     def of(cls, test: DamperTest) -> _MotionNoise:
         """The noise that the smoother of the test removes."""
-        motion = motion_of(test.displacement, test.dt)
-        smoother = motion.smoother
+        band = spectrum(test.displacement, test.dt)
+        smoother = Smoother.for_band(band.band_edge, test.dt, test.n_time)
+        measured = test.velocity_source == "measured"
         return cls(
             test=test,
             smoother=smoother,
-            displacement=smoother.noise(test.displacement - motion.displacement),
-            velocity=smoother.noise(test.velocity - smoother.smooth(test.velocity)),
+            displacement=smoother.noise(test.displacement - smoother.smooth(test.displacement)),
+            velocity=smoother.noise(test.velocity - smoother.smooth(test.velocity)) if measured else None,
         )
 
     def again(self, seed: list[int]) -> DamperTest:
         """The test with such a noise added; that of a derived velocity is the noise of its derivation."""
         test = self.test
-        white = np.random.default_rng(seed).standard_normal((2, test.n_time))
-        displacement = self.displacement * white[0]
-        derived = test.velocity_source == "derived"
-        velocity = self.smoother.derivative(displacement) if derived else self.velocity * white[1]
+        rng = np.random.default_rng(seed)
+        displacement = self.displacement * rng.standard_normal(test.n_time)
+        if self.velocity is None:
+            velocity = self.smoother.derivative(displacement)
+        else:
+            velocity = self.velocity * rng.standard_normal(test.n_time)
         return replace(
             test,
             displacement=frozen(test.displacement + displacement),
