@@ -173,7 +173,7 @@ class Objective(Summarised):
     @property
     def n_time(self) -> int:
         """Number of samples that are compared, of all tests together."""
-        return sum(test.n_counted for test in self.tests)
+        return sum(each.measured.size for each in self.compared)
 
     @checked
     def __call__(
