@@ -66,13 +66,14 @@ def test_a_minimisation_slides_along_the_limit_of_stiffness() -> None:
     np.testing.assert_allclose(found.theta[0, MODEL.names.index("c0")], TRUE["c0"], rtol=0.01)
 
 
-def test_a_point_beyond_the_limit_is_moved_just_below_it_and_others_stay() -> None:
+def test_a_point_little_above_the_limit_is_moved_just_below_it_and_others_stay() -> None:
     form = identifiable_form(MODEL, {})
     objective = Objective.of(form.spec, (slow_test(),))
-    points = np.array([parameters(rho=4e3, sigma=8.0), parameters(rho=4e5, sigma=800.0)])
-    assert objective(points)[1] == np.inf
-    moved = nearest_below_stiffness(objective.compared, form.box, points)
-    np.testing.assert_array_equal(moved[0], points[0])
-    assert np.isfinite(objective(moved)).all()
-    share = stiffness_shares(form.spec, moved[1:], objective.compared[0].history)
-    assert 0.9 < float(np.max(share)) <= 1.0
+    below, far_above = parameters(rho=4e3, sigma=8.0), parameters(rho=4e5, sigma=800.0)
+    (share,) = stiffness_shares(form.spec, below[None], objective.histories[0])
+    above = parameters(rho=4e3 * 1.5 / share, sigma=8.0)
+    assert objective(np.array([above]))[0] == np.inf
+    moved = nearest_below_stiffness(objective.compared, form.box, np.array([below, above, far_above]))
+    np.testing.assert_array_equal(moved[[0, 2]], [below, far_above])
+    assert np.isfinite(objective(moved[:2])).all()
+    assert 0.9 < stiffness_shares(form.spec, moved[1:2], objective.histories[0])[0] <= 1.0

@@ -12,6 +12,7 @@ from mrwork.identification.equivalent import Form
 from mrwork.identification.linearisation import linearised
 from mrwork.identification.objective import Objective
 from mrwork.identification.result import remark_of
+from mrwork.values import holds_arrays
 
 # A combination of parameters (each scaled to unit sensitivity) that changes the residuals less than this, relative to
 # the one that changes them most, is not identifiable. Rounding leaves about 1e-11. The same number bounds the squared
@@ -19,7 +20,8 @@ from mrwork.identification.result import remark_of
 INSENSITIVE = 1e-7
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@holds_arrays
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Slopes:
     """Residuals of an objective at a minimum, shape (n_residuals,), and their derivatives, (n_free, n_residuals).
 

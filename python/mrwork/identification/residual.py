@@ -24,11 +24,13 @@ from mrwork.identification.nuisance import (
 from mrwork.records import AS_IT_IS, DamperTest
 from mrwork.records.detectors.velocity import refuse_velocity
 from mrwork.simulate import Outcome, loading_of, simulate_forces, simulate_sensitivities, stiffness_shares
+from mrwork.values import holds_arrays
 
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@holds_arrays
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ObservedTest:
     """One test that a model is compared with; the splines of its `history` are computed once for all candidates.
 

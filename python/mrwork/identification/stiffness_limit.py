@@ -22,8 +22,9 @@ _MARGIN = 0.02
 _SMALL = 1e-4
 # Most tests whose limits a step may meet at once.
 _MOST_MET = 8
-# Most steps to below the limit.
+# Most steps of a point to below the limit; points further above it, in the logarithm of the stiffness, stay.
 _STEPS_BELOW = 10
+_NOT_FAR_ABOVE = 0.7
 
 
 def within_stiffness(
@@ -61,12 +62,14 @@ def within_stiffness(
 
 
 def nearest_below_stiffness(tests: Sequence[ObservedTest], box: Box, theta: Array) -> Array:
-    """Points, shape (n_points, n_params); those above the limit of stiffness moved below it, in latent coordinates.
+    """Points, shape (n_points, n_params), those little above the limit of stiffness moved below it.
 
-    A minimum on some tests, or on parts of them, may lie where others are not simulated.
+    A minimum on some tests, or on parts of them, may lie where others are not simulated. The move is the shortest in
+    latent coordinates.
     """
     found = theta.copy()
-    for row in np.flatnonzero(np.any(_log_stiffness(tests, theta) > 0.0, axis=1)):
+    excess = _log_stiffness(tests, theta).max(axis=1)
+    for row in np.flatnonzero((excess > 0.0) & (excess < _NOT_FAR_ABOVE)):
         latent = np.asarray(box.latent_from_theta(box.inside(theta[[row]])))[0]
         for _ in range(_STEPS_BELOW):
             value, slope = _stiffness_and_slope(tests, box, latent)
