@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 import mrwork as mr
-from device_families import FAMILIES, Family, Variant
-from frame_runs import FRAME, HARDWARE, LONGEST, RECORDS
 from mrwork.buildings import Building
 from mrwork.closed_loop import SCORE, STANDARD_GRAVITY, History, Responses
 from mrwork.motions import read_motion, scaled_to_peak, trimmed
+from studies.chapter_2.device_families import FAMILIES, Family, Variant
+from studies.common.frame import FRAME, HARDWARE, LONGEST, RECORDS
+from studies.common.records import ground_motions
 
 Floats = NDArray[np.float64]
 
@@ -25,7 +24,6 @@ PEAK = 0.1
 CHOOSING, JUDGING = (1940, 1995), (1968, 1994)
 """Seeds of the motions that choose the settings, and of those that judge them."""
 _DURATION = 20.0
-DATA = Path(os.environ.get("MRWORK_DATA", Path(__file__).parents[3] / "shared" / "data"))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,7 +56,7 @@ def judged_families(*, quick: bool, threads: int, say: Callable[[str], None]) ->
 
 def measured_motions() -> list[mr.GroundMotion]:
     """The records of the benchmarks, where they are at hand."""
-    folder = DATA / "records"
+    folder = ground_motions()
     if not folder.is_dir():
         return []
     return [

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 import mrwork
-from search_cells import Cell, Replicates
+from studies.chapter_4.search_cells import Cell, Replicates
 
 
 def fingerprint(cell: Cell) -> str:

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from kept_cells import keep, recall
 from mrwork.search import GenerationEvent
-from search_cells import Cell, Replicates, run_cell
+from studies.chapter_4.kept_cells import keep, recall
+from studies.chapter_4.search_cells import Cell, Replicates, run_cell
 
 _EVERY = 0.3
 

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 import mrwork as mr
-from damper_tests import SIDE_M, STATIC_LAWS, TestSet
 from mrwork.dampers import DamperSpec, LawName
 from mrwork.identification import Fit, free_run
 from mrwork.search import EfficientGA
+from studies.chapter_5.damper_tests import SIDE_M, STATIC_LAWS, TestSet
 
 Floats = NDArray[np.float64]
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from current_laws import (
+from mrwork.search import EfficientGA
+from studies.chapter_5.current_laws import (
     STATIC,
     WITH_LAWS,
     LawComparison,
@@ -16,8 +17,7 @@ from current_laws import (
     identify_each,
     laws_of,
 )
-from damper_tests import TestSet
-from mrwork.search import EfficientGA
+from studies.chapter_5.damper_tests import TestSet
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -8,13 +8,13 @@ from pathlib import Path
 
 from markupsafe import Markup
 
-from current_laws import MODELS, STATIC, WITH_LAWS, Model
-from damper_tests import FORCE_NOISE_N
-from law_figures import FREQUENCY_COLOURS, loop_figure, parameter_figure, rms_figure
-from law_tables import law_rms_table, law_table, per_current_table, rms_table
 from mrwork.report import Panel, branches_figure, panel, style, swatch, write_study_page
-from outcome import SetOutcome
-from thickness_and_mean import STATIC_MODELS, forces, loops_table
+from studies.chapter_5.current_laws import MODELS, STATIC, WITH_LAWS, Model
+from studies.chapter_5.damper_tests import FORCE_NOISE_N
+from studies.chapter_5.figures import FREQUENCY_COLOURS, loop_figure, parameter_figure, rms_figure
+from studies.chapter_5.outcome import SetOutcome
+from studies.chapter_5.tables import law_rms_table, law_table, per_current_table, rms_table
+from studies.chapter_5.thickness_and_mean import STATIC_MODELS, forces, loops_table
 
 _ABOUT = {
     "synthetic static": "Simulated: the static hysteretic model with the published current polynomials of the "
@@ -65,7 +65,7 @@ def write_page(outcomes: Sequence[SetOutcome], path: Path, *, skipped: str, foot
         for place, damper in enumerate(dampers, start=1)
     ]
     write_study_page(
-        Path(__file__).parent / "chapter.html.j2",
+        Path(__file__).parent / "page.html.j2",
         path,
         subject="Static hysteretic, polynomial-fitting and Bouc-Wen models, identified one current at a time and "
         "for all currents at once",

@@ -11,14 +11,14 @@ from typing import Literal
 
 import numpy as np
 
-from frame_runs import FRAME, HARDWARE, Bench, bench, figures_of, pair
 from mrwork.buildings import Building
 from mrwork.closed_loop import Fault, Hardware, simulate_loop
 from mrwork.control import ControlLaw
 from mrwork.errors import MrworkError
 from mrwork.motions import GroundMotion, read_motion
 from mrwork.simulate import Outcome
-from tuning import Tuned, control_law_of
+from studies.chapter_6.tuning import Tuned, control_law_of
+from studies.common.frame import FRAME, HARDWARE, Bench, bench, figures_of, pair
 
 OBSERVED = replace(HARDWARE, feedback="observer")
 BROKEN: tuple[tuple[float | Literal["hold"], str], ...] = (

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from frame_runs import HARDWARE, Bench, Figures, figures, pair
 from mrwork.closed_loop import Hardware
-from tuning import Tuned, control_law_of
+from studies.chapter_6.tuning import Tuned, control_law_of
+from studies.common.frame import HARDWARE, Bench, Figures, figures, pair
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from frame_runs import LEVELS, Bench, pair
-from kept_settings import kept
 from mrwork.closed_loop import Device
 from mrwork.control import ControlLaw
 from mrwork.motions import GroundMotion
-from tuning import control_law_of
+from studies.chapter_6.kept_settings import kept
+from studies.chapter_6.tuning import control_law_of
+from studies.common.frame import LEVELS, Bench, pair
 
 OFF, CONSTANT = "i = 0", "best constant"
 LYAPUNOV, PROPORTIONAL, INVERSE = "lyapunov_direct", "proportional_direct", "inverse_direct"

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from direct_laws import CONSTANT, DIRECT, OFF, Controlled, controlled_at, motions_at
-from frame_runs import FRAME, HARDWARE, LEVELS, Bench, level_name
 from mrwork.closed_loop import Responses, simulate_loop
 from mrwork.motions import GroundMotion
+from studies.chapter_6.direct_laws import CONSTANT, DIRECT, OFF, Controlled, controlled_at, motions_at
+from studies.common.frame import FRAME, HARDWARE, LEVELS, Bench, level_name
 
 Floats = NDArray[np.float64]
 

@@ -6,9 +6,9 @@ import tomllib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from frame_runs import LEVELS, level_name
-from tried_settings import Setting
-from tuning import Found, Tuned
+from studies.chapter_6.tried_settings import Setting
+from studies.chapter_6.tuning import Found, Tuned
+from studies.common.frame import LEVELS, level_name
 
 KEPT = Path(__file__).parent / "tuned.toml"
 

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from direct_laws import SHOWN, Controlled, controlled_at, motions_at
-from frame_runs import FRAME, HARDWARE, LEVELS, Bench, level_name
 from mrwork.closed_loop import History, simulate_loop
 from mrwork.control import lyapunov_function, plant_of
 from mrwork.motions import GroundMotion
+from studies.chapter_6.direct_laws import SHOWN, Controlled, controlled_at, motions_at
+from studies.common.frame import FRAME, HARDWARE, LEVELS, Bench, level_name
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

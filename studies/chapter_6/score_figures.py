@@ -6,11 +6,11 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from chapter_6_tables import title_of
-from conditions import CONDITIONS
-from frame_runs import LEVELS, level_name
-from loop_findings import TUNED_LAWS
 from mrwork.report import style
+from studies.chapter_6.conditions import CONDITIONS
+from studies.chapter_6.loop_findings import TUNED_LAWS
+from studies.chapter_6.tables import title_of
+from studies.common.frame import LEVELS, level_name
 
 _COLOURS = dict(zip(LEVELS, (style.MODEL, style.RESIDUAL), strict=True))
 _BASELINES = ("best constant", "i_max")

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from direct_laws import SHOWN, Controlled, controlled_at, motions_at
-from frame_runs import FRAME, HARDWARE, LEVELS, Bench, level_name
 from mrwork.closed_loop import simulate_loop
 from mrwork.motions import GroundMotion
+from studies.chapter_6.direct_laws import SHOWN, Controlled, controlled_at, motions_at
+from studies.common.frame import FRAME, HARDWARE, LEVELS, Bench, level_name
 
 PAIR, TWO, ONE = "pair in opposition", "two, one way", "one"
 ARRANGEMENTS: dict[str, tuple[float, bool]] = {PAIR: (1.0, True), TWO: (2.0, False), ONE: (1.0, False)}

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from chapter_6_tables import title_of
-from direct_laws import CONSTANT, INVERSE, LYAPUNOV, OFF, PROPORTIONAL, SHOWN
-from floor_ratios import MEANS, PEAKS, QUANTITIES, Quantity
-from frame_runs import FRAME, record_title
 from mrwork.report import ResultTable
-from single_damper import PAIR
+from studies.chapter_6.direct_laws import CONSTANT, INVERSE, LYAPUNOV, OFF, PROPORTIONAL, SHOWN
+from studies.chapter_6.floor_ratios import MEANS, PEAKS, QUANTITIES, Quantity
+from studies.chapter_6.single_damper import PAIR
+from studies.chapter_6.tables import title_of
+from studies.common.frame import FRAME, record_title
 
 _NUMBERS = dict(zip(SHOWN, ("Table 6.1 in form", "Table 6.2 in form"), strict=True))
 

@@ -8,11 +8,11 @@ from functools import cache
 
 import numpy as np
 
-from frame_runs import FRAME, LARGEST_CURRENT, LEVELS, Bench, Figures, figures, pair
 from mrwork.closed_loop import Device
 from mrwork.control import ControlLaw, Design, DesignProblem, control_law, settings_of
 from mrwork.errors import SettingError
-from tried_settings import CURRENTS, MANY_CURRENTS, NETWORK, Settings, about, grid
+from studies.chapter_6.tried_settings import CURRENTS, MANY_CURRENTS, NETWORK, Settings, about, grid
+from studies.common.frame import FRAME, LARGEST_CURRENT, LEVELS, Bench, Figures, figures, pair
 
 _STEPS_ABOUT = 48
 

@@ -9,9 +9,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-import elementary
 from mrwork.kernels import LoadingHistory
-from steppers import TIMES, steppers
+from studies.stiff_stepping import elementary
+from studies.stiff_stepping.steppers import TIMES, steppers
 
 Floats = NDArray[np.float64]
 

@@ -9,15 +9,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-import kept_settings
-from chapter_6_tables import tables
-from frame_runs import LEVELS, bench, figures, level_name
-from loop_findings import TUNED_LAWS, found_by
 from mrwork.control.laws import ControlLaw
 from mrwork.report.expectations import departures
-from thesis_tables import thesis_tables
-from tried_settings import about, grid
-from tuning import Found, Tuned, control_law_of
+from studies.chapter_6 import kept_settings
+from studies.chapter_6.loop_findings import TUNED_LAWS, found_by
+from studies.chapter_6.tables import tables
+from studies.chapter_6.thesis_tables import thesis_tables
+from studies.chapter_6.tried_settings import about, grid
+from studies.chapter_6.tuning import Found, Tuned, control_law_of
+from studies.common.frame import LEVELS, bench, figures, level_name
 
 RECORDS = Path(os.environ.get("MRWORK_DATA", "../shared/data")) / "records"
 measured = pytest.mark.skipif(

@@ -10,13 +10,13 @@ import pytest
 import tuning_samples
 
 import mrwork as mr
-import robust_damper
-import robust_runs
 from mrwork.control import settings_of
-from robust_damper import CURRENTS, MOTIONS, write_tests
-from robust_findings import level_found
-from robust_page import score_figure
-from robust_tables import ANY, tables
+from studies.robust_control import damper as robust_damper
+from studies.robust_control import runs as robust_runs
+from studies.robust_control.damper import CURRENTS, MOTIONS, write_tests
+from studies.robust_control.findings import level_found
+from studies.robust_control.page import score_figure
+from studies.robust_control.tables import ANY, tables
 
 UNCERTAIN = """
 [uncertainty]
