@@ -7,6 +7,7 @@ from typing import Any
 from mrwork.closed_loop import SCORE
 from mrwork.report import ResultTable
 from studies.chapter_2.device_families import FAMILIES, column_height
+from studies.common.table import table_of
 
 SETS = {"synthetic": "Two synthetic motions", "measured": "Four measured records"}
 
@@ -51,62 +52,47 @@ def _need_table() -> ResultTable:
 
 
 def _demand_table(families: dict[str, Any], name: str) -> ResultTable:
-    return ResultTable(
-        title=f"Demand: {SETS[name].lower()}",
-        header=(
-            "device",
-            "stroke [mm]",
-            "force [N]",
-            "energy [%]",
-            "power taken [W]",
-            "given [W]",
-            "energy error",
-        ),
-        rows=tuple(
-            (
-                label,
-                f"{each[name]['stroke_mm']:.1f}",
-                f"{each[name]['force_n']:.0f}",
-                f"{100.0 * each[name]['energy_share']:.0f}",
-                f"{each[name]['power_taken_w']:.0f}",
-                f"{each[name]['power_given_w']:.0f}",
-                f"{each[name]['energy_error']:.0e}",
-            )
-            for label, each in families.items()
-        ),
+    return table_of(
+        f"Demand: {SETS[name].lower()}",
+        "device",
+        families,
+        {
+            "stroke [mm]": lambda each: f"{each[name]['stroke_mm']:.1f}",
+            "force [N]": lambda each: f"{each[name]['force_n']:.0f}",
+            "energy [%]": lambda each: f"{100.0 * each[name]['energy_share']:.0f}",
+            "power taken [W]": lambda each: f"{each[name]['power_taken_w']:.0f}",
+            "given [W]": lambda each: f"{each[name]['power_given_w']:.0f}",
+            "energy error": lambda each: f"{each[name]['energy_error']:.0e}",
+        },
     )
 
 
 def _setting_table(families: dict[str, Any]) -> ResultTable:
-    return ResultTable(
-        title="Settings that were chosen",
-        header=("device", "tried", "score", "chosen"),
-        rows=tuple(
-            (
-                label,
-                f"{each['n_tried']}",
-                f"{each['score']:.3f}",
-                ", ".join(f"{name} {value:.3g}" for name, value in each["settings"].items()),
-            )
-            for label, each in families.items()
-        ),
+    return table_of(
+        "Settings that were chosen",
+        "device",
+        families,
+        {
+            "tried": "{n_tried}",
+            "score": "{score:.3f}",
+            "chosen": lambda each: ", ".join(
+                f"{name} {value:.3g}" for name, value in each["settings"].items()
+            ),
+        },
     )
 
 
 def _closed_form_table(found: dict[str, Any]) -> ResultTable:
-    return ResultTable(
-        title="The loop beside the textbook",
-        header=("case", "loop", "formula", "deviation", "formula in words"),
-        rows=tuple(
-            (
-                name,
-                f"{each['loop']:.4g}",
-                f"{each['formula']:.4g}",
-                f"{100.0 * each['deviation']:+.2f} %",
-                each["says"],
-            )
-            for name, each in found.items()
-        ),
+    return table_of(
+        "The loop beside the textbook",
+        "case",
+        found,
+        {
+            "loop": "{loop:.4g}",
+            "formula": "{formula:.4g}",
+            "deviation": lambda each: f"{100.0 * each['deviation']:+.2f} %",
+            "formula in words": "{says}",
+        },
     )
 
 

@@ -8,6 +8,7 @@ from mrwork.closed_loop import SCORE
 from mrwork.report import ResultTable
 from studies.chapter_3 import fluid_properties, models_on_one_test, published_damper, sized_front, slot_flow
 from studies.common.frame import RECORDS
+from studies.common.table import table_of
 
 # Keys of the frame in the findings: the quick form sizes one damper, under one motion.
 FRAME_KEYS = ("sized", "quick_sized")
@@ -31,37 +32,22 @@ _WAYS = {"constant": "Best constant current", "clipped": "Clipped-optimal contro
 
 
 def _size_table(sizes: dict[str, Any]) -> ResultTable:
-    return ResultTable(
-        title="Dampers sized for the frame",
-        header=(
-            "damper",
-            "force [kN]",
-            "range",
-            "diameter [mm]",
-            "length [mm]",
-            "volume [l]",
-            "fluid [kg]",
-            "current [A]",
-            "power [W]",
-            "response [ms]",
-            "model, nrmse [%]",
-        ),
-        rows=tuple(
-            (
-                name,
-                f"{size['force_kn']:.1f}",
-                f"{size['dynamic_range']:.1f}",
-                f"{size['outer_diameter_mm']:.0f}",
-                f"{size['length_mm']:.0f}",
-                f"{size['volume_l']:.3f}",
-                f"{size['fluid_kg']:.2f}",
-                f"{size['largest_current_a']:.2f}",
-                f"{size['power_w']:.1f}",
-                f"{size['response_ms']:.1f}",
-                f"{100.0 * size['model_nrmse']:.1f}",
-            )
-            for name, size in sizes.items()
-        ),
+    return table_of(
+        "Dampers sized for the frame",
+        "damper",
+        sizes,
+        {
+            "force [kN]": "{force_kn:.1f}",
+            "range": "{dynamic_range:.1f}",
+            "diameter [mm]": "{outer_diameter_mm:.0f}",
+            "length [mm]": "{length_mm:.0f}",
+            "volume [l]": "{volume_l:.3f}",
+            "fluid [kg]": "{fluid_kg:.2f}",
+            "current [A]": "{largest_current_a:.2f}",
+            "power [W]": "{power_w:.1f}",
+            "response [ms]": "{response_ms:.1f}",
+            "model, nrmse [%]": lambda size: f"{100.0 * size['model_nrmse']:.1f}",
+        },
         note="MRF-132DG, AISI 1010. Force and range at 0.1 m/s; response is the time to 63 % of the current with 24 V; "
         "the last column is the rms difference of the Bingham model with current laws to the forces of the design.",
     )

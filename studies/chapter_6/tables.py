@@ -12,6 +12,7 @@ from studies.chapter_6.conditions import CONDITIONS, HALF_STEP, REFERENCE
 from studies.chapter_6.dyke_peaks import QUANTITIES
 from studies.chapter_6.loop_findings import ACTIVE, TUNED_LAWS
 from studies.common.frame import LEVELS, level_name
+from studies.common.table import table_of
 
 _TITLES = {
     "active": "ideal active force",
@@ -168,27 +169,27 @@ def _steps(found: dict[str, Any]) -> ResultTable:
 
 
 def _faults(found: dict[str, Any]) -> ResultTable:
-    return ResultTable(
-        title="Faults, clipped-optimal, El Centro at 0.3 g",
-        header=("fault", "outcome", "phi"),
-        rows=tuple(
-            (fault, entry["outcome"], "" if entry["score"] is None else f"{entry['score']:.4f}")
-            for fault, entry in found.items()
-        ),
+    return table_of(
+        "Faults, clipped-optimal, El Centro at 0.3 g",
+        "fault",
+        found,
+        {
+            "outcome": "{outcome}",
+            "phi": lambda entry: "" if entry["score"] is None else f"{entry['score']:.4f}",
+        },
     )
 
 
 def _frequencies(found: dict[str, Any]) -> ResultTable:
-    return ResultTable(
-        title="Natural frequencies [Hz]",
-        header=("building", "ours", "stated", "largest deviation"),
-        rows=tuple(
-            (
-                name,
-                ", ".join(f"{value:.3f}" for value in entry["hertz"]),
-                ", ".join(f"{value:g}" for value in entry["stated"].values()) or "none",
-                "" if entry["deviation"] is None else f"{entry['deviation']:.2%}",
-            )
-            for name, entry in found.items()
-        ),
+    return table_of(
+        "Natural frequencies [Hz]",
+        "building",
+        found,
+        {
+            "ours": lambda entry: ", ".join(f"{value:.3f}" for value in entry["hertz"]),
+            "stated": lambda entry: ", ".join(f"{value:g}" for value in entry["stated"].values()) or "none",
+            "largest deviation": lambda entry: (
+                "" if entry["deviation"] is None else f"{entry['deviation']:.2%}"
+            ),
+        },
     )

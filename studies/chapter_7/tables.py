@@ -10,6 +10,7 @@ from studies.chapter_7.earthquakes import CORNER, PEAK
 from studies.chapter_7.predictions import ALL_TRUE, FULL, JUDGED
 from studies.chapter_7.sine_tests import SWEEP_PEAK
 from studies.chapter_7.virtual_rig import SENSORS, TABLE
+from studies.common.table import table_of
 
 # Keys of the tests in the findings.
 KINDS = ("measured", "synthetic", "quick")
@@ -75,33 +76,20 @@ def _limits_table() -> ResultTable:
 
 
 def _demand_table(demands: dict[str, Any]) -> ResultTable:
-    return ResultTable(
-        title="What the records take of the table",
-        header=(
-            "record",
-            "peak [g]",
-            "stroke [mm]",
-            "velocity [mm/s]",
-            "acceleration [g]",
-            "nearest limit",
-            "share [%]",
-            f"share at {PEAK:g} g [%]",
-            "stroke without high-pass [mm]",
-        ),
-        rows=tuple(
-            (
-                name,
-                f"{each['peak_g']:.3f}",
-                f"{each['stroke_mm']:.0f}",
-                f"{each['velocity_mm_s']:.0f}",
-                f"{each['acceleration_g']:.3f}",
-                each["limit"],
-                f"{100.0 * each['share']:.0f}",
-                f"{100.0 * each['share_scaled']:.0f}",
-                f"{each['unfiltered_stroke_mm']:.0f}",
-            )
-            for name, each in demands.items()
-        ),
+    return table_of(
+        "What the records take of the table",
+        "record",
+        demands,
+        {
+            "peak [g]": "{peak_g:.3f}",
+            "stroke [mm]": "{stroke_mm:.0f}",
+            "velocity [mm/s]": "{velocity_mm_s:.0f}",
+            "acceleration [g]": "{acceleration_g:.3f}",
+            "nearest limit": "{limit}",
+            "share [%]": lambda each: f"{100.0 * each['share']:.0f}",
+            f"share at {PEAK:g} g [%]": lambda each: f"{100.0 * each['share_scaled']:.0f}",
+            "stroke without high-pass [mm]": "{unfiltered_stroke_mm:.0f}",
+        },
         note=f"At the natural amplitude and in natural time, high-passed at {CORNER:g} Hz and brought to rest at the "
         f"end; a share above 100 % is refused. The tests are at {PEAK:g} g.",
     )
@@ -205,10 +193,14 @@ def _way_tables(run: dict[str, Any]) -> tuple[ResultTable, ...]:
 
 
 def _choice_table(chosen: dict[str, Any]) -> ResultTable:
-    return ResultTable(
-        title="Settings",
-        header=("case", "setting", "score on the choosing motions"),
-        rows=tuple((name, each["setting"], f"{each['score']:.3f}") for name, each in chosen.items()),
+    return table_of(
+        "Settings",
+        "case",
+        chosen,
+        {
+            "setting": "{setting}",
+            "score on the choosing motions": "{score:.3f}",
+        },
         note="Chosen on the identified rig under synthetic motions that judge nothing. R is the weight of the force "
         "[1/N2], the ratio that of the observer's densities S_ag/S_v.",
     )

@@ -6,63 +6,47 @@ from collections.abc import Iterator
 from typing import Any
 
 from mrwork.report import ResultTable
+from studies.common.table import table_of
 from studies.controller_weights.loop import CURRENTS
 
 
 def tables(found: dict[str, Any]) -> Iterator[ResultTable]:
     """The tables of the README."""
-    yield ResultTable(
-        title="Program and Riccati equations",
-        header=(
-            "frame",
-            "least ratio",
-            "t^2 of the program, error",
-            "violation",
-            "first solve [s]",
-            "other budget [s]",
-            "of all modes [s]",
-        ),
-        rows=tuple(
-            (
-                name,
-                f"{row['ratio']:.5f}",
-                _small(row["program_error"]),
-                _small(row["violation"]),
-                f"{row['first_s']:.2f}",
-                f"{row['repeated_s']:.2f}",
-                f"{row['whole_program_s']:.0f}" if "whole_program_s" in row else "",
-            )
-            for name, row in found["sizes"].items()
-        ),
+    yield table_of(
+        "Program and Riccati equations",
+        "frame",
+        found["sizes"],
+        {
+            "least ratio": "{ratio:.5f}",
+            "t^2 of the program, error": lambda row: _small(row["program_error"]),
+            "violation": lambda row: _small(row["violation"]),
+            "first solve [s]": "{first_s:.2f}",
+            "other budget [s]": "{repeated_s:.2f}",
+            "of all modes [s]": lambda row: (
+                f"{row['whole_program_s']:.0f}" if "whole_program_s" in row else ""
+            ),
+        },
     )
-    yield ResultTable(
-        title="Extensions, five storeys",
-        header=(
-            "design",
-            "least ratio",
-            "law's gain: ratio",
-            "force over budget",
-            "program, error",
-            "violation",
-            "solve [s]",
-        ),
-        rows=tuple(
-            (
-                name,
-                f"{row['ratio']:.4f}",
-                f"{row['law_ratio']:.4f}",
-                f"{row['law_force']:.3f}",
-                _small(row["program_error"]),
-                _small(row["violation"]),
-                f"{row['first_s']:.2f}",
-            )
-            for name, row in found["extensions"].items()
-        ),
+    yield table_of(
+        "Extensions, five storeys",
+        "design",
+        found["extensions"],
+        {
+            "least ratio": "{ratio:.4f}",
+            "law's gain: ratio": "{law_ratio:.4f}",
+            "force over budget": "{law_force:.3f}",
+            "program, error": lambda row: _small(row["program_error"]),
+            "violation": lambda row: _small(row["violation"]),
+            "solve [s]": "{first_s:.2f}",
+        },
     )
-    yield ResultTable(
-        title="Gains as optimal ones",
-        header=("gain", "distance to the nearest optimal one"),
-        rows=tuple((name, _small(row["distance"])) for name, row in found["inverses"].items()),
+    yield table_of(
+        "Gains as optimal ones",
+        "gain",
+        found["inverses"],
+        {
+            "distance to the nearest optimal one": lambda row: _small(row["distance"]),
+        },
     )
     for level, shapes in found.get("true_loop", {}).items():
         yield ResultTable(
