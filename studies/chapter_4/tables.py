@@ -10,7 +10,7 @@ from mrwork.report import numbers
 from studies.chapter_4.decay import ATTAINABLE, LITERAL, STALL
 from studies.chapter_4.findings import SearchFinding, TrialFinding, adjusted
 from studies.chapter_4.search_settings import BASELINES, EFFICIENT, SEARCHES, STANDARD, SWARM
-from studies.chapter_5.table import ChapterTable
+from studies.common.table import ChapterTable
 
 _RANGE = "\N{EN DASH}"
 _NONE = numbers.fixed(None, 0)

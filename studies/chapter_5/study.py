@@ -17,9 +17,8 @@ from typing import Any
 import numpy as np
 
 from mrwork.search import EfficientGA
-from studies.chapter_5.current_laws import MODELS, WITH_LAWS, Laws
 from studies.chapter_5.damper_tests import measured_sets, synthetic_sets
-from studies.chapter_5.outcome import SetOutcome, study_set
+from studies.chapter_5.outcome import MODELS, WITH_LAWS, Laws, SetOutcome, study_set
 from studies.chapter_5.page import write_page
 from studies.chapter_5.tables import law_rms_table, law_table, per_current_table, rms_table
 from studies.chapter_5.thickness_and_mean import as_numbers, compared, loops_table

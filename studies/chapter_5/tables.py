@@ -9,10 +9,9 @@ import numpy as np
 
 import mrwork as mr
 from mrwork.report import numbers
-from studies.chapter_5.current_laws import Laws, PerCurrent
 from studies.chapter_5.damper_tests import Floats
-from studies.chapter_5.outcome import SetOutcome
-from studies.chapter_5.table import ChapterTable
+from studies.chapter_5.outcome import Laws, PerCurrent, SetOutcome
+from studies.common.table import ChapterTable
 
 # After a value that has no standard error.
 _UNSURE = "*"

@@ -14,10 +14,9 @@ import mrwork as mr
 from mrwork.identification import free_run
 from mrwork.records import Branches, branches
 from mrwork.report import numbers
-from studies.chapter_5.current_laws import WITH_LAWS, PerCurrent
 from studies.chapter_5.damper_tests import Floats
-from studies.chapter_5.outcome import SetOutcome
-from studies.chapter_5.table import ChapterTable
+from studies.chapter_5.outcome import WITH_LAWS, PerCurrent, SetOutcome
+from studies.common.table import ChapterTable
 
 STATIC_MODELS = tuple(model.label for model in WITH_LAWS)
 QUANTITIES = ("thickness", "mean")

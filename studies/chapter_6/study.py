@@ -14,11 +14,11 @@ import time
 from argparse import Namespace
 from itertools import chain
 
-from studies.chapter_6.kept_settings import keep
 from studies.chapter_6.loop_findings import ACTIVE, TUNED_LAWS, found_by, tune
 from studies.chapter_6.page import write_page
 from studies.chapter_6.tables import remarks, tables
 from studies.chapter_6.thesis_tables import thesis_tables
+from studies.chapter_6.tuning import keep
 from studies.common.command import Command, Findings, Say
 from studies.common.frame import LEVELS, bench, level_name
 from studies.common.records import absent, ground_motions

@@ -9,8 +9,8 @@ from mrwork.closed_loop import SCORE
 from mrwork.control import control_law
 from mrwork.report import ResultTable
 from studies.chapter_6.conditions import CONDITIONS, HALF_STEP, REFERENCE
-from studies.chapter_6.dyke_peaks import QUANTITIES
 from studies.chapter_6.loop_findings import ACTIVE, TUNED_LAWS
+from studies.chapter_6.published import QUANTITIES
 from studies.common.frame import LEVELS, level_name
 from studies.common.table import table_of
 

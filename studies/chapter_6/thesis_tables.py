@@ -8,10 +8,20 @@ from typing import Any
 import numpy as np
 
 from mrwork.report import ResultTable
-from studies.chapter_6.direct_laws import CONSTANT, INVERSE, LYAPUNOV, OFF, PROPORTIONAL, SHOWN
-from studies.chapter_6.floor_ratios import MEANS, PEAKS, QUANTITIES, Quantity
-from studies.chapter_6.single_damper import PAIR
 from studies.chapter_6.tables import title_of
+from studies.chapter_6.thesis_findings import (
+    CONSTANT,
+    INVERSE,
+    LYAPUNOV,
+    MEANS,
+    OFF,
+    PAIR,
+    PEAKS,
+    PROPORTIONAL,
+    QUANTITIES,
+    SHOWN,
+    Quantity,
+)
 from studies.common.frame import FRAME, record_title
 from studies.common.table import table_of
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from mrwork.report import numbers, panel, style, write_study_page
+from studies.common.table import as_markup
 from studies.controller_weights.tables import tables
 
 _TONES = (style.INK, style.MODEL, style.RESIDUAL, style.PARAMETER_BAND, style.DATA, style.BAND_EDGE)
@@ -29,7 +29,7 @@ def write_page(found: dict[str, Any], path: Path) -> None:
             )
             for number, (level, shapes) in enumerate(found.get("true_loop", {}).items())
         ],
-        tables=[Markup(table.html()) for table in tables(found)],
+        tables=as_markup(tables(found)),
         unreachable=found["unreachable"],
     )
 

@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from mrwork.report import panel, style, write_study_page
+from studies.common.table import as_markup
 from studies.robust_control.tables import tables
 
 
@@ -28,7 +28,7 @@ def write_page(found: Mapping[str, Any], path: Path) -> None:
             )
             for number, (level, figures) in enumerate(found.items())
         ],
-        tables=[Markup(table.html()) for table in tables(found)],
+        tables=as_markup(tables(found)),
     )
 
 

@@ -197,8 +197,7 @@ def run_models(options: argparse.Namespace) -> int:
 
 def run_identify(options: argparse.Namespace) -> int:
     """Measure how soon searches come near the best known fit; after Ctrl-C, say what was measured until then."""
-    from studies.speed.identify import bench_identify
-    from studies.speed.identify_table import format_identify
+    from studies.speed.identify import bench_identify, format_identify
 
     benchmark = bench_identify(
         seeds=(2 if options.quick else 20) if options.seeds is None else options.seeds,

@@ -89,13 +89,6 @@ def bench_kernels(
     threads : numbers of threads, none above the cores of this machine.
     rounds : turns of each contender, of which the median counts.
     on_progress : called with one line of text whenever something new is measured.
-
-    Raises
-    ------
-    SettingError
-        If a number is below 1 or there are fewer cores than threads.
-    MrworkError
-        If a peer's misfits differ from ours or a process fails.
     """
     if not batches or not threads or min(*batches, *threads, rounds, 1) < 1:
         raise SettingError("`batches`, `threads` and `rounds` must be 1 or more; give positive numbers")

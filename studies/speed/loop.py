@@ -91,13 +91,6 @@ def bench_loop(
     threads : numbers of threads, none above the cores of this machine.
     rounds : passes of each contender, of which the median counts; those that are extrapolated make one.
     on_progress : called with one line of text for each contender.
-
-    Raises
-    ------
-    SettingError
-        If a number is too small or there are fewer cores than threads.
-    MrworkError
-        If contenders disagree or a process fails.
     """
     if not threads or min(*threads, candidates, motions, rounds) < 1 or not seconds >= STEP:
         raise SettingError(
@@ -142,13 +135,7 @@ def bench_loop(
 def summarise(
     measurements: dict[str, LoopMeasurement], found: dict[str, Floats], *, runs: int, threads: int
 ) -> list[LoopRow]:
-    """Rows of one number of threads.
-
-    Raises
-    ------
-    MrworkError
-        If what is kept of the runs differs from what the first contender finds.
-    """
+    """Rows of one number of threads."""
     whole = {
         tool: item.seconds if item.runs == runs else item.seconds * runs / item.runs / threads
         for tool, item in measurements.items()

@@ -46,13 +46,7 @@ def prepare(workload: LoopWorkload, threads: int) -> Callable[[], Floats]:
 
 
 def _columns(found: Responses) -> Floats:
-    """Reductions that the contenders keep, motions first.
-
-    Raises
-    ------
-    MrworkError
-        Where a run did not end, or took other steps than the contenders take.
-    """
+    """Reductions that the contenders keep, motions first."""
     if found.outcome.any() or (found.steps != 1).any():
         raise MrworkError(
             f"expected every run to end with one step to a sample, {int(found.outcome.astype(bool).sum())} did not end "

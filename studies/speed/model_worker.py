@@ -60,13 +60,7 @@ def main() -> None:
 def measure_model(
     workload: ModelWorkload, peers: Mapping[str, TimedPeer[V]], threads: int, rounds: int
 ) -> ModelMeasurement:
-    """Time our kernel and the fastest variant of each peer in turns, once they agree.
-
-    Raises
-    ------
-    MrworkError
-        If a peer's misfits differ from ours.
-    """
+    """Time our kernel and the fastest variant of each peer in turns, once they agree."""
     spec = workload.spec
     expected, _, _ = workload.misfits(threads)
     runs: dict[str, Run] = {"ours": lambda: workload.misfits(threads)}

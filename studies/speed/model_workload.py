@@ -51,11 +51,6 @@ def model_workload(spec: DamperSpec, n_batch: int, n_time: int = N_TIME) -> Mode
     """Draw candidates around the nominal values; sample finely enough that one step per sample resolves them all.
 
     A parameter that is nominally zero stays zero.
-
-    Raises
-    ------
-    MrworkError
-        Where no sampling step is fine enough.
     """
     ends = np.stack([(1.0 - SPREAD) * spec.nominal, (1.0 + SPREAD) * spec.nominal])
     lower = np.maximum(ends.min(axis=0), [parameter.lower for parameter in spec.parameters])

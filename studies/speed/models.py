@@ -80,15 +80,6 @@ def bench_models(
     n_time : samples of the record.
     rounds : turns of each contender, of which the median counts.
     on_progress : called with one line of text for each model and number of threads.
-
-    Raises
-    ------
-    UnknownNameError
-        If no model has one of the names.
-    SettingError
-        If a number is too small or there are fewer cores than threads.
-    MrworkError
-        If a twin's misfits differ from ours or a process fails.
     """
     names = [damper(name).name for name in models] or [spec.name for spec in damper_models()]
     if not threads or min(*threads, batch, rounds) < 1 or n_time < 4:

@@ -10,7 +10,7 @@ from typing import Any
 
 from mrwork.errors import SettingError
 from studies.speed.bars import Bar
-from studies.speed.posterior_rows import PosteriorSettings, SamplerRow, Setup
+from studies.speed.posterior_job import PosteriorSettings, SamplerRow, Setup
 from studies.speed.processes import cores_for, run_worker
 
 _AIM = 5.0
@@ -73,13 +73,6 @@ def bench_posterior(
     nuts_draws : draws of NUTS, after as many of warm-up; 0 leaves it out.
     quick : the first variant of each peer that comes.
     on_progress : called with one line of text: what runs.
-
-    Raises
-    ------
-    SettingError
-        If a number is out of range or there are fewer cores than threads.
-    MrworkError
-        If a peer's densities differ from ours or a process fails.
     """
     few_draws = nuts_draws != 0 and nuts_draws < _FEWEST_DRAWS
     if min(*threads, 1) < 1 or steps < _FEWEST_STEPS or few_draws or walkers < _FEWEST_WALKERS or walkers % 2:

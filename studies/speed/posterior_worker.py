@@ -18,8 +18,7 @@ import numpy as np
 from mrwork.errors import MrworkError
 from mrwork.uncertainty import Ensemble, convergence, kept
 from studies.speed.posterior_jax import JAX_VARIANTS, JaxTarget
-from studies.speed.posterior_job import PosteriorJob, Rows
-from studies.speed.posterior_rows import PosteriorSettings, SamplerRow, Setup
+from studies.speed.posterior_job import PosteriorJob, PosteriorSettings, Rows, SamplerRow, Setup
 from studies.speed.processes import send, serve
 
 # Number of turns in which each chain is advanced, so that the load of the machine affects all alike.
@@ -245,13 +244,7 @@ def _timed(density: Callable[[Rows], Rows], position: Rows) -> tuple[float, Rows
 
 
 def _agree(name: str, found: Rows, expected: Rows, job: PosteriorJob) -> None:
-    """Compare those walkers that take the sub-steps of the start; the twin has no others.
-
-    Raises
-    ------
-    MrworkError
-        Where they differ.
-    """
+    """Compare those walkers that take the sub-steps of the start; the twin has no others."""
     values, _ = job.target.space.values(job.walkers[: len(found)])
     (run,) = job.search.objective.misfits(np.ascontiguousarray(values[:, : job.target.space.n_params]))
     (start,) = job.search.objective.misfits(job.start[None])

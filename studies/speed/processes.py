@@ -20,13 +20,7 @@ S = TypeVar("S")
 
 
 def cores_for(threads: Sequence[int]) -> list[int]:
-    """Return the cores that this process may use, at least as many as the largest of `threads`.
-
-    Raises
-    ------
-    SettingError
-        If there are fewer cores than threads.
-    """
+    """Return the cores that this process may use, at least as many as the largest of `threads`."""
     cores = list(range(os.cpu_count() or 1))
     if sys.platform == "linux":
         cores = sorted(os.sched_getaffinity(0))
@@ -39,13 +33,7 @@ def cores_for(threads: Sequence[int]) -> list[int]:
 
 
 def run_worker(module: str, cores: Sequence[int], arguments: Sequence[str]) -> Iterator[tuple[str, Any]]:
-    """Run `module` with the cores and `arguments`; yield its messages, kind and content, as they come.
-
-    Raises
-    ------
-    MrworkError
-        If it reports a failure, or ends with an error.
-    """
+    """Run `module` with the cores and `arguments`; yield its messages, kind and content, as they come."""
     count = str(len(cores))
     folders = [str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])]
     environment = os.environ | {

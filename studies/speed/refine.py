@@ -68,13 +68,6 @@ def bench_refine(
     threads : threads of our simulation, 0 for all; numba has all.
     quick : one record only, without the twin, the first numba that comes.
     on_progress : called with one line of text.
-
-    Raises
-    ------
-    SettingError
-        If `seeds` is below 1.
-    MrworkError
-        If numba's residuals differ from ours.
     """
     if seeds < 1:
         raise SettingError(f"`seeds` is {seeds}; give 1 or more")

@@ -51,13 +51,6 @@ def bench_regulators(
         Equations of a batch; by default a number for each size that takes about a tenth of a second.
     on_progress
         Called with one line of text for each row.
-
-    Raises
-    ------
-    SettingError
-        If a number is too small or there are fewer cores than threads.
-    MrworkError
-        If the gains disagree, before anything is timed.
     """
     if (
         not threads

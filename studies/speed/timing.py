@@ -44,11 +44,6 @@ def fastest_variant(name: str, peer: TimedPeer[V], expected: NDArray[np.float64]
     """Find the fastest variant by trying each change once on the best so far; return it and what it is.
 
     A changed variant that loses the agreement (fast-math may) is not eligible.
-
-    Raises
-    ------
-    MrworkError
-        If the starting variant, which takes no liberties, disagrees with our misfits.
     """
     best = peer.start
     run = peer.prepare(best)

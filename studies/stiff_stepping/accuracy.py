@@ -14,8 +14,7 @@ from mrwork.kernels import LoadingHistory
 from mrwork.simulate import simulate_forces
 from mrwork.twins import simulate
 from studies.stiff_stepping.any_model import twin_force
-from studies.stiff_stepping.batch import PRESET, forces
-from studies.stiff_stepping.record import random_record
+from studies.stiff_stepping.batch import PRESET, forces, random_record
 
 Floats = NDArray[np.float64]
 

@@ -11,8 +11,7 @@ import numpy as np
 
 from mrwork import kernels
 from mrwork.dampers import damper
-from studies.stiff_stepping.batch import BLOCK, PRESET, kernel, motion_table, scaled
-from studies.stiff_stepping.record import random_record
+from studies.stiff_stepping.batch import BLOCK, PRESET, kernel, motion_table, random_record, scaled
 from studies.stiff_stepping.steppers import TIMES, steppers
 
 # e^x of the core, of whose power the logarithm is the other half.

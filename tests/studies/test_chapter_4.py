@@ -23,10 +23,9 @@ from studies.chapter_4.decay import (
 )
 from studies.chapter_4.excerpts import measured_excerpts, synthetic_excerpts
 from studies.chapter_4.findings import Comparison, comparisons_of, findings_of
-from studies.chapter_4.kept_cells import fingerprint, keep, recall
 from studies.chapter_4.page import write_page
 from studies.chapter_4.search_cells import Cell, Replicates, cells_of, run_cell
-from studies.chapter_4.search_runs import run_cells
+from studies.chapter_4.search_runs import fingerprint, keep, recall, run_cells
 from studies.chapter_4.search_settings import EFFICIENT, SEARCHES, STANDARD, SWARM, ComparisonSettings
 from studies.chapter_4.tables import error_table, level_table, tables_of
 from studies.chapter_5.damper_tests import TestSet

@@ -9,11 +9,21 @@ import numpy as np
 import pytest
 
 import mrwork as mr
-from studies.chapter_6.direct_laws import CONSTANT, DIRECT, OFF, SHOWN
-from studies.chapter_6.floor_ratios import QUANTITIES, floors_found, worse_found
 from studies.chapter_6.identified_damper import FORCE_NOISE, identified_damper, virtual_test
-from studies.chapter_6.response_sheets import sheets_at
-from studies.chapter_6.single_damper import ONE, PAIR, TWO, arrangements_found
+from studies.chapter_6.thesis_findings import (
+    CONSTANT,
+    DIRECT,
+    OFF,
+    ONE,
+    PAIR,
+    QUANTITIES,
+    SHOWN,
+    TWO,
+    arrangements_found,
+    floors_found,
+    sheets_at,
+    worse_found,
+)
 from studies.common.frame import FRAME, RECORDS, bench, pair, record_title
 
 FOLDER = Path(os.environ.get("MRWORK_DATA", "../shared/data")) / "records"

@@ -12,9 +12,9 @@ import mrwork as mr
 from mrwork.report import departures
 from studies.chapter_7.controlled_tests import CLIPPED, NO_DAMPER_NAME, OFF, QUANTITIES, figures
 from studies.chapter_7.earthquakes import LEAD, command, synthetic
-from studies.chapter_7.figures import error_figure, history_figure, loop_figure, sine_figure
 from studies.chapter_7.findings import Chapter, chapter_of
 from studies.chapter_7.frame_tests import figures_of
+from studies.chapter_7.page import error_figure, history_figure, loop_figure, sine_figure
 from studies.chapter_7.predictions import ALL_TRUE, FULL
 from studies.chapter_7.sine_tests import Wanted, damper_test, sine_command, sine_tests
 from studies.chapter_7.tables import tables

@@ -5,8 +5,7 @@ import pytest
 
 from mrwork.dampers.spec import damper
 from studies.how_sure import synthetic_calibration
-from studies.how_sure.random_scale import next_test_half_width
-from studies.how_sure.scores import BandScore, lines, table
+from studies.how_sure.scores import BandScore, lines, next_test_half_width, table
 
 
 def test_random_sizes_widen_a_band_beyond_the_mean_size() -> None:

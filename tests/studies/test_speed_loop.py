@@ -10,8 +10,7 @@ import pytest
 from mrwork.errors import MrworkError, SettingError
 from studies.speed import loop_ours
 from studies.speed.loop import bench_loop, summarise
-from studies.speed.loop_numba import LIBRARY, SERIES, LoopNumbaVariant
-from studies.speed.loop_numba_kernel import series_tanh
+from studies.speed.loop_numba import LIBRARY, SERIES, LoopNumbaVariant, series_tanh
 from studies.speed.loop_plain import PlainLoop
 from studies.speed.loop_worker import LoopMeasurement
 from studies.speed.loop_workload import LARGEST_COMMAND, N_REDUCTIONS, N_STOREYS, LoopWorkload, loop_workload

@@ -7,8 +7,7 @@ import pytest
 
 from mrwork.errors import SettingError
 from studies.speed.posterior import PosteriorBenchmark, bench_posterior, format_posterior
-from studies.speed.posterior_job import PosteriorJob
-from studies.speed.posterior_rows import SamplerRow, Setup
+from studies.speed.posterior_job import PosteriorJob, SamplerRow, Setup
 
 
 @pytest.fixture(scope="module")

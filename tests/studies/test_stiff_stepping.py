@@ -11,9 +11,8 @@ from mrwork.simulate import Loading, simulate_forces
 from studies.stiff_stepping import elementary
 from studies.stiff_stepping.accuracy import scattered_errors
 from studies.stiff_stepping.any_model import twin_force
-from studies.stiff_stepping.batch import PRESET, forces, motion_table
+from studies.stiff_stepping.batch import PRESET, forces, motion_table, random_record
 from studies.stiff_stepping.cost import counted
-from studies.stiff_stepping.record import random_record
 from studies.stiff_stepping.steppers import TIMES
 
 SPEC = damper(PRESET)
