@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from fuzzing.mutants import Structure, mutant
+from tools.fuzzing.mutants import Structure, mutant
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -9,10 +9,10 @@ import signal
 import sys
 from pathlib import Path
 
-from fuzzing.harness import Harness
-from fuzzing.readers import all_readers
+from tools.fuzzing.harness import Harness
+from tools.fuzzing.readers import all_readers
 
-ROOT = Path(__file__).parents[3]
+ROOT = Path(__file__).parents[2]
 
 
 def main() -> int:

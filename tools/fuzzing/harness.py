@@ -16,8 +16,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
-from fuzzing.reader import Reader
-from fuzzing.trial import SECONDS, Tally, start
+from tools.fuzzing.reader import Reader
+from tools.fuzzing.trial import SECONDS, Tally, start
 
 # Mutants that a process reads, where it reads them itself and where it starts a child for each.
 _MANY: Final = 1000

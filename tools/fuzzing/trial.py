@@ -21,10 +21,10 @@ from multiprocessing import RawArray
 from pathlib import Path
 from typing import Any, Final, get_args
 
-from fuzzing.reader import Reader
 from mrwork.errors import MrworkError, MrworkWarning
 from mrwork.store import child_reader
 from mrwork.store.allowance import allowed
+from tools.fuzzing.reader import Reader
 
 SECONDS: Final = 10.0
 """Processor time after which a reader hangs."""

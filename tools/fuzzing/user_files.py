@@ -20,8 +20,6 @@ from scipy.io import savemat
 from scipy.sparse import csc_matrix
 from study_texts import study_text
 
-from fuzzing.mutants import Structure
-from fuzzing.reader import Reader, Seed
 from mrwork.buildings import read_building, read_system
 from mrwork.dampers.spec import damper
 from mrwork.motions import read_motion
@@ -30,6 +28,8 @@ from mrwork.report.expectations import departures
 from mrwork.study import read_study
 from mrwork.uncertainty.planning.candidates import read_candidates
 from mrwork.units import STANDARD_GRAVITY
+from tools.fuzzing.mutants import Structure
+from tools.fuzzing.reader import Reader, Seed
 
 # Few samples: a fast reader is tried more often.
 N_TIME = 60

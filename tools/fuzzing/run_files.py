@@ -15,9 +15,6 @@ from sinusoidal_tests import sinusoidal_test
 from study_texts import study_text
 
 import mrwork as mr
-from fuzzing.mutants import Structure
-from fuzzing.reader import Reader, Seed
-from fuzzing.user_files import in_child
 from mrwork.errors import MrworkWarning
 from mrwork.identification.fit_file import manifest_of, write_run
 from mrwork.identification.searches import method_of, search_named
@@ -44,6 +41,9 @@ from mrwork.study.folder import study_document
 from mrwork.study.stored_histories import Histories
 from mrwork.study.study import Study
 from mrwork.tuning.folder import tuning_document
+from tools.fuzzing.mutants import Structure
+from tools.fuzzing.reader import Reader, Seed
+from tools.fuzzing.user_files import in_child
 
 MODEL: Final = "bingham"
 _STEPS: Final = 4

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from fuzzing.reader import Reader
-from fuzzing.run_files import run_readers
-from fuzzing.user_files import user_readers
+from tools.fuzzing.reader import Reader
+from tools.fuzzing.run_files import run_readers
+from tools.fuzzing.user_files import user_readers
 
 
 def all_readers() -> list[Reader]:
