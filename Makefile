@@ -22,9 +22,9 @@ test: $(VENV)/.built $(VENV)/.dev
 	$(BIN)/python -m pytest --numprocesses 2 --dist worksteal
 
 # What a user, a file or a machine may do wrong, in the long form; `make test` has a smoke of each.
-faults: export PYTHONPATH := tests/samples:tests/faults
+faults: export PYTHONPATH := .:tests/samples:tests/faults
 faults: $(VENV)/.built $(VENV)/.dev
-	$(BIN)/python -m fuzzing
+	$(BIN)/python -m tools.fuzzing
 	$(BIN)/python tests/faults/invocations.py
 	$(BIN)/python tests/faults/endings.py
 

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 
 import hypothesis
 import pytest
+from blank_pictures import blank, drawn
 from compiled import release_compiled
 
 # A test compiles a function to run it a few times: without optimisation that takes a third of the time.
@@ -31,3 +32,30 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 def _memory_is_given_back() -> Iterator[None]:
     yield
     release_compiled()
+
+
+# Rooms in which verbs write pages that are not looked at; `tests/report`, `tests/studies` and `tests/faults` draw.
+_BLANK = ("cli", "identification", "records", "store", "study", "tuning", "uncertainty")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _pictures(request: pytest.FixtureRequest) -> Iterator[None]:
+    if request.path.parent.name in _BLANK:
+        with blank():
+            yield
+    else:
+        yield
+
+
+@pytest.fixture
+def drawn_pictures() -> Iterator[None]:
+    """Of a test in these rooms that looks at a picture."""
+    with drawn():
+        yield
+
+
+@pytest.fixture(scope="module")
+def blank_pictures() -> Iterator[None]:
+    """Of a module elsewhere that looks at none."""
+    with blank():
+        yield

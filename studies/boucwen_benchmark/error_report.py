@@ -11,10 +11,10 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 
-from oscillator import Parameters
+from studies.boucwen_benchmark.oscillator import Parameters
 
 if TYPE_CHECKING:
-    from study import BenchmarkResult
+    from studies.boucwen_benchmark.study import BenchmarkResult
 
 PUBLISHED = 7.5e-6
 _UNITS = {"m": "kg", "c": "N s/m", "k": "N/m", "alpha": "N/m", "g": "1/m", "d": "1/m", "nu": "1"}

@@ -11,7 +11,7 @@ from jax import Array
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from oscillator import Parameters
+from studies.boucwen_benchmark.oscillator import Parameters
 
 Floats = NDArray[np.float64]
 Interpolation = Literal["band-limited", "cubic", "linear"]

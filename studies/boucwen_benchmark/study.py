@@ -5,22 +5,29 @@ python studies/boucwen_benchmark/study.py [--json] [--out DIRECTORY] [--seed N]
 
 from __future__ import annotations
 
-import argparse
-import json
-import os
 import sys
-import time
-import tomllib
-from dataclasses import asdict, dataclass
 from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parents[2]))
+
+import json
+import time
+from argparse import Namespace
+from dataclasses import asdict, dataclass
 
 import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
-from error_report import write_report
-from multisine import INTERPOLATIONS, Interpolation, newmark, random_multisine, stage_table
-from oscillator import (
+from studies.boucwen_benchmark.error_report import write_report
+from studies.boucwen_benchmark.multisine import (
+    INTERPOLATIONS,
+    Interpolation,
+    newmark,
+    random_multisine,
+    stage_table,
+)
+from studies.boucwen_benchmark.oscillator import (
     Fitted,
     Parameters,
     Period,
@@ -31,13 +38,11 @@ from oscillator import (
     screened_minima,
     steady_period,
 )
+from studies.common.command import Command, Findings, Say
+from studies.common.records import absent, data
 
 Floats = NDArray[np.float64]
 
-HERE = Path(__file__).parent
-ROOT = HERE.parents[1]
-DATA = Path(os.environ.get("MRWORK_DATA", ROOT.parent / "shared" / "data"))
-RECORD = DATA / "benchmarks" / "boucwen" / "train_multisine.csv"
 N_PERIOD = 8192
 FITTED = slice(1, 3)
 HELD_OUT = slice(3, 5)
@@ -168,47 +173,26 @@ def summary(study: BenchmarkResult) -> dict[str, dict[str, float]]:
     return figures
 
 
-def departures(figures: dict[str, dict[str, float]]) -> list[str]:
-    """One sentence for each value outside the limits of expected.toml."""
-    expected = tomllib.loads((HERE / "expected.toml").read_text())
-    found = []
-    for interpolation, names in expected.items():
-        for name, bounds in names.items():
-            value = figures[interpolation][name]
-            if not abs(value - bounds["value"]) <= bounds["tolerance"]:
-                found.append(
-                    f"{interpolation}: {name} is {value:.4g}, expected {bounds['value']:g} +- {bounds['tolerance']:g}"
-                )
-    return found
-
-
-def main() -> int:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--json", action="store_true", help="one JSON object on stdout and nothing else")
-    parser.add_argument(
-        "--out", type=Path, default=ROOT / "out" / "boucwen_benchmark", help="where the report goes"
-    )
-    parser.add_argument("--seed", type=int, default=1, help="of the random starts and the unseen multisine")
-    options = parser.parse_args()
-    if not RECORD.is_file():
-        reason = f"skipped: the benchmark's record is not at {RECORD}; point MRWORK_DATA at the data"
+def find(options: Namespace, say: Say) -> Findings | int:
+    record = data() / "benchmarks" / "boucwen" / "train_multisine.csv"
+    if reason := absent("skipped: the benchmark's record is", record):
         print(json.dumps({"skipped": reason}) if options.json else reason)
         return 0
-    study = run(RECORD, options.seed)
+    study = run(record, options.seed)
     figures = summary(study)
-    wrong = departures(figures)
     text = write_report(study, TRUE, options.out)
-    if options.json:
-        head = {"noise": study.noise, "starts": study.minima, "seconds_starts": study.seconds}
-        print(json.dumps({**head, "interpolations": figures, "departures": wrong}))
-    else:
-        print(text)
-        print(f"Report: {options.out / 'report.md'}")
-        print("\n".join(wrong) or "Every figure agrees with expected.toml.")
-    return 1 if wrong else 0
+    return Findings(
+        numbers={
+            "noise": study.noise,
+            "starts": study.minima,
+            "seconds_starts": study.seconds,
+            "interpolations": figures,
+        },
+        judged=figures,
+        text=(text, f"Report: {options.out / 'report.md'}"),
+    )
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    command = Command(__file__, __doc__, out=True, seed=(1, "of the random starts and the unseen multisine"))
+    sys.exit(command.run(find))

@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 import mrwork as mr
-from frame_runs import DRIVER_RATE, FRAME, HARDWARE, LARGEST_CURRENT, pair
 from mrwork.buildings import Building, PassiveElement
 from mrwork.closed_loop import STANDARD_GRAVITY
 from mrwork.control import DesignProblem, RegulatorSettings, design_candidates
 from mrwork.dampers import LawName
+from studies.common.frame import DRIVER_RATE, FRAME, HARDWARE, LARGEST_CURRENT, pair
 
 Floats = NDArray[np.float64]
 Group = Literal["passive", "semi-active", "active"]

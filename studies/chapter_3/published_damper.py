@@ -9,6 +9,7 @@ import numpy as np
 
 from mrwork.dampers import design
 from mrwork.report import ResultTable
+from studies.common.table import table_of
 
 # Published figures, remembered: see `mr.dampers.design.twenty_ton_damper`. The power is an upper limit.
 PUBLISHED = {
@@ -112,10 +113,13 @@ def tables(found: dict[str, Any]) -> tuple[ResultTable, ResultTable]:
         ),
         note="Published figures are remembered; what was not published is assumed, see twenty_ton_damper.",
     )
-    behind = ResultTable(
-        title="What the deviations are",
-        header=("quantity", "value"),
-        rows=tuple((name, f"{value:.3g}") for name, value in found["deviations"].items()),
+    behind = table_of(
+        "What the deviations are",
+        "quantity",
+        found["deviations"],
+        {
+            "value": lambda value: f"{value:.3g}",
+        },
         note=f"The same published table has {1e10 * PUBLISHED_QUOTIENT:g}e-10 s/Pa for the viscosity over the "
         "yield stress squared: its numbers do not belong to one state of the fluid.",
     )

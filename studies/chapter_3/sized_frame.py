@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 import mrwork as mr
-from frame_runs import FRAME, HARDWARE, LONGEST, RECORDS, pair
 from mrwork.closed_loop import SCORE, STANDARD_GRAVITY, values
 from mrwork.control import DesignProblem, RegulatorSettings, design_candidates
 from mrwork.dampers import design
 from mrwork.motions import scaled_to_peak, trimmed
+from studies.common.frame import FRAME, HARDWARE, LONGEST, RECORDS, pair
 
 Floats = NDArray[np.float64]
 

@@ -10,7 +10,7 @@ from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
 
 from mrwork.dampers import design
 from mrwork.report import WIDE, ResultTable, blank, finish, style
-from sized_frame import SUPPLY, wishes
+from studies.chapter_3.sized_frame import SUPPLY, wishes
 
 FORCE = 8e3
 """Wanted force of the dampers on the front [N]."""

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from mrwork.dampers import design
 from mrwork.report import ResultTable
+from studies.common.table import table_of
 
 Floats = NDArray[np.float64]
 
@@ -125,10 +126,13 @@ def tables(found: dict[str, Any]) -> tuple[ResultTable, ResultTable]:
         ),
         note="T = w h2 tau/(12 Q eta). The sums are those of the slot with a gap of 0.02 R.",
     )
-    closed = ResultTable(
-        title="Flow beside closed forms",
-        header=("case", "largest relative difference"),
-        rows=tuple((name, f"{value:.0e}") for name, value in found["closed_forms"].items()),
+    closed = table_of(
+        "Flow beside closed forms",
+        "case",
+        found["closed_forms"],
+        {
+            "largest relative difference": lambda value: f"{value:.0e}",
+        },
     )
     return compared, closed
 

@@ -6,9 +6,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import mrwork as mr
-from damper_tests import TestSet, synthetic_sets
 from mrwork.records import cut
-from search_settings import MeasuredChoice, SyntheticChoice
+from studies.chapter_4.search_settings import MeasuredChoice, SyntheticChoice
+from studies.chapter_5.damper_tests import TestSet, synthetic_sets
 
 _FREQUENCY = 1.0
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from damper_tests import TestSet
-from decay import (
+from mrwork.records import DamperTest
+from studies.chapter_4.decay import (
     Advantage,
     advantage,
     at_budget,
@@ -20,9 +20,9 @@ from decay import (
     holm,
     rules,
 )
-from mrwork.records import DamperTest
-from search_cells import Cell, Floats, Replicates
-from search_settings import BASELINES, EFFICIENT, ComparisonSettings, Model
+from studies.chapter_4.search_cells import Cell, Floats, Replicates
+from studies.chapter_4.search_settings import BASELINES, EFFICIENT, ComparisonSettings, Model
+from studies.chapter_5.damper_tests import TestSet
 
 # Of a run in twenty on either side.
 QUANTILES = (0.05, 0.5, 0.95)

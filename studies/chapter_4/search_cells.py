@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from damper_tests import TestSet
 from mrwork.identification import Objective
 from mrwork.records import DamperTest
 from mrwork.search import AbortableObjective, GenerationEvent, Optimiser, run_replicates
-from search_settings import ComparisonSettings, Model
+from studies.chapter_4.search_settings import ComparisonSettings, Model
+from studies.chapter_5.damper_tests import TestSet
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]

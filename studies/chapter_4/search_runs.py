@@ -1,18 +1,89 @@
-"""Running the cells one after another, telling how far they are, keeping those that are finished."""
+"""Runs of the cells one after another, with their progress; finished ones are files, from which a study goes on."""
 
 from __future__ import annotations
 
+import hashlib
+import re
 import shutil
 import sys
 import time
+import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
-from kept_cells import keep, recall
+import numpy as np
+
+import mrwork
 from mrwork.search import GenerationEvent
-from search_cells import Cell, Replicates, run_cell
+from studies.chapter_4.search_cells import Cell, Replicates, run_cell
+
+
+def fingerprint(cell: Cell) -> str:
+    """Hash of all that a cell's outcome follows from: settings, test, box, and the package itself."""
+    test = cell.test
+    box = cell.model.box(test)
+    digest = hashlib.sha256(_package().encode())
+    for part in (cell.model, cell.optimiser, cell.seed, cell.replicates, box, test.dt, test.n_settle):
+        digest.update(repr(part).encode())
+    for channel in (test.displacement, test.velocity, test.force):
+        digest.update(np.ascontiguousarray(channel).tobytes())
+    return digest.hexdigest()
+
+
+def keep(folder: Path, cell: Cell, found: Replicates) -> None:
+    """Write a finished cell, whole or not at all."""
+    folder.mkdir(parents=True, exist_ok=True)
+    path = _path(folder, cell)
+    unfinished = path.with_suffix(".part")
+    with unfinished.open("wb") as file:
+        np.savez_compressed(
+            file,
+            fingerprint=np.array(fingerprint(cell)),
+            best=found.best,
+            evaluations=found.evaluations,
+            unit=found.unit,
+            spared=np.array(found.spared),
+            seconds=np.array(found.seconds),
+        )
+    unfinished.replace(path)
+
+
+def recall(folder: Path, cell: Cell) -> Replicates | None:
+    """Read the kept replicates of a cell; `None` if there are none, their settings differ or the file is damaged."""
+    path = _path(folder, cell)
+    if not path.exists():
+        return None
+    try:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as kept:
+            if str(kept["fingerprint"]) != fingerprint(cell):
+                return None
+            return Replicates(
+                best=kept["best"],
+                evaluations=kept["evaluations"],
+                unit=kept["unit"],
+                spared=float(kept["spared"]),
+                seconds=float(kept["seconds"]),
+            )
+    except (OSError, EOFError, KeyError, ValueError, zipfile.BadZipFile):
+        return None
+
+
+def _path(folder: Path, cell: Cell) -> Path:
+    return folder / f"{re.sub(r'[^A-Za-z0-9.]+', '-', cell.name)}.npz"
+
+
+@cache
+def _package() -> str:
+    """Hash of every source file of the package and of the compiled core."""
+    root = Path(mrwork.__file__).parent
+    digest = hashlib.sha256()
+    for path in sorted([*root.rglob("*.py"), *root.glob("_rust*.so"), *root.glob("_rust*.pyd")]):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
+
 
 _EVERY = 0.3
 

@@ -5,33 +5,29 @@ python studies/chapter_4/study.py [--json] [--out DIRECTORY] [--threads N] [--fr
 
 from __future__ import annotations
 
-import argparse
-import json
-import math
-import os
 import sys
-import time
-import tomllib
-from dataclasses import asdict
 from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parents[2]))
+
+import math
+import time
+from argparse import Namespace
+from collections.abc import Iterator
+from dataclasses import asdict
 from typing import Any
 
-# Its tests and its tables are those of chapter 5.
-sys.path.append(str(Path(__file__).parents[1] / "chapter_5"))
+from studies.chapter_4.excerpts import measured_excerpts, synthetic_excerpts
+from studies.chapter_4.findings import TrialFinding, comparisons_of, findings_of
+from studies.chapter_4.page import write_page
+from studies.chapter_4.search_cells import cells_of
+from studies.chapter_4.search_runs import run_cells
+from studies.chapter_4.search_settings import ComparisonSettings
+from studies.chapter_4.tables import tables_of
+from studies.common.command import Command, Findings, Say, Shown
+from studies.common.records import absent, damper_tests
 
-from comparison_page import write_page
-from comparison_tables import tables_of
-from excerpts import measured_excerpts, synthetic_excerpts
-from findings import TrialFinding, comparisons_of, findings_of
-from search_cells import cells_of
-from search_runs import run_cells
-from search_settings import ComparisonSettings
-
-HERE = Path(__file__).parent
-ROOT = HERE.parents[1]
-DATA = Path(os.environ.get("MRWORK_DATA", ROOT.parent / "shared" / "data"))
-RECORDS = DATA / "dampers" / "utfsm"
-SETTINGS = HERE / "study.toml"
+SETTINGS = Path(__file__).parent / "study.toml"
 
 
 def averages(findings: tuple[TrialFinding, ...]) -> dict[str, dict[str, dict[str, float]]]:
@@ -50,39 +46,11 @@ def averages(findings: tuple[TrialFinding, ...]) -> dict[str, dict[str, dict[str
     return gathered
 
 
-def departures(found: dict[str, dict[str, dict[str, dict[str, float]]]]) -> list[str]:
-    """One sentence for each value outside the limits of expected.toml; skipped sets are not compared."""
-    expected = tomllib.loads((HERE / "expected.toml").read_text(encoding="utf-8"))
-    return [
-        f"{tests}, {model}, {search}: {name} is {found[tests][model][search][name]:.4g}, "
-        f"expected {bounds['value']:g} +- {bounds['tolerance']:g}"
-        for tests, models in expected.items()
-        if tests in found
-        for model, searches in models.items()
-        for search, figures in searches.items()
-        for name, bounds in figures.items()
-        if not abs(found[tests][model][search][name] - bounds["value"]) <= bounds["tolerance"]
-    ]
-
-
-def main() -> int:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--json", action="store_true", help="one JSON object on stdout and nothing else")
-    parser.add_argument("--out", type=Path, default=ROOT / "out" / "chapter_4", help="where the report goes")
-    parser.add_argument("--threads", type=int, default=0, help="of the simulation; 0 is one per processor")
-    parser.add_argument("--fresh", action="store_true", help="run every cell again, also those that are kept")
-    parser.add_argument("--settings", type=Path, default=SETTINGS, help="in place of study.toml")
-    options = parser.parse_args()
+def find(options: Namespace, say: Say) -> Findings | int:
     began = time.perf_counter()
     settings = ComparisonSettings.read(options.settings)
-    measured = measured_excerpts(RECORDS, settings.measured)
-    skipped = (
-        ""
-        if measured
-        else f"Skipped: the measured UTFSM tests are not at {RECORDS}; point MRWORK_DATA at the data."
-    )
+    measured = measured_excerpts(damper_tests(), settings.measured)
+    skipped = "" if measured else absent("Skipped: the measured UTFSM tests are", damper_tests()) + "."
     sets = (synthetic_excerpts(settings.synthetic, seed=settings.seed), *((measured,) if measured else ()))
     cells = cells_of(settings, sets)
     kept = options.out / "cells"
@@ -98,50 +66,34 @@ def main() -> int:
     findings = [findings_of(comparison, settings) for comparison in comparisons]
     searching = sum(each.seconds for each in found)
     guarded = {tests.name: averages(trials) for tests, trials in zip(sets, findings, strict=True)}
-    wrong = departures(guarded) if options.settings == SETTINGS else []
     report = options.out / "report.html"
-    write_page(
-        comparisons,
-        findings,
-        report,
-        settings=settings,
-        skipped=skipped,
-        footer=f"Seed {settings.seed}; the searches took {searching:.0f} s.",
-    )
-    if options.json:
-        print(
-            json.dumps(
-                _plain(
-                    {
-                        "seconds": time.perf_counter() - began,
-                        "seconds_searching": searching,
-                        "settings": asdict(settings),
-                        "skipped": skipped,
-                        "sets": {
-                            tests.name: [asdict(trial) for trial in trials]
-                            for tests, trials in zip(sets, findings, strict=True)
-                        },
-                        "averages": guarded,
-                        "departures": wrong,
-                    }
-                )
-            )
-        )
-    else:
+    footer = f"Seed {settings.seed}; the searches took {searching:.0f} s."
+    write_page(comparisons, findings, report, settings=settings, skipped=skipped, footer=footer)
+    seconds = time.perf_counter() - began
+
+    def text() -> Iterator[str | Shown]:
         for tests, trials in zip(sets, findings, strict=True):
-            print(f"## {tests.name} ({'synthetic' if tests.synthetic else 'measured'})", end="\n\n")
-            for table in tables_of(trials, tests.name):
-                print(table.markdown())
-        print(skipped or "Synthetic and measured tests.")
-        print(
-            f"Searches {searching:.0f} s, kept ones included; this command {time.perf_counter() - began:.0f} s."
-        )
-        print(f"Report: {report}")
-        if options.settings != SETTINGS:
-            print("Not judged: expected.toml is for study.toml.")
-        else:
-            print("\n".join(wrong) or "Every figure agrees with expected.toml.")
-    return 1 if wrong else 0
+            yield f"## {tests.name} ({'synthetic' if tests.synthetic else 'measured'})\n"
+            yield from tables_of(trials, tests.name)
+        yield skipped or "Synthetic and measured tests."
+        yield f"Searches {searching:.0f} s, kept ones included; this command {seconds:.0f} s."
+        yield f"Report: {report}"
+
+    numbers = {
+        "seconds": seconds,
+        "seconds_searching": searching,
+        "settings": asdict(settings),
+        "skipped": skipped,
+        "sets": {
+            tests.name: [asdict(trial) for trial in trials]
+            for tests, trials in zip(sets, findings, strict=True)
+        },
+        "averages": guarded,
+    }
+    if options.settings == SETTINGS:
+        return Findings(numbers=_plain(numbers), text=text(), judged=guarded)
+    unjudged = "Not judged: expected.toml is for study.toml."
+    return Findings(numbers=_plain(numbers), text=text(), judged={}, agreement=unjudged)
 
 
 def _mean(values: list[float]) -> float:
@@ -158,4 +110,8 @@ def _plain(value: Any) -> Any:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    command = Command(__file__, __doc__, threads=True, out=True)
+    add = command.parser.add_argument
+    add("--fresh", action="store_true", help="run every cell again, also those that are kept")
+    add("--settings", type=Path, default=SETTINGS, help="in place of study.toml")
+    sys.exit(command.run(find))

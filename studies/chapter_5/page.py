@@ -1,4 +1,4 @@
-"""The study's report: one HTML page that needs nothing from anywhere else."""
+"""The page of the study: parameters against current, loops, RMS error against current."""
 
 from __future__ import annotations
 
@@ -6,15 +6,165 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 from markupsafe import Markup
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
-from current_laws import MODELS, STATIC, WITH_LAWS, Model
-from damper_tests import FORCE_NOISE_N
-from law_figures import FREQUENCY_COLOURS, loop_figure, parameter_figure, rms_figure
-from law_tables import law_rms_table, law_table, per_current_table, rms_table
-from mrwork.report import Panel, branches_figure, panel, style, swatch, write_study_page
-from outcome import SetOutcome
-from thickness_and_mean import STATIC_MODELS, forces, loops_table
+import mrwork as mr
+from mrwork.identification import free_run
+from mrwork.report import (
+    SMALL,
+    WIDE,
+    Panel,
+    blank,
+    branches_figure,
+    finish,
+    finish_loop,
+    panel,
+    style,
+    swatch,
+    tested_points,
+    write_study_page,
+)
+from studies.chapter_5.damper_tests import FORCE_NOISE_N, Floats
+from studies.chapter_5.outcome import MODELS, STATIC, WITH_LAWS, Model, SetOutcome
+from studies.chapter_5.tables import law_rms_table, law_table, per_current_table, rms_table
+from studies.chapter_5.thickness_and_mean import STATIC_MODELS, forces, loops_table
+from studies.common.table import as_markup
+
+_FINE = 60
+_LOOPS = 3
+_SUBSCRIPTS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
+
+# One for each frequency, and one for each model.
+FREQUENCY_COLOURS = (style.MODEL, style.RESIDUAL)
+_MODEL_COLOURS = {
+    "static_hysteretic": style.MODEL,
+    "polynomial_fitting": style.RESIDUAL,
+    "normalised_bouc_wen": style.INK,
+}
+
+
+def parameter_figure(outcomes: Sequence[SetOutcome], model: Model, name: str) -> Figure:
+    """One parameter of a model against current, every frequency of one damper."""
+    place = mr.damper(model.damper).names.index(name)
+    unit = mr.damper(model.damper).parameters[place].unit
+    with style.drawn_in_style():
+        figure, axes = blank(SMALL)
+        seen: list[Floats] = []
+        for outcome, colour in zip(outcomes, FREQUENCY_COLOURS, strict=False):
+            each, laws = outcome.each[model.label], outcome.laws[model.label]
+            fine = np.linspace(each.currents[0], each.currents[-1], _FINE)
+            true = outcome.true_laws
+            if true is not None and model.damper == "static_hysteretic":
+                axes.plot(fine, true.at(name, fine), color=style.RULE, linewidth=5.0, zorder=1)
+                seen.append(true.at(name, fine))
+            values, errors = each.values[:, place], each.errors[:, place]
+            known = np.isfinite(errors)
+            axes.errorbar(
+                each.currents[known],
+                values[known],
+                yerr=errors[known],
+                fmt="o",
+                color=colour,
+                markersize=4.0,
+                elinewidth=1.0,
+                capsize=2.0,
+                zorder=3,
+            )
+            axes.plot(
+                each.currents[~known],
+                values[~known],
+                "o",
+                color=colour,
+                markersize=4.0,
+                markerfacecolor="white",
+                zorder=3,
+            )
+            axes.plot(fine, laws.through.at(name, fine), color=colour, linewidth=1.0, zorder=2)
+            axes.plot(
+                fine, laws.joint.at(name, fine), color=colour, linewidth=1.3, linestyle=(0, (4, 2)), zorder=2
+            )
+            seen += [values[known & (errors < abs(values))], laws.joint.at(name, fine)]
+        _limit(axes, np.concatenate(seen))
+        finish(axes, f"{_letter(name)}{f' ({unit})' if unit != '1' else ''}", "Current (A)")
+    return figure
+
+
+def loop_figure(outcome: SetOutcome, model: Model, *, over_velocity: bool) -> Figure:
+    """Force loops at three currents, points of the test and line of the model identified at that current."""
+    each = outcome.each[model.label]
+    places = np.unique(np.round(np.linspace(0, len(each.fits) - 1, _LOOPS)).astype(int))
+    with style.drawn_in_style():
+        figure, axes = blank(SMALL)
+        axes.grid(True, axis="both")
+        for place in places:
+            test, fit = outcome.tests.tests[place], each.fits[place]
+            abscissa = 1e3 * (test.velocity if over_velocity else test.displacement)
+            force, _ = free_run(mr.damper(model.damper), np.array(fit.theta), test)
+            cycle = _middle_cycle(test)
+            tested_points(axes, abscissa, test.force, cycle)
+            axes.plot(abscissa[cycle], force[cycle], color=style.MODEL, linewidth=1.1)
+            top = int(np.argmax(force[cycle]))
+            axes.annotate(
+                f"{test.current:g} A",
+                (abscissa[cycle][top], force[cycle][top]),
+                xytext=(0, 4),
+                textcoords="offset points",
+                ha="right" if over_velocity else "center",
+                fontsize=style.SMALL_TEXT_SIZE,
+            )
+        axes.margins(y=0.12)
+        finish_loop(axes, over_velocity=over_velocity)
+    return figure
+
+
+def rms_figure(outcome: SetOutcome) -> Figure:
+    """RMS error against current: figure 5.9 of the thesis."""
+    with style.drawn_in_style():
+        figure, axes = blank(WIDE)
+        for label, each in outcome.each.items():
+            axes.plot(
+                each.currents,
+                each.rms_n,
+                marker="o",
+                markersize=3.5,
+                color=_MODEL_COLOURS[each.model.damper],
+                linewidth=1.2,
+                label=label,
+            )
+        if outcome.tests.synthetic:
+            axes.axhline(
+                FORCE_NOISE_N, color=style.DATA, linewidth=1.2, linestyle=(0, (1.2, 1.8)), label="noise"
+            )
+        largest = max(float(each.rms_n.max()) for each in outcome.each.values())
+        # Room for the legend above the lines.
+        axes.set_ylim(0.0, 1.5 * largest)
+        axes.legend(loc="upper left", bbox_to_anchor=(0.03, 1.0), ncols=1)
+        finish(axes, "RMS error (N)", "Current (A)")
+    return figure
+
+
+def _limit(axes: Axes, values: Floats) -> None:
+    """Limit the ordinate to the values, since the error bar of a poorly determined one would compress the others."""
+    low, high = float(values.min()), float(values.max())
+    margin = 0.12 * ((high - low) or abs(high) or 1.0)
+    # Around a constant, noise alone would fill the panel.
+    widen = max(0.0, 0.1 * max(abs(low), abs(high)) - (high - low)) / 2.0
+    axes.set_ylim(low - margin - widen, high + margin + widen)
+
+
+def _letter(name: str) -> str:
+    return {"alpha": "α", "beta": "β", "delta": "δ"}.get(name, name.translate(_SUBSCRIPTS))
+
+
+def _middle_cycle(test: mr.DamperTest) -> slice:
+    """One period in the middle of the record, closed."""
+    period = round(1.0 / ((test.frequency or 1.0) * test.dt))
+    start = max(test.n_settle, (test.n_time - period) // 2)
+    return slice(start, min(start + period + 1, test.n_time))
+
 
 _ABOUT = {
     "synthetic static": "Simulated: the static hysteretic model with the published current polynomials of the "
@@ -37,7 +187,7 @@ class _ModelPart:
     label: str
     key: tuple[Markup, ...]
     panels: tuple[Panel, ...]
-    tables: tuple[Markup, ...]
+    tables: list[Markup]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,14 +197,14 @@ class _DamperPart:
     synthetic: bool
     about: str
     rms: tuple[Panel, ...]
-    rms_tables: tuple[Markup, ...]
+    rms_tables: list[Markup]
     loop_motion: str
     loop_note: str
     loops: tuple[Panel, ...]
     branches: tuple[Panel, ...]
-    branch_tables: tuple[Markup, ...]
+    branch_tables: list[Markup]
     models: tuple[_ModelPart, ...]
-    law_rms: tuple[Markup, ...]
+    law_rms: list[Markup]
 
 
 def write_page(outcomes: Sequence[SetOutcome], path: Path, *, skipped: str, footer: str) -> None:
@@ -65,7 +215,7 @@ def write_page(outcomes: Sequence[SetOutcome], path: Path, *, skipped: str, foot
         for place, damper in enumerate(dampers, start=1)
     ]
     write_study_page(
-        Path(__file__).parent / "chapter.html.j2",
+        Path(__file__).parent / "page.html.j2",
         path,
         subject="Static hysteretic, polynomial-fitting and Bouc-Wen models, identified one current at a time and "
         "for all currents at once",
@@ -92,7 +242,7 @@ def _damper_part(anchor: str, outcomes: list[SetOutcome]) -> _DamperPart:
             )
             for place, outcome in enumerate(outcomes)
         ),
-        rms_tables=tuple(Markup(rms_table(outcome).html()) for outcome in outcomes),
+        rms_tables=as_markup(map(rms_table, outcomes)),
         loop_motion=first.tests.motion,
         loop_note="Points: "
         + ("synthetic" if first.tests.synthetic else "measured")
@@ -109,13 +259,13 @@ def _damper_part(anchor: str, outcomes: list[SetOutcome]) -> _DamperPart:
             if model.label in first.each
         ),
         branches=tuple(_branch_panels(anchor, outcomes)),
-        branch_tables=tuple(Markup(loops_table(outcome).html()) for outcome in outcomes),
+        branch_tables=as_markup(map(loops_table, outcomes)),
         models=tuple(
             _model_part(f"{anchor}-m{place}", outcomes, model)
             for place, model in enumerate(WITH_LAWS)
             if model.label in first.laws
         ),
-        law_rms=tuple(Markup(law_rms_table(outcome).html()) for outcome in outcomes),
+        law_rms=as_markup(map(law_rms_table, outcomes)),
     )
 
 
@@ -142,13 +292,10 @@ def _model_part(anchor: str, outcomes: list[SetOutcome], model: Model) -> _Model
             )
             for name in model.free
         ),
-        tables=tuple(
-            Markup(table.html())
+        tables=as_markup(
+            table(outcome, outcome.each[model.label])
             for outcome in outcomes
-            for table in (
-                per_current_table(outcome, outcome.each[model.label]),
-                law_table(outcome, outcome.each[model.label]),
-            )
+            for table in (per_current_table, law_table)
         ),
     )
 

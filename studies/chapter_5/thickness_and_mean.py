@@ -11,13 +11,12 @@ from typing import Any
 import numpy as np
 
 import mrwork as mr
-from current_laws import WITH_LAWS, PerCurrent
-from damper_tests import Floats
 from mrwork.identification import free_run
 from mrwork.records import Branches, branches
 from mrwork.report import numbers
-from outcome import SetOutcome
-from table import ChapterTable
+from studies.chapter_5.damper_tests import Floats
+from studies.chapter_5.outcome import WITH_LAWS, PerCurrent, SetOutcome
+from studies.common.table import ChapterTable
 
 STATIC_MODELS = tuple(model.label for model in WITH_LAWS)
 QUANTITIES = ("thickness", "mean")

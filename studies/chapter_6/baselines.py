@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from frame_runs import FRAME, Bench, Figures, figures, pair
 from mrwork.buildings import (
     TUNINGS,
     Building,
@@ -16,6 +15,7 @@ from mrwork.buildings import (
     with_viscous_damper,
 )
 from mrwork.control import ControlLaw
+from studies.common.frame import FRAME, Bench, Figures, figures, pair
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import mrwork as mr
-from frame_runs import DRIVER_RATE
 from mrwork.records import DamperTest, build_damper_test
+from studies.common.frame import DRIVER_RATE
 
 Floats = NDArray[np.float64]
 

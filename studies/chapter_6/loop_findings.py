@@ -11,21 +11,23 @@ from typing import Any
 
 import numpy as np
 
-from baselines import baselines
-from broken_hardware import cases
-from conditions import CONDITIONS, REFERENCE, scores_under
-from direct_laws import CONSTANT, OFF, constant_current
-from dyke_peaks import QUANTITIES, PeakRow, causes, motion_of, rounding, rows
-from floor_ratios import floors_found, worse_found
-from frame_runs import LARGEST_CURRENT, LEVELS, Bench, Figures, bench, figures, level_name
-from identified_damper import identified_damper
-from kept_settings import kept
 from mrwork.closed_loop import SCORE
 from mrwork.control import control_laws
-from response_sheets import sheets_found
-from sheet_frequencies import frequencies
-from single_damper import arrangements_found
-from tuning import Found, search
+from studies.chapter_6.baselines import baselines
+from studies.chapter_6.conditions import CONDITIONS, REFERENCE, cases, scores_under
+from studies.chapter_6.identified_damper import identified_damper
+from studies.chapter_6.published import QUANTITIES, PeakRow, causes, frequencies, motion_of, rounding, rows
+from studies.chapter_6.thesis_findings import (
+    CONSTANT,
+    OFF,
+    arrangements_found,
+    constant_current,
+    floors_found,
+    sheets_found,
+    worse_found,
+)
+from studies.chapter_6.tuning import Found, kept, search
+from studies.common.frame import LARGEST_CURRENT, LEVELS, Bench, Figures, bench, figures, level_name
 
 OnProgress = Callable[[str], None]
 HERE = Path(__file__).parent

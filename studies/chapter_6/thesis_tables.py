@@ -7,12 +7,23 @@ from typing import Any
 
 import numpy as np
 
-from chapter_6_tables import title_of
-from direct_laws import CONSTANT, INVERSE, LYAPUNOV, OFF, PROPORTIONAL, SHOWN
-from floor_ratios import MEANS, PEAKS, QUANTITIES, Quantity
-from frame_runs import FRAME, record_title
 from mrwork.report import ResultTable
-from single_damper import PAIR
+from studies.chapter_6.tables import title_of
+from studies.chapter_6.thesis_findings import (
+    CONSTANT,
+    INVERSE,
+    LYAPUNOV,
+    MEANS,
+    OFF,
+    PAIR,
+    PEAKS,
+    PROPORTIONAL,
+    QUANTITIES,
+    SHOWN,
+    Quantity,
+)
+from studies.common.frame import FRAME, record_title
+from studies.common.table import table_of
 
 _NUMBERS = dict(zip(SHOWN, ("Table 6.1 in form", "Table 6.2 in form"), strict=True))
 
@@ -122,19 +133,16 @@ def _worse_floors(found: dict[str, Any]) -> Iterator[ResultTable]:
 def _bands(found: dict[str, Any]) -> Iterator[ResultTable]:
     """Parameters of the identified damper, and the widths of the bands that follow from them."""
     identified = found["identified"]
-    yield ResultTable(
-        title="The identified damper: its posterior beside the truth",
-        header=("parameter", "truth", "median", "half of the 95 % interval", "holds the truth"),
-        rows=tuple(
-            (
-                name,
-                f"{each['truth']:.4g}",
-                f"{each['median']:.4g}",
-                f"{each['half_width']:.2%}",
-                "yes" if each["holds"] else "no",
-            )
-            for name, each in identified["parameters"].items()
-        ),
+    yield table_of(
+        "The identified damper: its posterior beside the truth",
+        "parameter",
+        identified["parameters"],
+        {
+            "truth": "{truth:.4g}",
+            "median": "{median:.4g}",
+            "half of the 95 % interval": "{half_width:.2%}",
+            "holds the truth": lambda each: "yes" if each["holds"] else "no",
+        },
     )
     for level, table in found["worse"].items():
         laws = tuple(table)

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 import mrwork as mr
-from earthquakes import LEAD
 from mrwork.control import DesignProblem, RegulatorSettings, design_law
-from virtual_rig import LARGEST_CURRENT, NO_DAMPER, Rig, Signals, signals_of
+from studies.chapter_7.earthquakes import LEAD
+from studies.chapter_7.virtual_rig import LARGEST_CURRENT, NO_DAMPER, Rig, Signals, signals_of
 
 NO_DAMPER_NAME, OFF, HALF, BEST, CLIPPED, LYAPUNOV = (
     "no damper",

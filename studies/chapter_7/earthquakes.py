@@ -12,7 +12,7 @@ from scipy.signal import butter, sosfiltfilt
 import mrwork as mr
 from mrwork.closed_loop import STANDARD_GRAVITY
 from mrwork.motions import brought_to_rest, scaled_to_peak, trimmed
-from virtual_rig import TABLE
+from studies.chapter_7.virtual_rig import TABLE
 
 RECORDS = (
     ("El Centro", "el_centro_1940_ns.csv"),

@@ -10,7 +10,16 @@ import numpy as np
 import mrwork as mr
 from mrwork.buildings import ModeEstimate, fourier_peak, logarithmic_decrement, shear_building
 from mrwork.motions import ricker
-from virtual_rig import FRAME, NO_DAMPER, TABLE, Floats, Signals, recorded, signals_of, true_rig
+from studies.chapter_7.virtual_rig import (
+    FRAME,
+    NO_DAMPER,
+    TABLE,
+    Floats,
+    Signals,
+    recorded,
+    signals_of,
+    true_rig,
+)
 
 ADDED_MASS = 60.0
 """Of the plates that are bolted on for the second test [kg], known."""

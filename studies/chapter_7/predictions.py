@@ -12,8 +12,16 @@ from typing import Any
 import numpy as np
 
 import mrwork as mr
-from controlled_tests import FORCES, NO_DAMPER_NAME, QUANTITIES, Choice, Tests, controlled_tests, figures
-from virtual_rig import Rig
+from studies.chapter_7.controlled_tests import (
+    FORCES,
+    NO_DAMPER_NAME,
+    QUANTITIES,
+    Choice,
+    Tests,
+    controlled_tests,
+    figures,
+)
+from studies.chapter_7.virtual_rig import Rig
 
 OTHER_NOISE = 8
 """Seed of the noise in the predicted loop; that of the tests cannot be known."""

@@ -10,8 +10,8 @@ from scipy.optimize import curve_fit
 
 import mrwork as mr
 from mrwork.closed_loop import Fault
-from sine_tests import PEAKS, SineTest, Wanted, damper_test, sine_tests
-from virtual_rig import (
+from studies.chapter_7.sine_tests import PEAKS, SineTest, Wanted, damper_test, sine_tests
+from studies.chapter_7.virtual_rig import (
     DRIVER_RATE,
     LARGEST_CURRENT,
     LAWS,

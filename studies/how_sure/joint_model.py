@@ -20,9 +20,8 @@ from mrwork.uncertainty import (
     predict,
     predict_left_out,
 )
-from random_scale import next_test_half_width
-from rig_tests import CURRENTS, MOTIONS, rig_test
-from scores import LEVEL, BandScore, constant_band, outcome
+from studies.how_sure.rig_tests import CURRENTS, MOTIONS, rig_test
+from studies.how_sure.scores import LEVEL, BandScore, constant_band, next_test_half_width, outcome
 
 SPEC = damper("normalised_bouc_wen").with_current_laws({"k_w": "cubic", "c": "linear"})
 

@@ -2,14 +2,8 @@
 
 from __future__ import annotations
 
-import os
-from pathlib import Path
-
 from mrwork.records import DamperTest, cut, observed, read_damper_test, repair
-
-ROOT = Path(__file__).parents[2]
-DATA = Path(os.environ.get("MRWORK_DATA", ROOT.parent / "shared" / "data"))
-RECORDS = DATA / "dampers" / "utfsm"
+from studies.common.records import damper_tests
 
 MOTIONS = ("25mm0x1Hz", "25mm0x25Hz", "25mm0x5Hz", "10mm1Hz", "5mm3Hz", "2mm5Hz")
 CURRENTS = ("0A", "0x25A", "0x5A", "0x75A", "1A")
@@ -20,7 +14,7 @@ _PER_CYCLE = 250
 
 def rig_test(motion: str, current: str, *, averaged: bool = False) -> DamperTest:
     """One test, thinned, its late velocity derived anew; if `averaged`, with the moving average of its authors."""
-    test, _ = repair(read_damper_test(RECORDS / f"{motion}{current}.csv"), ["velocity"])
+    test, _ = repair(read_damper_test(damper_tests() / f"{motion}{current}.csv"), ["velocity"])
     assert test.frequency is not None
     if averaged:
         test = observed(test, ["detect"])

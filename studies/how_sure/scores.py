@@ -1,4 +1,7 @@
-"""How the bands of several ways did on the same tests left out."""
+"""Scores of bands on tests left out, and the half width of a next test by random effects.
+
+Each test's errors are Gaussian about its own size, sizes lognormal from test to test.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import brentq
+from scipy.stats import norm, t
 
 from mrwork.uncertainty import Band, Prediction, score
 
@@ -78,3 +83,21 @@ def lines(title: str, rows: Sequence[ScoreRow]) -> str:
         for row in rows
     ]
     return "\n".join([head, *body])
+
+
+# Quantiles of the size over which the mixture is averaged.
+_NODES = (np.arange(400) + 0.5) / 400
+
+
+def next_test_half_width(sizes: np.ndarray, level: float) -> float:
+    """Half width that holds `level` of the errors of one more test, from the root mean squares of K tests.
+
+    The size of the next is exp of Student's t with K - 1 degrees of freedom about the mean logarithm, its spread
+    widened by sqrt(1 + 1/K): the prediction of a normal sample.
+    """
+    logs = np.log(sizes)
+    spread = np.std(logs, ddof=1) * np.sqrt(1.0 + 1.0 / len(logs))
+    size = np.exp(np.mean(logs) + spread * t.ppf(_NODES, len(logs) - 1))
+    return float(
+        brentq(lambda half: np.mean(2.0 * norm.cdf(half / size) - 1.0) - level, 1e-6, 100.0 * sizes.max())
+    )

@@ -18,9 +18,8 @@ from mrwork.uncertainty import (
     sample,
     simulate_draws,
 )
-from random_scale import next_test_half_width
-from rig_tests import CURRENTS, FITTED, MOTIONS, rig_test
-from scores import LEVEL, BandScore, constant_band, outcome
+from studies.how_sure.rig_tests import CURRENTS, FITTED, MOTIONS, rig_test
+from studies.how_sure.scores import LEVEL, BandScore, constant_band, next_test_half_width, outcome
 
 MODEL = "normalised_bouc_wen"
 _DRAWS = 300

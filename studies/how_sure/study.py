@@ -5,24 +5,27 @@ python studies/how_sure/study.py [single] [joint] [synthetic] [--replicates N] [
 
 from __future__ import annotations
 
-import argparse
-import json
 import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parents[2]))
+
+import json
 import time
+from argparse import Namespace
 from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
-import joint_model
-import single_test
-import synthetic_calibration
-from rig_tests import RECORDS
-from scores import BandScore, lines, table
+from studies.common.command import Command
+from studies.common.records import absent, damper_tests
+from studies.how_sure import joint_model, single_test, synthetic_calibration
+from studies.how_sure.scores import BandScore, lines, table
 
 PARTS = ("single", "joint", "synthetic")
 
 
-def measured(options: argparse.Namespace, part: str) -> dict[str, Sequence[BandScore]]:
+def measured(options: Namespace, part: str) -> dict[str, Sequence[BandScore]]:
     if part == "single":
         return {
             "A fit to 10 mm, 1 Hz, asked for the five other motions at its current": single_test.all_outcomes(
@@ -38,12 +41,9 @@ def measured(options: argparse.Namespace, part: str) -> dict[str, Sequence[BandS
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = Command(__file__, __doc__, threads=True, seed=(0, "of the synthetic cases and the draws")).parser
     parser.add_argument("parts", nargs="*", metavar="PART", help=f"of {', '.join(PARTS)}; default all")
     parser.add_argument("--replicates", type=int, default=100, help="of each synthetic case")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--threads", type=int, default=0, help="default: all")
-    parser.add_argument("--json", action="store_true")
     options = parser.parse_args()
     for part in options.parts:
         if part not in PARTS:
@@ -59,10 +59,8 @@ def main() -> int:
             ):
                 document[part].append(asdict(case))
                 print(synthetic_calibration.line(case), flush=True)
-        elif not RECORDS.is_dir():
-            print(
-                f"skipped {part}: {RECORDS} is not there; set MRWORK_DATA to the folder of the measured records"
-            )
+        elif reason := absent(f"skipped {part}: the records are", damper_tests()):
+            print(reason)
             continue
         else:
             for title, outcomes in measured(options, part).items():

@@ -6,15 +6,16 @@ python studies/one_model_for_a_rig/study.py [--family NAME ...] [--observed yes|
 
 from __future__ import annotations
 
-import argparse
-import json
-import os
 import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parents[2]))
+
+import json
 import time
 import tomllib
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
-from pathlib import Path
 
 import numpy as np
 
@@ -24,11 +25,10 @@ from mrwork.errors import SimulationError
 from mrwork.identification import Fit, Progress, free_run, start_from
 from mrwork.records import DamperTest, cut, read_damper_tests, repair
 from mrwork.records import observed as with_observation
+from studies.common.command import Command
+from studies.common.records import absent, damper_tests
 
 HERE = Path(__file__).parent
-ROOT = HERE.parents[1]
-DATA = Path(os.environ.get("MRWORK_DATA", ROOT.parent / "shared" / "data"))
-RECORDS = DATA / "dampers" / "utfsm"
 # Samples of a cycle: with this number the fit of no test changes by more than 0.01.
 PER_CYCLE = 250
 
@@ -97,7 +97,7 @@ def families() -> dict[str, Family]:
 
 def sinusoids(*, observed: bool) -> tuple[DamperTest, ...]:
     """The 30 filtered sinusoids; if `observed`, with the moving average of their authors in the observation model."""
-    tests = read_damper_tests(sorted(str(path) for path in RECORDS.glob("[0-9]*.csv")))
+    tests = read_damper_tests(sorted(str(path) for path in damper_tests().glob("[0-9]*.csv")))
     # Where `mrwork check` sees that a velocity column is late, it is derived anew; elsewhere the repair does nothing.
     mended = (repair(test, ["velocity"])[0] for test in tests)
     return tuple(with_observation(test, ["detect" if observed else "none"]) for test in mended)
@@ -198,18 +198,14 @@ def line(row: RigRow) -> str:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument(
-        "--family", action="append", choices=list(families()), help="default: all of settings.toml"
-    )
-    parser.add_argument("--observed", choices=["yes", "no", "both"], default="both")
-    parser.add_argument("--leave-out", action="store_true")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--threads", type=int, default=0, help="default: all")
-    parser.add_argument("--json", action="store_true")
+    parser = Command(__file__, __doc__, threads=True, seed=(0, "of the searches")).parser
+    add = parser.add_argument
+    add("--family", action="append", choices=list(families()), help="default: all of settings.toml")
+    add("--observed", choices=["yes", "no", "both"], default="both")
+    add("--leave-out", action="store_true")
     options = parser.parse_args()
-    if not RECORDS.is_dir():
-        print(f"skipped: {RECORDS} is not there; set MRWORK_DATA to the folder of the measured records")
+    if reason := absent("skipped: the records are", damper_tests()):
+        print(reason)
         return 0
     rows = []
     if not options.json:

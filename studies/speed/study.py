@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
-from benchmarks.command_line import main
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parents[2]))
+
+from studies.speed.command_line import main
 
 if __name__ == "__main__":
     main()

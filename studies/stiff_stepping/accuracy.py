@@ -9,13 +9,12 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
-from any_model import twin_force
-from batch import PRESET, forces
 from mrwork.dampers import damper
 from mrwork.kernels import LoadingHistory
 from mrwork.simulate import simulate_forces
 from mrwork.twins import simulate
-from record import random_record
+from studies.stiff_stepping.any_model import twin_force
+from studies.stiff_stepping.batch import PRESET, forces, random_record
 
 Floats = NDArray[np.float64]
 

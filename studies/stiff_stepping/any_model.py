@@ -9,11 +9,11 @@ import jax
 import jax.numpy as jnp
 from jax import Array
 
-from batch import motion_table
 from mrwork.dampers import DamperSpec
 from mrwork.kernels import LoadingHistory
 from mrwork.twins import twin_of
-from steppers import ENDS, GAMMA_ROS2
+from studies.stiff_stepping.batch import motion_table
+from studies.stiff_stepping.steppers import ENDS, GAMMA_ROS2
 
 Rate = Callable[[Array, Array], Array]
 

@@ -9,11 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from batch import BLOCK, PRESET, kernel, motion_table, scaled
 from mrwork import kernels
 from mrwork.dampers import damper
-from record import random_record
-from steppers import TIMES, steppers
+from studies.stiff_stepping.batch import BLOCK, PRESET, kernel, motion_table, random_record, scaled
+from studies.stiff_stepping.steppers import TIMES, steppers
 
 # e^x of the core, of whose power the logarithm is the other half.
 EXP_FLOPS = 25

@@ -5,24 +5,30 @@ python studies/stiff_stepping/study.py [--json]
 
 from __future__ import annotations
 
-import argparse
-import json
-import math
 import sys
-import tomllib
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parents[2]))
+
+from argparse import Namespace
 from collections.abc import Iterator
 from dataclasses import asdict
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from accuracy import TOLERANCE, derivative_error, model_errors, preset_error, scattered_errors
-from cost import core_nanoseconds, counted, nanoseconds
 from mrwork.dampers import damper_models
-from steppers import TIMES
+from studies.common.command import Command, Findings, Say
+from studies.stiff_stepping.accuracy import (
+    TOLERANCE,
+    derivative_error,
+    model_errors,
+    preset_error,
+    scattered_errors,
+)
+from studies.stiff_stepping.cost import core_nanoseconds, counted, nanoseconds
+from studies.stiff_stepping.steppers import TIMES
 
-HERE = Path(__file__).parent
 METHODS = tuple(TIMES)
 GENERAL = tuple(method for method in METHODS if method != "exact_loop")
 SUBSTEPS = (1, 2, 4, 6, 8, 16)
@@ -159,35 +165,10 @@ def _row(cells: list[Any]) -> str:
     return "| " + " | ".join(str(cell) for cell in cells) + " |"
 
 
-def departures(figures: dict[str, Any]) -> list[str]:
-    """One sentence for each value outside the limits of expected.toml."""
-    return list(_departures("", figures, tomllib.loads((HERE / "expected.toml").read_text())))
-
-
-def _departures(path: str, figures: dict[str, Any], expected: dict[str, Any]) -> Iterator[str]:
-    for name, below in expected.items():
-        inner = f"{path} {name}".strip()
-        if not {"least", "most"} & below.keys():
-            yield from _departures(inner, figures[name], below)
-        elif not below.get("least", -math.inf) <= figures[name] <= below.get("most", math.inf):
-            yield f"{inner} is {figures[name]:.4g}, expected {below}"
-
-
-def main() -> int:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--json", action="store_true", help="one JSON object on stdout and nothing else")
-    options = parser.parse_args()
+def find(options: Namespace, say: Say) -> Findings:
     figures = run()
-    wrong = departures(figures)
-    if options.json:
-        print(json.dumps({**figures, "departures": wrong}))
-    else:
-        print("\n".join(tables(figures)))
-        print("\n".join(wrong) or "Every figure agrees with expected.toml.")
-    return 1 if wrong else 0
+    return Findings(numbers=figures, text=tables(figures))
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(Command(__file__, __doc__).run(find))

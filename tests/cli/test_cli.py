@@ -56,6 +56,7 @@ def test_models_lists_every_model_and_shows_one_in_full() -> None:
     assert [parameter["name"] for parameter in document["parameters"]][:2] == ["c0", "k0"]
 
 
+@pytest.mark.usefixtures("drawn_pictures")
 @pytest.mark.parametrize("suffix", [".svg", ".png"])
 def test_models_draws_the_effect_of_every_parameter(tmp_path: Path, suffix: str) -> None:
     place = tmp_path / f"figure{suffix}"

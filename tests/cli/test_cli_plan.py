@@ -26,6 +26,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return place
 
 
+@pytest.mark.usefixtures("drawn_pictures")
 def test_a_plan_names_the_best_test_first(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
     lists = ("--amplitudes", "0.005,0.01,0.02", "--frequencies", "0.5,1,2")
     text = printed(capsys, "plan", run, "--band", "c", *lists)

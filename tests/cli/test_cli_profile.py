@@ -44,6 +44,7 @@ def valley(run: Path) -> Path:
     return place
 
 
+@pytest.mark.usefixtures("drawn_pictures")
 def test_a_profile_says_what_the_data_settle(valley: Path, capsys: pytest.CaptureFixture[str]) -> None:
     run = valley
     text = printed(capsys, "profile", run, "--quiet")

@@ -27,9 +27,12 @@ OF_THE_SET = ("command_mislabelled", "record_repeated")
 CELLS = list(product(CONCERNS, VERBS))
 
 
+PLAIN = mr.synthetic_test("spencer1997_fast")
+
+
 def has_finding(code: str) -> DamperTest:
     finding = Finding(code=code, severity="warning", message=f"it has {code}; do something")
-    return replace(mr.synthetic_test("spencer1997_fast"), findings=(finding,), sha256=code)
+    return replace(PLAIN, findings=(finding,), sha256=code)
 
 
 @pytest.mark.parametrize(("code", "verb"), CELLS)
@@ -41,7 +44,7 @@ def test_a_verb_says_a_finding_where_the_table_has_it(code: str, verb: Verb) -> 
 
 
 def set_with(code: str) -> list[DamperTest]:
-    plain = replace(mr.synthetic_test("spencer1997_fast"), findings=(), current=1.0)
+    plain = replace(PLAIN, findings=(), current=1.0)
     if code == "record_repeated":
         return [replace(plain, name="first", path="a.csv"), replace(plain, name="second", path="b.csv")]
     others = [replace(plain, name=f"{number}", sha256=f"{number}") for number in range(3)]

@@ -16,11 +16,6 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
-from fuzzing import trial
-from fuzzing.harness import Harness
-from fuzzing.mutants import _CHANGES, Structure, mutant
-from fuzzing.reader import Reader, Seed
-from fuzzing.readers import all_readers
 
 from mrwork.errors import MrworkWarning, RecordError
 from mrwork.motions.formats.format import Lines
@@ -37,8 +32,12 @@ from mrwork.store.run_folder import (
     RANKING,
     RESULTS,
 )
+from tools.fuzzing import trial
+from tools.fuzzing.harness import Harness
+from tools.fuzzing.mutants import _CHANGES, Structure, mutant
+from tools.fuzzing.reader import Reader, Seed
+from tools.fuzzing.readers import all_readers
 
-HERE = Path(__file__).parent
 PATIENCE = 240.0
 WHOLE = {
     "text": b"t_s,displacement_mm,force_N\n0.0,1.0,2.0\n0.1,1.5,2.5\n",
@@ -166,16 +165,16 @@ def test_a_library_in_this_process_may_end_it_as_it_may_end_its_child(tmp_path: 
 
 
 def fuzzing(*options: object) -> list[str]:
-    return [sys.executable, "-m", "fuzzing", *map(str, options)]
+    return [sys.executable, "-m", "tools.fuzzing", *map(str, options)]
 
 
 def environment() -> dict[str, str]:
-    return os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, (*sys.path, str(HERE))))}
+    return os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
 
 
 def test_no_reader_fails_on_a_few_mutants(tmp_path: Path) -> None:
     ended = subprocess.run(
-        fuzzing("--mutants", 3000, "--processes", 1, "--out", tmp_path / "faults"),
+        fuzzing("--mutants", 1000, "--processes", 1, "--out", tmp_path / "faults"),
         capture_output=True,
         text=True,
         env=environment(),

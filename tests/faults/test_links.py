@@ -24,6 +24,8 @@ from tuning_samples import study_file
 from mrwork.cli.door import verbs
 
 EVERY = os.environ.get("MRWORK_LINKS") == "all"
+# Where files lie is asked, not what they show.
+pytestmark = pytest.mark.usefixtures("blank_pictures")
 WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
 KINDS = ("file", "folder", "nowhere")
 # Folders with names that nobody can know before.

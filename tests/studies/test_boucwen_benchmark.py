@@ -12,8 +12,22 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from multisine import INTERPOLATIONS, between_samples, newmark, random_multisine, stage_table
-from oscillator import Parameters, Period, Scales, fitted, linear_fit, screened_minima, steady_period
+from studies.boucwen_benchmark.multisine import (
+    INTERPOLATIONS,
+    between_samples,
+    newmark,
+    random_multisine,
+    stage_table,
+)
+from studies.boucwen_benchmark.oscillator import (
+    Parameters,
+    Period,
+    Scales,
+    fitted,
+    linear_fit,
+    screened_minima,
+    steady_period,
+)
 
 TRUE = Parameters(m=2.0, c=10.0, k=5e4, alpha=5e4, g=800.0, d=-1100.0, nu=1.0)
 DT = 1.0 / 750.0

@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 
 import mrwork as mr
-from chapter_2_findings import Chapter, chapter_of
-from chapter_2_page import write_page
-from chapter_2_tables import tables
-from device_families import FAMILIES
 from mrwork.report import departures
+from studies.chapter_2.device_families import FAMILIES
+from studies.chapter_2.findings import Chapter, chapter_of
+from studies.chapter_2.page import write_page
+from studies.chapter_2.tables import tables
 
 STUDY = Path("studies/chapter_2")
 

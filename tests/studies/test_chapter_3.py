@@ -8,16 +8,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import sized_front
-from chapter_3_findings import Chapter, chapter_of
-from chapter_3_page import write_page
-from chapter_3_tables import tables
-from frame_runs import RECORDS
-from models_on_one_test import NOISE, SHOWN_TEST
 from mrwork.closed_loop import SCORE
 from mrwork.report import departures
-from sized_frame import FORCES, PAIR, wishes
-from slot_flow import errors, slot_of, yield_stress
+from studies.chapter_3 import sized_front
+from studies.chapter_3.findings import Chapter, chapter_of
+from studies.chapter_3.models_on_one_test import NOISE, SHOWN_TEST
+from studies.chapter_3.page import write_page
+from studies.chapter_3.sized_frame import FORCES, PAIR, wishes
+from studies.chapter_3.slot_flow import errors, slot_of, yield_stress
+from studies.chapter_3.tables import tables
+from studies.common.frame import RECORDS
 
 
 @pytest.fixture(scope="module")

@@ -10,10 +10,8 @@ import numpy as np
 import pytest
 
 import mrwork as mr
-from comparison_page import write_page
-from comparison_tables import error_table, level_table, tables_of
-from damper_tests import TestSet
-from decay import (
+from mrwork.search import PopulationState, Proposal, StandardGA, StopRules
+from studies.chapter_4.decay import (
     LITERAL,
     at_budget,
     ending,
@@ -23,13 +21,14 @@ from decay import (
     holm,
     rules,
 )
-from excerpts import measured_excerpts, synthetic_excerpts
-from findings import Comparison, comparisons_of, findings_of
-from kept_cells import fingerprint, keep, recall
-from mrwork.search import PopulationState, Proposal, StandardGA, StopRules
-from search_cells import Cell, Replicates, cells_of, run_cell
-from search_runs import run_cells
-from search_settings import EFFICIENT, SEARCHES, STANDARD, SWARM, ComparisonSettings
+from studies.chapter_4.excerpts import measured_excerpts, synthetic_excerpts
+from studies.chapter_4.findings import Comparison, comparisons_of, findings_of
+from studies.chapter_4.page import write_page
+from studies.chapter_4.search_cells import Cell, Replicates, cells_of, run_cell
+from studies.chapter_4.search_runs import fingerprint, keep, recall, run_cells
+from studies.chapter_4.search_settings import EFFICIENT, SEARCHES, STANDARD, SWARM, ComparisonSettings
+from studies.chapter_4.tables import error_table, level_table, tables_of
+from studies.chapter_5.damper_tests import TestSet
 
 CHAPTER = measured_data.ROOT / "studies" / "chapter_4"
 REPLICATES, POPULATION, GENERATIONS = 6, 10, 12

@@ -9,13 +9,12 @@ import numpy as np
 import pytest
 
 import mrwork as mr
-from current_laws import STATIC, PerCurrent, identify_each, laws_of
-from damper_tests import FORCE_NOISE_N, RD_1005_3, TestSet, measured_sets, synthetic_sets
-from law_tables import per_current_table
 from mrwork.search import EfficientGA, StopRules
-from outcome import SetOutcome, study_set
-from page import write_page
-from thickness_and_mean import compared, loops_table
+from studies.chapter_5.damper_tests import FORCE_NOISE_N, RD_1005_3, TestSet, measured_sets, synthetic_sets
+from studies.chapter_5.outcome import STATIC, PerCurrent, SetOutcome, identify_each, laws_of, study_set
+from studies.chapter_5.page import write_page
+from studies.chapter_5.tables import per_current_table
+from studies.chapter_5.thickness_and_mean import compared, loops_table
 
 SEARCH = EfficientGA(population=40, stop=StopRules(max_generations=40))
 # Three are the fewest that a quadratic law can be found from.

@@ -9,15 +9,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-import kept_settings
-from chapter_6_tables import tables
-from frame_runs import LEVELS, bench, figures, level_name
-from loop_findings import TUNED_LAWS, found_by
 from mrwork.control.laws import ControlLaw
 from mrwork.report.expectations import departures
-from thesis_tables import thesis_tables
-from tried_settings import about, grid
-from tuning import Found, Tuned, control_law_of
+from studies.chapter_6 import tuning
+from studies.chapter_6.loop_findings import TUNED_LAWS, found_by
+from studies.chapter_6.tables import tables
+from studies.chapter_6.thesis_tables import thesis_tables
+from studies.chapter_6.tuning import Found, Tuned, about, control_law_of, grid
+from studies.common.frame import LEVELS, bench, figures, level_name
 
 RECORDS = Path(os.environ.get("MRWORK_DATA", "../shared/data")) / "records"
 measured = pytest.mark.skipif(
@@ -46,7 +45,7 @@ def test_every_table_names_its_rows_and_fills_them(found: dict[str, Any]) -> Non
 
 
 def test_every_law_has_a_setting_for_both_levels() -> None:
-    kept = kept_settings.kept()
+    kept = tuning.kept()
     assert set(TUNED_LAWS) <= set(kept)
     for at_level in kept.values():
         for tuned in at_level:
@@ -69,8 +68,8 @@ def test_settings_are_kept_as_they_were_found(tmp_path: Path) -> None:
         Tuned(law="lyapunov", settings={}, largest_current=1.88),
     )
     found = Found(at_level=at_level, scores=(0.5, 0.6), both=at_level[0], both_score=(0.5, 0.7), tried=2)
-    kept_settings.keep({"lyapunov": found}, tmp_path / "tuned.toml")
-    assert kept_settings.kept(tmp_path / "tuned.toml") == {"lyapunov": at_level}
+    tuning.keep({"lyapunov": found}, tmp_path / "tuned.toml")
+    assert tuning.kept(tmp_path / "tuned.toml") == {"lyapunov": at_level}
 
 
 def test_steps_about_settings_leave_the_network_as_it_is() -> None:

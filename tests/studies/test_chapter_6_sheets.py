@@ -9,12 +9,22 @@ import numpy as np
 import pytest
 
 import mrwork as mr
-from direct_laws import CONSTANT, DIRECT, OFF, SHOWN
-from floor_ratios import QUANTITIES, floors_found, worse_found
-from frame_runs import FRAME, RECORDS, bench, pair, record_title
-from identified_damper import FORCE_NOISE, identified_damper, virtual_test
-from response_sheets import sheets_at
-from single_damper import ONE, PAIR, TWO, arrangements_found
+from studies.chapter_6.identified_damper import FORCE_NOISE, identified_damper, virtual_test
+from studies.chapter_6.thesis_findings import (
+    CONSTANT,
+    DIRECT,
+    OFF,
+    ONE,
+    PAIR,
+    QUANTITIES,
+    SHOWN,
+    TWO,
+    arrangements_found,
+    floors_found,
+    sheets_at,
+    worse_found,
+)
+from studies.common.frame import FRAME, RECORDS, bench, pair, record_title
 
 FOLDER = Path(os.environ.get("MRWORK_DATA", "../shared/data")) / "records"
 CONSTANTS = (0.68, 1.88)

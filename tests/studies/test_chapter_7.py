@@ -9,16 +9,24 @@ import numpy as np
 import pytest
 
 import mrwork as mr
-from chapter_7_figures import error_figure, history_figure, loop_figure, sine_figure
-from chapter_7_findings import Chapter, chapter_of
-from chapter_7_tables import tables
-from controlled_tests import CLIPPED, NO_DAMPER_NAME, OFF, QUANTITIES, figures
-from earthquakes import LEAD, command, synthetic
-from frame_tests import figures_of
 from mrwork.report import departures
-from predictions import ALL_TRUE, FULL
-from sine_tests import Wanted, damper_test, sine_command, sine_tests
-from virtual_rig import FRAME, NO_GAIN_ERRORS, SENSORS, TABLE, recorded, signals_of, true_rig
+from studies.chapter_7.controlled_tests import CLIPPED, NO_DAMPER_NAME, OFF, QUANTITIES, figures
+from studies.chapter_7.earthquakes import LEAD, command, synthetic
+from studies.chapter_7.findings import Chapter, chapter_of
+from studies.chapter_7.frame_tests import figures_of
+from studies.chapter_7.page import error_figure, history_figure, loop_figure, sine_figure
+from studies.chapter_7.predictions import ALL_TRUE, FULL
+from studies.chapter_7.sine_tests import Wanted, damper_test, sine_command, sine_tests
+from studies.chapter_7.tables import tables
+from studies.chapter_7.virtual_rig import (
+    FRAME,
+    NO_GAIN_ERRORS,
+    SENSORS,
+    TABLE,
+    recorded,
+    signals_of,
+    true_rig,
+)
 
 
 @pytest.fixture(scope="module")

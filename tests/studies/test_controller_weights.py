@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 from mrwork.report.expectations import departures
-from weight_findings import found_by
-from weight_tables import tables
+from studies.controller_weights.findings import found_by
+from studies.controller_weights.tables import tables
 
 RECORDS = Path(os.environ.get("MRWORK_DATA", "../shared/data")) / "records"
 

@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-import synthetic_calibration
 from mrwork.dampers.spec import damper
-from random_scale import next_test_half_width
-from scores import BandScore, lines, table
+from studies.how_sure import synthetic_calibration
+from studies.how_sure.scores import BandScore, lines, next_test_half_width, table
 
 
 def test_random_sizes_widen_a_band_beyond_the_mean_size() -> None:

@@ -10,13 +10,12 @@ import pytest
 import tuning_samples
 
 import mrwork as mr
-import robust_damper
-import robust_runs
 from mrwork.control import settings_of
-from robust_damper import CURRENTS, MOTIONS, write_tests
-from robust_findings import level_found
-from robust_page import score_figure
-from robust_tables import ANY, tables
+from studies.robust_control import runs as robust_runs
+from studies.robust_control.findings import level_found
+from studies.robust_control.page import score_figure
+from studies.robust_control.runs import CURRENTS, MOTIONS, write_tests
+from studies.robust_control.tables import ANY, tables
 
 UNCERTAIN = """
 [uncertainty]
@@ -85,7 +84,7 @@ def test_a_damper_of_other_tests_is_identified_again(tmp_path: Path, monkeypatch
     for _ in range(2):
         robust_runs.identified(tmp_path, lambda what: None)
     assert verbs == ["identify", "sample"]
-    monkeypatch.setattr(robust_damper, "MOTIONS", robust_damper.MOTIONS[1:])
+    monkeypatch.setattr(robust_runs, "MOTIONS", robust_runs.MOTIONS[1:])
     robust_runs.identified(tmp_path, lambda what: None)
     assert verbs == ["identify", "sample"] * 2
 

@@ -14,17 +14,25 @@ import pytest
 from command_line import started
 from numpy.typing import NDArray
 
-from benchmarks.attempt import NEAR, Attempt, AttemptEnded, AttemptResult, Contender, RustObjective, attempted
-from benchmarks.bars import bars_of
-from benchmarks.command_line import main
-from benchmarks.contenders import OURS, PEERS, contenders
-from benchmarks.early_abort import EarlyAbort, early_aborts
-from benchmarks.identify import bench_identify
-from benchmarks.search_job import N_TIME, REFERENCE, SearchJob, record
-from benchmarks.search_rows import SearchRow, extrapolated, row_of
-from benchmarks.side_by_side import attempted_at_once, contenders_at_once
-from benchmarks.usual_way import SOLVERS, Solver, UsualWay, misfit_by
 from mrwork.errors import SettingError
+from studies.speed.attempt import (
+    NEAR,
+    Attempt,
+    AttemptEnded,
+    AttemptResult,
+    Contender,
+    RustObjective,
+    attempted,
+)
+from studies.speed.bars import bars_of
+from studies.speed.command_line import main
+from studies.speed.contenders import OURS, PEERS, contenders
+from studies.speed.early_abort import EarlyAbort, early_aborts
+from studies.speed.identify import bench_identify
+from studies.speed.search_job import N_TIME, REFERENCE, SearchJob, record
+from studies.speed.search_rows import SearchRow, extrapolated, row_of
+from studies.speed.side_by_side import attempted_at_once, contenders_at_once
+from studies.speed.usual_way import SOLVERS, Solver, UsualWay, misfit_by
 
 EXTRA = "is not installed; pip install 'mrwork[bench]'"
 
@@ -51,7 +59,7 @@ def test_numba_and_rust_objectives_are_the_same_job(
     job: SearchJob, block: int, fastmath: bool, form: str
 ) -> None:
     pytest.importorskip("numba", reason=f"numba {EXTRA}")
-    from benchmarks.numba_objective import NumbaObjective, ObjectiveVariant, substeps_of
+    from studies.speed.numba_objective import NumbaObjective, ObjectiveVariant, substeps_of
 
     theta = scattered(job, 100)
     # Of the stiffest there is, which no sub-steps resolve.

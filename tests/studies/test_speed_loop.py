@@ -7,14 +7,13 @@ import math
 import numpy as np
 import pytest
 
-from benchmarks import loop_ours
-from benchmarks.loop import bench_loop, summarise
-from benchmarks.loop_numba import LIBRARY, SERIES, LoopNumbaVariant
-from benchmarks.loop_numba_kernel import series_tanh
-from benchmarks.loop_plain import PlainLoop
-from benchmarks.loop_worker import LoopMeasurement
-from benchmarks.loop_workload import LARGEST_COMMAND, N_REDUCTIONS, N_STOREYS, LoopWorkload, loop_workload
 from mrwork.errors import MrworkError, SettingError
+from studies.speed import loop_ours
+from studies.speed.loop import bench_loop, summarise
+from studies.speed.loop_numba import LIBRARY, SERIES, LoopNumbaVariant, series_tanh
+from studies.speed.loop_plain import PlainLoop
+from studies.speed.loop_worker import LoopMeasurement
+from studies.speed.loop_workload import LARGEST_COMMAND, N_REDUCTIONS, N_STOREYS, LoopWorkload, loop_workload
 
 # 1500 steps, sums formed in different orders; bang-bang, but no decision is near enough to a tie to be turned.
 AGREEMENT = 1e-11
@@ -42,7 +41,7 @@ def test_numba_finds_what_plain_steps_find(
     variant: LoopNumbaVariant, workload: LoopWorkload, reference: Floats
 ) -> None:
     pytest.importorskip("numba", reason="numba is not installed; pip install 'mrwork[bench]'")
-    from benchmarks import loop_numba
+    from studies.speed import loop_numba
 
     np.testing.assert_allclose(loop_numba.prepare(workload, variant)(), reference, rtol=AGREEMENT)
 
@@ -51,14 +50,14 @@ def test_numba_finds_what_plain_steps_find(
 def test_jax_finds_what_plain_steps_find(
     side_by_side: int, workload: LoopWorkload, reference: Floats
 ) -> None:
-    from benchmarks import loop_jax
+    from studies.speed import loop_jax
 
     variant = loop_jax.LoopJaxVariant(side_by_side=side_by_side)
     np.testing.assert_allclose(loop_jax.prepare(workload, variant)(), reference, rtol=AGREEMENT)
 
 
 def test_solve_ivp_comes_near_what_our_steps_find(workload: LoopWorkload, reference: Floats) -> None:
-    from benchmarks import loop_scipy
+    from studies.speed import loop_scipy
 
     one = workload.cut(candidates=1, motions=1, n_steps=1500)
     # RK45 and RK4 at 1 ms: the loop of the damper turns within 0.1 mm of travel.
@@ -67,7 +66,7 @@ def test_solve_ivp_comes_near_what_our_steps_find(workload: LoopWorkload, refere
 
 def test_python_control_finds_what_plain_steps_find(workload: LoopWorkload, reference: Floats) -> None:
     pytest.importorskip("control", reason="python-control is not installed")
-    from benchmarks import loop_control
+    from studies.speed import loop_control
 
     one = workload.cut(candidates=1, motions=1, n_steps=1500)
     np.testing.assert_allclose(loop_control.prepare(one)()[0, 0], reference[0, 0], rtol=AGREEMENT)

@@ -9,15 +9,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks import bench_models, format_models
-from benchmarks.command_line import main
-from benchmarks.model_worker import ModelMeasurement, measure_model
-from benchmarks.model_workload import SUBSTEPS, ModelWorkload, model_workload
-from benchmarks.models import ModelBenchmark, row_of
-from benchmarks.timing import AGREEMENT
-from benchmarks.twin_peer import TwinVariant, prepare, twins_of
 from mrwork.dampers.spec import DamperSpec, damper, damper_models
 from mrwork.errors import MrworkError, SettingError, UnknownNameError
+from studies.speed.command_line import main
+from studies.speed.model_worker import ModelMeasurement, measure_model
+from studies.speed.model_workload import SUBSTEPS, ModelWorkload, model_workload
+from studies.speed.models import ModelBenchmark, bench_models, format_models, row_of
+from studies.speed.timing import AGREEMENT
+from studies.speed.twin_peer import TwinVariant, prepare, twins_of
 
 # Eleven candidates fill no block; sixty samples are enough for every term of a rate to count.
 BATCH, SAMPLES = 11, 60

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmarks.posterior import PosteriorBenchmark, bench_posterior, format_posterior
-from benchmarks.posterior_job import PosteriorJob
-from benchmarks.posterior_rows import SamplerRow, Setup
 from mrwork.errors import SettingError
+from studies.speed.posterior import PosteriorBenchmark, bench_posterior, format_posterior
+from studies.speed.posterior_job import PosteriorJob, SamplerRow, Setup
 
 
 @pytest.fixture(scope="module")
@@ -23,8 +22,8 @@ def test_the_job_has_nine_dimensions_and_walkers_inside(job: PosteriorJob) -> No
 
 @pytest.mark.parametrize("unroll", [0, 2])
 def test_the_density_on_jax_is_ours(job: PosteriorJob, unroll: int) -> None:
-    from benchmarks.posterior_jax import JaxTarget, JaxVariant
     from mrwork.uncertainty.posterior.nuts import substeps_at
+    from studies.speed.posterior_jax import JaxTarget, JaxVariant
 
     values, _ = job.target.space.values(job.walkers)
     here = substeps_at(job.target, job.start)
@@ -40,8 +39,8 @@ def test_the_density_on_jax_is_ours(job: PosteriorJob, unroll: int) -> None:
 
 def test_the_density_on_numba_is_ours(job: PosteriorJob) -> None:
     pytest.importorskip("numba", reason="numba is not installed; pip install 'mrwork[bench]'")
-    from benchmarks.numba_objective import START, NumbaObjective
-    from benchmarks.posterior_numba import NumbaTarget
+    from studies.speed.numba_objective import START, NumbaObjective
+    from studies.speed.posterior_numba import NumbaTarget
 
     density = NumbaTarget(target=job.target, objective=NumbaObjective.of(job.search, START))
     walkers = job.walkers.copy()

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.command_line import main
-from benchmarks.refine import bench_refine, format_refine
-from benchmarks.refine_job import RefineJob, joint_job, reference_job
 from mrwork.errors import SettingError
 from mrwork.identification.levenberg_marquardt import find_minima, find_minimum
+from studies.speed.command_line import main
+from studies.speed.refine import bench_refine, format_refine
+from studies.speed.refine_job import RefineJob, joint_job, reference_job
 
 EXTRA = "is not installed; pip install 'mrwork[bench]'"
 
@@ -38,7 +38,7 @@ def test_starts_lie_in_the_box_and_repeat(job: RefineJob) -> None:
 )
 def test_numba_has_our_residuals(job: RefineJob, block: int, fastmath: bool, form: str) -> None:
     pytest.importorskip("numba", reason=f"numba {EXTRA}")
-    from benchmarks.numba_residuals import Layout, NumbaResiduals
+    from studies.speed.numba_residuals import Layout, NumbaResiduals
 
     peer = NumbaResiduals(job, Layout(block=block, threads=1, fastmath=fastmath, form=form))
     # A library's power may differ by some ulp, which a stiff loop carries along.

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmarks import regulators_worker
-from benchmarks.regulators import bench_regulators, format_regulators
-from benchmarks.regulators_worker import RegulatorSettings, frames, measure, residual
 from mrwork.errors import MrworkError, SettingError
+from studies.speed import regulators_worker
+from studies.speed.regulators import bench_regulators, format_regulators
+from studies.speed.regulators_worker import RegulatorSettings, frames, measure, residual
 
 
 def test_rows_say_what_was_measured() -> None:

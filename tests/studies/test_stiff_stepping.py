@@ -5,16 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-import elementary
-from accuracy import scattered_errors
-from any_model import twin_force
-from batch import PRESET, forces, motion_table
-from cost import counted
 from mrwork import _rust
 from mrwork.dampers.spec import damper
 from mrwork.simulate import Loading, simulate_forces
-from record import random_record
-from steppers import TIMES
+from studies.stiff_stepping import elementary
+from studies.stiff_stepping.accuracy import scattered_errors
+from studies.stiff_stepping.any_model import twin_force
+from studies.stiff_stepping.batch import PRESET, forces, motion_table, random_record
+from studies.stiff_stepping.cost import counted
+from studies.stiff_stepping.steppers import TIMES
 
 SPEC = damper(PRESET)
 ORDERS = {"rk4": 4, "ros2": 2, "ros3": 3, "rodas3": 3, "exponential": 2, "exact_loop": 2}

@@ -1,0 +1,101 @@
+"""The page of the study with its figures."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from matplotlib.figure import Figure
+
+from mrwork.report import SMALL, WIDE, blank, finish, finish_loop, panel, style, write_study_page
+from studies.chapter_2.device_families import FAMILIES
+from studies.chapter_2.findings import Chapter, Judged
+from studies.chapter_2.tables import SETS, findings, tables
+from studies.common.table import sections_as_markup
+
+_TONES = {"passive": style.DATA, "semi-active": style.MODEL, "active": style.RESIDUAL}
+# The setting over which a passive device is drawn, where it is one number.
+_DRAWN = {
+    "Viscous damper": ("damping [N s/m]", "Damping (N s/m)"),
+    "Friction damper (Pall)": ("slip load / weight", "Slip load over weight"),
+    "Lead-rubber bearings": ("strength of the lead / weight", "Strength of the lead over weight"),
+    "Liquid column, 2 %": ("design rms velocity [m/s]", "RMS velocity of the design (m/s)"),
+    "Resettable stiffness": ("stiffness / storey", "Stiffness over that of the storey"),
+}
+
+
+@style.drawn_in_style()
+def trade_figure(families: dict[str, Judged], name: str) -> Figure:
+    """Ratios of peak acceleration over those of peak drift, a point for each family."""
+    figure, axes = blank(WIDE)
+    for number, family in enumerate(FAMILIES, start=1):
+        each = families[family.name].figures[name]
+        x, y = each["peak_drift"], each["peak_acceleration"]
+        axes.plot(x, y, "o", color=_TONES[family.group], markersize=5)
+        axes.annotate(
+            f"{number}",
+            (x, y),
+            # Below where isolated frames would cover each other.
+            xytext=(5, -9 if family.name == "Lead-rubber bearings" else 2),
+            textcoords="offset points",
+            fontsize=style.SMALL_TEXT_SIZE,
+        )
+    for group, tone in _TONES.items():
+        axes.plot([], [], "o", color=tone, label=group)
+    axes.set_xlim(left=0.0)
+    axes.set_ylim(bottom=0.0)
+    axes.legend(loc="upper left")
+    finish(axes, "Peak acceleration over that of the bare frame", "Peak drift over that of the bare frame")
+    return figure
+
+
+@style.drawn_in_style()
+def setting_figure(label: str, judged: Judged) -> Figure:
+    """Score under the motions that choose, over the setting of a device."""
+    key, name = _DRAWN[label]
+    figure, axes = blank(SMALL)
+    tried = sorted((settings[key], score) for settings, score in judged.tried)
+    axes.plot([x for x, _ in tried], [y for _, y in tried], "o-", color=style.MODEL, markersize=3.5)
+    axes.set_ylim(bottom=0.0)
+    finish(axes, "Score", name)
+    axes.set_xscale("log")
+    return figure
+
+
+def setting_figures(families: dict[str, Judged]) -> list[tuple[str, Figure]]:
+    """The figures of all devices with one drawn setting."""
+    return [(label, setting_figure(label, families[label])) for label in _DRAWN]
+
+
+@style.drawn_in_style()
+def loop_figure(judged: Judged) -> Figure:
+    """Force over elongation of the device under the first motion that judges."""
+    figure, axes = blank(SMALL)
+    axes.plot(1e3 * judged.loop.deformation, judged.loop.force, color=style.MODEL, linewidth=0.6)
+    finish_loop(axes, over_velocity=False)
+    return figure
+
+
+def write_page(chapter: Chapter, path: Path) -> None:
+    """Write figures and tables, a section for each part."""
+    sets = [name for name in SETS if name in next(iter(chapter.families.values())).figures]
+    write_study_page(
+        Path(__file__).parent / "page.html.j2",
+        path,
+        tables=sections_as_markup(tables(chapter.found)),
+        trades=[
+            panel(
+                f"trade-{name}", SETS[name], trade_figure(chapter.families, name), f"{SETS[name]}: families"
+            )
+            for name in sets
+        ],
+        numbers=[(number, family.name) for number, family in enumerate(FAMILIES, start=1)],
+        settings=[
+            panel(f"setting-{place}", label, figure, f"Score of {label} over its setting")
+            for place, (label, figure) in enumerate(setting_figures(chapter.families))
+        ],
+        loops=[
+            panel(f"loop-{place}", label, loop_figure(judged), f"Force over elongation: {label}")
+            for place, (label, judged) in enumerate(chapter.families.items())
+        ],
+        findings=findings(chapter.found),
+    )

@@ -1,0 +1,109 @@
+"""The command of a study: the options that studies share, what is printed, and the exit status."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+from mrwork.report import departures
+from studies.common.records import ROOT
+
+Say = Callable[[str], None]
+"""Tells a person what is worked out now."""
+
+
+class Shown(Protocol):
+    """What a study prints beside plain lines."""
+
+    def markdown(self) -> str:
+        """The text."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Findings:
+    """What a study found.
+
+    numbers
+        Printed with `--json`.
+    text
+        Printed without it: tables, and lines.
+    judged
+        Compared with `expected.toml` where that is not all `numbers`.
+    remark
+        Printed after the text.
+    agreement
+        Printed where no figure is outside its limits.
+    """
+
+    numbers: Mapping[str, Any]
+    text: Iterable[str | Shown]
+    judged: Mapping[str, Any] | None = None
+    remark: str = ""
+    agreement: str = "Every figure agrees with expected.toml."
+
+
+class Command:
+    """The command line of the study whose script is `file`; its `parser` takes more options.
+
+    Parameters
+    ----------
+    quick
+        What the quick form leaves out, if there is one.
+    threads, out
+        Whether the study has these options.
+    seed
+        Default and meaning of the seed, if there is one.
+    """
+
+    def __init__(
+        self,
+        file: str,
+        about: str | None,
+        *,
+        quick: str = "",
+        threads: bool = False,
+        out: bool = False,
+        seed: tuple[int, str] | None = None,
+    ) -> None:
+        self.folder = Path(file).parent
+        self.parser = argparse.ArgumentParser(
+            description=about, formatter_class=argparse.RawDescriptionHelpFormatter
+        )
+        add = self.parser.add_argument
+        add("--json", action="store_true", help="one JSON object on stdout and nothing else")
+        if quick:
+            add("--quick", action="store_true", help=quick)
+        if threads:
+            add("--threads", type=int, default=0, help="threads of the simulations, 0 for all")
+        if out:
+            add("--out", type=Path, default=ROOT / "out" / self.folder.name, help="where the page goes")
+        if seed is not None:
+            add("--seed", type=int, default=seed[0], help=seed[1])
+
+    def run(self, find: Callable[[argparse.Namespace, Say], Findings | int]) -> int:
+        """Print what is found and return 0, or 1 where a figure is outside its limits; a status is passed on."""
+        began = time.perf_counter()
+
+        def say(what: str) -> None:
+            print(f"{time.perf_counter() - began:6.0f} s  {what}", file=sys.stderr, flush=True)
+
+        options = self.parser.parse_args()
+        found = find(options, say)
+        if isinstance(found, int):
+            return found
+        judged = found.numbers if found.judged is None else found.judged
+        wrong = departures(judged, self.folder / "expected.toml")
+        if options.json:
+            print(json.dumps({**found.numbers, "departures": wrong}))
+        else:
+            for each in found.text:
+                print(each if isinstance(each, str) else each.markdown())
+            print("\n".join([*filter(None, [found.remark]), *(wrong or [found.agreement])]))
+        return 1 if wrong else 0

@@ -1,0 +1,72 @@
+"""The page of the study: tables, and scores over the size of R."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from matplotlib.figure import Figure
+
+from mrwork.report import numbers, panel, style, write_study_page
+from studies.common.table import as_markup
+from studies.controller_weights.tables import tables
+
+_TONES = (style.INK, style.MODEL, style.RESIDUAL, style.PARAMETER_BAND, style.DATA, style.BAND_EDGE)
+_DASHES = ("-", "--")
+
+
+def write_page(found: dict[str, Any], path: Path) -> None:
+    """Write the tables, the words on wishes out of reach, and a figure for each level."""
+    write_study_page(
+        Path(__file__).parent / "page.html.j2",
+        path,
+        scans=[
+            panel(
+                f"scan-{number}",
+                f"Score over the size of R, {level} g",
+                scan_figure(shapes),
+                f"Score of each shape of weights over the size of R at {level} g, with the best constant current",
+            )
+            for number, (level, shapes) in enumerate(found.get("true_loop", {}).items())
+        ],
+        tables=as_markup(tables(found)),
+        unreachable=found["unreachable"],
+    )
+
+
+def scan_figure(shapes: dict[str, Any]) -> Figure:
+    """A line for each shape over R; equal drift weights over R times 1e12, for no design tells their R."""
+    with style.drawn_in_style():
+        figure = Figure(figsize=(7.0, 4.0), layout="constrained")
+        axes = figure.add_subplot()
+        scanned = {name: row for name, row in shapes.items() if "scan" in row}
+        for number, (name, row) in enumerate(scanned.items()):
+            tone, dash = _TONES[number % len(_TONES)], _DASHES[number // len(_TONES)]
+            equal = row["as_designed"] is None
+            sizes = [float(each) * (1e12 if equal else 1.0) for each in row["scan"]]
+            label = f"{name}, R x 1e12" if equal else name
+            axes.plot(
+                sizes,
+                list(row["scan"].values()),
+                marker="o",
+                linestyle=dash,
+                color=tone,
+                markersize=3,
+                label=label,
+            )
+        constant = shapes["best constant current"]["training"]
+        axes.axhline(constant, color=style.RULE, linewidth=1.0)
+        axes.text(
+            0.01,
+            constant,
+            "best constant current",
+            transform=axes.get_yaxis_transform(),
+            va="bottom",
+            fontsize=7,
+        )
+        axes.set_xscale("log")
+        axes.xaxis.set_major_formatter(lambda value, _: numbers.shortest(value))
+        axes.set_xlabel("R over R as designed")
+        axes.set_ylabel("score, four records")
+        axes.legend(fontsize=7)
+    return figure

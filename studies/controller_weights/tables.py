@@ -1,0 +1,86 @@
+"""Findings as tables, for a terminal and for a page."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from mrwork.report import ResultTable
+from studies.common.table import table_of
+from studies.controller_weights.loop import CURRENTS
+
+
+def tables(found: dict[str, Any]) -> Iterator[ResultTable]:
+    """The tables of the README."""
+    yield table_of(
+        "Program and Riccati equations",
+        "frame",
+        found["sizes"],
+        {
+            "least ratio": "{ratio:.5f}",
+            "t^2 of the program, error": lambda row: _small(row["program_error"]),
+            "violation": lambda row: _small(row["violation"]),
+            "first solve [s]": "{first_s:.2f}",
+            "other budget [s]": "{repeated_s:.2f}",
+            "of all modes [s]": lambda row: (
+                f"{row['whole_program_s']:.0f}" if "whole_program_s" in row else ""
+            ),
+        },
+    )
+    yield table_of(
+        "Extensions, five storeys",
+        "design",
+        found["extensions"],
+        {
+            "least ratio": "{ratio:.4f}",
+            "law's gain: ratio": "{law_ratio:.4f}",
+            "force over budget": "{law_force:.3f}",
+            "program, error": lambda row: _small(row["program_error"]),
+            "violation": lambda row: _small(row["violation"]),
+            "solve [s]": "{first_s:.2f}",
+        },
+    )
+    yield table_of(
+        "Gains as optimal ones",
+        "gain",
+        found["inverses"],
+        {
+            "distance to the nearest optimal one": lambda row: _small(row["distance"]),
+        },
+    )
+    for level, shapes in found.get("true_loop", {}).items():
+        yield ResultTable(
+            title=f"R scanned in the true loop, {level} g, {CURRENTS[float(level)]:g} A at most",
+            header=(
+                "weights",
+                "R as designed",
+                "best R",
+                "four records",
+                "sixteen others",
+                "spread",
+                "peak drift",
+                "peak acc.",
+                "rms drift",
+                "rms acc.",
+            ),
+            rows=tuple(
+                (
+                    name,
+                    _score(row.get("as_designed")),
+                    f"{row['best']:.3g}",
+                    _score(row["training"]),
+                    _score(row.get("test")),
+                    _score(row.get("test_spread")),
+                    *(_score(value) for value in row.get("test_parts", dict.fromkeys("1234")).values()),
+                )
+                for name, row in shapes.items()
+            ),
+        )
+
+
+def _small(value: float | None) -> str:
+    return "" if value is None else f"{value:.0e}"
+
+
+def _score(value: float | None) -> str:
+    return "" if value is None else f"{value:.3f}"

@@ -1,0 +1,256 @@
+"""The search job in numba: the same equations, spline and sub-steps as our kernel, parallel over blocks of candidates.
+
+A candidate takes as many sub-steps as our stepping rule gives it: a power of two that keeps the product of step and
+stiffness bound at 1.4 or below. Candidates are sorted by that number and dealt to the threads in turns, so that all
+threads have alike to do. Several candidates innermost let the processor overlap their powers; how many, and with
+which power and fast-math, is tried out.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import Any, Literal
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from studies.speed.search_job import SearchJob
+
+Array = NDArray[np.float64]
+RESOLUTION = 1.4
+MAX_SUBSTEPS = 256
+# All liberties of fast-math but that of taking infinity for impossible: it marks a failure.
+FASTMATH = {"reassoc", "contract", "arcp", "nsz", "afn"}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ObjectiveVariant:
+    """One way to compile the job; `exp_log` writes power and tanh by `math.exp`, which numba evaluates faster."""
+
+    block: int = 8
+    fastmath: bool = False
+    form: Literal["power", "exp_log"] = "exp_log"
+
+    def describe(self) -> str:
+        """In a few words, for the table."""
+        power = "math.pow and tanh" if self.form == "power" else "exp(n ln|w|)"
+        return f"blocks of {self.block}, {power}, fastmath {'on' if self.fastmath else 'off'}"
+
+
+START = ObjectiveVariant()
+CHANGES: tuple[Callable[[ObjectiveVariant], ObjectiveVariant], ...] = (
+    lambda variant: replace(variant, fastmath=True),
+    lambda variant: replace(variant, block=32),
+    lambda variant: replace(variant, block=1),
+    lambda variant: replace(variant, form="power"),
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class NumbaObjective:
+    """Misfits and residuals of a batch, as `Objective` has them."""
+
+    variant: ObjectiveVariant
+    velocity: Array
+    displacement: Array
+    force: Array
+    dt: float
+    first: int
+    weight: float
+    peak_velocity: float
+    reversal_acceleration: float
+
+    @classmethod
+    def of(cls, job: SearchJob, variant: ObjectiveVariant) -> NumbaObjective:
+        """Spline the velocity; the displacement is needed at the samples only."""
+        test, (history,) = job.test, job.objective.histories
+        # Lowest power first, in the share of a sample interval.
+        coefficients = CubicSpline(np.arange(test.n_time, dtype=np.float64), test.velocity).c[::-1].T
+        return cls(
+            variant=variant,
+            velocity=np.ascontiguousarray(coefficients),
+            displacement=test.displacement,
+            force=test.force,
+            dt=test.dt,
+            first=test.n_settle,
+            weight=job.objective.compared[0].weight(1),
+            peak_velocity=history.peak_velocity,
+            reversal_acceleration=history.reversal_acceleration,
+        )
+
+    def misfits(self, theta: Array, thresholds: Array | None = None) -> Array:
+        """Misfit of each row, shape (m,), infinite where a simulation failed; all run to their ends."""
+        squared = self._run(theta, np.empty((0, 0)))
+        return np.sqrt(np.where(np.isfinite(squared), squared, math.inf)) * self.weight
+
+    def residuals(self, theta: Array) -> Array:
+        """Weighted residuals of each row, shape (m, n_counted); one everywhere where a simulation failed."""
+        residuals = np.zeros((len(theta), self.force.size - self.first))
+        squared = self._run(theta, residuals)
+        residuals *= self.weight
+        residuals[~np.isfinite(squared)] = 1.0
+        return residuals
+
+    def _run(self, theta: Array, residuals: Array) -> Array:
+        count = substeps_of(theta, self.dt, self.peak_velocity, self.reversal_acceleration)
+        order = np.argsort(-count, kind="stable")
+        starts = block_starts(count[order], self.variant.block)
+        # Dealt in turns: a thread takes a run of consecutive blocks.
+        threads = numba.get_num_threads()
+        turns = np.concatenate([np.arange(len(starts) - 1)[thread::threads] for thread in range(threads)])
+        kernel = _compiled(self.variant, bool(residuals.size))
+        squared: Array = kernel(
+            theta,
+            count,
+            order,
+            starts,
+            turns,
+            self.velocity,
+            self.displacement,
+            self.force,
+            self.dt,
+            self.first,
+            residuals,
+        )
+        return squared
+
+
+def _substeps(
+    theta: Array, dt: float, peak_velocity: float, reversal_acceleration: float
+) -> NDArray[np.int64]:
+    """Sub-steps per sample of each candidate, shape (m,), 0 where it is too stiff: the rule of `integrate.rs`."""
+    count = np.zeros(theta.shape[0], np.int64)
+    for row in range(theta.shape[0]):
+        rho, sigma, n, mu, w_s = theta[row, 4], theta[row, 5], theta[row, 6], theta[row, 7], theta[row, 9]
+        peak = peak_velocity + mu
+        excess = abs(2.0 * sigma - 1.0)
+        travel = min(math.log(1.0 + excess), 0.25 / (n - 1.0)) / (excess * rho)
+        unloading = min(peak, math.sqrt(2.0 * reversal_acceleration * travel))
+        bound = n * rho * max(peak, excess * unloading) + rho * mu / w_s
+        wanted = dt * bound / RESOLUTION
+        steps = 1
+        while steps < wanted and steps <= MAX_SUBSTEPS:
+            steps *= 2
+        if steps <= MAX_SUBSTEPS and math.isfinite(wanted):
+            count[row] = steps
+    return count
+
+
+def _block_starts(count: NDArray[np.int64], block: int) -> NDArray[np.int64]:
+    """Where blocks begin among sorted candidates, and the end; those of a block take the same sub-steps."""
+    starts = np.empty(count.size + 1, np.int64)
+    n_blocks = 0
+    for row in range(count.size):
+        if n_blocks == 0 or count[row] != count[row - 1] or row - starts[n_blocks - 1] == block:
+            starts[n_blocks] = row
+            n_blocks += 1
+    starts[n_blocks] = count.size
+    return starts[: n_blocks + 1]
+
+
+# Any: numba's annotations lose the signature.
+substeps_of: Any = numba.njit(error_model="numpy")(_substeps)
+block_starts: Any = numba.njit(_block_starts)
+
+
+@cache
+def _compiled(variant: ObjectiveVariant, keep: bool) -> Any:
+    fastmath = FASTMATH if variant.fastmath else False
+    inlined = numba.njit(inline="always", fastmath=fastmath)
+    power, hyperbolic = (inlined(function) for function in FORMS[variant.form])
+    block = variant.block
+
+    def _rate(v: float, w: float, rho: float, sigma: float, n: float, mu: float, per_w_s: float) -> float:
+        g = v - mu * hyperbolic(w * per_w_s)
+        opposing = sigma * math.copysign(abs(g), w) - (sigma - 1.0) * g
+        slope: float = rho * (g - power(abs(w), n) * opposing)
+        return slope
+
+    rate = inlined(_rate)
+
+    def kernel(
+        theta: Array,
+        count: NDArray[np.int64],
+        order: NDArray[np.int64],
+        starts: NDArray[np.int64],
+        turns: NDArray[np.int64],
+        velocity: Array,
+        displacement: Array,
+        force: Array,
+        dt: float,
+        first: int,
+        residuals: Array,
+    ) -> Array:
+        squared = np.empty(theta.shape[0])
+        for turn in numba.prange(turns.size):
+            begin = starts[turns[turn]]
+            width = starts[turns[turn] + 1] - begin
+            p = np.empty((10, block))
+            w = np.zeros(block)
+            total = np.zeros(block)
+            for j in range(width):
+                for q in range(10):
+                    p[q, j] = theta[order[begin + j], q]
+                p[9, j] = 1.0 / p[9, j]
+            c, k, x0, k_w, rho, sigma, n, mu, share, per_w_s = p
+            steps = count[order[begin]]
+            # A candidate that is too stiff is not simulated.
+            total[:] = 0.0 if steps else math.inf
+            share_of_interval = 1.0 / steps if steps else 0.0
+            step = dt * share_of_interval
+            for i in range(force.size if steps else 0):
+                v_end = velocity[i, 0] if i < force.size - 1 else velocity[i - 1].sum()
+                if i >= first:
+                    for j in range(width):
+                        g = v_end - share[j] * mu[j] * hyperbolic(w[j] * per_w_s[j])
+                        elastic = k[j] * (displacement[i] - x0[j])
+                        residual = c[j] * g + elastic + k_w[j] * w[j] - force[i]
+                        total[j] += residual * residual
+                        if keep:
+                            residuals[order[begin + j], i - first] = residual
+                if i == force.size - 1:
+                    break
+                a0, a1, a2, a3 = velocity[i, 0], velocity[i, 1], velocity[i, 2], velocity[i, 3]
+                for s in range(steps):
+                    u0 = s * share_of_interval
+                    u1 = (s + 0.5) * share_of_interval
+                    u2 = (s + 1.0) * share_of_interval
+                    v0 = a0 + u0 * (a1 + u0 * (a2 + u0 * a3))
+                    v1 = a0 + u1 * (a1 + u1 * (a2 + u1 * a3))
+                    v2 = a0 + u2 * (a1 + u2 * (a2 + u2 * a3))
+                    for j in range(width):
+                        z = w[j]
+                        k1 = rate(v0, z, rho[j], sigma[j], n[j], mu[j], per_w_s[j])
+                        k2 = rate(v1, z + 0.5 * step * k1, rho[j], sigma[j], n[j], mu[j], per_w_s[j])
+                        k3 = rate(v1, z + 0.5 * step * k2, rho[j], sigma[j], n[j], mu[j], per_w_s[j])
+                        k4 = rate(v2, z + step * k3, rho[j], sigma[j], n[j], mu[j], per_w_s[j])
+                        w[j] = z + step / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+            for j in range(width):
+                squared[order[begin + j]] = total[j]
+        return squared
+
+    return numba.njit(parallel=True, fastmath=fastmath, error_model="numpy")(kernel)
+
+
+def _power(w: float, n: float) -> float:
+    return math.pow(w, n)
+
+
+def _tanh(w: float) -> float:
+    return math.tanh(w)
+
+
+def _exp_log(w: float, n: float) -> float:
+    return math.exp(n * math.log(w))
+
+
+def _tanh_by_exp(w: float) -> float:
+    return 1.0 - 2.0 / (1.0 + math.exp(2.0 * w))
+
+
+FORMS: dict[str, tuple[Any, Any]] = {"power": (_power, _tanh), "exp_log": (_exp_log, _tanh_by_exp)}

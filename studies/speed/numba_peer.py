@@ -1,0 +1,152 @@
+"""The workload in numba: parallel over candidates, or over blocks of them with the candidates innermost.
+
+The scalar loop is what one writes first; the blocked loop lets LLVM fill its vectors with candidates and is
+two to twenty times faster. Each function is a plain Python function until `prepare` compiles it, so that the
+power form and the block size are constants to the compiler.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import TypeAlias
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from studies.speed.workload import PowerForm, Run, Workload
+
+Array: TypeAlias = NDArray[np.float64]
+Kernel: TypeAlias = Callable[[Array, Array, Array, float], Array]
+Rate: TypeAlias = Callable[[float, float, float, float, float, float], float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NumbaVariant:
+    """One way to compile the workload; a block of 1 is the scalar loop over each candidate's record."""
+
+    block: int = 32
+    fastmath: bool = False
+
+    def describe(self) -> str:
+        """In a few words, for the table."""
+        layout = "scalar loop" if self.block == 1 else f"blocks of {self.block}"
+        return f"{layout}, fastmath {'on' if self.fastmath else 'off'}"
+
+
+START = NumbaVariant()
+CHANGES: tuple[Callable[[NumbaVariant], NumbaVariant], ...] = (
+    lambda variant: replace(variant, fastmath=True),
+    lambda variant: replace(variant, block=2 * variant.block),
+    # Halved as long as it pays; after a doubling that paid, the first halving is known already.
+    lambda variant: replace(variant, block=variant.block // 2),
+    lambda variant: replace(variant, block=variant.block // 2),
+    lambda variant: replace(variant, block=1),
+)
+
+
+def prepare(workload: Workload, form: PowerForm, variant: NumbaVariant) -> Run:
+    """Compile `variant` for the workload's shapes and return the call to be timed."""
+    kernel = _compiled(form, variant)
+    theta, stages, force, dt = workload.theta, workload.stages, workload.force, workload.dt
+    return lambda: kernel(theta, stages, force, dt)
+
+
+@cache
+def _compiled(form: PowerForm, variant: NumbaVariant) -> Kernel:
+    power = numba.njit(inline="always", fastmath=variant.fastmath)(_POWERS[form])
+
+    def rate(v: float, speed: float, w: float, rho: float, sigma: float, n: float) -> float:
+        return rho * (v - power(w, n) * (sigma * math.copysign(speed, w) - (sigma - 1.0) * v))
+
+    inlined = numba.njit(inline="always", fastmath=variant.fastmath)(rate)
+    kernel = _scalar_loop(inlined) if variant.block == 1 else _blocked_loop(inlined, variant.block)
+    compiled: Kernel = numba.njit(parallel=True, fastmath=variant.fastmath, error_model="numpy")(kernel)
+    return compiled
+
+
+def _power(w: float, n: float) -> float:
+    return math.pow(abs(w), n)
+
+
+def _square(w: float, n: float) -> float:
+    return w * w
+
+
+def _exp_log(w: float, n: float) -> float:
+    return math.exp(n * math.log(abs(w)))
+
+
+_POWERS: dict[PowerForm, Callable[[float, float], float]] = {
+    "power": _power,
+    "square": _square,
+    "exp_log": _exp_log,
+}
+
+
+def _scalar_loop(rate: Rate) -> Kernel:
+    def kernel(theta: Array, stages: Array, force: Array, dt: float) -> Array:
+        misfit = np.empty(theta.shape[0])
+        half = 0.5 * dt
+        for row in numba.prange(theta.shape[0]):
+            c, k, x0, k_w = theta[row, 0], theta[row, 1], theta[row, 2], theta[row, 3]
+            rho, sigma, n = theta[row, 4], theta[row, 5], theta[row, 6]
+            w = 0.0
+            residual = c * stages[0, 0, 1] + k * (stages[0, 0, 0] - x0) - force[0]
+            total = residual * residual
+            for i in range(force.shape[0] - 1):
+                v_start, v_middle, v_end = stages[i, 0, 1], stages[i, 1, 1], stages[i, 2, 1]
+                k1 = rate(v_start, abs(v_start), w, rho, sigma, n)
+                k2 = rate(v_middle, abs(v_middle), w + half * k1, rho, sigma, n)
+                k3 = rate(v_middle, abs(v_middle), w + half * k2, rho, sigma, n)
+                k4 = rate(v_end, abs(v_end), w + dt * k3, rho, sigma, n)
+                w += dt / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+                residual = c * v_end + k * (stages[i, 2, 0] - x0) + k_w * w - force[i + 1]
+                total += residual * residual
+            misfit[row] = total
+        return misfit
+
+    return kernel
+
+
+def _blocked_loop(rate: Rate, block: int) -> Kernel:
+    def kernel(theta: Array, stages: Array, force: Array, dt: float) -> Array:
+        n_batch = theta.shape[0]
+        misfit = np.empty(n_batch)
+        half = 0.5 * dt
+        for group in numba.prange((n_batch + block - 1) // block):
+            columns = np.empty((7, block))
+            w = np.zeros(block)
+            total = np.empty(block)
+            for j in range(block):
+                # A last, incomplete block repeats the last candidate: the loops below keep a constant length.
+                row = min(group * block + j, n_batch - 1)
+                for q in range(7):
+                    columns[q, j] = theta[row, q]
+                residual = columns[0, j] * stages[0, 0, 1] + columns[1, j] * (stages[0, 0, 0] - columns[2, j])
+                total[j] = (residual - force[0]) * (residual - force[0])
+            c, k, x0, k_w = columns[0], columns[1], columns[2], columns[3]
+            rho, sigma, n = columns[4], columns[5], columns[6]
+            for i in range(force.shape[0] - 1):
+                v_start, v_middle, v_end = stages[i, 0, 1], stages[i, 1, 1], stages[i, 2, 1]
+                speed_start, speed_middle, speed_end = abs(v_start), abs(v_middle), abs(v_end)
+                x_end, measured = stages[i, 2, 0], force[i + 1]
+                for j in range(block):
+                    z = w[j]
+                    k1 = rate(v_start, speed_start, z, rho[j], sigma[j], n[j])
+                    k2 = rate(v_middle, speed_middle, z + half * k1, rho[j], sigma[j], n[j])
+                    k3 = rate(v_middle, speed_middle, z + half * k2, rho[j], sigma[j], n[j])
+                    k4 = rate(v_end, speed_end, z + dt * k3, rho[j], sigma[j], n[j])
+                    z += dt / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+                    w[j] = z
+                    residual = c[j] * v_end + k[j] * (x_end - x0[j]) + k_w[j] * z - measured
+                    total[j] += residual * residual
+            for j in range(block):
+                if group * block + j < n_batch:
+                    misfit[group * block + j] = total[j]
+        return misfit
+
+    return kernel

@@ -1,0 +1,131 @@
+"""Who takes part in `study.py refine`: a start goes in, a minimum comes out, and how many simulations it took."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.identification import find_minima, find_minimum
+from studies.speed.refine_job import RefineJob
+
+Array = NDArray[np.float64]
+_MOST = 100
+_STEP = 1e-6
+_TOLERANCE = 1e-7
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ended:
+    """Misfits of the starts, shape (n_starts,), and simulations of each on average."""
+
+    misfit: Array
+    simulations: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Engine:
+    """Refines starts, shape (n_starts, n_params); `at_once` of them in one call, of which each has its share."""
+
+    name: str
+    run: Callable[[Array], Ended]
+    at_once: int = 1
+    is_ours: bool = True
+
+
+def engines(job: RefineJob, *, twin: bool, peer: Callable[[Array], Array] | None) -> list[Engine]:
+    """Ours in lanes, the twin if `twin`, and SciPy on the `peer`'s residuals, shape (n_rows, n_residuals), if any."""
+    objective, box = job.objective, job.box
+
+    def counted(run: Callable[[Array], Array]) -> Callable[[Array], Ended]:
+        def ended(starts: Array) -> Ended:
+            before = objective.tally.simulations
+            misfit = run(starts)
+            return Ended(misfit=misfit, simulations=(objective.tally.simulations - before) / len(starts))
+
+        return ended
+
+    def scipy_on_rust(starts: Array) -> Array:
+        return np.array(
+            [find_minimum(objective, box, start, max_evaluations=_MOST).misfit for start in starts]
+        )
+
+    def side_by_side(starts: Array) -> Array:
+        return find_minima(objective, box, starts, max_iterations=_MOST).misfit
+
+    def optimistix(starts: Array) -> Array:
+        from mrwork.identification import find_minimum_on_twin
+
+        return np.array([find_minimum_on_twin(objective, box, start).misfit for start in starts])
+
+    found = [
+        Engine(name="rust, SciPy lm", run=counted(scipy_on_rust)),
+        Engine(name="rust, side by side", run=counted(side_by_side)),
+        Engine(name="rust, 16 starts at once", run=counted(side_by_side), at_once=16),
+    ]
+    if twin:
+        found.append(Engine(name="twin, optimistix", run=counted(optimistix)))
+    if peer is not None:
+        found.append(Engine(name="numba, SciPy lm", run=_on_peer(job, peer), is_ours=False))
+    return found
+
+
+def _on_peer(job: RefineJob, peer: Callable[[Array], Array]) -> Callable[[Array], Ended]:
+    def run(starts: Array) -> Ended:
+        ended = [_descended(job, peer, start) for start in starts]
+        return Ended(
+            misfit=np.array([misfit for misfit, _ in ended]),
+            simulations=float(np.mean([simulations for _, simulations in ended])),
+        )
+
+    return run
+
+
+def _descended(job: RefineJob, peer: Callable[[Array], Array], start: Array) -> tuple[float, int]:
+    """The method of `find_minimum` with forward differences, all columns in one batch; residuals there are known."""
+    from scipy.optimize import least_squares
+
+    box = job.box
+    known: list[tuple[Array, Array]] = []
+    simulations = 0
+    origin = np.asarray(box.latent_from_theta(box.inside(start)))
+
+    def residuals(latent: Array) -> Array:
+        nonlocal simulations
+        for place, found in known:
+            if np.array_equal(place, latent):
+                return found
+        found = np.asarray(peer(np.asarray(box.theta_from_latent(latent))[None])[0])
+        simulations += 1
+        known[:] = [(latent.copy(), found), *known[:1]]
+        return np.asarray(found)
+
+    def jacobian(latent: Array) -> Array:
+        nonlocal simulations
+        at = residuals(latent)
+        theta = np.asarray(box.theta_from_latent(latent[None] + _STEP * np.eye(len(latent))))
+        simulations += len(latent)
+        return np.asarray((peer(theta) - at).T / _STEP)
+
+    norm = np.linalg.norm(jacobian(origin), axis=0)
+    scale = 1.0 / np.maximum(norm, 1e-9 * norm.max())
+
+    def residuals_at(position: Array) -> Array:
+        return residuals(origin + scale * position)
+
+    def jacobian_at(position: Array) -> Array:
+        return np.asarray(jacobian(origin + scale * position) * scale)
+
+    solution = least_squares(
+        residuals_at,
+        np.zeros_like(origin),
+        jac=jacobian_at,
+        method="lm",
+        x_scale=0.003,
+        ftol=_TOLERANCE,
+        xtol=_TOLERANCE,
+        max_nfev=_MOST,
+    )
+    return float(np.linalg.norm(np.asarray(solution.fun))), simulations

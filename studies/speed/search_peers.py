@@ -1,0 +1,155 @@
+"""Searches of other libraries as their users call them, each in its best configuration that we know of.
+
+All may pass a whole generation to the objective, and do. None is left to stop by itself while budget remains: a rule
+of convergence ends an attempt at best as a failure. CMA, which restarts by design, and least squares, whose
+minimisations are short, start again where they stop.
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.search import library
+from studies.speed.attempt import Attempt
+
+Array = NDArray[np.float64]
+# More than any budget allows.
+_GENERATIONS = 10**6
+# Forward differences of the residuals in the unit cube: large against rounding, small against their curvature.
+_STEP = 1e-7
+
+
+def scipy_differential_evolution(attempt: Attempt, seed: int) -> None:
+    """`scipy.optimize.differential_evolution`, vectorised, so with deferred updating; no polish."""
+    from scipy.optimize import Bounds, differential_evolution
+
+    def misfits(genes: Array) -> Array:
+        return attempt.misfits(genes.T)
+
+    differential_evolution(
+        misfits,  # type: ignore[arg-type] # the stubs know no vectorised objective
+        Bounds(np.zeros(attempt.job.n_params), np.ones(attempt.job.n_params)),
+        popsize=4,
+        tol=0.0,
+        atol=-1.0,
+        maxiter=_GENERATIONS,
+        polish=False,
+        vectorized=True,
+        updating="deferred",
+        rng=np.random.default_rng(seed),
+    )
+
+
+def cma(attempt: Attempt, seed: int) -> None:
+    """`cma`, restarted from a random point with twice the population where it stops (Auger & Hansen 2005)."""
+    strategy = library("cma").CMAEvolutionStrategy
+    rng = np.random.default_rng(seed)
+    start, factor = np.full(attempt.job.n_params, 0.5), 1
+    while True:
+        options = {"bounds": [0.0, 1.0], "popsize_factor": factor, "seed": seed + 1, "verbose": -9}
+        evolution = strategy(start, 0.3, options)
+        while not evolution.stop():
+            candidates = evolution.ask()
+            evolution.tell(candidates, attempt.misfits(np.array(candidates)))
+        start, factor = rng.random(attempt.job.n_params), 2 * factor
+
+
+def pymoo_ga(attempt: Attempt, seed: int) -> None:
+    """`pymoo`'s GA: simulated binary crossover, polynomial mutation, survival of the fittest."""
+    library("pymoo.optimize").minimize(
+        _pymoo_problem()(attempt),
+        library("pymoo.algorithms.soo.nonconvex.ga").GA(pop_size=30),
+        library("pymoo.core.termination").NoTermination(),
+        seed=seed,
+        verbose=False,
+    )
+
+
+@cache
+def _pymoo_problem() -> Any:
+    problem: Any = library("pymoo.core.problem").Problem
+
+    class CubeProblem(problem):  # type: ignore[misc] # a base class without types
+        def __init__(self, attempt: Attempt) -> None:
+            problem.__init__(self, n_var=attempt.job.n_params, n_obj=1, xl=0.0, xu=1.0)
+            self._attempt = attempt
+
+        def _evaluate(self, x: Array, out: dict[str, Array], *_: object, **__: object) -> None:
+            out["F"] = self._attempt.misfits(x)[:, None]
+
+    return CubeProblem
+
+
+def pyswarms(attempt: Attempt, seed: int) -> None:
+    """`pyswarms`: global best, with the constriction of Clerc & Kennedy (2002).
+
+    Particles stop at the faces of the cube: with 30 of them that took fewer simulations than to reflect them.
+    """
+    n_params = attempt.job.n_params
+    np.random.seed(seed)  # noqa: NPY002 # the library draws from the one generator that all of NumPy shares
+    with _no_log_file():
+        swarm = library("pyswarms.single.global_best").GlobalBestPSO(
+            n_particles=30,
+            dimensions=n_params,
+            options={"c1": 1.49618, "c2": 1.49618, "w": 0.7298},
+            bounds=(np.zeros(n_params), np.ones(n_params)),
+            velocity_clamp=(-0.2, 0.2),
+            bh_strategy="nearest",
+        )
+        swarm.optimize(attempt.misfits, iters=_GENERATIONS, verbose=False)
+
+
+@contextmanager
+def _no_log_file() -> Iterator[None]:
+    """Keep pyswarms from writing `report.log` where the user stands, and from setting up everybody's logging."""
+    before = os.environ.get("LOG_CFG")
+    with tempfile.TemporaryDirectory() as folder:
+        settings = Path(folder) / "logging.yaml"
+        settings.write_text('{"version": 1, "disable_existing_loggers": false}', encoding="utf-8")
+        os.environ["LOG_CFG"] = str(settings)
+        try:
+            yield
+        finally:
+            os.environ.pop("LOG_CFG")
+            if before is not None:
+                os.environ["LOG_CFG"] = before
+
+
+def multistart_least_squares(attempt: Attempt, seed: int) -> None:
+    """`scipy.optimize.least_squares` from random points, one after another; a Jacobian is one batch."""
+    from scipy.optimize import least_squares
+
+    n_params = attempt.job.n_params
+    rng = np.random.default_rng(seed)
+
+    latest: dict[bytes, Array] = {}
+
+    def residuals(unit: Array) -> Array:
+        found = np.asarray(attempt.residuals(unit[None])[0])
+        latest[unit.tobytes()] = found
+        return found
+
+    def jacobian(unit: Array) -> Array:
+        # Inwards, so that no point leaves the cube. The residuals there are known: steps are judged before.
+        steps = np.where(unit < 0.5, _STEP, -_STEP)
+        found = attempt.residuals(unit + np.diag(steps))
+        return np.asarray(((found - latest[unit.tobytes()]) / steps[:, None]).T)
+
+    while True:
+        latest.clear()
+        least_squares(
+            residuals,
+            rng.random(n_params),
+            jac=jacobian,
+            bounds=(0.0, 1.0),
+            max_nfev=60,
+        )

@@ -1,0 +1,105 @@
+"""Fair turns: find the fastest variant of a peer that agrees with us, then time all contenders side by side."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Generic, Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.errors import MrworkError
+from studies.speed.workload import Run
+
+# All contenders sum the same 2000 squares in the same order; a library's power may differ by some ulp.
+AGREEMENT = 1e-9
+# Long enough that starting and waking threads does not count, short enough for turns to meet the same noise.
+TURN_SECONDS = 0.08
+TRIAL_SECONDS = 0.02
+
+
+class Variant(Protocol):
+    """A way to lay out and compile a contender."""
+
+    def describe(self) -> str:
+        """In a few words, for the table."""
+
+
+V = TypeVar("V", bound=Variant)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TimedPeer(Generic[V]):
+    """A library to compare with: where its search for the fastest variant starts and what it may change."""
+
+    start: V
+    changes: tuple[Callable[[V], V], ...]
+    prepare: Callable[[V], Run]
+
+
+def fastest_variant(name: str, peer: TimedPeer[V], expected: NDArray[np.float64]) -> tuple[Run, str]:
+    """Find the fastest variant by trying each change once on the best so far; return it and what it is.
+
+    A changed variant that loses the agreement (fast-math may) is not eligible.
+    """
+    best = peer.start
+    run = peer.prepare(best)
+    difference = _disagreement(run(), expected)
+    if not difference <= AGREEMENT:
+        raise MrworkError(
+            f"{name} and the compiled kernel were expected to agree on every misfit to {AGREEMENT:g}, "
+            f"they differ by {difference:.2e} (relative); do not trust the speeds, find which one is wrong"
+        )
+    seconds = _trial(run)
+    tried = {best}
+    for change in peer.changes:
+        variant = change(best)
+        if variant in tried:
+            continue
+        tried.add(variant)
+        contender = peer.prepare(variant)
+        if not _disagreement(contender(), expected) <= AGREEMENT:
+            continue
+        trial = _trial(contender)
+        if trial < seconds:
+            best, run, seconds = variant, contender, trial
+    return run, best.describe()
+
+
+def _disagreement(misfit: object, expected: NDArray[np.float64]) -> float:
+    return float(np.max(np.abs(np.asarray(misfit) / expected - 1.0)))
+
+
+def _trial(run: Run) -> float:
+    return min(_seconds_per_call(run, _calls(run, TRIAL_SECONDS)) for _ in range(5))
+
+
+def _calls(run: Run, seconds: float) -> int:
+    return max(1, math.ceil(seconds / min(_seconds_per_call(run, 1) for _ in range(3))))
+
+
+def _seconds_per_call(run: Run, calls: int) -> float:
+    start = time.perf_counter()
+    for _ in range(calls):
+        run()
+    return (time.perf_counter() - start) / calls
+
+
+def time_in_turns(
+    runs: dict[str, Run], rounds: int, fma_peak: Callable[[], float]
+) -> tuple[dict[str, float], float]:
+    """Return the median seconds per call of each contender, and the median of `fma_peak`, over the rounds."""
+    calls = {name: _calls(run, TURN_SECONDS) for name, run in runs.items()}
+    seconds: dict[str, list[float]] = {name: [] for name in runs}
+    peaks: list[float] = []
+    names = list(runs)
+    for turn in range(rounds):
+        first = turn % len(names)
+        for name in names[first:] + names[:first]:
+            runs[name]()  # wakes this contender's threads and puts the previous one's to sleep
+            seconds[name].append(_seconds_per_call(runs[name], calls[name]))
+        peaks.append(fma_peak())
+    return {name: float(np.median(values)) for name, values in seconds.items()}, float(np.median(peaks))
