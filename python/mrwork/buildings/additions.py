@@ -328,15 +328,7 @@ class ModeAtFloor:
 
 
 def mode_at_floor(building: Building, floor: int | str, mode: int, name: str) -> ModeAtFloor:
-    """A mode of a building and what it moves of a floor.
-
-    Raises
-    ------
-    SettingError
-        If there is no such mode, or it does not move the floor; the message begins with `name`.
-    UnknownNameError
-        If there is no such floor.
-    """
+    """A mode of a building and what it moves of a floor."""
     if not 1 <= mode <= building.n_coordinates:
         raise SettingError(
             f"{name} on {building.name}: it is tuned to mode {mode}; give one from 1 to {building.n_coordinates}"

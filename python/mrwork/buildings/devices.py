@@ -153,13 +153,7 @@ class Device(Summarised):
 
 
 def elongation_rows(building: Building, devices: Sequence[Device]) -> Floats:
-    """Rows of elongation of devices in a building, shape (n_devices, n).
-
-    Raises
-    ------
-    SettingError
-        If there is no device, or the row of one does not fit the building.
-    """
+    """Rows of elongation of devices in a building, shape (n_devices, n)."""
     n = building.n_coordinates
     if not devices:
         raise SettingError(f"no device was given for {building.name}; give one or more")

@@ -78,15 +78,7 @@ def mode_estimate(
 def record_in_band(
     signal: Floats, dt: float, band: tuple[float, float] | None
 ) -> tuple[Floats, tuple[float, float]]:
-    """Check a record and a band; return the record as an array and the band [Hz] to search for a mode.
-
-    Raises
-    ------
-    RecordError
-        If the record is too short or constant.
-    SettingError
-        If the band does not lie between zero and half the sampling frequency.
-    """
+    """Check a record and a band; return the record as an array and the band [Hz] to search for a mode."""
     if signal.ndim != 1 or signal.size < _FEWEST:
         raise RecordError(
             f"free vibration: a record of {signal.size} samples; give one column of {_FEWEST} or more"

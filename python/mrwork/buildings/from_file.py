@@ -113,11 +113,6 @@ def building_from_table(table: Mapping[str, object], where: Place, *, folder: Pa
         Its place in a document; messages begin with it.
     folder
         Folder to which file names are relative.
-
-    Raises
-    ------
-    SettingError, UnknownNameError, RecordError
-        The table does not describe a building, or a file that it names cannot be read; the message has the place.
     """
     return _built(Entries(table, where), folder, ())
 

@@ -229,13 +229,7 @@ _MOST_COORDINATES: Final = 3000
 
 
 def check_size(n_coordinates: int, where: str) -> None:
-    """Refuse a building whose matrices would not fit into memory.
-
-    Raises
-    ------
-    SettingError
-        It has more than 3000 coordinates.
-    """
+    """Refuse a building whose matrices would not fit into memory."""
     if n_coordinates > _MOST_COORDINATES:
         raise SettingError(
             f"{where}: it has {n_coordinates:,} coordinates, and its matrices would take "
@@ -245,13 +239,7 @@ def check_size(n_coordinates: int, where: str) -> None:
 
 
 def check_building(building: Building) -> None:
-    """Check that a building can be simulated.
-
-    Raises
-    ------
-    SettingError
-        If shapes disagree, M or K is not symmetric, M is singular, K unstable, or C makes a mode grow.
-    """
+    """Check that a building can be simulated."""
     where = f"building {building.name}"
     _check_shapes(building, where)
     for title, matrix in (

@@ -24,11 +24,6 @@ def read_matrix(path: Path) -> Floats:
     """Read a matrix from a text file with one row per line, shape (n_rows, n_columns).
 
     Numbers are separated by commas, semicolons, tabs or spaces; text after a # is a comment.
-
-    Raises
-    ------
-    RecordError
-        The file is missing or not text, or it holds entries that are not numbers, or rows of different lengths.
     """
     if path.suffix.lower() not in _SUFFIXES:
         raise RecordError(
@@ -56,13 +51,7 @@ def read_matrix(path: Path) -> Floats:
 
 
 def read_matrices(path: Path, names: Collection[str]) -> dict[str, Floats]:
-    """Read matrices by name from a .mat file, or from a folder with one text file per matrix in `names`.
-
-    Raises
-    ------
-    RecordError
-        The path is missing, or a file is damaged.
-    """
+    """Read matrices by name from a .mat file, or from a folder with one text file per matrix in `names`."""
     if is_folder(path):
         files = sorted(file for file in path.iterdir() if file.suffix.lower() in _SUFFIXES)
         return {file.stem: read_matrix(file) for file in files if file.stem in names}

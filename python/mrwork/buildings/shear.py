@@ -19,13 +19,7 @@ _MOST_STOREYS = 1000
 
 
 def check_storeys(count: int) -> None:
-    """Refuse a building whose matrices would not fit into memory.
-
-    Raises
-    ------
-    SettingError
-        It would have more than 1000 storeys.
-    """
+    """Refuse a building whose matrices would not fit into memory."""
     if count > _MOST_STOREYS:
         raise SettingError(
             f"a building of {count:,} storeys would have matrices of {8e-9 * count * count:,.1f} GB each; "

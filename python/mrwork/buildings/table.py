@@ -339,11 +339,6 @@ def with_additions(building: Building, entries: Entries) -> Building:
     """Return the building with the additions of a table, applied in the order of `ADDITIONS`.
 
     Damping ratios therefore refer to the bare building, and storey 1 of an isolated building is the isolators.
-
-    Raises
-    ------
-    MrworkError
-        If an addition is invalid; the message has its place.
     """
     if "rayleigh" in entries and "modal_damping" in entries:
         entries.refuse("rayleigh and modal_damping both give the damping; keep one", "modal_damping")

@@ -37,13 +37,7 @@ _NO_LIMIT = 1e300
 
 
 def dampers_of(devices: Sequence[Device], *, actuators: bool) -> tuple[str, Laws, Floats, list[list[float]]]:
-    """Model, current laws, parameters of all draws and devices, and ranges of the command.
-
-    Raises
-    ------
-    SettingError
-        If the devices are not of one model with the same laws, or the numbers of their draws differ.
-    """
+    """Model, current laws, parameters of all draws and devices, and ranges of the command."""
     if actuators:
         theta = np.tile([0.0, 1.0], (1, len(devices), 1))
         return "ideal_actuator", (["linear"], False), theta, [[-_NO_LIMIT, _NO_LIMIT] for _ in devices]
@@ -102,13 +96,7 @@ def stretched_theta(spec: DamperSpec, theta: Floats, factors: Floats) -> Floats:
 
 
 def matrices_of(building: Building, devices: Sequence[Device]) -> _rust.Building:
-    """The building with the positions of its devices.
-
-    Raises
-    ------
-    SettingError
-        If the row of a device does not match, the building is too large, or the matrices are not those of a building.
-    """
+    """The building with the positions of its devices."""
     n = building.n_coordinates
     if n > _MOST_COORDINATES:
         raise SettingError(
@@ -134,13 +122,7 @@ def matrices_of(building: Building, devices: Sequence[Device]) -> _rust.Building
 
 
 def curve_of(law: ControlLaw) -> tuple[Laws, Floats] | None:
-    """The model of the damper in the law, if it has one.
-
-    Raises
-    ------
-    SettingError
-        If it is not static hysteretic with current laws, or has other parameters.
-    """
+    """The model of the damper in the law, if it has one."""
     if law.curve is None:
         return None
     spec, theta = law.curve

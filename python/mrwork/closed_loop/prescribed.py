@@ -76,13 +76,7 @@ class PrescribedCommands(Summarised):
 
 
 def samples_of(interval: float, sample_time: float) -> int:
-    """Control samples of an interval.
-
-    Raises
-    ------
-    SettingError
-        If it is not a whole number.
-    """
+    """Control samples of an interval."""
     count = round(min(interval / sample_time, 2.0 * _MOST_SAMPLES))
     if count > _MOST_SAMPLES:
         raise SettingError(

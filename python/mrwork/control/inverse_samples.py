@@ -112,13 +112,7 @@ def inverse_samples(
     n_previous: int,
     rng: np.random.Generator,
 ) -> tuple[InverseSamples, float]:
-    """Samples with wanted forces within, above and below the range of the damper, and a scale of force [N].
-
-    Raises
-    ------
-    SettingError
-        If the command does not change the force.
-    """
+    """Samples with wanted forces within, above and below the range of the damper, and a scale of force [N]."""
     force = group.force(loading)
     least = group.force(replace(loading, command=0.0))
     most = group.force(replace(loading, command=largest_command))

@@ -216,13 +216,7 @@ def stacked(*parts: Outputs) -> Outputs:
 
 
 def check_outputs(plant: Plant, outputs: Outputs) -> None:
-    """Refuse outputs of another plant.
-
-    Raises
-    ------
-    SettingError
-        If their matrices are not over the state and the devices of the plant.
-    """
+    """Refuse outputs of another plant."""
     n, m = 2 * plant.n_coordinates, plant.n_devices
     if outputs.C.shape[1:] != (n,) or outputs.D.shape[1:] != (m,):
         raise SettingError(

@@ -189,13 +189,7 @@ class RiccatiSolution(Summarised):
 def solve_riccati(
     A: Floats, B: Floats, Q: Floats, R: Floats, N: Floats, *, scaling: Floats, time: Time = "continuous"
 ) -> RiccatiSolution:
-    """Solve one equation; see `regulator_gains`.
-
-    Raises
-    ------
-    SettingError
-        If no stabilising solution exists or none is found to the required precision.
-    """
+    """Solve one equation; see `regulator_gains`."""
     found = regulator_gains(A, B, Q, R, N, time=time, scaling=scaling, threads=1)
     found.check()
     return RiccatiSolution(P=found.P[0], gain=found.gain[0], residual=float(found.residual[0]))

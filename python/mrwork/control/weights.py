@@ -51,11 +51,6 @@ def weight_matrix(name: str, given: ArrayLike, size: int, each: str) -> Floats:
         One number for all entries, one for each, shape (size,), or a matrix.
     each
         What the entries belong to, such as "storeys"; for messages.
-
-    Raises
-    ------
-    InvalidSettingError
-        If it has another shape, is not finite, not symmetric or not positive semidefinite.
     """
     try:
         value = np.asarray(given, dtype=np.float64)
@@ -172,13 +167,7 @@ class CostWeights:
     )
 
     def weighed(self, plant: Plant) -> Weighed:
-        """The sum of what the weights add to the cost.
-
-        Raises
-        ------
-        InvalidSettingError
-            If a weight does not fit the building, or the energy is weighed besides others.
-        """
+        """The sum of what the weights add to the cost."""
         if self.designed is not None:
             return self._designed(self.designed, plant)
         given: list[tuple[Outputs, Floats]] = []
@@ -226,13 +215,7 @@ class CostWeights:
         return self.designed is not None and self.designed.sampled
 
     def check_designed_alone(self) -> None:
-        """Refuse other weights besides designed ones.
-
-        Raises
-        ------
-        InvalidSettingError
-            If there are others.
-        """
+        """Refuse other weights besides designed ones."""
         for name in (*self._names(), "energy"):
             if getattr(self, name) is not None:
                 raise InvalidSettingError("designed", f"the law has designed weights, and {name}; keep one")

@@ -106,13 +106,7 @@ _LARGEST_RATIO = 1000
 
 
 def check_samples(duration: float, dt: float) -> None:
-    """Refuse a motion that would not fit into memory.
-
-    Raises
-    ------
-    SettingError
-        It would have more than four million samples.
-    """
+    """Refuse a motion that would not fit into memory."""
     if duration / dt > _MOST_SAMPLES:
         raise SettingError(
             f"a motion of {duration:g} s every {dt:g} s would have {duration / dt:.3g} samples and take "

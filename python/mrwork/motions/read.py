@@ -107,11 +107,6 @@ def motion_files(paths: str | os.PathLike[str] | Iterable[str | os.PathLike[str]
     """Files of motions: a sequence of paths in its order, the files of a folder, or those that match a pattern.
 
     Of a folder, hidden files and documents such as README.md are left out, and folders in it are not entered.
-
-    Raises
-    ------
-    RecordError
-        No file matches the pattern, the folder has no files, or there is no path.
     """
     if isinstance(paths, str | os.PathLike) and is_folder(Path(paths)):
         found = [path for path in sorted(Path(paths).iterdir()) if is_file(path) and not _is_document(path)]

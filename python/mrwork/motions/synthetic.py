@@ -88,13 +88,7 @@ def synthetic_motion(
 
 
 def _memory(spectrum: SpectralDensity) -> float:
-    """Longest time constant of the filter [s].
-
-    Raises
-    ------
-    SettingError
-        The filter hardly decays.
-    """
+    """Longest time constant of the filter [s]."""
     slowest = float(np.abs(np.linalg.eigvals(spectrum.filter_matrices().state).real).min())
     if slowest < _SLOWEST:
         raise SettingError(

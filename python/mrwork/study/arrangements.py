@@ -57,13 +57,7 @@ def arrangements(
     problem: DesignProblem,
     folder: Path,
 ) -> tuple[Arrangement, ...]:
-    """The building without dampers, with them at i = 0, the baselines, and every control law.
-
-    Raises
-    ------
-    SettingError
-        If a law or a baseline is wrong, or a law has no dampers or passive ones.
-    """
+    """The building without dampers, with them at i = 0, the baselines, and every control law."""
     building, devices = problem.building, tuple(problem.devices)
     none = Row(label="uncontrolled", kind="uncontrolled", description="the building without dampers")
     found = [arranged(bare, none, bare, (), constant_command((), 0.0))]
@@ -98,13 +92,7 @@ def arrangements(
 def problem_of(
     table: StudyTable, building: Building, devices: tuple[Device, ...], hardware: Hardware
 ) -> DesignProblem:
-    """The building with its dampers, for which the laws of a study are designed.
-
-    Raises
-    ------
-    SettingError
-        If an expected range of motions is wrong.
-    """
+    """The building with its dampers, for which the laws of a study are designed."""
     first = table.damper[0] if devices else None
     return DesignProblem(
         building=building,
@@ -185,11 +173,6 @@ def chosen_law(
     """Title and law of a table; the law is `None` for the best constant command, which is found when the study runs.
 
     Names of files with matrices or laws are relative to `folder`.
-
-    Raises
-    ------
-    SettingError
-        If the law or a setting does not exist, or the law cannot be designed; the message has the line.
     """
     place = table.place
     if table.user is not None:
@@ -223,11 +206,6 @@ def held_settings(table: TuneTable, folder: Path) -> TuneTable:
     """A table whose settings, if any, are in SI, with the matrices of the files that they name.
 
     Settings that a law does not have are left to the tuning, which refuses them.
-
-    Raises
-    ------
-    SettingError
-        If a setting is of another type or out of range; the message has the line.
     """
     if table.settings is None or table.place is None:
         return table

@@ -169,11 +169,6 @@ def varied_building(
     """The building of an arrangement with factors of stiffness and damping of the bare building.
 
     What is built into it stays, such as the spring of a tuned mass, so that it is no longer tuned.
-
-    Raises
-    ------
-    SettingError
-        If the drifts of the storeys do not determine the displacements of the bare building.
     """
     if stiffness == 1.0 and damping == 1.0:
         return arrangement.building

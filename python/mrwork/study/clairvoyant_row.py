@@ -50,13 +50,7 @@ class ClairvoyantTable:
 def clairvoyant_row(
     table: ClairvoyantTable, devices: Sequence[Device], hardware: Hardware, seed: int
 ) -> ClairvoyantRow:
-    """The row of a table; `seed` is that of the random starts.
-
-    Raises
-    ------
-    SettingError
-        If no damper follows a command, its rate is limited, or the interval is not a whole number of samples.
-    """
+    """The row of a table; `seed` is that of the random starts."""
     if not any(device.spec.follows_command for device in devices):
         table.place.refuse(
             "there is no command to be chosen: the study has no damper that follows one; leave this table out, or give "

@@ -57,13 +57,7 @@ class ChosenDamper:
 
 
 def identified_damper(run: Path) -> IdentifiedDamper:
-    """Model, parameters and tested ranges from the folder of a run of `mrwork identify`.
-
-    Raises
-    ------
-    RecordError
-        If it is not such a folder.
-    """
+    """Model, parameters and tested ranges from the folder of a run of `mrwork identify`."""
     # Few studies name a run, and reading one loads the identification.
     from mrwork.identification.fit_file import read_fit
 
@@ -72,14 +66,7 @@ def identified_damper(run: Path) -> IdentifiedDamper:
 
 
 def chosen_damper(table: DamperTable, folder: Path, identified: Identified) -> ChosenDamper:
-    """The damper of a table; the path of a run is relative to `folder`.
-
-    Raises
-    ------
-    SettingError
-        If the table names no damper or several, the model does not have a parameter, or no parameter depends on the
-        command and the table does not say that the damper is passive.
-    """
+    """The damper of a table; the path of a run is relative to `folder`."""
     place = table.place
     _refuse_ambiguous(table)
     tested = None
@@ -271,13 +258,7 @@ _JOINT_SHARE = 1e-3
 def equipped(
     bare: Building, tables: Sequence[DamperTable], folder: Path, identified: Identified
 ) -> tuple[Building, tuple[Device, ...], list[ChosenDamper]]:
-    """The building with braces, its devices, and the dampers chosen for them.
-
-    Raises
-    ------
-    SettingError
-        If a table is wrong, a storey does not exist, or the dampers are of several models.
-    """
+    """The building with braces, its devices, and the dampers chosen for them."""
     chosen = [chosen_damper(table, folder, identified) for table in tables]
     building, rows = bare, []
     for table in tables:

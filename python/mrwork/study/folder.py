@@ -257,13 +257,7 @@ def write_study(
     journal: Path,
     histories: Histories,
 ) -> None:
-    """Write the folder of a study, in place of an earlier one.
-
-    Raises
-    ------
-    OutputError
-        If anything cannot be written, or something would be lost without leave; the folder is then as it was.
-    """
+    """Write the folder of a study, in place of an earlier one."""
     tables = {
         RESULTS: json_document(study_document(results)),
         CRITERIA_TABLE: criteria_csv(results),

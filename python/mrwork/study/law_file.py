@@ -43,13 +43,7 @@ def running_in_words(table: LawFileTable, folder: Path) -> str:
 
 
 def law_of_file(table: LawFileTable, folder: Path) -> UserLaw:
-    """The law of a file, whose name is relative to `folder`.
-
-    Raises
-    ------
-    SettingError
-        If the file cannot be read or run, or has no such function of two arguments; the message has the line.
-    """
+    """The law of a file, whose name is relative to `folder`."""
     name = table.function
     module, text = _run(table, folder / table.file)
     functions = [each for each, value in vars(module).items() if inspect.isfunction(value)]

@@ -17,13 +17,7 @@ _VALUE_ENDS = frozenset(",]}\r\n#")
 
 
 def parse(text: str, origin: str) -> tuple[dict[str, Any], dict[KeyPath, int]]:
-    """A TOML document, and the line of every key, table and array element in it.
-
-    Raises
-    ------
-    SettingError
-        If the text is not TOML; the message has the line.
-    """
+    """A TOML document, and the line of every key, table and array element in it."""
     try:
         document = toml_table(text)
     except ValueError as reason:

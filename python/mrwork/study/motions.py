@@ -47,14 +47,7 @@ class _Bare:
 def motions_of_study(
     tables: Sequence[MotionTable], folder: Path, seed: int, *, sample_time: float
 ) -> tuple[MotionOfStudy, ...]:
-    """The motions of all tables, one for each factor or peak of each record; files are relative to `folder`.
-
-    Raises
-    ------
-    SettingError
-        If a table contradicts itself, its file cannot be read, a motion is for training and for testing, or moves
-        nothing within a sample of the law, `sample_time` [s]; the message has the line.
-    """
+    """The motions of all tables, one for each factor or peak of each record; files are relative to `folder`."""
     bare = [each for table in tables for each in _bare_motions(table, folder, seed)]
     _refuse_both_uses(bare)
     found: list[MotionOfStudy] = []

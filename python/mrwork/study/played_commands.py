@@ -35,13 +35,7 @@ class PlayedCommands:
         journal: Journal | None,
         report: Callable[[str], None],
     ) -> Clairvoyant:
-        """The optimum under a motion; one of the starts are the commands of the best law of `results`.
-
-        Raises
-        ------
-        Interrupted
-            On Ctrl-C; the searches that are done are in the journal.
-        """
+        """The optimum under a motion; one of the starts are the commands of the best law of `results`."""
         asked, base = self.study.clairvoyant, self.study.at_zero
         assert asked is not None
         ground = self.study.grounds[motion]

@@ -222,13 +222,7 @@ def _facts(
 
 
 def hardware_of(table: HardwareTable, place: Place, seed: int) -> Hardware:
-    """The hardware of a table; `seed` is that of the sensor noise.
-
-    Raises
-    ------
-    SettingError
-        If its numbers contradict each other; the message has the line.
-    """
+    """The hardware of a table; `seed` is that of the sensor noise."""
     converted = ("fault", "measured_floors")
     plain = {entry.name: getattr(table, entry.name) for entry in fields(table) if entry.name not in converted}
     faults = []

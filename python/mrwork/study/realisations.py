@@ -93,13 +93,7 @@ def realisations_of(
 
 
 def posterior_draws(table: DamperTable, folder: Path) -> Floats | None:
-    """Posterior draws of the fit of an identified damper, shape (n_draws, n_params); `None` for another damper.
-
-    Raises
-    ------
-    SettingError
-        If the run has no draws; the message has the line.
-    """
+    """Posterior draws of the fit of an identified damper, shape (n_draws, n_params); `None` for another damper."""
     if table.run is None:
         return None
     # Loads xarray.

@@ -95,13 +95,7 @@ class StudyCriteria(Summarised, ABC):
         """Relative change of every criterion with half the step; `None` unless both runs finished."""
 
     def check_place(self, row: int, motion: int) -> None:
-        """Refuse a row or a motion that the study has not.
-
-        Raises
-        ------
-        SettingError
-            If there is no such row or motion.
-        """
+        """Refuse a row or a motion that the study has not."""
         if not (0 <= row < len(self.rows) and 0 <= motion < len(self.motions)):
             raise SettingError(
                 f"there are {len(self.rows)} rows and {len(self.motions)} motions, counted from 0; give one of each, "

@@ -156,13 +156,7 @@ def result_of(responses: Responses, run: int, arrangement: Arrangement) -> RunRe
 
 
 def recorded_result(record: Mapping[str, Any], arrangement: Arrangement) -> RunResult:
-    """The result of a run from its line of a journal.
-
-    Raises
-    ------
-    LookupError, TypeError, ValueError
-        Where the line does not have the result of a run of this arrangement.
-    """
+    """The result of a run from its line of a journal."""
     result = rebuilt(RunResult, record)
     _ = Outcome[result.outcome.upper()]
     sizes = {

@@ -87,12 +87,6 @@ class Arrangement:
 
     `floors` and `storeys` are the indices of the floors and storeys of the bare building, since an arrangement may add
     a base slab or a storey of isolators. `strokes` are the indices of the added storeys.
-
-    Raises
-    ------
-    SettingError
-        If the gains of the law are not those of a building with these devices, or these follow no command of a law in
-        Python.
     """
 
     row: Row

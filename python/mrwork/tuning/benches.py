@@ -150,11 +150,6 @@ def benches_of(
     """The benches of a study; the dampers at i = 0 are simulated on each.
 
     Unless a table is `robust`, training motions have no realisations where there are test motions.
-
-    Raises
-    ------
-    SettingError
-        If the study has no dampers that follow a command.
     """
     check_controllable(study)
     problem = study.problem

@@ -34,13 +34,7 @@ def write_tuning(
     manifest: Mapping[str, object],
     journal: Path,
 ) -> None:
-    """Write the folder of a tuning, in place of an earlier one.
-
-    Raises
-    ------
-    OutputError
-        If anything cannot be written, or something would be lost without leave; the folder is then as it was.
-    """
+    """Write the folder of a tuning, in place of an earlier one."""
     contents = {
         RESULTS: json_document(tuning_document(results)),
         SCORES_TABLE: _scores_csv(results),

@@ -22,13 +22,7 @@ Floats = NDArray[np.float64]
 
 
 def front_of(plan: Plan, benches: Benches, basis: Basis, *, rng: int, report: Report) -> Front:
-    """Search the front of a law on the training motions, and evaluate its points on the test motions.
-
-    Raises
-    ------
-    SettingError
-        Where pymoo is not installed.
-    """
+    """Search the front of a law on the training motions, and evaluate its points on the test motions."""
     table, space = plan.table, plan.space
     bench = benches.searched(robust=table.robust)
     parts = [replace(plan.objective, weights={name: 1.0}) for name in table.objectives]

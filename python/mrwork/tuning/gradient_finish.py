@@ -35,13 +35,7 @@ _LONGEST_STEP = 2e-3
 
 
 def check_finish(table: TuneTable, study: Study) -> None:
-    """Refuse gradients of a law that has none, or of a loop that the twin does not have, before anything is simulated.
-
-    Raises
-    ------
-    SettingError
-        If there are no gradients.
-    """
+    """Refuse gradients of a law that has none, or of a loop that the twin does not have, before anything is simulated."""
     if not table.gradient_steps:
         return
     # JAX is loaded only here.

@@ -71,13 +71,7 @@ class Plan:
 
 
 def check_settings(plan: Plan, bench: Bench) -> None:
-    """Refuse settings of a table that no candidate can have, as weights of other floors than those of the building.
-
-    Raises
-    ------
-    InvalidSettingError
-        If the law cannot be designed with them; the message has the line.
-    """
+    """Refuse settings of a table that no candidate can have, as weights of other floors than those of the building."""
     candidate = plan.space.candidate(plan.space.start)
     try:
         design_law(plan.law, bench.problem, settings_of(plan.law, candidate.settings))
@@ -91,13 +85,7 @@ def check_settings(plan: Plan, bench: Bench) -> None:
 
 
 def tuned_law(plan: Plan, benches: Benches, basis: Basis, *, rng: int, report: Report) -> LawResult:
-    """Tune a law and judge it.
-
-    Raises
-    ------
-    Interrupted
-        On Ctrl-C during the search, with the `LawResult` so far, which is not judged.
-    """
+    """Tune a law and judge it."""
     began = time.perf_counter()
     table = plan.table
     bench = benches.searched(robust=table.robust)

@@ -122,13 +122,7 @@ def risk_of(scores: Floats, risk: Risk, tail: float) -> Floats:
 
 
 def objective_of(table: TuneTable, command_unit: str) -> Objective:
-    """The objective of a table.
-
-    Raises
-    ------
-    SettingError
-        If a criterion is unknown or has no ratio to i = 0, a weight or limit is not positive, or its unit is wrong.
-    """
+    """The objective of a table."""
     given = table.criteria or SCORE
     weights = dict(given) if isinstance(given, Mapping) else dict.fromkeys(given, 1.0)
     for name, weight in weights.items():

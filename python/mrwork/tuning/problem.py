@@ -144,13 +144,7 @@ class Bench(Summarised):
 
 
 def check_controllable(study: Study) -> None:
-    """Refuse a study of which no law can be tuned.
-
-    Raises
-    ------
-    SettingError
-        If the study has no dampers, or these follow no command.
-    """
+    """Refuse a study of which no law can be tuned."""
     if study.problem is None or not study.devices:
         raise SettingError(f"study {study.title!r} has no dampers to be controlled; give a [[damper]]")
     if not any(device.spec.follows_command for device in study.devices):

@@ -160,13 +160,7 @@ class SettingSpace(Summarised):
 
 
 def space_of(table: TuneTable, law: str, magnitudes: Magnitudes) -> SettingSpace:
-    """The free settings of a law with their ranges, from a table and from what the law declares.
-
-    Raises
-    ------
-    SettingError
-        If there is no such law, a setting does not exist or has no range, or none is free.
-    """
+    """The free settings of a law with their ranges, from a table and from what the law declares."""
     _check_law(table, law)
     kind = SETTINGS[law]
     spans: dict[str, Span] = {

@@ -105,13 +105,7 @@ class LimitedOutputs:
 
     @classmethod
     def of(cls, limits: RmsLimits, plant: Plant) -> LimitedOutputs:
-        """The outputs of a plant that have a limit.
-
-        Raises
-        ------
-        InvalidSettingError
-            If the number of limits is wrong, or there is none.
-        """
+        """The outputs of a plant that have a limit."""
         names: list[str] = []
         units: list[str] = []
         settings: list[str] = []
@@ -241,13 +235,7 @@ _MOST_DELAY = 20
 
 
 def as_forces(budget: float | str | Sequence[float | str] | Floats, plant: Plant) -> Floats:
-    """The budget of each device [N], shape (n_devices,); a text has a unit, as "1.5 kN".
-
-    Raises
-    ------
-    SettingError
-        If the number of budgets is wrong, or one is not positive.
-    """
+    """The budget of each device [N], shape (n_devices,); a text has a unit, as "1.5 kN"."""
     values = np.asarray(_in_si("budget", budget, "N"), dtype=np.float64)
     if values.shape not in ((), (plant.n_devices,)):
         raise SettingError(

@@ -19,11 +19,6 @@ class LyapunovEquations:
     """`A X + X A' + step A X A' + Q = 0` and its adjoint, by the real Schur form of A.
 
     A sampled loop is first transformed to a continuous one (Cayley): Bartels and Stewart, Comm. ACM 15(9), 1972.
-
-    Raises
-    ------
-    SettingError
-        If the loop is not stable.
     """
 
     def __init__(self, A: Floats, step: float = 0.0) -> None:

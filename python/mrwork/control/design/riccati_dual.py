@@ -77,13 +77,7 @@ class Regulated:
 
 
 def regulated(system: DesignSystem, rows: Rows, multipliers: Floats) -> Regulated:
-    """The regulator of the multipliers, and the mean squares of the forms.
-
-    Raises
-    ------
-    SettingError
-        If the Riccati equation has no stabilising solution.
-    """
+    """The regulator of the multipliers, and the mean squares of the forms."""
     weights = multipliers @ rows.forms
     gain, P = _gain(system, rows, weights)
     return _under(system, rows, gain, P)
@@ -161,11 +155,6 @@ def maximise(
     ----------
     start
         Multipliers to start from; any positive ones.
-
-    Raises
-    ------
-    SettingError
-        If the iteration does not settle.
     """
     n_forms = len(rows[0].forms)
     budgets = slice(n_limits, n_limits + systems[0].B.shape[1])

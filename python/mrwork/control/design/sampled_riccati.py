@@ -28,11 +28,6 @@ def sampled_gain(A: Floats, B: Floats, Q: Floats, R: Floats, N: Floats, step: fl
     """Gain and P of `P = F'P F - (F'P E + h N) (h R + E'P E)^-1 (E'P F + h N') + h Q`, F = 1 + h A, E = h B.
 
     By structure-preserving doubling (Chu, Fan, Lin & Wang, Int. J. Control 77(8), 2004, 767-788).
-
-    Raises
-    ------
-    SettingError
-        If the iteration does not converge.
     """
     one = np.eye(len(A))
     forward, entry = one + step * A, step * B

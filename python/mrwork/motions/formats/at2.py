@@ -51,13 +51,7 @@ PEER_AT2 = Format(name="a PEER AT2 record", recognises=_recognises, read=_read)
 
 
 def refuse_false_at2(lines: Lines) -> None:
-    """Refuse a file that has the extension .AT2 but not the header of the format; the message states the difference.
-
-    Raises
-    ------
-    RecordError
-        Always.
-    """
+    """Refuse a file that has the extension .AT2 but not the header of the format; the message states the difference."""
     if len(lines.texts) < _HEADER:
         came = f"the file has {len(lines.texts)} lines"
     elif _CONTENT.search(lines.at(2)) is None:

@@ -51,17 +51,7 @@ class Column:
 
 
 def acceleration_column(names: Sequence[str], stated: Stated, *, source: str) -> Column:
-    """Find the column of the acceleration.
-
-    Raises
-    ------
-    RecordError
-        No column matches, or several do.
-    UnitError
-        Neither the name of the column nor the caller states the unit.
-    SettingError
-        The stated unit differs from that of the name.
-    """
+    """Find the column of the acceleration."""
     listed = ", ".join(f"'{name}'" for name in names)
     if stated.column is None:
         found = [name for name in names if _is_acceleration(name)]
@@ -89,13 +79,7 @@ def acceleration_column(names: Sequence[str], stated: Stated, *, source: str) ->
 
 
 def time_column(names: Sequence[str], *, source: str) -> Column | None:
-    """Find the column of time, `None` if there is none; a column without a unit is in seconds.
-
-    Raises
-    ------
-    RecordError
-        Several columns match.
-    """
+    """Find the column of time, `None` if there is none; a column without a unit is in seconds."""
     found = [(name, match[1] or "s") for name in names for match in [_TIME.fullmatch(name)] if match]
     if len(found) > 1:
         raise RecordError(
@@ -146,13 +130,7 @@ _NAMELESS = ("t_s", "acceleration")
 
 
 def motion_of_table(table: ColumnTable, stated: Stated, path: Path) -> GroundMotion:
-    """Build the motion from the columns of a table of any file format.
-
-    Raises
-    ------
-    RecordError, UnitError, SettingError
-        The columns are invalid, times are missing, or `dt` is given although there is a column of times.
-    """
+    """Build the motion from the columns of a table of any file format."""
     acceleration = acceleration_column(table.names, stated, source=str(path))
     time = time_column(table.names, source=str(path))
     needed = [acceleration] if time is None else [time, acceleration]
@@ -299,11 +277,6 @@ def read_matrix_motion(path: Path, stated: Stated) -> GroundMotion:
 
     A matrix of two rows or two columns holds times [s] and accelerations, as in the files of the structural control
     benchmarks; vectors are recognised by their names like the columns of a table.
-
-    Raises
-    ------
-    RecordError, UnitError, SettingError
-        The file is damaged, or does not hold exactly one ground motion.
     """
     matrices = read_matlab_matrices(path)
     pairs = {name: pair for name, matrix in matrices.items() for pair in _pair(matrix)}

@@ -27,11 +27,6 @@ def motion_of_columns(
 
     `changes` lists what was done. Steps that are equal up to jitter or rounding are taken as uniform without changing
     the samples; otherwise the record is resampled by linear interpolation.
-
-    Raises
-    ------
-    RecordError
-        A value is missing, time does not increase, or most of the record is gaps.
     """
     changes: list[str] = []
     for values, what in ((time, "time"), (acceleration, "acceleration")):
