@@ -9,12 +9,11 @@ import pytest
 
 from mrwork.buildings.devices import Device
 from mrwork.buildings.published import building
-from mrwork.control.design_problem import Design, DesignProblem
-from mrwork.control.law_settings import SETTINGS
+from mrwork.control.design_problem import Design, DesignProblem, LawSettings
+from mrwork.control.law_design import SETTINGS
 from mrwork.control.laws import ControlLaw, control_law, control_laws
 from mrwork.control.lqr import published_regulator, regulator_as_published, regulator_of_outputs
 from mrwork.control.plant import accelerations
-from mrwork.control.setting_base import LawSettings
 from mrwork.dampers.spec import damper
 from mrwork.errors import SettingError
 from mrwork.keys import Place

@@ -18,8 +18,8 @@ import pytest
 from test_study_values import Document, places, with_headers
 
 import mrwork
-from mrwork.control.design.wishes import WeightWishes
-from mrwork.control.law_settings import SETTINGS
+from mrwork.control.law_design import SETTINGS
+from mrwork.control.weights import WeightWishes
 from mrwork.errors import MrworkError
 from mrwork.keys import KeyPath, keys_of
 from mrwork.study.lines import parse

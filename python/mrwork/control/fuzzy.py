@@ -10,7 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mrwork.arguments import Positive, Within, checked
+from mrwork.control.design_problem import Design, DesignProblem, LawSettings, Span
 from mrwork.errors import SettingError
+from mrwork.keys import key
 from mrwork.summary import Summarised
 from mrwork.values import holds_arrays
 
@@ -131,3 +133,33 @@ def memberships(value: ArrayLike) -> Floats:
     clipped = np.clip(np.asarray(value, dtype=np.float64), -1.0, 1.0)
     centres = np.array(list(INPUT_SETS.values()))
     return np.asarray(np.maximum(0.0, 1.0 - np.abs(clipped[..., None] - centres) / 0.5), dtype=np.float64)
+
+
+@checked
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FuzzySettings(LawSettings):
+    """Scales of the inputs of the fuzzy controller."""
+
+    deformation: float = key(
+        "scale of the elongation",
+        unit="m",
+        above=0.0,
+        span=Span(lower=0.1, upper=100.0, of=(("stroke", 1.0),)),
+    )
+    rate: float = key(
+        "scale of the rate of elongation",
+        unit="m/s",
+        above=0.0,
+        span=Span(lower=0.01, upper=10.0, of=(("rate", 1.0),)),
+    )
+
+    def design(self, problem: DesignProblem) -> Design:
+        """Scales of the inputs and the table of commands."""
+        table = fuzzy_table(deformation_scale=self.deformation, rate_scale=self.rate)
+        return Design(
+            gains={
+                "deformation_scale": problem.each(self.deformation),
+                "rate_scale": problem.each(self.rate),
+            },
+            tables={"shares": table.share.ravel()},
+        )

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mrwork.arguments import Threads, checked
+from mrwork.control.design_problem import Design, DesignProblem, LawSettings, Span, attempted, solved_together
+from mrwork.control.lqr import Weighed, Weights, regulators_of_weights
 from mrwork.control.plant import Plant
 from mrwork.control.riccati import lyapunov_solutions
-from mrwork.control.setting_base import attempted, solved_together
+from mrwork.control.weights import CostWeights
 from mrwork.errors import SettingError
+from mrwork.keys import key
 from mrwork.summary import Summarised
 from mrwork.values import holds_arrays
 
@@ -135,3 +139,102 @@ def _checked(weight: ArrayLike, T: Floats) -> Floats:
     if asymmetry > 1e-9 * size_z or np.linalg.eigvalsh(Q_z)[0] < -1e-9 * size_z:
         raise SettingError("`weight` is not symmetric and positive semidefinite; give a Q_P that is")
     return Q_P
+
+
+@checked
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LyapunovSettings(CostWeights, LawSettings):
+    """A Lyapunov function; without weights of outputs or states its weight is the energy of the building.
+
+    Weights of accelerations count those of the building without device forces: `V' = -s'Q_P s / 2 + sigma f` holds for
+    any Q_P of the state alone.
+    """
+
+    weighed_by_default: ClassVar[Mapping[str, float]] = {"drifts": 1.0}
+
+    def design(self, problem: DesignProblem) -> Design:
+        """The gains that follow from the weight of the state."""
+        (found,) = type(self).designs(problem, [self])
+        if isinstance(found, SettingError):
+            raise found
+        return found
+
+    @classmethod
+    def designs(cls, problem: DesignProblem, many: Sequence[Self]) -> list[Design | SettingError]:
+        """The designs of many settings, all their equations by one call of the compiled solver."""
+        return [
+            vectors if isinstance(vectors, SettingError) else settings.of_vectors(problem, vectors)
+            for settings, vectors in zip(many, cls.weight_vectors(problem.plant, many), strict=True)
+        ]
+
+    @classmethod
+    def weight_vectors(cls, plant: Plant, many: Sequence[Self]) -> list[Floats | SettingError]:
+        """Weight of the state of each, shape (n_devices, 2n): B'P of the Lyapunov function."""
+        return _lyapunov_vectors(plant, many)
+
+    def of_vectors(self, problem: DesignProblem, vectors: Floats) -> Design:
+        """The design that follows from this weight of the state."""
+        return Design(gains={"weight": vectors})
+
+    def certificate(self, problem: DesignProblem) -> str:
+        """The Lyapunov function of the building."""
+        return (
+            "V = s'P s / 2 is a Lyapunov function of the building without device forces, and the law sends a command "
+            "where that lowers the rate of V; a damper that resists motion keeps the energy of the building bounded"
+        )
+
+
+@checked
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ProportionalSettings(LyapunovSettings):
+    """The smooth law kappa sigma G; with a control weight sigma is that of a regulator with the same weights."""
+
+    slope: float = key(
+        "kappa [A or V, per unit of sigma G]; G is the slope of the force of a device with all its dampers",
+        above=0.0,
+        span=Span(
+            lower=1e-3,
+            upper=1e4,
+            of=(("command", 2.0), ("force", -1.0), ("rate", -1.0), ("energy", 1.0), ("cost", -1.0)),
+        ),
+    )
+    control_weight: Weights | None = key(
+        "R of that regulator [1/N2]; of the forces of devices with all their dampers",
+        default=None,
+        above=0.0,
+        matrix=True,
+        span=Span(lower=1e-6, upper=10.0, of=(("cost", 1.0), ("force", -2.0)), free=False),
+    )
+
+    @classmethod
+    def weight_vectors(cls, plant: Plant, many: Sequence[Self]) -> list[Floats | SettingError]:
+        """Weight of the state of each: of the regulator with a control weight, of the Lyapunov function without."""
+        regulated = iter(
+            _regulator_vectors(plant, [each for each in many if each.control_weight is not None])
+        )
+        free = iter(_lyapunov_vectors(plant, [each for each in many if each.control_weight is None]))
+        return [next(free if each.control_weight is None else regulated) for each in many]
+
+    def of_vectors(self, problem: DesignProblem, vectors: Floats) -> Design:
+        """Weight of the state, and the slope of each device."""
+        return Design(gains={"weight": vectors, "slope": problem.each(self.slope)})
+
+
+def _lyapunov_vectors(plant: Plant, many: Sequence[LyapunovSettings]) -> list[Floats | SettingError]:
+    found = solved_together(
+        lambda weights: lyapunov_functions(plant, weights),
+        attempted(lambda each: each.weighed(plant).Q, many),
+    )
+    return [each if isinstance(each, SettingError) else each.vectors for each in found]
+
+
+def _regulator_vectors(plant: Plant, many: Sequence[ProportionalSettings]) -> list[Floats | SettingError]:
+    def cost(each: ProportionalSettings) -> tuple[Weighed, ArrayLike]:
+        assert each.control_weight is not None
+        return each.weighed(plant), each.control_weight
+
+    found = solved_together(
+        lambda sound: regulators_of_weights(plant, [one for one, _ in sound], [R for _, R in sound]),
+        attempted(cost, many),
+    )
+    return [each if isinstance(each, SettingError) else each.vectors for each in found]

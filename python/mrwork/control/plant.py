@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import ClassVar
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -49,6 +49,8 @@ class Plant(Summarised):
     device_names: tuple[str, ...]
     scaling: Floats
     energy: Floats
+    # Weights that were designed for it, by what was wished; see `WeightWishes.design`.
+    _designs: dict[object, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @property
     def n_coordinates(self) -> int:

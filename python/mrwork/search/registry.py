@@ -32,3 +32,5 @@ PEERS: Mapping[str, Optimiser[Any]] = {
     "pymoo_ga": PymooGA(),
     "scipy_differential_evolution": ScipyDifferentialEvolution(),
 }
+
+ALL_OPTIMISERS: Mapping[str, Optimiser[Any]] = {**OPTIMISERS, **PEERS}

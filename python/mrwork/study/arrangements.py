@@ -16,12 +16,10 @@ from mrwork.buildings.from_file import building_from_table
 from mrwork.buildings.matrix_files import read_matrix
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.user_law import UserLaw
-from mrwork.control.design.wishes import WeightWishes
-from mrwork.control.design_problem import DesignProblem
-from mrwork.control.law_design import design_law
-from mrwork.control.law_settings import SETTINGS
+from mrwork.control.design_problem import DesignProblem, LawSettings
+from mrwork.control.law_design import SETTINGS, design_law
 from mrwork.control.laws import ControlLaw, control_laws
-from mrwork.control.setting_base import LawSettings
+from mrwork.control.weights import WeightWishes
 from mrwork.keys import Place, keys_of, suggestion
 from mrwork.study.declared import given_values, located, read_table
 from mrwork.study.law_file import law_of_file
@@ -114,9 +112,7 @@ def _limited(controller: ControllerTable, problem: DesignProblem) -> DesignProbl
         controller.place.within("largest_command").refuse(
             f"largest_command is {largest:g}, and the driver of the dampers gives {available:g} at most"
         )
-    return replace(
-        problem, devices=tuple(replace(device, largest_command=largest) for device in problem.devices)
-    )
+    return problem.limited_to(largest)
 
 
 def _refuse_command(controller: ControllerTable) -> None:

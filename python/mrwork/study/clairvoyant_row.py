@@ -1,7 +1,5 @@
 """The table [clairvoyant] of a study file, and the row that it asks for."""
 
-# `key` is a dataclass field with notes.
-
 from __future__ import annotations
 
 import math

@@ -1,7 +1,5 @@
 """A control law of a study in a Python file of its user, which is run as Python when the study is read."""
 
-# `key` is a dataclass field with notes.
-
 from __future__ import annotations
 
 import inspect

@@ -3,9 +3,6 @@
 Numbers are in SI units. A number with a unit may also be given as a text with another unit, as "1 ms" or "0.1 g".
 """
 
-# `key` is a dataclass field with notes.
-# ruff: noqa: RUF009
-
 from __future__ import annotations
 
 import math

@@ -1,8 +1,5 @@
 """Declarations of the tables [uncertainty] and [[tune]] of a study file and their keys."""
 
-# `key` is a dataclass field with notes.
-# ruff: noqa: RUF009
-
 from __future__ import annotations
 
 from collections.abc import Mapping

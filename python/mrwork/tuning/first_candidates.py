@@ -10,12 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.control.design.weights import design_weights
-from mrwork.control.law_settings import SETTINGS
+from mrwork.control.design.designer import design_weights
+from mrwork.control.design_problem import LawSettings, Magnitudes
+from mrwork.control.law_design import SETTINGS
 from mrwork.control.lqr import PUBLISHED_REGULATORS, PublishedRegulator
-from mrwork.control.regulator_settings import RegulatorSettings
-from mrwork.control.setting_base import Magnitudes
-from mrwork.control.weights import CostWeights
 from mrwork.errors import SettingError
 from mrwork.motions.spectral_density import KanaiTajimi
 from mrwork.summary import Summarised
@@ -96,7 +94,7 @@ def first_candidates(space: SettingSpace, basis: Basis) -> list[FirstCandidate]:
     middle = {
         name: value
         for name, value in space.candidate(space.start).settings.items()
-        if not _is_weight(name) and name != _WEIGHT
+        if name not in kind.weight_names() and name != _WEIGHT
     }
     found: list[FirstCandidate] = []
 
@@ -109,7 +107,7 @@ def first_candidates(space: SettingSpace, basis: Basis) -> list[FirstCandidate]:
     for shape, origin in _shapes(space, basis):
         for R in _sizes(scanned, shape, space, basis.magnitudes):
             add({**shape, **middle, **R}, origin)
-    if not issubclass(kind, CostWeights):
+    if not kind.weight_names():
         add(middle, "middle of the ranges")
     return found
 
@@ -117,25 +115,22 @@ def first_candidates(space: SettingSpace, basis: Basis) -> list[FirstCandidate]:
 def _shapes(space: SettingSpace, basis: Basis) -> Iterator[tuple[dict[str, Any], str]]:
     """Weights by name, and where they are from; the first are those that the table holds."""
     kind = SETTINGS[space.law]
-    if not issubclass(kind, CostWeights):
+    weights, others = _parted(space.held, kind)
+    if not kind.weight_names():
         return
-    equal = _weights(space.held) == kind.weighed_by_default
+    equal = weights == kind.weighed_by_default
     yield dict(space.held), EQUAL if equal else "weights of the study"
     if not equal:
         return
-    others = {name: value for name, value in space.held.items() if not _is_weight(name)}
     yield others, "energy of the building"
-    if not issubclass(kind, RegulatorSettings):
+    if not kind.is_regulator:
         return
     yield {**others, "rates": 1.0}, DASHPOTS
     for convex in basis.convex:
         yield {**others, **convex}, CONVEX
     for published in basis.published:
-        weights = [0.0] * published.n_floors
-        for floor, weight in published.weighed:
-            weights[floor - 1] = weight
         yield (
-            {**others, "accelerations": tuple(weights), _WEIGHT: published.control_weight},
+            {**others, "accelerations": published.weights, _WEIGHT: published.control_weight},
             f"published weights {published.name}",
         )
 
@@ -145,13 +140,14 @@ def _sizes(
 ) -> list[dict[str, float]]:
     """Sizes of R of a shape of weights, logarithmically over its range; about that of the shape where it has one."""
     kind = SETTINGS[space.law]
-    if scanned is None or not issubclass(kind, CostWeights):
+    if scanned is None or not kind.weight_names():
         return [{}]
     if _WEIGHT in shape:
         given = np.asarray(shape[_WEIGHT], dtype=np.float64)
         return [{_WEIGHT: _digits(_plain(factor * given))} for factor in np.geomspace(1e-5, 10.0, _STEPS + 1)]
     # The range of R is that of the weights that are held; another shape costs more or less.
-    factor = kind.cost(_weights(shape), magnitudes) / kind.cost(_weights(space.held), magnitudes)
+    costs = [kind.cost(_parted(each, kind)[0], magnitudes) for each in (shape, space.held)]
+    factor = costs[0] / costs[1]
     return [{_WEIGHT: _rounded(factor * scanned.value(step))} for step in np.linspace(0.0, 1.0, _STEPS + 1)]
 
 
@@ -159,13 +155,12 @@ def _plain(numbers: NDArray[np.float64]) -> Any:
     return tuple(numbers.tolist()) if numbers.ndim else float(numbers)
 
 
-def _weights(settings: Mapping[str, Any]) -> dict[str, Any]:
-    return {name: value for name, value in settings.items() if _is_weight(name)}
+def _parted(settings: Mapping[str, Any], kind: type[LawSettings]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The weights of outputs and states among settings of a law, and its other settings."""
+    names = kind.weight_names()
+    weights = {name: value for name, value in settings.items() if name in names}
+    return weights, {name: value for name, value in settings.items() if name not in names}
 
 
 def _rounded(value: float) -> float:
     return float(f"{value:.4g}")
-
-
-def _is_weight(name: str) -> bool:
-    return name in CostWeights.__dataclass_fields__

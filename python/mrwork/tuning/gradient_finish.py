@@ -35,7 +35,7 @@ _LONGEST_STEP = 2e-3
 
 
 def check_finish(table: TuneTable, study: Study) -> None:
-    """Refuse gradients of a law that has none, or of a loop that the twin does not have, before anything is simulated."""
+    """Refuse gradient steps of a law without gradients, or of a loop that the twin does not have."""
     if not table.gradient_steps:
         return
     # JAX is loaded only here.
@@ -175,7 +175,7 @@ def _twin(law: str, bench: Bench, objective: Objective, largest: float) -> Tuned
         raise SettingError(
             "gradients are of peaks and rms values; leave gradient_steps out, or other criteria"
         )
-    curve, theta = bench.limited(largest).curve
+    curve, theta = bench.problem.limited_to(largest).curve
     devices = bench.problem.devices
     dampers = [
         TwinDamper(

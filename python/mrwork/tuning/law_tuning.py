@@ -11,13 +11,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.control.law_design import design_law, settings_of
-from mrwork.control.law_settings import SETTINGS
+from mrwork.control.law_design import SETTINGS, design_law, settings_of
 from mrwork.control.laws import control_law
 from mrwork.errors import Interrupted, InvalidSettingError, SettingError
 from mrwork.search.loop import GenerationEvent, Optimiser, run_search
 from mrwork.search.peers import CMAEvolution
-from mrwork.search.registry import OPTIMISERS, PEERS
+from mrwork.search.registry import ALL_OPTIMISERS
 from mrwork.search.result import SearchResult
 from mrwork.search.rules import EliteRule, StopRules
 from mrwork.store import digest_of
@@ -234,7 +233,7 @@ def _searched(
 
 def _optimiser(table: TuneTable, n_params: int, best: Floats | None) -> Optimiser[Any]:
     """The search of a table, with its population and budget; one without a population begins at the best candidate."""
-    chosen: Any = {**OPTIMISERS, **PEERS}[table.search]
+    chosen: Any = ALL_OPTIMISERS[table.search]
     if isinstance(chosen, CMAEvolution) and best is not None:
         # The boundary itself has no room for half of the first candidates.
         inside = np.clip(best, _SPREAD, 1.0 - _SPREAD)

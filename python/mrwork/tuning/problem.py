@@ -11,10 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.closed_loop.evaluation import criteria
-from mrwork.control.design_problem import DesignProblem
+from mrwork.control.design_problem import NO_CERTIFICATE, DesignProblem, Magnitudes
 from mrwork.control.law_design import design_candidates, design_law, settings_of
 from mrwork.control.laws import control_law
-from mrwork.control.setting_base import NO_CERTIFICATE, Magnitudes
 from mrwork.errors import SettingError
 from mrwork.motions import GroundMotion
 from mrwork.study.batches import RunCriteria, simulated_criteria
@@ -76,7 +75,9 @@ class Bench(Summarised):
         shape = (len(criteria()), *self.shape_of(len(candidates)))
         numbers, error, seconds = np.full(shape, math.inf), np.full(shape[1:], math.inf), 0.0
         for members, together in self._batches(law, candidates):
-            problem = self.problem if together else self.limited(candidates[members[0]].largest_command)
+            problem = (
+                self.problem if together else self.problem.limited_to(candidates[members[0]].largest_command)
+            )
             known = [settings_of(law, candidates[n].settings) for n in members]
             designed = design_candidates(law, problem, known)
             if designed.law is None:
@@ -117,17 +118,9 @@ class Bench(Summarised):
             for level in levels
         ]
 
-    def limited(self, largest: float) -> DesignProblem:
-        """The design problem with dampers that get a part of their largest command."""
-        devices = tuple(
-            replace(device, largest_command=min(largest, device.largest_command))
-            for device in self.problem.devices
-        )
-        return replace(self.problem, devices=devices)
-
     def arrangement_with(self, law: str, candidate: Candidate, label: str) -> Arrangement:
         """The dampers of the study under a law with these settings, as `mrwork respond` simulates it."""
-        problem = self.limited(candidate.largest_command)
+        problem = self.problem.limited_to(candidate.largest_command)
         return replace(
             self.arrangement,
             row=Row(label=label, kind="controller"),
@@ -138,7 +131,9 @@ class Bench(Summarised):
     def certificate(self, law: str, candidate: Candidate) -> str:
         """What is proved of a law with these settings."""
         try:
-            return settings_of(law, candidate.settings).certificate(self.limited(candidate.largest_command))
+            return settings_of(law, candidate.settings).certificate(
+                self.problem.limited_to(candidate.largest_command)
+            )
         except SettingError:
             return NO_CERTIFICATE
 

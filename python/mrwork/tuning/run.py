@@ -8,12 +8,12 @@ from dataclasses import fields, replace
 from typing import Literal
 
 from mrwork.arguments import Seed, Threads, checked
+from mrwork.control.design_problem import Magnitudes
 from mrwork.control.laws import control_law, control_laws
-from mrwork.control.setting_base import Magnitudes
 from mrwork.errors import Interrupted, SettingError
 from mrwork.keys import suggestion
 from mrwork.search.peers import library
-from mrwork.search.registry import OPTIMISERS, PEERS
+from mrwork.search.registry import ALL_OPTIMISERS
 from mrwork.store import Journal
 from mrwork.study.demand import DeviceDemand, damper_warnings
 from mrwork.study.study import Study, fingerprint_of
@@ -213,10 +213,11 @@ def _checked(table: TuneTable, study: Study) -> Objective:
     for law in table.laws:
         if law not in (known := [spec.name for spec in control_laws()]):
             refuse_within(table, f"no control law is called {law!r}{suggestion(law, known)}", "laws")
-    known = [*OPTIMISERS, *PEERS]
-    if table.search not in known:
+    if table.search not in ALL_OPTIMISERS:
         refuse_within(
-            table, f"no search is called {table.search!r}{suggestion(table.search, known)}", "search"
+            table,
+            f"no search is called {table.search!r}{suggestion(table.search, list(ALL_OPTIMISERS))}",
+            "search",
         )
     if table.budget < table.population:
         refuse_within(

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Literal, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.arguments import Share, Whole
-from mrwork.control.law_settings import SETTINGS
+from mrwork.control.design_problem import LawSettings, Magnitudes, Span
+from mrwork.control.law_design import SETTINGS
 from mrwork.control.laws import control_law, control_laws
-from mrwork.control.setting_base import LawSettings, Magnitudes, Span
-from mrwork.control.weights import CostWeights
 from mrwork.keys import is_required, keys_of, suggestion
 from mrwork.store.record import Related
 from mrwork.study.tuning_schema import TuneTable
@@ -167,10 +166,8 @@ def space_of(table: TuneTable, law: str, magnitudes: Magnitudes) -> SettingSpace
         entry.name: entry.metadata["span"] for entry in keys_of(kind) if entry.metadata["span"] is not None
     }
     held = _held(table, law, kind)
-    if issubclass(kind, CostWeights):
-        names = {entry.name for entry in fields(CostWeights)}
-        weights = {name: value for name, value in held.items() if name in names}
-        magnitudes = replace(magnitudes, cost=kind.cost(weights, magnitudes))
+    weights = {name: value for name, value in held.items() if name in kind.weight_names()}
+    magnitudes = replace(magnitudes, cost=kind.cost(weights, magnitudes))
     free = []
     for name in _free_names(table, law, kind, spans, held):
         given = (table.free or {}).get(name, ())
@@ -211,10 +208,8 @@ def _held(table: TuneTable, law: str, kind: type[LawSettings]) -> dict[str, Any]
                 "settings",
                 name,
             )
-    if issubclass(kind, CostWeights):
-        names = {entry.name for entry in fields(CostWeights)}
-        if not names & {*held, *(table.free or {})}:
-            held |= kind.weighed_by_default
+    if not kind.weight_names() & {*held, *(table.free or {})}:
+        held |= kind.weighed_by_default
     return held
 
 
@@ -245,13 +240,9 @@ def _free_names(
     names = [
         name
         for name, span in spans.items()
-        if span.free and name not in (table.settings or {}) and not (alone and _is_weight(name))
+        if span.free and name not in (table.settings or {}) and not (alone and name in kind.weight_names())
     ]
     return [*names, *([LARGEST] if commands else [])]
-
-
-def _is_weight(name: str) -> bool:
-    return name in {entry.name for entry in fields(CostWeights)}
 
 
 def _free(

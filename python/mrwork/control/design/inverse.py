@@ -11,8 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mrwork.arguments import Within, checked
 from mrwork.control.design.limits import LimitedOutputs, RmsLimits, as_forces
-from mrwork.control.design.lyapunov_equations import LyapunovEquations
-from mrwork.control.design.system import DesignSystem, system_of
+from mrwork.control.design.system import DesignSystem, LyapunovEquations, system_of
 from mrwork.control.plant import Plant
 from mrwork.control.riccati import solve_riccati
 from mrwork.errors import SettingError

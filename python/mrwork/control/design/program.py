@@ -10,7 +10,7 @@ import cvxpy as cp
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.control.design.riccati_dual import Rows, first_multipliers, regulated
+from mrwork.control.design.riccati_dual import SquaredRows, first_multipliers, regulated
 from mrwork.control.design.system import DesignSystem
 from mrwork.values import holds_arrays
 
@@ -48,7 +48,7 @@ class DualProgram:
     def __init__(
         self,
         systems: Sequence[DesignSystem],
-        rows_of: Callable[[DesignSystem, Floats, Floats], Rows],
+        rows_of: Callable[[DesignSystem, Floats, Floats], SquaredRows],
         budgets: Floats,
     ) -> None:
         self._without_control = np.max([system.rms_without_control() for system in systems], axis=0)
