@@ -18,8 +18,8 @@ from mrwork.dampers.spec import damper
 from mrwork.errors import SettingError
 from mrwork.keys import Place
 from mrwork.study.declared import located, read_table
-from mrwork.study.lines import parse
 from mrwork.study.print_schema import laws_text
+from mrwork.study.reading import parse
 
 # What each law is told here; those that need nothing are told nothing.
 TOLD = {

@@ -22,9 +22,8 @@ from mrwork.control.law_design import SETTINGS
 from mrwork.control.weights import WeightWishes
 from mrwork.errors import MrworkError
 from mrwork.keys import KeyPath, keys_of
-from mrwork.study.lines import parse
 from mrwork.study.print_schema import tables
-from mrwork.study.reading import read_study
+from mrwork.study.reading import parse, read_study
 from mrwork.tuning.objective import objective_of
 
 SOUND: Document = {

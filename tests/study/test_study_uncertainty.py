@@ -16,8 +16,7 @@ from mrwork.errors import SettingError
 from mrwork.study.batches import Band, simulated_criteria, varied_building
 from mrwork.study.dampers import IdentifiedDamper
 from mrwork.study.folder import study_document
-from mrwork.study.realisations import nominal
-from mrwork.study.study import Arrangement, Row, arranged
+from mrwork.study.study import Arrangement, Row, arranged, nominal
 
 CONTROLLER = """
 [[controller]]

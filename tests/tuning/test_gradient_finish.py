@@ -10,7 +10,7 @@ import tuning_samples
 
 import mrwork as mr
 from mrwork.errors import SettingError
-from mrwork.study.tuning_schema import TuneTable
+from mrwork.study.schema import TuneTable
 from mrwork.tuning.benches import benches_of
 from mrwork.tuning.gradient_finish import check_finish, gradient_finish, risk_weights
 from mrwork.tuning.objective import Objective, objective_of, risk_of

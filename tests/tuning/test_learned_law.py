@@ -12,7 +12,7 @@ import tuning_samples
 import mrwork as mr
 from mrwork.control.law_design import settings_of
 from mrwork.errors import InvalidSettingError
-from mrwork.study.tuning_schema import TuneTable
+from mrwork.study.schema import TuneTable
 from mrwork.tuning.benches import benches_of
 from mrwork.tuning.folder import chosen_study
 from mrwork.tuning.gradient_finish import gradient_finish

@@ -12,7 +12,7 @@ from mrwork.buildings.devices import Device
 from mrwork.control.design_problem import DesignProblem, Magnitudes
 from mrwork.control.law_design import SETTINGS, design_candidates, settings_of
 from mrwork.errors import SettingError
-from mrwork.study.tuning_schema import TuneTable
+from mrwork.study.schema import TuneTable
 from mrwork.tuning.space import LARGEST, FreeSetting, space_of
 
 MAGNITUDES = Magnitudes(

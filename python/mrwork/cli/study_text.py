@@ -9,16 +9,18 @@ from textwrap import wrap
 from mrwork.cli.output import table_lines
 from mrwork.closed_loop.evaluation import SCORE, criterion
 from mrwork.store.run_folder import REPORT
-from mrwork.study.comparison import ADD_BEST_PASSIVE, Comparison, compared, in_percent
-from mrwork.study.over_motions import (
+from mrwork.study.comparison import (
+    ADD_BEST_PASSIVE,
     MOST_IN_DETAIL,
+    Comparison,
     chosen_in_words,
+    compared,
+    in_percent,
     judged_in_words,
     motion_groups,
     times_better,
 )
-from mrwork.study.results import OFF_BALANCE, StudyResults
-from mrwork.study.step_check import ON_OFF, largest_step_changes
+from mrwork.study.results import OFF_BALANCE, ON_OFF, StudyResults, largest_step_changes
 from mrwork.study.study import Kind
 from mrwork.summary import with_decimals
 

@@ -26,8 +26,8 @@ from mrwork.summary import with_decimals
 if TYPE_CHECKING:
     from mrwork.store import Journal
     from mrwork.store.destination import Destination
+    from mrwork.study.schema import TuneTable
     from mrwork.study.study import Study
-    from mrwork.study.tuning_schema import TuneTable
     from mrwork.tuning.results import LawResult, TuningResults
 
 _QUICK = (48, 12)
@@ -132,7 +132,7 @@ def _tune(
 
 def _tables(study: Study, options: argparse.Namespace) -> tuple[TuneTable, ...]:
     """The tables of the command line or of the study; smaller ones for a quick look."""
-    from mrwork.study.tuning_schema import TuneTable
+    from mrwork.study.schema import TuneTable
 
     tables = (TuneTable(laws=tuple(options.law)),) if options.law else study.tunes
     if not options.quick:

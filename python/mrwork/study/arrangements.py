@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import inspect
+import math
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -14,18 +18,110 @@ from mrwork.buildings import Building
 from mrwork.buildings.devices import Device
 from mrwork.buildings.from_file import building_from_table
 from mrwork.buildings.matrix_files import read_matrix
+from mrwork.closed_loop.clairvoyant_search import ClairvoyantSettings
 from mrwork.closed_loop.hardware import Hardware
+from mrwork.closed_loop.prescribed import samples_of
+from mrwork.closed_loop.user_code import Undone, in_words, place_of, place_raised
 from mrwork.closed_loop.user_law import UserLaw
 from mrwork.control.design_problem import DesignProblem, LawSettings
 from mrwork.control.law_design import SETTINGS, design_law
 from mrwork.control.laws import ControlLaw, control_laws
 from mrwork.control.weights import WeightWishes
 from mrwork.keys import Place, keys_of, suggestion
+from mrwork.store import digest_of
+from mrwork.store.input_file import FileKind, text_of
 from mrwork.study.declared import given_values, located, read_table
-from mrwork.study.law_file import law_of_file
-from mrwork.study.schema import BaselineTable, ControllerTable, DamperTable, StudyTable
-from mrwork.study.study import Arrangement, Kind, Row, StudyLaw, arranged
-from mrwork.study.tuning_schema import TuneTable
+from mrwork.study.schema import (
+    BaselineTable,
+    ClairvoyantTable,
+    ControllerTable,
+    DamperTable,
+    LawFileTable,
+    StudyTable,
+    TuneTable,
+)
+from mrwork.study.study import Arrangement, ClairvoyantRow, Kind, Row, StudyLaw, arranged
+
+_PYTHON = FileKind(name="the Python file of a law", largest=1 << 20, remedy="give the Python file of the law")
+
+
+def running_in_words(table: LawFileTable, folder: Path) -> str:
+    """Which file is about to run as Python, and which line of the study names it."""
+    return f"{table.place.within('file')}: running {folder / table.file} as Python, for its function {table.function}"
+
+
+def law_of_file(table: LawFileTable, folder: Path) -> UserLaw:
+    """The law of a file, whose name is relative to `folder`."""
+    name = table.function
+    module, text = _run(table, folder / table.file)
+    functions = [each for each, value in vars(module).items() if inspect.isfunction(value)]
+    function = getattr(module, name, None)
+    if not callable(function):
+        near = suggestion(name, functions, otherwise="it has")
+        table.place.within("function").refuse(f"{table.file} has no function {name!r}{near}")
+    try:
+        inspect.signature(function).bind(None, None)
+    except TypeError:
+        table.place.within("function").refuse(
+            f"{name} ({place_of(function) or table.file}) does not take two arguments; write it as "
+            f"def {name}(sample, memory)"
+        )
+    except ValueError:
+        # A function of a compiled module may tell no arguments.
+        pass
+    with located(table.place.within("function")):
+        return UserLaw(name=name, command=function, n_memory=table.memory, source=digest_of(text))
+
+
+def _run(table: LawFileTable, path: Path) -> tuple[ModuleType, str]:
+    """The file as a module, and its text."""
+    where = table.place.within("file")
+    with located(where):
+        text = text_of(path, _PYTHON)
+    module: Any = ModuleType(f"mrwork_law_{digest_of(text)}")
+    module.__file__ = str(path)
+    # Dataclasses look for the module of their class.
+    sys.modules[module.__name__] = module
+    try:
+        with Undone():
+            exec(compile(text, str(path), "exec"), vars(module))
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
+        raised = place_raised(error, str(path)) or str(path)
+        where.refuse(f"{raised} failed when the file was run: {in_words(error)}; correct it")
+    return module, text
+
+
+def clairvoyant_row(
+    table: ClairvoyantTable, devices: Sequence[Device], hardware: Hardware, seed: int
+) -> ClairvoyantRow:
+    """The row of a table; `seed` is that of the random starts."""
+    if not any(device.spec.follows_command for device in devices):
+        table.place.refuse(
+            "there is no command to be chosen: the study has no damper that follows one; leave this table out, or give "
+            "a damper with laws"
+        )
+    if math.isfinite(hardware.command_rate):
+        table.place.refuse(
+            "the optimum knows no limit of the rate of the command, and [hardware] has a command_rate; leave one out"
+        )
+    with located(table.place.within("interval")):
+        samples_of(table.interval, hardware.sample_time)
+    return ClairvoyantRow(
+        row=Row(
+            label=table.label,
+            kind="clairvoyant",
+            description="the best command history found for each motion: non-causal, not certified",
+        ),
+        settings=ClairvoyantSettings(
+            interval=table.interval,
+            explore=table.explore,
+            finish=table.finish,
+            random_starts=table.random_starts,
+            seed=seed,
+        ),
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

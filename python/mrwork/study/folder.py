@@ -5,13 +5,14 @@ from __future__ import annotations
 import csv
 import io
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
 from mrwork import arguments
-from mrwork.arguments import Whole
+from mrwork.arguments import Count, NotNegative, Positive, Whole
+from mrwork.closed_loop.clairvoyant_search import Clairvoyant
 from mrwork.closed_loop.evaluation import Spread, criteria
 from mrwork.errors import RecordError
 from mrwork.records.operating_range import Exceedance, OperatingRange
@@ -32,15 +33,140 @@ from mrwork.store.run_folder import (
 )
 from mrwork.store.unfinished import INTERRUPTED
 from mrwork.study.batches import Band
-from mrwork.study.comparison import compared
-from mrwork.study.demand import largest_demand, names_outside, worst_by_quantity
-from mrwork.study.over_motions import judged_in_words
+from mrwork.study.comparison import Comparison, compared, judged_in_words, motion_groups, rounds_to_increase
 from mrwork.study.results import Key, MotionFacts, StudyCriteria, StudyResults
-from mrwork.study.run_result import OutcomeName, RunEnd
-from mrwork.study.stored_changes import StoredChanges, StoredGroup, stored_changes, stored_groups
-from mrwork.study.stored_clairvoyant import StoredClairvoyant, stored_clairvoyant
+from mrwork.study.run_result import OutcomeName, RunEnd, largest_demand, names_outside, worst_by_quantity
 from mrwork.study.stored_histories import Histories
 from mrwork.study.study import Kind, Row, StudyFile
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StoredChange:
+    """Change of a quantity relative to a reference, -0.2 for 20 % less: mean over motions, the largest, its motion."""
+
+    mean: OrNan
+    largest: OrNan
+    motion: str | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StoredChanges:
+    """A row in the results file: its rank, its score, and the changes of every quantity by name.
+
+    The references are the building without dampers and the passive damper with the lowest score. `worse` are the
+    quantities that increase on average.
+    """
+
+    controller: str
+    kind: Kind
+    rank: str
+    place: Count
+    score: OrNan
+    against_uncontrolled: dict[str, StoredChange]
+    worse_than_uncontrolled: tuple[str, ...]
+    against_best_passive: dict[str, StoredChange]
+    worse_than_best_passive: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StoredGroup:
+    """A group of motions in the results file, and the score of each row under them."""
+
+    name: str
+    motions: tuple[str, ...]
+    scores: dict[str, OrNan]
+
+
+def stored_groups(results: StudyCriteria) -> tuple[StoredGroup, ...]:
+    """The groups of the motions of a study, with the score of each row by its label."""
+    return tuple(
+        StoredGroup(
+            name=group.name,
+            motions=tuple(results.motions[motion].name for motion in group.motions),
+            scores={
+                row.label: results.score_under(number, group.motions)
+                for number, row in enumerate(results.rows)
+            },
+        )
+        for group in motion_groups(results)
+    )
+
+
+def stored_changes(comparison: Comparison) -> Iterator[StoredChanges]:
+    """Changes of every row, the rows of each rank together, the lowest score first."""
+    results = comparison.results
+
+    def against(row: int, reference: int | None) -> dict[str, StoredChange]:
+        if reference is None or reference == row:
+            return {}
+        return {
+            name: StoredChange(
+                mean=each.mean,
+                largest=each.largest,
+                motion=None if math.isnan(each.largest) else results.motions[each.motion].name,
+            )
+            for name, each in comparison.changes(row, reference).items()
+        }
+
+    for rank, rows in comparison.ranks:
+        for place, row in enumerate(rows, start=1):
+            bare, passive = against(row, comparison.uncontrolled), against(row, comparison.passive)
+            yield StoredChanges(
+                controller=results.rows[row].label,
+                kind=results.rows[row].kind,
+                rank=rank.name,
+                place=place,
+                score=results.score(row),
+                against_uncontrolled=bare,
+                worse_than_uncontrolled=_increased(bare),
+                against_best_passive=passive,
+                worse_than_best_passive=_increased(passive),
+            )
+
+
+def _increased(changes: Mapping[str, StoredChange]) -> tuple[str, ...]:
+    return tuple(name for name, change in changes.items() if rounds_to_increase(change.mean))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StoredStart:
+    """A start of the search: its score, and the one reached from it."""
+
+    name: str
+    start_score: OrNan
+    score: OrNan
+    evaluations: Whole
+    seconds: NotNegative
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StoredClairvoyant:
+    """The non-causal optimum of a motion: command of each interval [A or V], shape (n_intervals, n_devices)."""
+
+    motion: str
+    score: OrNan
+    ratios: dict[str, OrNan]
+    statement: str
+    starts: tuple[StoredStart, ...]
+    interval: Positive
+    command: tuple[tuple[float, ...], ...]
+
+
+def stored_clairvoyant(found: Clairvoyant) -> StoredClairvoyant:
+    """The optimum in the form of the results file."""
+    return StoredClairvoyant(
+        motion=found.motion,
+        score=found.score,
+        ratios=dict(found.ratios),
+        statement=found.statement,
+        starts=tuple(
+            StoredStart(**{entry.name: getattr(each, entry.name) for entry in fields(StoredStart)})
+            for each in found.starts
+        ),
+        interval=found.commands.interval,
+        command=tuple(map(tuple, found.commands.command.tolist())),
+    )
+
 
 # Every criterion by name; NaN if the run has none, `null` in the file.
 _Criteria = dict[str, OrNan]

@@ -4,24 +4,30 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.arguments import Threads, checked
-from mrwork.closed_loop.clairvoyant_search import Clairvoyant
+from mrwork.closed_loop.clairvoyant_problem import Floats
+from mrwork.closed_loop.clairvoyant_search import (
+    Clairvoyant,
+    ClairvoyantProgress,
+    ClairvoyantStart,
+    clairvoyant,
+)
 from mrwork.closed_loop.evaluation import score, values
+from mrwork.closed_loop.prescribed import PrescribedCommands, simulate_prescribed
 from mrwork.closed_loop.responses import Responses, history_signals
 from mrwork.closed_loop.simulate import simulate_loop
 from mrwork.errors import Interrupted, JournalError, SimulationError
 from mrwork.motions import GroundMotion
-from mrwork.store import Journal
+from mrwork.store import Journal, digest_of
 from mrwork.store.codec import plain
 from mrwork.study.arrangements import constant_command, constant_commands
-from mrwork.study.batches import RunCriteria, with_devices
-from mrwork.study.played_commands import PlayedCommands
+from mrwork.study.batches import RunCriteria, VariedResults, varied_criteria, with_devices
 from mrwork.study.results import Key, MotionFacts, StudyResults
 from mrwork.study.run_result import (
     RunHistory,
@@ -31,7 +37,6 @@ from mrwork.study.run_result import (
     result_of,
 )
 from mrwork.study.study import Arrangement, Row, Study, digest_of_run, fingerprint_of
-from mrwork.study.varied import VariedResults, varied_criteria
 from mrwork.summary import listed
 from mrwork.units import STANDARD_GRAVITY
 
@@ -377,3 +382,100 @@ def _with_best_constant(
 def _criteria(result: RunResult, weight: float) -> dict[str, NDArray[np.float64]]:
     found = values(result, weight=weight)
     return found if result.finished else {name: np.array(np.nan) for name in found}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlayedCommands:
+    """The non-causal optimum of a study that asks for it, under each of its motions."""
+
+    study: Study
+    threads: int
+
+    def searched(
+        self,
+        motion: int,
+        arrangements: Sequence[Arrangement],
+        results: StudyResults,
+        journal: Journal | None,
+        report: Callable[[str], None],
+    ) -> Clairvoyant:
+        """The optimum under a motion; one of the starts are the commands of the best law of `results`."""
+        asked, base = self.study.clairvoyant, self.study.at_zero
+        assert asked is not None
+        ground = self.study.grounds[motion]
+
+        def recall(name: str, start: Floats, search: Callable[[], ClairvoyantStart]) -> ClairvoyantStart:
+            report(f"{asked.row.label}, {ground.name}: {name}")
+            if journal is None:
+                return search()
+            inputs = digest_of(digest_of_run(base, ground), asdict(asked.settings), name, start)
+            return journal.once("clairvoyant", inputs, ClairvoyantStart, search)
+
+        def on_progress(progress: ClairvoyantProgress) -> None:
+            report(
+                f"{asked.row.label}, {ground.name}: {progress.start}, iteration {progress.iteration} of "
+                f"{progress.iterations}, score about {progress.smooth_score:.3f}"
+            )
+
+        return clairvoyant(
+            base.building,
+            base.devices,
+            ground,
+            self.study.hardware,
+            settings=asked.settings,
+            starts=self._law_starts(motion, arrangements, results),
+            floors=base.floors,
+            storeys=base.storeys,
+            on_progress=on_progress,
+            recall=recall,
+            threads=self.threads,
+        )
+
+    def run(
+        self, motion: int, found: Clairvoyant, *, histories: bool = False, step_factor: int = 1
+    ) -> tuple[RunResult, RunHistory | None]:
+        """The run of the loop with the commands that were found, and its history."""
+        base = self.study.at_zero
+        responses = simulate_prescribed(
+            base.building,
+            base.devices,
+            found.commands,
+            self.study.grounds[motion],
+            self.study.hardware,
+            histories=histories,
+            step_factor=step_factor,
+            threads=self.threads,
+        )
+        kept = None if responses.histories is None else history_of(responses.histories[0], base)
+        return result_of(responses, 0, base), kept
+
+    def _law_starts(
+        self, motion: int, arrangements: Sequence[Arrangement], results: StudyResults
+    ) -> dict[str, PrescribedCommands]:
+        """Commands of the control law with the lowest score under a motion, if there is one."""
+        asked = self.study.clairvoyant
+        assert asked is not None
+        laws = [
+            (results.score_under(row, (motion,)), row)
+            for row, each in enumerate(arrangements)
+            if each.row.kind == "controller" and row in results.finished(motion)
+        ]
+        if not laws:
+            return {}
+        best = arrangements[min(laws)[1]]
+        assert best.law is not None
+        run = simulate_loop(
+            best.building,
+            best.devices,
+            best.law,
+            [self.study.grounds[motion]],
+            self.study.hardware,
+            histories=True,
+            threads=self.threads,
+        )
+        assert run.histories is not None
+        return {
+            best.row.label: PrescribedCommands.of_history(
+                run.histories[0].command, self.study.hardware.sample_time, asked.settings.interval
+            )
+        }

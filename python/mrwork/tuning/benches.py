@@ -10,10 +10,9 @@ from mrwork.errors import SettingError
 from mrwork.motions import GroundMotion
 from mrwork.store import Journal, digest_of
 from mrwork.study.batches import RunCriteria, simulated_criteria
-from mrwork.study.demand import DeviceDemand, demands_of
-from mrwork.study.realisations import Realisations, nominal
 from mrwork.study.run import runs_of
-from mrwork.study.study import Study
+from mrwork.study.run_result import DeviceDemand, demands_of
+from mrwork.study.study import Realisations, Study, nominal
 from mrwork.summary import Summarised
 from mrwork.tuning.objective import Objective
 from mrwork.tuning.problem import Bench, Clock, check_controllable

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from mrwork.closed_loop.evaluation import criterion
 from mrwork.control.law_design import settings_of
 from mrwork.errors import SettingError
+from mrwork.study.schema import TuneTable
 from mrwork.study.study import Study
-from mrwork.study.tuning_schema import TuneTable
 from mrwork.tuning.objective import Objective, refuse_within
 from mrwork.tuning.problem import Bench
 from mrwork.tuning.space import LARGEST, SettingSpace

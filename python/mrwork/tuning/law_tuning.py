@@ -20,7 +20,7 @@ from mrwork.search.registry import ALL_OPTIMISERS
 from mrwork.search.result import SearchResult
 from mrwork.search.rules import EliteRule, StopRules
 from mrwork.store import digest_of
-from mrwork.study.tuning_schema import TuneTable
+from mrwork.study.schema import TuneTable
 from mrwork.tuning.benches import Benches, recorded
 from mrwork.tuning.first_candidates import Basis, FirstCandidate, first_candidates
 from mrwork.tuning.gradient_finish import Finish, gradient_finish

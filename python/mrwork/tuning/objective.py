@@ -14,7 +14,7 @@ from mrwork.closed_loop.evaluation import SCORE, criteria, criterion
 from mrwork.errors import SettingError
 from mrwork.keys import Place, suggestion
 from mrwork.study.batches import RunCriteria
-from mrwork.study.tuning_schema import Baseline, Combination, Risk, TuneTable
+from mrwork.study.schema import Baseline, Combination, Risk, TuneTable
 from mrwork.summary import Summarised
 from mrwork.units import number_in
 

@@ -17,8 +17,7 @@ from mrwork.control.laws import control_law
 from mrwork.errors import SettingError
 from mrwork.motions import GroundMotion
 from mrwork.study.batches import RunCriteria, simulated_criteria
-from mrwork.study.realisations import Realisations
-from mrwork.study.study import Arrangement, Row, Study
+from mrwork.study.study import Arrangement, Realisations, Row, Study
 from mrwork.summary import Summarised
 from mrwork.tuning.objective import PENALTY, Objective
 from mrwork.tuning.space import Candidate

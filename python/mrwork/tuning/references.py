@@ -10,7 +10,7 @@ import numpy as np
 
 from mrwork.store import digest_of
 from mrwork.study.run import LEVELS
-from mrwork.study.tuning_schema import TuneTable
+from mrwork.study.schema import TuneTable
 from mrwork.tuning.benches import Benches, recorded
 from mrwork.tuning.first_candidates import CONVEX, DASHPOTS, EQUAL, Basis, first_candidates
 from mrwork.tuning.objective import Objective

@@ -15,9 +15,9 @@ from mrwork.keys import suggestion
 from mrwork.search.peers import library
 from mrwork.search.registry import ALL_OPTIMISERS
 from mrwork.store import Journal
-from mrwork.study.demand import DeviceDemand, damper_warnings
+from mrwork.study.run_result import DeviceDemand, damper_warnings
+from mrwork.study.schema import Risk, TuneTable
 from mrwork.study.study import Study, fingerprint_of
-from mrwork.study.tuning_schema import Risk, TuneTable
 from mrwork.tuning.benches import benches_of
 from mrwork.tuning.first_candidates import basis_of
 from mrwork.tuning.front import front_of

@@ -16,7 +16,7 @@ from mrwork.control.law_design import SETTINGS
 from mrwork.control.laws import control_law, control_laws
 from mrwork.keys import is_required, keys_of, suggestion
 from mrwork.store.record import Related
-from mrwork.study.tuning_schema import TuneTable
+from mrwork.study.schema import TuneTable
 from mrwork.summary import Summarised, of_unit
 from mrwork.tuning.objective import refuse_within
 

@@ -8,8 +8,14 @@ from collections.abc import Collection
 from mrwork.closed_loop.evaluation import Criterion
 from mrwork.report.numbers import fixed
 from mrwork.report.section import NOTHING, Table
-from mrwork.study.comparison import LAWS, Change, Comparison, compared_quantities, rounds_to_increase
-from mrwork.study.over_motions import judged_in_words
+from mrwork.study.comparison import (
+    LAWS,
+    Change,
+    Comparison,
+    compared_quantities,
+    judged_in_words,
+    rounds_to_increase,
+)
 
 
 def leading_table(comparison: Comparison, row: int) -> Table:

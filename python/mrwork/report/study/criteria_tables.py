@@ -11,8 +11,7 @@ import numpy as np
 from mrwork.closed_loop.evaluation import criterion
 from mrwork.report.numbers import fixed, significant
 from mrwork.report.section import Table
-from mrwork.study.comparison import RANKS, Comparison
-from mrwork.study.over_motions import judged_in_words
+from mrwork.study.comparison import RANKS, Comparison, judged_in_words
 from mrwork.study.results import StudyCriteria, StudyResults
 from mrwork.study.study import Kind
 

@@ -13,8 +13,7 @@ from mrwork.report.numbers import fixed, significant
 from mrwork.report.section import NOTHING, Group, Section, Table, panel
 from mrwork.report.study.figures import short, strokes
 from mrwork.report.study.shown_rows import ShownRows
-from mrwork.study.comparison import Comparison
-from mrwork.study.over_motions import chosen_in_words, judged_in_words, motion_groups, times_better
+from mrwork.study.comparison import Comparison, chosen_in_words, judged_in_words, motion_groups, times_better
 from mrwork.study.results import StudyResults
 from mrwork.study.study import uses_in_words
 

@@ -21,8 +21,7 @@ from mrwork.report.study.sections import (
     uncertainty_section,
 )
 from mrwork.report.study.shown_rows import ShownRows, shown_rows
-from mrwork.study.comparison import ADD_BEST_PASSIVE, Comparison, compared
-from mrwork.study.over_motions import MOST_IN_DETAIL, judged_in_words
+from mrwork.study.comparison import ADD_BEST_PASSIVE, MOST_IN_DETAIL, Comparison, compared, judged_in_words
 from mrwork.study.results import OFF_BALANCE, StudyResults
 
 # Quantities of the headline; the section of changes has all of them.

@@ -13,9 +13,8 @@ from mrwork.report.section import NOTHING, Group, Section, Table, panel
 from mrwork.report.study.figures import energy_figure, profile_figure
 from mrwork.report.study.shown_rows import ShownRows
 from mrwork.study.batches import BAND, Band
-from mrwork.study.over_motions import MOST_IN_DETAIL
-from mrwork.study.results import StudyResults
-from mrwork.study.step_check import ON_OFF, largest_step_changes
+from mrwork.study.comparison import MOST_IN_DETAIL
+from mrwork.study.results import ON_OFF, StudyResults, largest_step_changes
 
 _QUANTITIES = (("peak_drift", "Peak drift"), ("peak_acceleration", "Peak acceleration"))
 
