@@ -24,7 +24,7 @@ from mrwork.errors import MrworkError
 from mrwork.keys import KeyPath, keys_of
 from mrwork.study.print_schema import tables
 from mrwork.study.reading import parse, read_study
-from mrwork.tuning.objective import objective_of
+from mrwork.tuning.space import objective_of
 
 SOUND: Document = {
     "building": {"masses": [300.0, 200.0], "stiffnesses": [1e6, 8e5], "rayleigh": {"a0": 0.1, "a1": 1e-4}},

@@ -11,11 +11,9 @@ import tuning_samples
 import mrwork as mr
 from mrwork.errors import SettingError
 from mrwork.study.schema import TuneTable
-from mrwork.tuning.benches import benches_of
-from mrwork.tuning.gradient_finish import check_finish, gradient_finish, risk_weights
-from mrwork.tuning.objective import Objective, objective_of, risk_of
-from mrwork.tuning.problem import Clock, magnitudes_of, scored
-from mrwork.tuning.space import space_of
+from mrwork.tuning.law_tuning import check_finish, gradient_finish, risk_weights
+from mrwork.tuning.problem import Clock, benches_of, magnitudes_of, scored
+from mrwork.tuning.space import Objective, objective_of, risk_of, space_of
 
 LAW = "proportional_direct"
 

@@ -13,14 +13,11 @@ import mrwork as mr
 from mrwork.control.law_design import settings_of
 from mrwork.errors import InvalidSettingError
 from mrwork.study.schema import TuneTable
-from mrwork.tuning.benches import benches_of
-from mrwork.tuning.folder import chosen_study
-from mrwork.tuning.gradient_finish import gradient_finish
-from mrwork.tuning.objective import objective_of
-from mrwork.tuning.problem import Clock, magnitudes_of, scored
-from mrwork.tuning.results import settings_in_words
+from mrwork.tuning.law_tuning import gradient_finish
+from mrwork.tuning.problem import Clock, benches_of, magnitudes_of, scored
+from mrwork.tuning.results import chosen_study, settings_in_words
 from mrwork.tuning.run import tune
-from mrwork.tuning.space import space_of
+from mrwork.tuning.space import objective_of, space_of
 
 LAW = "signal_network"
 TUNE = f"""

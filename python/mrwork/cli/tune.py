@@ -98,7 +98,7 @@ def _tune(
     began: float,
 ) -> int:
     from mrwork.store.unfinished import discard_journal, is_complete
-    from mrwork.tuning.folder import tuning_document
+    from mrwork.tuning.results import tuning_document
     from mrwork.tuning.run import tune
 
     line = ProgressLine(tuning_described, quiet=options.quiet or options.json, patience=PATIENCE)
@@ -154,7 +154,7 @@ def _write(
 ) -> bool:
     """Write the folder; return whether it has a page."""
     from mrwork.store.run_folder import TUNING_RUN
-    from mrwork.tuning.folder import write_tuning
+    from mrwork.tuning.results import write_tuning
 
     manifest = study_manifest(
         options, study.file, kind=TUNING_RUN.kind, title=results.title, status=results.status, seconds=seconds

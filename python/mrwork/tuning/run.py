@@ -18,16 +18,11 @@ from mrwork.store import Journal
 from mrwork.study.run_result import DeviceDemand, damper_warnings
 from mrwork.study.schema import Risk, TuneTable
 from mrwork.study.study import Study, fingerprint_of
-from mrwork.tuning.benches import benches_of
-from mrwork.tuning.first_candidates import basis_of
-from mrwork.tuning.front import front_of
-from mrwork.tuning.gradient_finish import check_finish
-from mrwork.tuning.law_tuning import Plan, TuningProgress, check_settings, tuned_law
-from mrwork.tuning.objective import Objective, objective_of, refuse_within, scored_criterion
-from mrwork.tuning.problem import Clock, check_controllable, magnitudes_of
-from mrwork.tuning.references import BEST_CONSTANT, best_constant, references_of
-from mrwork.tuning.results import Front, LawResult, TuningResults, compared_to
-from mrwork.tuning.space import space_of
+from mrwork.tuning.first_candidates import BEST_CONSTANT, basis_of, best_constant, references_of
+from mrwork.tuning.law_tuning import Plan, TuningProgress, check_finish, check_settings, front_of, tuned_law
+from mrwork.tuning.problem import Clock, benches_of, check_controllable, compared_to, magnitudes_of
+from mrwork.tuning.results import Front, LawResult, TuningResults
+from mrwork.tuning.space import Objective, objective_of, refuse_within, scored_criterion, space_of
 
 OnTuning = Callable[[TuningProgress], None]
 

@@ -43,7 +43,7 @@ from mrwork.store.run_folder import (
 from mrwork.study.folder import study_document
 from mrwork.study.stored_histories import Histories
 from mrwork.study.study import Study
-from mrwork.tuning.folder import tuning_document
+from mrwork.tuning.results import tuning_document
 
 MODEL: Final = "bingham"
 _STEPS: Final = 4
