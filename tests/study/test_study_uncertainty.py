@@ -13,7 +13,7 @@ import mrwork as mr
 from mrwork.buildings.tuned_mass import with_tuned_mass
 from mrwork.closed_loop.evaluation import criterion
 from mrwork.errors import SettingError
-from mrwork.study.batches import Band, simulated_criteria, varied_building
+from mrwork.study.batches import RealisationBand, simulated_criteria, varied_building
 from mrwork.study.dampers import IdentifiedDamper
 from mrwork.study.folder import study_document
 from mrwork.study.study import Arrangement, Row, arranged, nominal
@@ -133,7 +133,7 @@ def test_an_isolated_building_varies_above_its_isolators() -> None:
 
 
 def test_a_band_of_a_run_that_failed_is_open() -> None:
-    assert Band.of(np.array([1.0, np.inf])).upper == np.inf
+    assert RealisationBand.of(np.array([1.0, np.inf])).upper == np.inf
     assert criterion("peak_drift").ratio
 
 

@@ -12,7 +12,7 @@ from mrwork.store.run_folder import REPORT
 from mrwork.study.comparison import (
     ADD_BEST_PASSIVE,
     MOST_IN_DETAIL,
-    Comparison,
+    StudyComparison,
     chosen_in_words,
     compared,
     in_percent,
@@ -58,7 +58,7 @@ def study_text(results: StudyResults, folder: Path | None) -> str:
     return "\n".join([*lines, *([f"Report: {folder / REPORT}"] if folder else [])])
 
 
-def _leading_lines(comparison: Comparison) -> list[str]:
+def _leading_lines(comparison: StudyComparison) -> list[str]:
     """What the leading row changes, quantity by quantity, and what the passive dampers of the study leave open."""
     lines: list[str] = []
     if comparison.leading is not None:
@@ -69,7 +69,7 @@ def _leading_lines(comparison: Comparison) -> list[str]:
     return [*lines, ""] if lines else []
 
 
-def _change_lines(comparison: Comparison, reference: int) -> list[str]:
+def _change_lines(comparison: StudyComparison, reference: int) -> list[str]:
     """Changes of every row against a reference, the rows of each rank together."""
     results = comparison.results
     several = len(results.judged) > 1
@@ -113,7 +113,7 @@ def _motion_lines(results: StudyResults, motion: int) -> list[str]:
     return [f"{results.motions[motion].name}: criteria, and over {over}", *table_lines(table)]
 
 
-def _score_lines(comparison: Comparison) -> list[str]:
+def _score_lines(comparison: StudyComparison) -> list[str]:
     """The score of every row, its spread over the motions, and how often the row is better than a constant command."""
     results = comparison.results
     if not any(isfinite(results.score(row)) for row in range(len(results.rows))):
@@ -149,7 +149,7 @@ def _score_lines(comparison: Comparison) -> list[str]:
     return [*lines, *(line for note in notes for line in wrap(note, width=_WIDTH))]
 
 
-def _group_lines(comparison: Comparison) -> list[str]:
+def _group_lines(comparison: StudyComparison) -> list[str]:
     """The score of every row under each group of motions."""
     results = comparison.results
     groups = motion_groups(results)

@@ -71,7 +71,7 @@ BAND = 0.9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Band:
+class RealisationBand:
     """A number over realisations: median, and the ends between which 90 % of them lie; infinite where a run failed."""
 
     lower: OrNan
@@ -79,12 +79,12 @@ class Band:
     upper: OrInfinite
 
     @staticmethod
-    def of(values: Floats) -> Band:
+    def of(values: Floats) -> RealisationBand:
         """The band of one value for each realisation, shape (n,)."""
         if not np.isfinite(values).all():
-            return Band(lower=math.nan, median=math.nan, upper=math.inf)
+            return RealisationBand(lower=math.nan, median=math.nan, upper=math.inf)
         lower, median, upper = np.quantile(values, (0.5 * (1.0 - BAND), 0.5, 0.5 * (1.0 + BAND))).tolist()
-        return Band(lower=lower, median=median, upper=upper)
+        return RealisationBand(lower=lower, median=median, upper=upper)
 
 
 def simulated_criteria(
@@ -215,25 +215,29 @@ class VariedResults(Summarised):
     count: int
     rows: Mapping[int, RunCriteria]
 
-    def bands(self, row: int, motion: int) -> dict[str, Band]:
+    def bands(self, row: int, motion: int) -> dict[str, RealisationBand]:
         """Bands of every criterion of a row under a motion; none for a row that is not done."""
         found = self.rows.get(row)
         if found is None:
             return {}
-        return {entry.name: Band.of(found.of(entry.name)[0, motion]) for entry in criteria()}
+        return {entry.name: RealisationBand.of(found.of(entry.name)[0, motion]) for entry in criteria()}
 
-    def ratio_band(self, row: int, reference: int | None, motions: Sequence[int], name: str) -> Band | None:
+    def ratio_band(
+        self, row: int, reference: int | None, motions: Sequence[int], name: str
+    ) -> RealisationBand | None:
         """Band of the mean over motions of a criterion over that of a reference row in the same realisation."""
         ratios = self._ratios(row, reference, motions, name)
-        return None if ratios is None else Band.of(ratios)
+        return None if ratios is None else RealisationBand.of(ratios)
 
-    def score_band(self, row: int, reference: int | None, motions: Sequence[int]) -> Band | None:
+    def score_band(self, row: int, reference: int | None, motions: Sequence[int]) -> RealisationBand | None:
         """Band of the score over some motions, against a reference row in the same realisation."""
         parts = [self._ratios(row, reference, motions, name) for name in SCORE]
         known = [each for each in parts if each is not None]
-        return Band.of(np.mean(known, axis=0)) if len(known) == len(SCORE) else None
+        return RealisationBand.of(np.mean(known, axis=0)) if len(known) == len(SCORE) else None
 
-    def scores(self, labels: Sequence[str], reference: int | None, motions: Sequence[int]) -> dict[str, Band]:
+    def scores(
+        self, labels: Sequence[str], reference: int | None, motions: Sequence[int]
+    ) -> dict[str, RealisationBand]:
         """Bands of the scores of all rows by their labels."""
         found = {label: self.score_band(row, reference, motions) for row, label in enumerate(labels)}
         return {label: band for label, band in found.items() if band is not None}

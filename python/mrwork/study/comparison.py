@@ -122,7 +122,7 @@ def compared_quantities() -> tuple[Criterion, ...]:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Change:
+class QuantityChange:
     """Change of a quantity relative to a reference, -0.2 for 20 % less: mean over the test motions, and the largest.
 
     `motion` is the index of the motion of the largest. NaN if a run is missing or did not finish.
@@ -139,7 +139,7 @@ class Change:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class Comparison(Summarised):
+class StudyComparison(Summarised):
     """A study row by row: its ranks, the best passive damper, and the row that leads.
 
     `ranks` are the rows of each rank, the lowest score first; rows without a score last, in the order of the study.
@@ -153,7 +153,7 @@ class Comparison(Summarised):
     uncontrolled: int | None
     passive: int | None
     leading: int | None
-    tables: Mapping[tuple[int, int], dict[str, Change]]
+    tables: Mapping[tuple[int, int], dict[str, QuantityChange]]
 
     def _summary(self) -> Summary:
         facts = [] if self.leading is None else [("leading", self.heading(self.leading))]
@@ -194,7 +194,7 @@ class Comparison(Summarised):
         return next(rank for rank, rows in self.ranks if row in rows)
 
     @checked
-    def changes(self, row: int, reference: int) -> dict[str, Change]:
+    def changes(self, row: int, reference: int) -> dict[str, QuantityChange]:
         """Changes of the compared quantities of a row against one of the references, by name."""
         self._known(row)
         if reference not in self.references:
@@ -232,7 +232,7 @@ class Comparison(Summarised):
             if reference != row and (found := self._words_of(self.changes(row, reference)))
         ]
 
-    def _words_of(self, changes: dict[str, Change]) -> str:
+    def _words_of(self, changes: dict[str, QuantityChange]) -> str:
         known = [
             (entry, changes[entry.name])
             for entry in compared_quantities()
@@ -250,7 +250,7 @@ class Comparison(Summarised):
         )
         return f"{better}{'; ' if better else ''}worse: {worse}" if worse else better
 
-    def _largest(self, change: Change) -> str:
+    def _largest(self, change: QuantityChange) -> str:
         if len(self.results.judged) == 1:
             return ""
         return f" ({in_percent(change.largest)} % under {self.results.motions[change.motion].name})"
@@ -276,8 +276,12 @@ class Comparison(Summarised):
         return {entry.name: sum(each[entry.name].worse for each in found) for entry in compared_quantities()}
 
 
+Comparison = StudyComparison
+"""Its public name."""
+
+
 @checked
-def compared(results: StudyCriteria) -> Comparison:
+def compared(results: StudyCriteria) -> StudyComparison:
     """The comparison of the rows of a study."""
     scores = [results.score(row) for row in range(len(results.rows))]
     order = sorted(range(len(scores)), key=lambda row: (math.isnan(scores[row]), scores[row], row))
@@ -289,7 +293,7 @@ def compared(results: StudyCriteria) -> Comparison:
     first = {rank.name: rows[0] for rank, rows in ranks}
     leading = next((row for name, row in first.items() if name != "uncontrolled"), None)
     uncontrolled, passive = first.get("uncontrolled"), first.get(PASSIVE.name)
-    return Comparison(
+    return StudyComparison(
         results=results,
         ranks=ranks,
         uncontrolled=uncontrolled,
@@ -317,7 +321,7 @@ def in_percent(change: float) -> str:
     return "0" if text in ("+0", "-0") else text
 
 
-def _changes(results: StudyCriteria, row: int, reference: int) -> dict[str, Change]:
+def _changes(results: StudyCriteria, row: int, reference: int) -> dict[str, QuantityChange]:
     motions = results.judged
     ratios = [results.ratios_to(row, motion, reference) for motion in motions]
     return {
@@ -326,11 +330,11 @@ def _changes(results: StudyCriteria, row: int, reference: int) -> dict[str, Chan
     }
 
 
-def _change(changes: Sequence[float], motions: Sequence[int]) -> Change:
+def _change(changes: Sequence[float], motions: Sequence[int]) -> QuantityChange:
     if not changes or any(map(math.isnan, changes)):
-        return Change(mean=math.nan, largest=math.nan, motion=0)
+        return QuantityChange(mean=math.nan, largest=math.nan, motion=0)
     largest = max(changes)
-    return Change(
+    return QuantityChange(
         mean=math.fsum(changes) / len(changes), largest=largest, motion=motions[changes.index(largest)]
     )
 

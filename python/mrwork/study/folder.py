@@ -32,8 +32,14 @@ from mrwork.store.run_folder import (
     STUDY_RUN,
 )
 from mrwork.store.unfinished import INTERRUPTED
-from mrwork.study.batches import Band
-from mrwork.study.comparison import Comparison, compared, judged_in_words, motion_groups, rounds_to_increase
+from mrwork.study.batches import RealisationBand
+from mrwork.study.comparison import (
+    StudyComparison,
+    compared,
+    judged_in_words,
+    motion_groups,
+    rounds_to_increase,
+)
 from mrwork.study.results import Key, MotionFacts, StudyCriteria, StudyResults
 from mrwork.study.run_result import OutcomeName, RunEnd, largest_demand, names_outside, worst_by_quantity
 from mrwork.study.stored_histories import Histories
@@ -92,7 +98,7 @@ def stored_groups(results: StudyCriteria) -> tuple[StoredGroup, ...]:
     )
 
 
-def stored_changes(comparison: Comparison) -> Iterator[StoredChanges]:
+def stored_changes(comparison: StudyComparison) -> Iterator[StoredChanges]:
     """Changes of every row, the rows of each rank together, the lowest score first."""
     results = comparison.results
 
@@ -208,7 +214,7 @@ class StoredStudyRun(RunEnd, Related):
     outside_tested_range: tuple[str, ...] | None = None
     exceedances: tuple[Exceedance, ...] = ()
     demand: OperatingRange | None = None
-    bands: dict[str, Band] = field(default_factory=dict)
+    bands: dict[str, RealisationBand] = field(default_factory=dict)
 
     def disagreement(self) -> str:
         """Whether its tables have the criteria that there are, with numbers where it finished."""
@@ -251,7 +257,7 @@ class _Document(Related):
     changes: tuple[StoredChanges, ...] = ()
     clairvoyant: tuple[StoredClairvoyant, ...] = ()
     realisations: Whole = 0
-    score_bands: dict[str, Band] = field(default_factory=dict)
+    score_bands: dict[str, RealisationBand] = field(default_factory=dict)
 
     def disagreement(self) -> str:
         """Whether motions are named once, and each run is of one of them, of a row, and the only one of these."""

@@ -23,7 +23,7 @@ from mrwork.study.schema import TuneTable
 from mrwork.summary import Summarised
 from mrwork.tuning.problem import Bench, Benches, Scores, described, recorded, scored
 from mrwork.tuning.results import LawResult
-from mrwork.tuning.space import Candidate, FreeSetting, Objective, SettingSpace, space_of
+from mrwork.tuning.space import Candidate, FreeSetting, SettingSpace, TuningObjective, space_of
 
 _STEPS = 12
 _WEIGHT = "control_weight"
@@ -183,7 +183,7 @@ class _Reference:
     origin: str
 
 
-def references_of(benches: Benches, objective: Objective, basis: Basis) -> Iterator[LawResult]:
+def references_of(benches: Benches, objective: TuningObjective, basis: Basis) -> Iterator[LawResult]:
     """The references, each the best of its candidates on the training motions, in the nominal study.
 
     They are compared to i = 0 also where the laws are to the best constant command, which is one of them.

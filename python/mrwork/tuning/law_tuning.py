@@ -27,8 +27,8 @@ from mrwork.study.schema import TuneTable
 from mrwork.study.study import Study
 from mrwork.tuning.first_candidates import Basis, FirstCandidate, first_candidates
 from mrwork.tuning.problem import Bench, Benches, Scores, described, recorded, scored
-from mrwork.tuning.results import Front, FrontPoint, Judgement, LawResult, TracePoint, unjudged
-from mrwork.tuning.space import LARGEST, PENALTY, Candidate, Objective, SettingSpace, refuse_within
+from mrwork.tuning.results import Front, FrontPoint, LawResult, TracePoint, TuningJudgement, unjudged
+from mrwork.tuning.space import LARGEST, PENALTY, Candidate, SettingSpace, TuningObjective, refuse_within
 from mrwork.values import holds_arrays
 
 if TYPE_CHECKING:
@@ -99,7 +99,7 @@ class Finish:
 def gradient_finish(
     space: SettingSpace,
     bench: Bench,
-    objective: Objective,
+    objective: TuningObjective,
     start: Floats,
     steps: int,
 ) -> Finish:
@@ -147,7 +147,7 @@ def gradient_finish(
     return Finish(unit=unit, gradients=count)
 
 
-def risk_weights(scores: Floats, objective: Objective) -> Floats:
+def risk_weights(scores: Floats, objective: TuningObjective) -> Floats:
     """Weight of each score in the risk, its derivative in the scores, shape (n,)."""
     n = len(scores)
     if objective.risk == "mean":
@@ -176,7 +176,7 @@ def _gain_change(space: SettingSpace, bench: Bench, unit: Floats, place: int) ->
     return {name: (upper[name] - lower[name]) / (above - below) for name in upper}
 
 
-def _twin(law: str, bench: Bench, objective: Objective, largest: float) -> TunedLoop:
+def _twin(law: str, bench: Bench, objective: TuningObjective, largest: float) -> TunedLoop:
     from mrwork.twins.loop.tuned import TunedLoop, TwinDamper
 
     building, hardware = bench.arrangement.building, bench.study.hardware
@@ -264,17 +264,17 @@ class TuningProgress:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Plan:
+class LawPlan:
     """A law to be tuned."""
 
     table: TuneTable
     law: str
-    objective: Objective
+    objective: TuningObjective
     space: SettingSpace
     label: str
 
 
-def check_settings(plan: Plan, bench: Bench) -> None:
+def check_settings(plan: LawPlan, bench: Bench) -> None:
     """Refuse settings of a table that no candidate can have, as weights of other floors than those of the building."""
     candidate = plan.space.candidate(plan.space.start)
     try:
@@ -288,7 +288,7 @@ def check_settings(plan: Plan, bench: Bench) -> None:
         return
 
 
-def tuned_law(plan: Plan, benches: Benches, basis: Basis, *, rng: int, report: Report) -> LawResult:
+def tuned_law(plan: LawPlan, benches: Benches, basis: Basis, *, rng: int, report: Report) -> LawResult:
     """Tune a law and judge it."""
     began = time.perf_counter()
     table = plan.table
@@ -310,7 +310,7 @@ def tuned_law(plan: Plan, benches: Benches, basis: Basis, *, rng: int, report: R
     trace = [TracePoint(candidates=len(candidates), least=least)]
     report(len(candidates), least)
 
-    def result(train: Judgement, test: Judgement | None, certificate: str) -> LawResult:
+    def result(train: TuningJudgement, test: TuningJudgement | None, certificate: str) -> LawResult:
         return LawResult(
             law=plan.law,
             label=plan.label,
@@ -365,7 +365,7 @@ class _Finished:
     gradients: int
 
 
-def _finished(plan: Plan, bench: Bench, benches: Benches, chosen: Candidate) -> _Finished:
+def _finished(plan: LawPlan, bench: Bench, benches: Benches, chosen: Candidate) -> _Finished:
     """The candidate that gradients reach from the chosen one, with its misfit in the loop."""
     start = plan.space.unit(chosen)
     if start is None:
@@ -393,7 +393,7 @@ def _finished(plan: Plan, bench: Bench, benches: Benches, chosen: Candidate) -> 
 
 
 def _searched(
-    plan: Plan,
+    plan: LawPlan,
     bench: Bench,
     benches: Benches,
     firsts: tuple[Candidate, ...],
@@ -458,7 +458,7 @@ def _optimiser(table: TuneTable, n_params: int, best: Floats | None) -> Optimise
     )
 
 
-def front_of(plan: Plan, benches: Benches, basis: Basis, *, rng: int, report: Report) -> Front:
+def front_of(plan: LawPlan, benches: Benches, basis: Basis, *, rng: int, report: Report) -> Front:
     """Search the front of a law on the training motions, and evaluate its points on the test motions."""
     table, space = plan.table, plan.space
     bench = benches.searched(robust=table.robust)
@@ -504,13 +504,13 @@ def front_of(plan: Plan, benches: Benches, basis: Basis, *, rng: int, report: Re
     )
 
 
-def _ratios(found: RunCriteria, bench: Bench, parts: list[Objective]) -> Floats:
+def _ratios(found: RunCriteria, bench: Bench, parts: list[TuningObjective]) -> Floats:
     """The objectives of candidates over their baseline, shape (n_candidates, n_objectives)."""
     return np.column_stack([part.value(part.run_scores(found, bench.baseline(part))) for part in parts])
 
 
 def _evaluated(
-    benches: Benches, bench: Bench, plan: Plan, parts: list[Objective], candidates: list[Candidate]
+    benches: Benches, bench: Bench, plan: LawPlan, parts: list[TuningObjective], candidates: list[Candidate]
 ) -> Floats:
     inputs = digest_of(plan.label, candidates, [motion.name for motion in bench.motions])
     found = recorded(

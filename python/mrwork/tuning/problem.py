@@ -18,13 +18,13 @@ from mrwork.control.laws import control_law
 from mrwork.errors import SettingError
 from mrwork.motions import GroundMotion
 from mrwork.store import Journal, digest_of
-from mrwork.study.batches import Band, RunCriteria, simulated_criteria
+from mrwork.study.batches import RealisationBand, RunCriteria, simulated_criteria
 from mrwork.study.run import runs_of
 from mrwork.study.run_result import DeviceDemand, demands_of
 from mrwork.study.study import Arrangement, Realisations, Row, Study, nominal
 from mrwork.summary import Summarised
-from mrwork.tuning.results import Better, Judgement, MotionScore
-from mrwork.tuning.space import PENALTY, Candidate, Objective, over
+from mrwork.tuning.results import Better, MotionScore, TuningJudgement
+from mrwork.tuning.space import PENALTY, Candidate, TuningObjective, over
 from mrwork.values import holds_arrays
 
 Floats = NDArray[np.float64]
@@ -62,7 +62,7 @@ class Bench(Summarised):
     clock: Clock
     constant: RunCriteria | None = None
 
-    def baseline(self, objective: Objective) -> RunCriteria:
+    def baseline(self, objective: TuningObjective) -> RunCriteria:
         """What the criteria of an objective are divided by."""
         if objective.relative_to == "passive_off":
             return self.passive
@@ -182,7 +182,7 @@ class Scores(Summarised):
         return int(np.argmin(self.penalised))
 
 
-def scored(bench: Bench, objective: Objective, law: str, candidates: Sequence[Candidate]) -> Scores:
+def scored(bench: Bench, objective: TuningObjective, law: str, candidates: Sequence[Candidate]) -> Scores:
     """The scores of candidates on a bench."""
     found = bench.run(law, candidates)
     value = objective.value(objective.run_scores(found, bench.baseline(objective)))
@@ -233,7 +233,7 @@ def described(candidate: Candidate) -> Mapping[str, object]:
 
 
 # That of a study, whatever a table minimises, so that all laws are compared by one number.
-_SCORE = Objective(weights=dict.fromkeys(SCORE, 1.0))
+_SCORE = TuningObjective(weights=dict.fromkeys(SCORE, 1.0))
 
 
 class Shaped(Protocol):
@@ -291,8 +291,8 @@ class Benches(Summarised):
         )
 
     def judgements(
-        self, law: str, candidate: Candidate, objective: Objective, *, robust: bool
-    ) -> tuple[Judgement, Judgement | None]:
+        self, law: str, candidate: Candidate, objective: TuningObjective, *, robust: bool
+    ) -> tuple[TuningJudgement, TuningJudgement | None]:
         """A candidate on the training and on the test motions; bands are of the test motions, if there are any."""
         wide = self.training_varied if robust or self.testing is None else None
         train = self._judged(self.training, wide, law, candidate, objective, robust)
@@ -324,9 +324,9 @@ class Benches(Summarised):
         wide: Bench | None,
         law: str,
         candidate: Candidate,
-        objective: Objective,
+        objective: TuningObjective,
         robust: bool,
-    ) -> Judgement:
+    ) -> TuningJudgement:
         def on(each: Bench) -> RunCriteria:
             inputs = digest_of(
                 law, candidate, [motion.name for motion in each.motions], len(each.realisations)
@@ -424,8 +424,8 @@ class Varied:
 
 
 def judged(
-    bench: Bench, objective: Objective, found: RunCriteria, varied: Varied | None, *, robust: bool
-) -> Judgement:
+    bench: Bench, objective: TuningObjective, found: RunCriteria, varied: Varied | None, *, robust: bool
+) -> TuningJudgement:
     """The judgement of one candidate.
 
     Parameters
@@ -445,7 +445,7 @@ def judged(
         value_of, on = varied.found, varied.bench
     scores = objective.run_scores(value_of, on.baseline(objective))
     numbers = {name: float(values.mean()) for name, values in per_motion.items()}
-    return Judgement(
+    return TuningJudgement(
         score=numbers.pop("score"),
         objective=float(objective.value(scores)[0]),
         violation=_finite(float(objective.violation(value_of)[0])),
@@ -477,12 +477,12 @@ def _ratios(found: RunCriteria, passive: RunCriteria) -> dict[str, Floats]:
     }
 
 
-def _bands(ratios: Mapping[str, Floats]) -> dict[str, Band]:
+def _bands(ratios: Mapping[str, Floats]) -> dict[str, RealisationBand]:
     """Bands of the means over motions."""
-    return {name: Band.of(values[0].mean(axis=0)) for name, values in ratios.items()}
+    return {name: RealisationBand.of(values[0].mean(axis=0)) for name, values in ratios.items()}
 
 
-def compared_to(law: Judgement, constant: Judgement) -> Better:
+def compared_to(law: TuningJudgement, constant: TuningJudgement) -> Better:
     """How often a law is better than a constant command, motion by motion."""
     pairs: Sequence[tuple[MotionScore, MotionScore]] = list(zip(law.motions, constant.motions, strict=True))
 

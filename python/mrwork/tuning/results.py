@@ -25,7 +25,7 @@ from mrwork.store.output_folder import write_folder
 from mrwork.store.parse import toml_table
 from mrwork.store.record import OrInfinite, OrNan, Related, read_document
 from mrwork.store.run_folder import CHOSEN, JOURNAL, REPORT, RESULTS, SCORES_TABLE, STUDY, TUNING_RUN
-from mrwork.study.batches import Band
+from mrwork.study.batches import RealisationBand
 from mrwork.study.study import StudyFile
 from mrwork.summary import Summarised, Summary, listed, rounded, with_decimals
 from mrwork.tuning.space import LARGEST, Candidate, FreeSetting
@@ -51,7 +51,7 @@ class MotionScore:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class Judgement(Summarised):
+class TuningJudgement(Summarised):
     """A law on some motions, in the nominal study.
 
     `score` is that of a study, whatever is minimised: the mean over motions of peak and rms drift and acceleration over
@@ -69,12 +69,16 @@ class Judgement(Summarised):
     spread: dict[str, Spread]
     motions: tuple[MotionScore, ...]
     energy_error: OrNan
-    bands: dict[str, Band] = field(default_factory=dict)
+    bands: dict[str, RealisationBand] = field(default_factory=dict)
 
 
-def unjudged(objective: float) -> Judgement:
+Judgement = TuningJudgement
+"""Its public name."""
+
+
+def unjudged(objective: float) -> TuningJudgement:
     """The judgement of an interrupted tuning, of which only the objective is known."""
-    return Judgement(
+    return TuningJudgement(
         score=math.nan,
         objective=objective,
         violation=0.0,
@@ -117,8 +121,8 @@ class LawResult(Summarised, Related):
     label: str
     settings: dict[str, Any]
     origin: str
-    train: Judgement
-    test: Judgement | None
+    train: TuningJudgement
+    test: TuningJudgement | None
     candidates: Whole
     seconds: NotNegative
     certificate: str
@@ -249,7 +253,7 @@ class TuningResults(Summarised):
         )
 
 
-def _judged(law: LawResult) -> Judgement:
+def _judged(law: LawResult) -> TuningJudgement:
     return law.train if law.test is None else law.test
 
 
@@ -410,7 +414,7 @@ def _scores_csv(results: TuningResults) -> str:
     return target.getvalue()
 
 
-def _lines(law: LawResult, use: str, found: Judgement | None, names: Sequence[str]) -> list[list[str]]:
+def _lines(law: LawResult, use: str, found: TuningJudgement | None, names: Sequence[str]) -> list[list[str]]:
     return [
         [law.label, use, each.motion, f"{each.score:.9g}", *(f"{each.criteria[name]:.9g}" for name in names)]
         for each in (() if found is None else found.motions)

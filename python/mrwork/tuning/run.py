@@ -19,10 +19,17 @@ from mrwork.study.run_result import DeviceDemand, damper_warnings
 from mrwork.study.schema import Risk, TuneTable
 from mrwork.study.study import Study, fingerprint_of
 from mrwork.tuning.first_candidates import BEST_CONSTANT, basis_of, best_constant, references_of
-from mrwork.tuning.law_tuning import Plan, TuningProgress, check_finish, check_settings, front_of, tuned_law
+from mrwork.tuning.law_tuning import (
+    LawPlan,
+    TuningProgress,
+    check_finish,
+    check_settings,
+    front_of,
+    tuned_law,
+)
 from mrwork.tuning.problem import Clock, benches_of, check_controllable, compared_to, magnitudes_of
 from mrwork.tuning.results import Front, LawResult, TuningResults
-from mrwork.tuning.space import Objective, objective_of, refuse_within, scored_criterion, space_of
+from mrwork.tuning.space import TuningObjective, objective_of, refuse_within, scored_criterion, space_of
 
 OnTuning = Callable[[TuningProgress], None]
 
@@ -103,7 +110,7 @@ def tune(
             benches = benches.with_constant(best_constant(references))
         for number, plan in enumerate(plans):
 
-            def report(candidates: int, least: float, plan: Plan = plan, done: int = number) -> None:
+            def report(candidates: int, least: float, plan: LawPlan = plan, done: int = number) -> None:
                 on_progress(
                     TuningProgress(
                         label=plan.label,
@@ -168,10 +175,10 @@ def _beside(law: LawResult, constant: LawResult | None) -> LawResult:
 
 
 def _plans(
-    study: Study, tables: Sequence[TuneTable], objectives: Sequence[Objective], magnitudes: Magnitudes
-) -> list[Plan]:
+    study: Study, tables: Sequence[TuneTable], objectives: Sequence[TuningObjective], magnitudes: Magnitudes
+) -> list[LawPlan]:
     plans = [
-        Plan(
+        LawPlan(
             table=table,
             law=law,
             objective=objective,
@@ -201,7 +208,7 @@ def _tables(
     return found
 
 
-def _checked(table: TuneTable, study: Study) -> Objective:
+def _checked(table: TuneTable, study: Study) -> TuningObjective:
     """The objective of a table whose names exist."""
     if not table.laws:
         refuse_within(table, "laws is empty; name the laws to be tuned", "laws")
@@ -252,7 +259,7 @@ def _label(table: TuneTable, law: str) -> str:
     return f"{title}, {table.label or 'tuned'}"
 
 
-def _check_labels(plans: Sequence[Plan], others: Sequence[str]) -> None:
+def _check_labels(plans: Sequence[LawPlan], others: Sequence[str]) -> None:
     """Refuse a label that another result or an arrangement of the study has, since `chosen.toml` has both."""
     seen = set(others)
     for plan in plans:

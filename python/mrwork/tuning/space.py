@@ -41,7 +41,7 @@ class Limit:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class Objective(Summarised):
+class TuningObjective(Summarised):
     """What a tuning minimises.
 
     The score of a run is the mean (or the largest, by `combine`) of its criteria over those of the baseline
@@ -96,6 +96,10 @@ class Objective(Summarised):
         return f"{risk} of the {taken} of {names}, each over its value {under}"
 
 
+Objective = TuningObjective
+"""Its public name."""
+
+
 def _weighted(name: str, weight: float) -> str:
     text = criterion(name).title.lower().replace("rms", "RMS")
     return text if weight == 1.0 else f"{weight:g} x {text}"
@@ -126,7 +130,7 @@ def risk_of(scores: Floats, risk: Risk, tail: float) -> Floats:
     return np.asarray(parts.sum(axis=1) / weights.sum())
 
 
-def objective_of(table: TuneTable, command_unit: str) -> Objective:
+def objective_of(table: TuneTable, command_unit: str) -> TuningObjective:
     """The objective of a table."""
     given = table.criteria or SCORE
     weights = dict(given) if isinstance(given, Mapping) else dict.fromkeys(given, 1.0)
@@ -144,7 +148,7 @@ def objective_of(table: TuneTable, command_unit: str) -> Objective:
         Limit(criterion=name, limit=_limit(table, name, value, command_unit))
         for name, value in (table.constraints or {}).items()
     )
-    return Objective(
+    return TuningObjective(
         weights=weights,
         risk=table.risk,
         tail=_TAIL if table.tail is None else table.tail,
