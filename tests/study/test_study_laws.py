@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mrwork.buildings.devices import Device
-from mrwork.buildings.published import building
+from mrwork.buildings.shear import building
 from mrwork.control.design_problem import Design, DesignProblem, LawSettings
 from mrwork.control.law_design import SETTINGS
 from mrwork.control.laws import ControlLaw, control_law, control_laws

@@ -10,7 +10,7 @@ import pytest
 import tuning_samples
 
 import mrwork as mr
-from mrwork.buildings.tuned_mass import with_tuned_mass
+from mrwork.buildings.passive_devices import with_tuned_mass
 from mrwork.closed_loop.evaluation import criterion
 from mrwork.errors import SettingError
 from mrwork.study.batches import RealisationBand, simulated_criteria, varied_building

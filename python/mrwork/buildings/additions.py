@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag, eigh
 
 from mrwork.arguments import checked
-from mrwork.buildings.elements import carried
-from mrwork.buildings.matrices import Building
+from mrwork.buildings.matrices import Building, carried
 from mrwork.buildings.modes import modes_of
 from mrwork.errors import SettingError
 from mrwork.keys import SMALLEST

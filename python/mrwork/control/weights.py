@@ -120,7 +120,7 @@ class WeightWishes(RmsLimits, metaclass=DeclaredTable):
                     "record", "the spectrum is fitted to the record, or given by its numbers; keep one"
                 )
             from mrwork.motions.read import read_motion
-            from mrwork.motions.spectrum_fit import fitted_spectrum
+            from mrwork.motions.spectrum import fitted_spectrum
 
             return fitted_spectrum(read_motion(self.record), self.spectrum)
         soil = KanaiTajimi(

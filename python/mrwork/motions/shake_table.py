@@ -12,8 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mrwork.arguments import Positive, Within, checked
 from mrwork.errors import SettingError
-from mrwork.motions.ground_motion import GroundMotion, changed
-from mrwork.motions.processing import resampled, scaled
+from mrwork.motions.ground_motion import GroundMotion, changed, resampled, scaled
 from mrwork.motions.spectrum import oscillator_step
 from mrwork.summary import Summarised
 

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from mrwork.arguments import Seed, checked
 from mrwork.errors import SettingError
 from mrwork.keys import SMALLEST
-from mrwork.motions.ground_motion import GroundMotion
-from mrwork.motions.processing import check_samples, scaled_to_peak
+from mrwork.motions.ground_motion import GroundMotion, check_samples, scaled_to_peak
 from mrwork.motions.spectral_density import CloughPenzien, SpectralDensity
 
 # Run-in time of the filter before the motion begins, in its longest time constant.

@@ -13,10 +13,11 @@ from pathlib import Path
 import numpy as np
 
 from mrwork.motions import GroundMotion
-from mrwork.motions.likeness import is_copy, likeness
-from mrwork.motions.processing import (
+from mrwork.motions.ground_motion import (
     baseline_corrected,
     check_samples,
+    is_copy,
+    likeness,
     resampled,
     scaled,
     scaled_to_peak,

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.arguments import Threads, checked
-from mrwork.closed_loop.clairvoyant_problem import Floats
 from mrwork.closed_loop.clairvoyant_search import (
     Clairvoyant,
     ClairvoyantProgress,
     ClairvoyantStart,
+    Floats,
     clairvoyant,
 )
 from mrwork.closed_loop.evaluation import score, values
