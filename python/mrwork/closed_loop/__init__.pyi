@@ -13,12 +13,12 @@ from .evaluation import score as score
 from .evaluation import values as values
 from .hardware import Fault as Fault
 from .hardware import Hardware as Hardware
-from .prescribed import PrescribedCommands as PrescribedCommands
-from .prescribed import simulate_prescribed as simulate_prescribed
 from .responses import History as History
 from .responses import Responses as Responses
 from .simulate import Device as Device
+from .simulate import PrescribedCommands as PrescribedCommands
 from .simulate import loop_observer as loop_observer
 from .simulate import simulate_loop as simulate_loop
+from .simulate import simulate_prescribed as simulate_prescribed
 from .user_law import LoopSample as LoopSample
 from .user_law import UserLaw as UserLaw

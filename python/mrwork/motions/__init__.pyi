@@ -10,11 +10,11 @@ from .ground_motion import time_scaled as time_scaled
 from .ground_motion import trimmed as trimmed
 from .read import read_motion as read_motion
 from .read import read_motions as read_motions
-from .shake_table import ShakeTable as ShakeTable
-from .shake_table import TableDemand as TableDemand
 from .spectral_density import CloughPenzien as CloughPenzien
 from .spectral_density import KanaiTajimi as KanaiTajimi
 from .spectrum import ResponseSpectrum as ResponseSpectrum
+from .spectrum import ShakeTable as ShakeTable
+from .spectrum import TableDemand as TableDemand
 from .spectrum import fitted_spectrum as fitted_spectrum
 from .spectrum import response_spectrum as response_spectrum
 from .suites import suite as suite

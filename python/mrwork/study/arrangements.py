@@ -19,7 +19,7 @@ from mrwork.buildings.devices import Device
 from mrwork.buildings.from_file import building_from_table, read_matrix
 from mrwork.closed_loop.clairvoyant_search import ClairvoyantSettings
 from mrwork.closed_loop.hardware import Hardware
-from mrwork.closed_loop.prescribed import samples_of
+from mrwork.closed_loop.simulate import samples_of
 from mrwork.closed_loop.user_law import Undone, UserLaw, in_words, place_of, place_raised
 from mrwork.control.design_problem import DesignProblem, LawSettings
 from mrwork.control.law_design import SETTINGS, design_law

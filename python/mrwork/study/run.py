@@ -19,9 +19,8 @@ from mrwork.closed_loop.clairvoyant_search import (
     clairvoyant,
 )
 from mrwork.closed_loop.evaluation import score, values
-from mrwork.closed_loop.prescribed import PrescribedCommands, simulate_prescribed
 from mrwork.closed_loop.responses import Responses, history_signals
-from mrwork.closed_loop.simulate import simulate_loop
+from mrwork.closed_loop.simulate import PrescribedCommands, simulate_loop, simulate_prescribed
 from mrwork.errors import Interrupted, JournalError, SimulationError
 from mrwork.motions import GroundMotion
 from mrwork.store import Journal, digest_of
