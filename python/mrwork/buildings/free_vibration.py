@@ -1,4 +1,4 @@
-"""Frequency and damping of a mode from a free-vibration record: the estimate, and the peak of the Fourier spectrum.
+"""Frequency and damping of a mode from a free-vibration record: peak of the Fourier spectrum, logarithmic decrement.
 
 `fourier_peak` and `logarithmic_decrement` are independent methods that check each other. Their standard errors hold
 for white noise on an exponentially decaying mode. Where the ground still moves, or frequency and damping change with

@@ -1,4 +1,4 @@
-"""Plane building model: its matrices, what follows from them (modes, floors, storeys), and the checks on them."""
+"""Plane building model: its matrices, its passive elements, what follows from them, and the checks on them."""
 
 from __future__ import annotations
 

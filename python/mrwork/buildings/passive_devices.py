@@ -1,4 +1,4 @@
-"""Passive devices that yield, slip or slosh: metallic and friction dampers, lead-rubber bearings, liquid columns."""
+"""Passive devices of a building: yielding and friction dampers, lead-rubber bearings, liquid columns, tuned masses."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Shear buildings: rigid floors, with one spring and one dashpot per storey."""
+"""Shear buildings: rigid floors, with one spring and one dashpot per storey; and buildings from the literature."""
 
 from __future__ import annotations
 

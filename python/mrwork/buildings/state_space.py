@@ -1,4 +1,4 @@
-"""Linear systems of first order: from and to buildings, exchange with python-control, matrices from files."""
+"""Linear systems of first order: from and to buildings, model reduction, exchange with python-control, files."""
 
 from __future__ import annotations
 

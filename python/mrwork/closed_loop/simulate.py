@@ -1,4 +1,4 @@
-"""Simulate buildings in closed loop: candidates x motions x draws of the dampers in one call."""
+"""Simulate buildings in closed loop: candidates x motions x draws of the dampers in a call; prescribed commands."""
 
 from __future__ import annotations
 
@@ -502,7 +502,8 @@ def samples_of(interval: float, sample_time: float) -> int:
     count = round(min(interval / sample_time, 2.0 * _MOST_PER_INTERVAL))
     if count > _MOST_PER_INTERVAL:
         raise SettingError(
-            f"`interval` is {interval:g} s, more than {_MOST_PER_INTERVAL} samples of {sample_time:g} s; give a shorter one"
+            f"`interval` is {interval:g} s, more than {_MOST_PER_INTERVAL} samples of {sample_time:g} s; give a shorter "
+            "one"
         )
     if count < 1 or abs(interval / sample_time - count) > 1e-6:
         raise SettingError(

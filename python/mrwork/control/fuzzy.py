@@ -1,4 +1,4 @@
-"""Fuzzy controller with five sets, as a table: share of the largest command over deformation and rate."""
+"""Fuzzy law with five sets, as a table: share of the largest command over deformation and rate; and its settings."""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Inverse model of a damper as a small neural network: the command for a wanted force."""
+"""Inverse model of a damper as a small neural network: the command for a wanted force.
+
+It is trained on random motions with the commands that give the wanted forces.
+"""
 
 from __future__ import annotations
 

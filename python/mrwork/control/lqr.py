@@ -1,4 +1,4 @@
-"""Linear quadratic regulators: gains from the state to the wanted forces, and published weights."""
+"""Linear quadratic regulators: their cost, gains from the state to the wanted forces, and published weights."""
 
 from __future__ import annotations
 

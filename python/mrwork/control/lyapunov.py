@@ -1,4 +1,4 @@
-"""Lyapunov functions of a building, and the vectors by which control laws decrease them."""
+"""Lyapunov functions of a building, the vectors by which laws decrease them, and the settings of these laws."""
 
 from __future__ import annotations
 

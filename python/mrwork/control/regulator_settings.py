@@ -1,4 +1,4 @@
-"""Settings of the laws that are designed from a linear quadratic regulator."""
+"""Settings of the laws that are designed from a linear quadratic regulator; some are functions of measured signals."""
 
 from __future__ import annotations
 

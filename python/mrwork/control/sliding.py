@@ -1,4 +1,4 @@
-"""Sliding surfaces of a building with devices, and the gains of sliding-mode laws."""
+"""Sliding-mode laws: surfaces of a building with devices, the gains, and the settings of the laws."""
 
 from __future__ import annotations
 

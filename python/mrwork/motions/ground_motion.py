@@ -1,4 +1,7 @@
-"""Ground motion: horizontal acceleration of the ground, sampled uniformly."""
+"""Ground motion: horizontal acceleration of the ground, sampled uniformly; its processing, and copies of one record.
+
+Each function of the processing returns a new motion; its `changes` state what was done.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Elastic response spectrum: peak responses of damped oscillators to a ground motion, over their period."""
+"""Demand of a ground motion: elastic response spectrum, the spectral density fitted to it, and the shake table."""
 
 from __future__ import annotations
 

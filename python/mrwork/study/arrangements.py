@@ -1,4 +1,7 @@
-"""Arrangements that a study compares: without dampers, i = 0, baselines, control laws."""
+"""Arrangements that a study compares: without dampers, i = 0, baselines, control laws, the non-causal optimum.
+
+A law may stand in a Python file of its user, which is run as Python when the study is read.
+"""
 
 from __future__ import annotations
 

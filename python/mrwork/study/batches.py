@@ -1,4 +1,4 @@
-"""Criteria of many candidates of a law under motions and realisations, simulated in batches.
+"""Criteria of many candidates of a law under motions and realisations, simulated in batches; bands over realisations.
 
 Realisations that share building, delay and noise are one batch, with a row of damper parameters for each.
 """

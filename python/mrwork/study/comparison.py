@@ -1,7 +1,8 @@
-"""Comparison of the rows of a study: changes of each quantity against a reference, and ranks of rows of a kind.
+"""Comparison of the rows of a study: changes of each quantity against a reference, ranks, and groups of motions.
 
 A score hides what became worse. So the change of every quantity comes first, against the building without dampers and
-against the best passive damper, and dampers with a constant command are ranked apart from control laws.
+against the best passive damper, and dampers with a constant command are ranked apart from control laws. Scores stand on
+the test motions of a study; training motions are shown beside them where they were simulated, too.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Read a study file into a study that is ready to run."""
+"""Read a study file into a study that is ready to run; its errors have the line of the key."""
 
 from __future__ import annotations
 

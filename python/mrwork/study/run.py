@@ -1,4 +1,4 @@
-"""Run a study: every arrangement under every motion; a journal records each run."""
+"""Run a study: every arrangement under every motion, and the non-causal optimum; a journal records each run."""
 
 from __future__ import annotations
 

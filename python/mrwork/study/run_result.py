@@ -1,4 +1,4 @@
-"""Result and history of a run of a study: one arrangement under one ground motion."""
+"""A run of a study, one arrangement under one ground motion: its numbers, its history, its demand on the dampers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""A study ready to run: buildings with devices and laws, motions, hardware; and the fingerprint of its inputs."""
+"""A study ready to run: buildings with devices and laws, motions, hardware; and the fingerprint of its inputs.
+
+What is not known exactly has realisations: damper parameters, stiffness and damping of the building, delay, noise.
+"""
 
 from __future__ import annotations
 

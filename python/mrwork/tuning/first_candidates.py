@@ -1,4 +1,4 @@
-"""Candidates that are tried before a search: weights of several origins, or the middle of the ranges."""
+"""Candidates that no search has touched: those tried before it, and the references it is compared with."""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Tuning of one law: candidates that are tried first, then a search from the best of them."""
+"""Tuning of one law: first candidates, a search from the best, last steps by gradients; and its Pareto front.
+
+The twin gives the derivatives of the score of a smooth law in the gains, differences of designs those of the gains in
+the settings. What gradients reach is a candidate as any other: it is chosen if it is better in the loop itself.
+"""
 
 from __future__ import annotations
 

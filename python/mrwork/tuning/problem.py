@@ -1,4 +1,4 @@
-"""The problem of tuning one law: candidates in, scores out, in as few calls of the simulation as possible."""
+"""The benches of a tuning: candidates in, criteria and judgements out, by few calls of the simulation."""
 
 from __future__ import annotations
 

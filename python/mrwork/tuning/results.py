@@ -1,4 +1,4 @@
-"""Results of a tuning: settings of each law and its scores on training and test motions; references alike."""
+"""Results of a tuning: settings of each law and its scores on training and test motions; and its folder."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The settings of a law that a search changes, as a unit cube; candidates; magnitudes of the response."""
+"""What a tuning searches and minimises: the free settings of a law as a unit cube, and the objective."""
 
 from __future__ import annotations
 

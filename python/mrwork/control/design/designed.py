@@ -1,4 +1,4 @@
-"""Designed weights: what a regulator weighs, how much of the wishes can be reached, and what binds."""
+"""Designed weights: what a regulator weighs, how much of the limits can be reached, what binds, and the certificate."""
 
 from __future__ import annotations
 

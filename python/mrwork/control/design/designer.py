@@ -1,4 +1,7 @@
-"""A weight design set up once and solved for any limits and budgets: program, Riccati equations, certificate."""
+"""LQR weights by convex design: the worst ratio of rms responses to their limits, under a budget of force.
+
+A `WeightDesigner` is set up once and solved for any limits and budgets: program, Riccati equations, certificate.
+"""
 
 from __future__ import annotations
 

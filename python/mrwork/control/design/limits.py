@@ -1,4 +1,7 @@
-"""Wishes of a weight design: limits on rms responses, the semi-active condition, and the timing of the loop."""
+"""What a weight design is given: limits on rms responses, the semi-active condition, the timing of the loop, its cases.
+
+Cases share one set of weights: buildings of other stiffness, soils, draws of the dampers.
+"""
 
 from __future__ import annotations
 

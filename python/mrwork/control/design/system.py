@@ -1,6 +1,8 @@
-"""The linear system of a weight design: building, spectrum filter, driver and delay, in scaled coordinates.
+"""The linear system of a weight design in scaled coordinates, and the Lyapunov and Riccati equations of its loops.
 
-`x' = A x + B u + noise`, with u the wanted force of each device; sampled, A and B are difference quotients.
+`x' = A x + B u + noise`, with u the wanted force of each device, of building, spectrum filter, driver and delay. Of a
+sampled system A and B are difference quotients: `x_{k+1} = (1 + step A) x_k + step B u_k`, so that its formulas become
+those of continuous time as the step goes to zero; `step` is then zero.
 """
 
 from __future__ import annotations
@@ -21,7 +23,7 @@ Floats = NDArray[np.float64]
 
 
 class LyapunovEquations:
-    """`A X + X A' + step A X A' + Q = 0` and its adjoint, by the real Schur form of A.
+    """`A X + X A' + step A X A' + Q = 0` and its adjoint for many Q, by the real Schur form of A.
 
     A sampled loop is first transformed to a continuous one (Cayley): Bartels and Stewart, Comm. ACM 15(9), 1972.
     """
@@ -66,7 +68,10 @@ _LARGEST_NORM = 1e60
 def sampled_gain(A: Floats, B: Floats, Q: Floats, R: Floats, N: Floats, step: float) -> tuple[Floats, Floats]:
     """Gain and P of `P = F'P F - (F'P E + h N) (h R + E'P E)^-1 (E'P F + h N') + h Q`, F = 1 + h A, E = h B.
 
-    By structure-preserving doubling (Chu, Fan, Lin & Wang, Int. J. Control 77(8), 2004, 767-788).
+    The compiled solver judges a solution by the residual in units in which it is the identity, which the tiny costs of
+    past commands do not meet; the gain is exact to many digits all the same, and the design checks its rms values by
+    Lyapunov equations. So this equation is solved here, by structure-preserving doubling alone (Chu, Fan, Lin & Wang,
+    Int. J. Control 77(8), 2004, 767-788).
     """
     one = np.eye(len(A))
     forward, entry = one + step * A, step * B

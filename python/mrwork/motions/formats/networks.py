@@ -1,7 +1,4 @@
-"""PEER strong-motion records (.AT2): four header lines, then accelerations in g, several per line.
-
-The header ends with NPTS and DT, before or after their numbers, in any case (peer.berkeley.edu/smcat/data.html).
-"""
+"""Text formats of strong-motion networks and archives: PEER AT2, COSMOS, ESM and ITACA, K-NET and KiK-net."""
 
 from __future__ import annotations
 
@@ -29,6 +26,10 @@ def _recognises_at2(lines: Lines) -> bool:
 
 
 def _read_at2(lines: Lines, stated: Stated) -> GroundMotion:
+    """A PEER record: four header lines, then accelerations, several per line.
+
+    The header ends with NPTS and DT, before or after their numbers, in any case (peer.berkeley.edu/smcat/data.html).
+    """
     content = _CONTENT.search(lines.at(2))
     size = _NAMED.search(lines.at(3)) or _BARE.match(lines.at(3))
     if content is None or size is None:
@@ -99,6 +100,11 @@ def _recognises_cosmos(lines: Lines) -> bool:
 
 
 def _read_cosmos(lines: Lines, stated: Stated) -> GroundMotion:
+    """A channel of a record of version 1.x: text, integer and real header, comments, then a series.
+
+    A line before each header and series states how many numbers follow and in which Fortran format. A file holds one or
+    several channels in succession ("COSMOS Strong Motion Data Format", version 1.20, 2001).
+    """
     channels: list[_Series] = []
     place = 0
     while place < len(lines.texts):
@@ -227,6 +233,7 @@ def _recognises_esm(lines: Lines) -> bool:
 
 
 def _read_esm(lines: Lines, stated: Stated) -> GroundMotion:
+    """A record in DYNA 1.x ASCII: about 64 lines `KEY: value`, then one acceleration per line."""
     header: dict[str, tuple[int, str]] = {}
     first = 0
     while match := _KEY.fullmatch(lines.at(first)):
@@ -293,6 +300,12 @@ def _recognises_knet(lines: Lines) -> bool:
 
 
 def _read_knet(lines: Lines, stated: Stated) -> GroundMotion:
+    """A record of 17 header lines, then counts of the recorder.
+
+    Acceleration in gal is a count times the scale factor of line 14, such as `3920(gal)/6182761`, plus an offset of the
+    recorder; the published peak refers to the mean (National Research Institute for Earth Science and Disaster
+    Resilience, "About K-NET ASCII format").
+    """
     rate = float(_field_knet(lines, "Sampling Freq", _RATE, "100Hz")[1])
     duration = float(_field_knet(lines, "Duration Time", _DURATION, "108")[1])
     scale = _field_knet(lines, "Scale Factor", _SCALE, "3920(gal)/6182761")
