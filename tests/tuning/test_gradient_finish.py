@@ -12,7 +12,7 @@ import mrwork as mr
 from mrwork.errors import SettingError
 from mrwork.study.schema import TuneTable
 from mrwork.tuning.law_tuning import check_finish, gradient_finish, risk_weights
-from mrwork.tuning.problem import Clock, benches_of, magnitudes_of, scored
+from mrwork.tuning.problem import Clock, benches_of, magnitudes_of, score_candidates
 from mrwork.tuning.space import Objective, objective_of, risk_of, space_of
 
 LAW = "proportional_direct"
@@ -29,7 +29,7 @@ def test_gradients_lower_the_objective_of_the_loop(tmp_path: Path) -> None:
     start = np.array([0.4, 0.99])
     found = gradient_finish(space, benches.training, objective, start, 3)
     candidates = [space.candidate(start), space.candidate(found.unit)]
-    before, after = scored(benches.training, objective, LAW, candidates).objective
+    before, after = score_candidates(benches.training, objective, LAW, candidates).objective
     assert after < before
     assert found.unit[1] == start[1]
 

@@ -48,7 +48,7 @@ def with_rayleigh_damping(
     SettingError
         If the modes are equal, do not exist or have zero frequency, or a mode would have negative damping.
     """
-    check_ratios(ratios, building.name)
+    _check_ratios(ratios, building.name)
     omega, _ = modes_of(building.mass, building.stiffness)
     if len(set(modes)) != 2 or not all(1 <= mode <= omega.size for mode in modes):
         raise SettingError(
@@ -76,7 +76,7 @@ def with_modal_damping(building: Building, *, ratios: Sequence[float]) -> Buildi
     SettingError
         If the number of ratios is neither 1 nor n, or a ratio is negative.
     """
-    check_ratios(ratios, building.name)
+    _check_ratios(ratios, building.name)
     omega, modes = modes_of(building.mass, building.stiffness)
     if len(ratios) not in (1, omega.size):
         raise SettingError(
@@ -87,7 +87,7 @@ def with_modal_damping(building: Building, *, ratios: Sequence[float]) -> Buildi
     return replace(building, damping=(moved * spread) @ moved.T)
 
 
-def check_ratios(ratios: Sequence[float], name: str) -> None:
+def _check_ratios(ratios: Sequence[float], name: str) -> None:
     """Check that damping ratios are shares of critical damping."""
     for ratio in ratios:
         if not 0.0 <= ratio <= 1.0:

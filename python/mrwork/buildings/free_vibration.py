@@ -75,7 +75,7 @@ def mode_estimate(
     )
 
 
-def record_in_band(
+def _record_in_band(
     signal: Floats, dt: float, band: tuple[float, float] | None
 ) -> tuple[Floats, tuple[float, float]]:
     """Check a record and a band; return the record as an array and the band [Hz] to search for a mode."""
@@ -128,7 +128,7 @@ def fourier_peak(signal: Floats, *, dt: Positive, band: tuple[float, float] | No
     SettingError
         If the step or the band is invalid.
     """
-    signal, (low, high) = record_in_band(signal, dt, band)
+    signal, (low, high) = _record_in_band(signal, dt, band)
     spectrum = _FourierIntegral(signal - signal.mean(), dt)
     padded = 1 << int(np.ceil(np.log2(_PADDING * signal.size)))
     frequency = np.fft.rfftfreq(padded, dt)
@@ -338,7 +338,7 @@ def logarithmic_decrement(
     SettingError
         If the step or the band is invalid.
     """
-    signal, limits = record_in_band(signal, dt, band)
+    signal, limits = _record_in_band(signal, dt, band)
     start = fourier_peak(signal, dt=dt, band=band)
     period = 1.0 / start.frequency
     margin = 0.0

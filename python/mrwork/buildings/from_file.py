@@ -65,7 +65,7 @@ from mrwork.buildings.passive_devices import (
     with_yielding_damper,
 )
 from mrwork.buildings.shear import building as published_building
-from mrwork.buildings.shear import check_storeys, numbered, shear_building
+from mrwork.buildings.shear import check_storeys, number_names, shear_building
 from mrwork.errors import RecordError
 from mrwork.keys import Place, shown
 from mrwork.records.formats.matlab import read_matlab_matrices
@@ -634,7 +634,7 @@ def _from_matrices(
             influence=named.get("influence", np.ones(n)).ravel(),
             floors=floors,
             storeys=storeys,
-            floor_names=floor_names or numbered("floor", len(floors)),
-            storey_names=storey_names or numbered("storey", len(storeys)),
+            floor_names=floor_names or number_names("floor", len(floors)),
+            storey_names=storey_names or number_names("storey", len(storeys)),
             source=words.get("source", ""),
         )

@@ -159,7 +159,7 @@ class Building(Summarised):
         check_size(len(self.mass) if self.mass.ndim else 0, f"building {self.name}")
         for field in ("mass", "damping", "stiffness", "influence", "floors", "storeys"):
             object.__setattr__(self, field, frozen(getattr(self, field)))
-        check_building(self)
+        _check_building(self)
 
     @property
     def n_coordinates(self) -> int:
@@ -316,7 +316,7 @@ def check_size(n_coordinates: int, where: str) -> None:
         )
 
 
-def check_building(building: Building) -> None:
+def _check_building(building: Building) -> None:
     """Check that a building can be simulated."""
     where = f"building {building.name}"
     _check_shapes(building, where)

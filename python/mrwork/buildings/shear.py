@@ -83,7 +83,7 @@ def shear_building(
             raise SettingError(
                 f"building {name}: the damping of storey {number} is {value:g} N s/m; it cannot be negative"
             )
-    storeys = floor_differences(n)
+    storeys = _floor_differences(n)
     return Building(
         name=name,
         mass=np.diag(np.asarray(masses, dtype=np.float64)),
@@ -92,8 +92,8 @@ def shear_building(
         influence=np.ones(n),
         floors=np.eye(n),
         storeys=storeys,
-        floor_names=tuple(floor_names) or numbered("floor", n),
-        storey_names=tuple(storey_names) or numbered("storey", n),
+        floor_names=tuple(floor_names) or number_names("floor", n),
+        storey_names=tuple(storey_names) or number_names("storey", n),
         source=source,
         status=status,
     )
@@ -125,12 +125,12 @@ def chain(storeys: Floats, values: Sequence[float]) -> Floats:
         return storeys.T @ np.diag(np.asarray(values, dtype=np.float64)) @ storeys
 
 
-def floor_differences(n_floors: int) -> Floats:
+def _floor_differences(n_floors: int) -> Floats:
     """Matrix from floor displacements to storey drifts, shape (n_floors, n_floors)."""
     return np.eye(n_floors) - np.eye(n_floors, k=-1)
 
 
-def numbered(noun: str, count: int) -> tuple[str, ...]:
+def number_names(noun: str, count: int) -> tuple[str, ...]:
     """Default names of floors or storeys: "floor 1", "floor 2" and so on."""
     return tuple(f"{noun} {number}" for number in range(1, count + 1))
 
@@ -143,7 +143,7 @@ def _dyke1996() -> Building:
         stiffness=1e5 * np.array([[12.0, -6.84, 0.0], [-6.84, 13.7, -6.84], [0.0, -6.84, 6.84]]),
         influence=np.ones(3),
         floors=np.eye(3),
-        storeys=floor_differences(3),
+        storeys=_floor_differences(3),
         floor_names=("floor 1", "floor 2", "floor 3"),
         storey_names=("storey 1", "storey 2", "storey 3"),
         source="Dyke, Spencer, Sain, Carlson, Smart Mater. Struct. 5, 1996, 565-575; scaled three-storey frame, "
@@ -202,7 +202,7 @@ def _sac3() -> Building:
         stiffness=stiffness,
         influence=np.ones(3),
         floors=np.eye(3),
-        storeys=floor_differences(3),
+        storeys=_floor_differences(3),
         floor_names=("floor 1", "floor 2", "roof"),
         storey_names=("storey 1", "storey 2", "storey 3"),
         source="Ohtori, Christenson, Spencer, Dyke, J. Eng. Mech. 130(4), 2004, 366-385; half of the SAC three-storey "

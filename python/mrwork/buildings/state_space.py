@@ -15,7 +15,7 @@ from mrwork.arguments import checked
 from mrwork.buildings.from_file import read_matrices
 from mrwork.buildings.matrices import Building, carried
 from mrwork.buildings.modes import modes_of
-from mrwork.buildings.shear import numbered
+from mrwork.buildings.shear import number_names
 from mrwork.errors import ArgumentError, SettingError, UnknownNameError
 from mrwork.records.damper_test import frozen
 from mrwork.summary import Summarised
@@ -327,8 +327,8 @@ def building_of(
         influence=influence,
         floors=floors,
         storeys=storeys,
-        floor_names=tuple(floor_names) or numbered("floor", len(floors)),
-        storey_names=tuple(storey_names) or numbered("storey", len(storeys)),
+        floor_names=tuple(floor_names) or number_names("floor", len(floors)),
+        storey_names=tuple(storey_names) or number_names("storey", len(storeys)),
         source=source,
     )
 

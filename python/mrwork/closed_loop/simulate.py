@@ -51,7 +51,9 @@ _ELEMENT_NUMBERS = 6
 _NO_LIMIT = 1e300
 
 
-def dampers_of(devices: Sequence[Device], *, actuators: bool) -> tuple[str, Laws, Floats, list[list[float]]]:
+def _damper_arguments(
+    devices: Sequence[Device], *, actuators: bool
+) -> tuple[str, Laws, Floats, list[list[float]]]:
     """Model, current laws, parameters of all draws and devices, and ranges of the command."""
     if actuators:
         theta = np.tile([0.0, 1.0], (1, len(devices), 1))
@@ -81,7 +83,7 @@ def _laws(spec: DamperSpec) -> Laws:
     return (None, False) if spec.current is None else ([*spec.current.laws], spec.current.lagged)
 
 
-def stretched_theta(spec: DamperSpec, theta: Floats, factors: Floats) -> Floats:
+def _stretch_theta(spec: DamperSpec, theta: Floats, factors: Floats) -> Floats:
     """Parameters with which dampers follow `factors` times the command, for each candidate and draw.
 
     Parameters
@@ -110,7 +112,7 @@ def stretched_theta(spec: DamperSpec, theta: Floats, factors: Floats) -> Floats:
     return np.ascontiguousarray(found.reshape(-1, *theta.shape[1:]))
 
 
-def matrices_of(building: Building, devices: Sequence[Device]) -> _rust.Building:
+def _core_building(building: Building, devices: Sequence[Device]) -> _rust.Building:
     """The building with the positions of its devices."""
     n = building.n_coordinates
     if n > _MOST_COORDINATES:
@@ -136,7 +138,7 @@ def matrices_of(building: Building, devices: Sequence[Device]) -> _rust.Building
         raise SettingError(f"{building.name}: {error}") from error
 
 
-def curve_of(law: ControlLaw) -> tuple[Laws, Floats] | None:
+def _core_curve(law: ControlLaw) -> tuple[Laws, Floats] | None:
     """The model of the damper in the law, if it has one."""
     if law.curve is None:
         return None
@@ -153,7 +155,7 @@ def curve_of(law: ControlLaw) -> tuple[Laws, Floats] | None:
     return _laws(spec), np.ascontiguousarray(theta, dtype=np.float64)
 
 
-def observer_arrays(
+def _observer_arrays(
     building: Building, devices: Sequence[Device], hardware: Hardware
 ) -> tuple[list[int], list[int], Floats, Floats, Floats, Floats, Floats] | None:
     """Measured floors and devices, and Ad, Bd, L, C, D of the observer; `None` for feedback of the true state."""
@@ -293,7 +295,7 @@ def simulate_loop(
             "law passive and a command of zero"
         )
     _check_commands(law, devices)
-    model, laws, theta, ranges = dampers_of(devices, actuators=actuators)
+    model, laws, theta, ranges = _damper_arguments(devices, actuators=actuators)
     n_draws, factors = len(theta), np.ones((1, len(devices)))
     if largest_commands is not None:
         factors = _command_factors(law, hardware, devices, largest_commands, histories=histories)
@@ -302,9 +304,9 @@ def simulate_loop(
                 f"the gains are of {len(gains)} candidates and `largest_commands` of {len(factors)}; give one for each"
             )
         gains = np.ascontiguousarray(np.broadcast_to(gains, (len(factors), gains.shape[1])))
-        theta = stretched_theta(devices[0].spec, theta, factors)
+        theta = _stretch_theta(devices[0].spec, theta, factors)
     shape = (len(gains), len(motions), n_draws)
-    matrices = matrices_of(building, devices)
+    matrices = _core_building(building, devices)
     arguments: dict[str, Any] = {
         "building": matrices,
         "model": model,
@@ -317,7 +319,7 @@ def simulate_loop(
         "law": law.name,
         "gains": gains,
         "tables": law.table_rows(),
-        "curve": curve_of(law),
+        "curve": _core_curve(law),
         "motions": [(motion.dt, np.ascontiguousarray(motion.acceleration)) for motion in motions],
         "sample_time": hardware.sample_time,
         "steps": hardware.steps,
@@ -325,7 +327,7 @@ def simulate_loop(
         "command_rate": hardware.command_rate,
         "sensors": hardware.sensors,
         "faults": hardware.fault_rows(),
-        "observer": observer_arrays(nominal or building, devices, hardware),
+        "observer": _observer_arrays(nominal or building, devices, hardware),
         "histories": histories,
         "step_factor": step_factor,
         "threads": threads,
@@ -502,8 +504,8 @@ def samples_of(interval: float, sample_time: float) -> int:
     count = round(min(interval / sample_time, 2.0 * _MOST_PER_INTERVAL))
     if count > _MOST_PER_INTERVAL:
         raise SettingError(
-            f"`interval` is {interval:g} s, more than {_MOST_PER_INTERVAL} samples of {sample_time:g} s; give a shorter "
-            "one"
+            f"`interval` is {interval:g} s, more than {_MOST_PER_INTERVAL} samples of {sample_time:g} s; "
+            "give a shorter one"
         )
     if count < 1 or abs(interval / sample_time - count) > 1e-6:
         raise SettingError(
@@ -574,7 +576,7 @@ def simulate_prescribed(
     faults = [
         Fault(channel="command", index=index, start=start, end=end, value=value)
         for index, column in enumerate(commands.command.T)
-        for start, end, value in _held(column, commands.interval)
+        for start, end, value in _stretches(column, commands.interval)
     ]
     return simulate_loop(
         building,
@@ -588,7 +590,7 @@ def simulate_prescribed(
     )
 
 
-def _held(column: Floats, interval: float) -> list[tuple[float, float, float]]:
+def _stretches(column: Floats, interval: float) -> list[tuple[float, float, float]]:
     """Start, end and value of each stretch of equal commands; the last ends with the motion."""
     changes = np.flatnonzero(np.diff(column)) + 1
     starts = np.concatenate([[0], changes])

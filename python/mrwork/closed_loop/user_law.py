@@ -75,7 +75,7 @@ def place_raised(error: BaseException, file: str) -> str:
     return found
 
 
-def file_of(function: Callable[..., object]) -> str:
+def _file_of(function: Callable[..., object]) -> str:
     """Name of the file of a function; empty if it is not written in Python."""
     code = _code_of(function)
     return "" if code is None else code.co_filename
@@ -90,7 +90,7 @@ def in_words(error: BaseException) -> str:
     return f"{type(error).__name__}: {text}" if text else type(error).__name__
 
 
-def never_a_value(function: Callable[..., object]) -> str:
+def _never_a_value(function: Callable[..., object]) -> str:
     """Why what a function returns can be no value, if it cannot."""
     if inspect.iscoroutinefunction(function) or inspect.isasyncgenfunction(function):
         return "is declared with async def, so it returns a coroutine and no value; declare it with def"
@@ -237,7 +237,7 @@ class UserLaw(Summarised):
     notes: ClassVar[tuple[str, ...]] = ()
 
     def __post_init__(self) -> None:
-        if reason := never_a_value(self.command):
+        if reason := _never_a_value(self.command):
             raise SettingError(f"{self._title} {reason}")
 
     @property
@@ -298,7 +298,7 @@ class UserLaw(Summarised):
             except KeyboardInterrupt:
                 raise
             except BaseException as error:
-                place = place_raised(error, file_of(self.command))
+                place = place_raised(error, _file_of(self.command))
                 where = f" in {place}" if place else ""
                 raise SettingError(
                     f"{self.name} failed at {sample.time:g} s{where}: {in_words(error)}; correct it"

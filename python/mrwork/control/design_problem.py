@@ -253,7 +253,7 @@ class LawSettings(metaclass=DeclaredTable):
     @classmethod
     def designs(cls, problem: DesignProblem, many: Sequence[Self]) -> list[Design | SettingError]:
         """The gains of many settings, or the reason why one has none."""
-        return attempted(lambda settings: settings.design(problem), many)
+        return attempt_each(lambda settings: settings.design(problem), many)
 
     @classmethod
     def weight_names(cls) -> frozenset[str]:
@@ -279,7 +279,7 @@ class LawSettings(metaclass=DeclaredTable):
         return NO_CERTIFICATE
 
 
-def attempted(make: Callable[[T], U], many: Iterable[T]) -> list[U | SettingError]:
+def attempt_each(make: Callable[[T], U], many: Iterable[T]) -> list[U | SettingError]:
     """What is made of each, or the reason why it cannot be."""
     found: list[U | SettingError] = []
     for each in many:
@@ -290,7 +290,7 @@ def attempted(make: Callable[[T], U], many: Iterable[T]) -> list[U | SettingErro
     return found
 
 
-def solved_together(
+def solve_together(
     solve: Callable[[list[T]], Iterable[U | SettingError]], many: Sequence[T | SettingError]
 ) -> list[U | SettingError]:
     """What one call makes of all that are no error; errors keep their places."""

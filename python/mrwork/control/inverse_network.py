@@ -39,7 +39,7 @@ _PER_CYCLE = 100
 
 @holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
-class InverseSamples:
+class _InverseSamples:
     """Inputs, shape (n, n_inputs); the right command as a share of the largest; and the weight of each sample."""
 
     inputs: Floats
@@ -90,7 +90,7 @@ def random_loading(
 
 @holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
-class DamperGroup:
+class _DamperGroup:
     """`count` equal dampers in parallel; with `differential` as many act in opposition, with the same command."""
 
     spec: DamperSpec
@@ -112,13 +112,13 @@ class DamperGroup:
         return np.asarray(self.count * one)
 
 
-def inverse_samples(
-    group: DamperGroup,
+def _draw_samples(
+    group: _DamperGroup,
     loading: Loading,
     largest_command: float,
     n_previous: int,
     rng: np.random.Generator,
-) -> tuple[InverseSamples, float]:
+) -> tuple[_InverseSamples, float]:
     """Samples with wanted forces within, above and below the range of the damper, and a scale of force [N]."""
     force = group.force(loading)
     least = group.force(replace(loading, command=0.0))
@@ -139,19 +139,19 @@ def inverse_samples(
     parts = []
     for wanted, share, portion in kinds:
         rows = rng.integers(1, force.size, round(portion * N_SAMPLES))
-        inputs = network_inputs(loading, wanted, n_previous)[rows]
+        inputs = _network_inputs(loading, wanted, n_previous)[rows]
         parts.append((inputs, share[rows], importance[rows]))
     inputs, share, weight = (np.concatenate(each) for each in zip(*parts, strict=True))
     scale = _FORCE_MARGIN * float(np.abs(most).max())
-    return InverseSamples(inputs=inputs, share=share, importance=weight), scale
+    return _InverseSamples(inputs=inputs, share=share, importance=weight), scale
 
 
-def scaled_inputs(inputs: Floats, scale: Floats) -> Floats:
+def _scale_inputs(inputs: Floats, scale: Floats) -> Floats:
     """Inputs over their scales, clipped to [-1, 1]."""
     return np.asarray(np.clip(inputs / scale, -1.0, 1.0), dtype=np.float64)
 
 
-def network_inputs(loading: Loading, wanted: Floats, n_previous: int) -> Floats:
+def _network_inputs(loading: Loading, wanted: Floats, n_previous: int) -> Floats:
     """Deformation, velocity and wanted force, then those one sample before; shape (n_time, 3 or 6)."""
     assert loading.velocity is not None
     now = np.column_stack([loading.displacement, loading.velocity, wanted])
@@ -215,7 +215,7 @@ class InverseNetwork(Summarised):
             raise SettingError(
                 f"`inputs` has shape {given.shape}; give (..., {len(self.names)}), {', '.join(self.names)}"
             )
-        scaled = scaled_inputs(given, self.input_scale)
+        scaled = _scale_inputs(given, self.input_scale)
         hidden = np.tanh(scaled @ self.W1.T + self.b1)
         return self.output_scale * np.clip(hidden @ self.w2 + self.b2, 0.0, 1.0)
 
@@ -294,10 +294,10 @@ def train_inverse_network(
         )
         for n_cycles in (n_cycles, n_cycles // 3)
     )
-    group = DamperGroup(spec=spec, theta=values, count=count, differential=differential)
-    samples, force_scale = inverse_samples(group, training, largest_command, n_previous, generator)
+    group = _DamperGroup(spec=spec, theta=values, count=count, differential=differential)
+    samples, force_scale = _draw_samples(group, training, largest_command, n_previous, generator)
     scale = np.tile([amplitude, velocity, force_scale], 1 + n_previous)
-    W1, b1, w2, b2 = _trained(samples, scale, n_hidden, generator, on_step)
+    W1, b1, w2, b2 = _train(samples, scale, n_hidden, generator, on_step)
     current = ("deformation", "velocity", "wanted force")
     network = InverseNetwork(
         names=current + tuple(f"previous {name}" for name in current) * n_previous,
@@ -311,7 +311,7 @@ def train_inverse_network(
         fit_percent=np.nan,
         command_error=np.nan,
     )
-    return _tested(network, group, held_out, n_previous)
+    return _test(network, group, held_out, n_previous)
 
 
 def _check(spec: DamperSpec, amplitude: float, velocity: float, sample_time: float) -> None:
@@ -341,8 +341,8 @@ def _without_lag(spec: DamperSpec, theta: ArrayLike) -> tuple[DamperSpec, Floats
     return damper(spec.name).with_current_laws(laws, unit=current.unit), values[:-1]
 
 
-def _trained(
-    samples: InverseSamples,
+def _train(
+    samples: _InverseSamples,
     scale: Floats,
     n_hidden: int,
     rng: np.random.Generator,
@@ -352,7 +352,7 @@ def _trained(
 
     Previous samples are nearly equal to the present ones, so the network is trained on their scaled differences.
     """
-    features = scaled_inputs(samples.inputs, scale)
+    features = _scale_inputs(samples.inputs, scale)
     to_features = np.eye(len(scale))
     if len(scale) > 3:
         change = features[:, :3] - features[:, 3:]
@@ -410,10 +410,10 @@ def _trained(
     return W1, found[shapes : shapes + n_hidden], found[shapes + n_hidden : -1], float(found[-1])
 
 
-def _tested(network: InverseNetwork, group: DamperGroup, loading: Loading, n_previous: int) -> InverseNetwork:
+def _test(network: InverseNetwork, group: _DamperGroup, loading: Loading, n_previous: int) -> InverseNetwork:
     """The network with its accuracy on a test motion."""
     wanted = group.force(loading)
-    command = network.command(network_inputs(loading, wanted, n_previous))
+    command = network.command(_network_inputs(loading, wanted, n_previous))
     given = group.force(replace(loading, command=command))
     fit = 1.0 - np.linalg.norm(given - wanted) / np.linalg.norm(wanted - wanted.mean())
     error = (command - np.asarray(loading.command)) / network.output_scale

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mrwork.arguments import Threads, checked
-from mrwork.control.design_problem import attempted, solved_together
+from mrwork.control.design_problem import attempt_each, solve_together
 from mrwork.control.plant import Outputs, Plant, accelerations, check_outputs
 from mrwork.control.riccati import RiccatiStatus, regulator_gains
 from mrwork.errors import InvalidSettingError, SettingError, UnknownNameError
@@ -248,8 +248,8 @@ def regulators_of_weights(
         R = weight_matrix("control_weight", control_weight, plant.n_devices, "devices") + each.S
         return each.Q, R, each.N
 
-    costs = attempted(cost, zip(weighed, control_weights, strict=True))
-    return tuple(solved_together(lambda sound: _regulators(plant, sound, threads), costs))
+    costs = attempt_each(cost, zip(weighed, control_weights, strict=True))
+    return tuple(solve_together(lambda sound: _regulators(plant, sound, threads), costs))
 
 
 def _regulators(

@@ -10,7 +10,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mrwork.arguments import Threads, checked
-from mrwork.control.design_problem import Design, DesignProblem, LawSettings, Span, attempted, solved_together
+from mrwork.control.design_problem import (
+    Design,
+    DesignProblem,
+    LawSettings,
+    Span,
+    attempt_each,
+    solve_together,
+)
 from mrwork.control.lqr import Weighed, Weights, regulators_of_weights
 from mrwork.control.plant import Plant
 from mrwork.control.riccati import lyapunov_solutions
@@ -72,13 +79,13 @@ def lyapunov_function(plant: Plant, weight: ArrayLike | None = None) -> Lyapunov
     SettingError
         If Q_P is not symmetric and positive, or a mode of the building without control is undamped.
     """
-    (found,) = lyapunov_functions(plant, [plant.energy if weight is None else weight], threads=1)
+    (found,) = _lyapunov_functions(plant, [plant.energy if weight is None else weight], threads=1)
     if isinstance(found, SettingError):
         raise found
     return found
 
 
-def lyapunov_functions(
+def _lyapunov_functions(
     plant: Plant, weights: Sequence[ArrayLike], *, threads: Threads = 0
 ) -> tuple[LyapunovFunction | SettingError, ...]:
     """The Lyapunov functions of many weights Q_P, by one call of the compiled solver; see `lyapunov_function`.
@@ -94,9 +101,9 @@ def lyapunov_functions(
         A function for each, or the error that says why there is none; the others do not depend on it.
     """
     T = plant.scaling
-    undamped = _undamped(plant, T)
+    undamped = _undamped_mode(plant, T)
 
-    def solved(sound: list[Floats]) -> list[LyapunovFunction | SettingError]:
+    def solve(sound: list[Floats]) -> list[LyapunovFunction | SettingError]:
         if undamped is not None:
             return [undamped for _ in sound]
         solutions = lyapunov_solutions(plant.A, np.array(sound), scaling=T, threads=threads)
@@ -106,12 +113,12 @@ def lyapunov_functions(
             P = solutions.P[row]
             return LyapunovFunction(P=P, weight=sound[row], vectors=plant.B.T @ P)
 
-        return attempted(function, range(len(sound)))
+        return attempt_each(function, range(len(sound)))
 
-    return tuple(solved_together(solved, attempted(lambda weight: _checked(weight, T), weights)))
+    return tuple(solve_together(solve, attempt_each(lambda weight: _check_weight(weight, T), weights)))
 
 
-def _undamped(plant: Plant, T: Floats) -> SettingError | None:
+def _undamped_mode(plant: Plant, T: Floats) -> SettingError | None:
     """The refusal of a building with an undamped mode."""
     A_z = np.linalg.inv(T) @ plant.A @ T
     slowest = float(np.max(np.linalg.eigvals(A_z).real))
@@ -123,7 +130,7 @@ def _undamped(plant: Plant, T: Floats) -> SettingError | None:
     )
 
 
-def _checked(weight: ArrayLike, T: Floats) -> Floats:
+def _check_weight(weight: ArrayLike, T: Floats) -> Floats:
     """Q_P as a matrix that is symmetric and positive semidefinite, shape (2n, 2n)."""
     size = len(T)
     Q_P = np.asarray(weight, dtype=np.float64)
@@ -221,9 +228,9 @@ class ProportionalSettings(LyapunovSettings):
 
 
 def _lyapunov_vectors(plant: Plant, many: Sequence[LyapunovSettings]) -> list[Floats | SettingError]:
-    found = solved_together(
-        lambda weights: lyapunov_functions(plant, weights),
-        attempted(lambda each: each.weighed(plant).Q, many),
+    found = solve_together(
+        lambda weights: _lyapunov_functions(plant, weights),
+        attempt_each(lambda each: each.weighed(plant).Q, many),
     )
     return [each if isinstance(each, SettingError) else each.vectors for each in found]
 
@@ -233,8 +240,8 @@ def _regulator_vectors(plant: Plant, many: Sequence[ProportionalSettings]) -> li
         assert each.control_weight is not None
         return each.weighed(plant), each.control_weight
 
-    found = solved_together(
+    found = solve_together(
         lambda sound: regulators_of_weights(plant, [one for one, _ in sound], [R for _, R in sound]),
-        attempted(cost, many),
+        attempt_each(cost, many),
     )
     return [each if isinstance(each, SettingError) else each.vectors for each in found]

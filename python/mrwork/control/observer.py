@@ -98,7 +98,7 @@ def observer_of(
             f"give one number for each of one or more measurements"
         )
     noise = np.broadcast_to(noise, n_measurements)
-    Ad, Bd, Ed = _held(plant, sample_time)
+    Ad, Bd, Ed = _hold_input(plant, sample_time)
     covariance, gain = _filter(
         plant, Ad, Ed, measurements, ground_intensity / sample_time, noise / sample_time, unmodelled
     )
@@ -114,7 +114,7 @@ def observer_of(
     )
 
 
-def _held(plant: Plant, sample_time: float) -> tuple[Floats, Floats, Floats]:
+def _hold_input(plant: Plant, sample_time: float) -> tuple[Floats, Floats, Floats]:
     """Transition over one sample with held inputs (zero-order hold), by the exponential of [A B E; 0 0 0]."""
     size = 2 * plant.n_coordinates
     T = plant.scaling

@@ -260,10 +260,10 @@ def accelerations(plant: Plant) -> Outputs:
     n = plant.n_coordinates
     floors = plant.building.floors
     return Outputs(
-        names=_named("acceleration", plant.building.floor_names),
+        names=_outputs_named("acceleration", plant.building.floor_names),
         C=floors @ plant.A[n:],
         D=floors @ plant.B[n:],
-        G=_cleaned(1.0 + floors @ plant.E[n:]),
+        G=_clean(1.0 + floors @ plant.E[n:]),
     )
 
 
@@ -279,22 +279,22 @@ def deformation_rates(plant: Plant) -> Outputs:
     return _rates(plant, plant.attachment, "rate", plant.device_names)
 
 
-def _named(quantity: str, places: Sequence[str]) -> tuple[str, ...]:
+def _outputs_named(quantity: str, places: Sequence[str]) -> tuple[str, ...]:
     return tuple(f"{quantity} {place}" for place in places)
 
 
 def _positions(plant: Plant, rows: Floats, quantity: str, places: Sequence[str]) -> Outputs:
-    return _of_state(plant, np.hstack([rows, np.zeros_like(rows)]), _named(quantity, places))
+    return _of_state(plant, np.hstack([rows, np.zeros_like(rows)]), _outputs_named(quantity, places))
 
 
 def _rates(plant: Plant, rows: Floats, quantity: str, places: Sequence[str]) -> Outputs:
-    return _of_state(plant, np.hstack([np.zeros_like(rows), rows]), _named(quantity, places))
+    return _of_state(plant, np.hstack([np.zeros_like(rows), rows]), _outputs_named(quantity, places))
 
 
 def _of_state(plant: Plant, C: Floats, names: tuple[str, ...]) -> Outputs:
     return Outputs(names=names, C=C, D=np.zeros((len(C), plant.n_devices)), G=np.zeros(len(C)))
 
 
-def _cleaned(direct: Floats) -> Floats:
+def _clean(direct: Floats) -> Floats:
     """The direct term of the ground; rounding errors of a floor that follows it exactly become zero."""
     return np.where(np.abs(direct) < 1e-12, 0.0, direct)

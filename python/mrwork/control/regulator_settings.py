@@ -17,8 +17,8 @@ from mrwork.control.design_problem import (
     DesignProblem,
     LawSettings,
     Span,
-    attempted,
-    solved_together,
+    attempt_each,
+    solve_together,
 )
 from mrwork.control.inverse_network import InverseNetwork, train_inverse_network
 from mrwork.control.laws import control_law
@@ -83,14 +83,14 @@ class RegulatorSettings(CostWeights, LawSettings):
         """The designs of many settings, all their regulators by one call of the compiled solver."""
         plant = problem.plant
         sampled = iter(
-            attempted(lambda each: each.sampled_gain(problem), [each for each in many if each.sampled])
+            attempt_each(lambda each: each.sampled_gain(problem), [each for each in many if each.sampled])
         )
         regulators = iter(
-            solved_together(
+            solve_together(
                 lambda sound: regulators_of_weights(
                     plant, [weighed for weighed, _ in sound], [weight for _, weight in sound]
                 ),
-                attempted(
+                attempt_each(
                     lambda each: (each.weighed(plant), each.control_weight_of(plant)),
                     [each for each in many if not each.sampled],
                 ),
@@ -173,7 +173,7 @@ class NetworkSettings(RegulatorSettings):
     def of_gain(self, problem: DesignProblem, gain: Floats) -> Design:
         """The gain, and the trained network."""
         device = problem.devices[0]
-        network = _trained(
+        network = _train(
             device.spec,
             tuple(device.draws[0].tolist()),
             device.largest_command,
@@ -189,7 +189,7 @@ class NetworkSettings(RegulatorSettings):
 
 
 @lru_cache(maxsize=32)
-def _trained(
+def _train(
     spec: DamperSpec,
     theta: tuple[float, ...],
     largest_command: float,

@@ -173,7 +173,7 @@ def regulator_gains(
         given["cross_weight"] = _stack("cross_weight", cross_weight, n, m)
     if scaling is not None:
         given["scaling"] = _scaling(scaling, n)
-    return _solved(given, time, threads)
+    return _solve(given, time, threads)
 
 
 @holds_arrays
@@ -237,8 +237,8 @@ def kalman_gains(
         )
     m = rows.shape[-2]
     given = {
-        "state": _transposed(states),
-        "control": _transposed(_stack("C", C, m, n)),
+        "state": _transpose(states),
+        "control": _transpose(_stack("C", C, m, n)),
         "state_weight": _stack("process_noise", process_noise, n, n),
         "control_weight": _stack("sensor_noise", sensor_noise, m, m),
     }
@@ -246,8 +246,8 @@ def kalman_gains(
         given["cross_weight"] = _stack("cross_noise", cross_noise, n, m)
     if scaling is not None:
         given["scaling"] = _dual(_scaling(scaling, n))
-    dual = _solved(given, time, threads)
-    return RiccatiSolutions(gain=_transposed(dual.gain), P=dual.P, residual=dual.residual, status=dual.status)
+    dual = _solve(given, time, threads)
+    return RiccatiSolutions(gain=_transpose(dual.gain), P=dual.P, residual=dual.residual, status=dual.status)
 
 
 @checked
@@ -290,10 +290,10 @@ def lyapunov_solutions(
     }
     if scaling is not None:
         given["scaling"] = _scaling(scaling, n)
-    return _solved(given, time, threads)
+    return _solve(given, time, threads)
 
 
-def _solved(given: dict[str, Floats], time: Time, threads: int) -> RiccatiSolutions:
+def _solve(given: dict[str, Floats], time: Time, threads: int) -> RiccatiSolutions:
     counts = {len(matrices) for matrices in given.values()} - {1}
     if len(counts) > 1:
         raise SettingError(
@@ -327,7 +327,7 @@ def _stack(name: str, given: ArrayLike, rows: int, columns: int) -> Floats:
     return np.ascontiguousarray(matrices.reshape(-1, rows, columns))
 
 
-def _transposed(matrices: Floats) -> Floats:
+def _transpose(matrices: Floats) -> Floats:
     return np.ascontiguousarray(np.swapaxes(matrices, 1, 2))
 
 
@@ -341,4 +341,4 @@ def _scaling(given: ArrayLike, n: int) -> Floats:
 
 def _dual(scaling: Floats) -> Floats:
     """The scaling of A' that goes with the scaling of A."""
-    return _transposed(np.asarray(np.linalg.inv(scaling), dtype=np.float64))
+    return _transpose(np.asarray(np.linalg.inv(scaling), dtype=np.float64))

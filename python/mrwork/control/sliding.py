@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mrwork.arguments import Positive, Within, checked
-from mrwork.control.design_problem import Design, DesignProblem, LawSettings, Span, attempted
+from mrwork.control.design_problem import Design, DesignProblem, LawSettings, Span, attempt_each
 from mrwork.control.plant import Plant
 from mrwork.control.riccati import solve_riccati
 from mrwork.errors import MrworkWarning, SettingError
@@ -283,7 +283,7 @@ class _SurfaceSettings(LawSettings):
             surface = optimal_surface(problem.plant)
         except SettingError as reason:
             return [reason for _ in many]
-        return attempted(lambda settings: settings.of_surface(problem, surface), many)
+        return attempt_each(lambda settings: settings.of_surface(problem, surface), many)
 
     @abstractmethod
     def of_surface(self, problem: DesignProblem, surface: SlidingSurface) -> Design:
@@ -309,7 +309,7 @@ class SlidingSettings(_SurfaceSettings):
     def of_surface(self, problem: DesignProblem, surface: SlidingSurface) -> Design:
         """Surface and gains."""
         gains = self.gains(surface)
-        return Design(gains={**_pushed_down(surface, gains), "switching": gains.switching})
+        return Design(gains={**_gains_pushing_down(surface, gains), "switching": gains.switching})
 
 
 @checked
@@ -321,7 +321,7 @@ class AdaptiveSlidingSettings(_SurfaceSettings):
         """Surface and gains."""
         gains = self.gains(surface)
         adapted = {"adaptation": gains.adaptation, "floor": gains.floor, "ceiling": gains.ceiling}
-        return Design(gains={**_pushed_down(surface, gains), **adapted})
+        return Design(gains={**_gains_pushing_down(surface, gains), **adapted})
 
 
 @checked
@@ -343,6 +343,6 @@ class SuperTwistingSettings(_SurfaceSettings):
         )
 
 
-def _pushed_down(surface: SlidingSurface, gains: SlidingGains) -> dict[str, Floats]:
+def _gains_pushing_down(surface: SlidingSurface, gains: SlidingGains) -> dict[str, Floats]:
     # In the loop the force decreases sigma, hence the sign.
     return {"gain": surface.drift, "surface": -surface.S, "boundary": gains.boundary}

@@ -1,6 +1,6 @@
 """Weights among the settings of a law, of a regulator or a Lyapunov function: given ones, or designed from limits."""
 
-# `each_weight` is a dataclass field with notes.
+# `_declare_weight` is a dataclass field with notes.
 # ruff: noqa: RUF009
 
 from __future__ import annotations
@@ -140,7 +140,7 @@ class WeightWishes(RmsLimits, metaclass=DeclaredTable):
         return tuple((found / found.mean()).tolist())
 
 
-def each_weight(says: str, of: Magnitude | None = None, *, free: bool = False) -> Any:
+def _declare_weight(says: str, of: Magnitude | None = None, *, free: bool = False) -> Any:
     """Declare the key of a weight: one number, one for each, or a matrix.
 
     A search looks for the weight of a quantity of magnitude `of` where its cost is comparable to that of the weights
@@ -158,21 +158,23 @@ class CostWeights:
     any, the energy of the building is weighed.
     """
 
-    accelerations: Weights | None = each_weight(
+    accelerations: Weights | None = _declare_weight(
         "weights of absolute floor accelerations [(s2/m)2]", "acceleration", free=True
     )
-    drifts: Weights | None = each_weight("weights of drifts [1/m2]", "drift")
-    displacements: Weights | None = each_weight("weights of floor displacements [1/m2]", "displacement")
-    velocities: Weights | None = each_weight("weights of floor velocities [(s/m)2]", "velocity", free=True)
-    relative_velocities: Weights | None = each_weight(
+    drifts: Weights | None = _declare_weight("weights of drifts [1/m2]", "drift")
+    displacements: Weights | None = _declare_weight("weights of floor displacements [1/m2]", "displacement")
+    velocities: Weights | None = _declare_weight(
+        "weights of floor velocities [(s/m)2]", "velocity", free=True
+    )
+    relative_velocities: Weights | None = _declare_weight(
         "weights of the rates of drifts, velocities of storeys between their ends [(s/m)2]", "rate"
     )
-    rates: Weights | None = each_weight(
+    rates: Weights | None = _declare_weight(
         "weights of the rates of the devices' elongations [(s/m)2]; alone they ask for the force of dashpots",
         "rate",
         free=True,
     )
-    state_weight: Weights | None = each_weight(
+    state_weight: Weights | None = _declare_weight(
         "weights of the state: displacements, then velocities of the coordinates; Q, or Q_P of a Lyapunov function"
     )
     energy: float | None = key("weight of twice the energy of the building [1/J]", default=None, above=0.0)
@@ -184,7 +186,7 @@ class CostWeights:
     def weighed(self, plant: Plant) -> Weighed:
         """The sum of what the weights add to the cost."""
         if self.designed is not None:
-            return self._designed(self.designed, plant)
+            return self._weigh_designed(self.designed, plant)
         given: list[tuple[Outputs, Floats]] = []
         for name, make, each in _OUTPUTS:
             weights = getattr(self, name)
@@ -211,7 +213,7 @@ class CostWeights:
             S=_sum([part.S for part in parts]),
         )
 
-    def _designed(self, wishes: WeightWishes, plant: Plant) -> Weighed:
+    def _weigh_designed(self, wishes: WeightWishes, plant: Plant) -> Weighed:
         """What designed weights add, scaled such that the mean control weight is 1 as designed."""
         self.check_designed_alone()
         if wishes.sampled:

@@ -138,7 +138,7 @@ def _peaks(motion: GroundMotion, w: Floats, zeta: float, places: int) -> Floats:
     rise = np.diff(a)[:, None]
     for place in range(1, places):
         part = place / places
-        decay, first, second = oscillator_step(eigenvalue, part * h)
+        decay, first, second = _oscillator_step(eigenvalue, part * h)
         between = decay * at_samples[:-1] - first * a[:-1, None] - second * part * rise
         peaks = np.maximum(peaks, _largest(between, eigenvalue, w, zeta))
     return peaks
@@ -146,7 +146,7 @@ def _peaks(motion: GroundMotion, w: Floats, zeta: float, places: int) -> Floats:
 
 def _march(a: Floats, h: float, eigenvalue: Complexes) -> Complexes:
     """States z at the samples, shape (n_time, n)."""
-    decay, first, second = oscillator_step(eigenvalue, h)
+    decay, first, second = _oscillator_step(eigenvalue, h)
     # The input of each step first, then the recurrence.
     z = np.zeros((a.size, eigenvalue.size), dtype=np.complex128)
     z[1:] = -first * a[:-1, None] - second * np.diff(a)[:, None]
@@ -155,7 +155,7 @@ def _march(a: Floats, h: float, eigenvalue: Complexes) -> Complexes:
     return z
 
 
-def oscillator_step(eigenvalue: Complexes, h: float) -> tuple[Complexes, Complexes, Complexes]:
+def _oscillator_step(eigenvalue: Complexes, h: float) -> tuple[Complexes, Complexes, Complexes]:
     """`e^(lambda h)`, and the integrals of `e^(lambda (h - s))` and of that times s / h, over s from 0 to h."""
     product = eigenvalue * h
     grown: Complexes = np.expm1(product)
@@ -332,7 +332,7 @@ class ShakeTable:
     @checked
     def demand(self, motion: GroundMotion) -> TableDemand:
         """What a commanded motion takes of the table, whether the table can run it or not."""
-        return self._taken_by(self._followed(motion))
+        return self._taken_by(self._follow(motion))
 
     @checked
     def driven(self, motion: GroundMotion, *, beyond: Literal["refuse", "scale"] = "refuse") -> GroundMotion:
@@ -353,7 +353,7 @@ class ShakeTable:
             If the motion exceeds a limit and is not to be scaled, or its step on the table would take too many
             samples.
         """
-        given = self._followed(motion)
+        given = self._follow(motion)
         taken = self._taken_by(given)
         if taken.within:
             return given
@@ -368,7 +368,7 @@ class ShakeTable:
         smaller = scaled(given, 1.0 / taken.share)
         return changed(given, smaller.acceleration, given.dt, f"{reason}: {smaller.changes[-1]}")
 
-    def _followed(self, motion: GroundMotion) -> GroundMotion:
+    def _follow(self, motion: GroundMotion) -> GroundMotion:
         """The command after the low-pass, exact for a command that runs straight between its samples."""
         from scipy.signal import lfilter  # slow to load
 
@@ -377,7 +377,7 @@ class ShakeTable:
         w = 2.0 * np.pi * self.bandwidth
         # The oscillator of `response_spectrum`, z' = lambda z + a_command; wanted is w^2 times its displacement.
         pole = np.array([w * complex(-self.damping, math.sqrt(1.0 - self.damping**2))])
-        decay, first, second = oscillator_step(pole, command.dt)
+        decay, first, second = _oscillator_step(pole, command.dt)
         a = command.acceleration
         inputs = np.concatenate(([0.0], first * a[:-1] + second * np.diff(a)))
         state = lfilter([1.0], [1.0, -complex(decay[0])], inputs)

@@ -183,7 +183,7 @@ class GammaEnvelope:
 @checked
 def sine(*, amplitude: float, frequency: float, cycles: float, dt: float = 0.001) -> GroundMotion:
     """Sinusoidal acceleration of `amplitude` [m/s^2] and `frequency` [Hz] for a number of cycles, from zero."""
-    time = _time(cycles / _sampled("frequency", frequency, dt), dt)
+    time = _time(cycles / _sample("frequency", frequency, dt), dt)
     acceleration = amplitude * np.sin(2.0 * np.pi * frequency * time)
     return _motion(f"sine {frequency:g} Hz", dt, acceleration)
 
@@ -194,8 +194,8 @@ def sine_sweep(
 ) -> GroundMotion:
     """Linear sine sweep of acceleration from `start` to `end` [Hz] in `duration` [s]."""
     time = _time(duration, dt)
-    _sampled("end", end, dt)
-    phase = 2.0 * np.pi * (_sampled("start", start, dt) * time + 0.5 * (end - start) / duration * time**2)
+    _sample("end", end, dt)
+    phase = 2.0 * np.pi * (_sample("start", start, dt) * time + 0.5 * (end - start) / duration * time**2)
     return _motion(f"sweep {start:g} to {end:g} Hz", dt, amplitude * np.sin(phase))
 
 
@@ -213,7 +213,7 @@ def ricker(*, amplitude: float, frequency: float, dt: float = 0.001) -> GroundMo
 
     It lasts three periods centred at t_0; velocity and displacement return to zero (N. Ricker, Geophysics 18, 1953).
     """
-    half = 1.5 / _sampled("frequency", frequency, dt)
+    half = 1.5 / _sample("frequency", frequency, dt)
     time = _time(2.0 * half, dt)
     u = (np.pi * frequency * (time - half)) ** 2
     return _motion(f"Ricker {frequency:g} Hz", dt, amplitude * (1.0 - 2.0 * u) * np.exp(-u))
@@ -250,7 +250,7 @@ def _time(duration: float, dt: float) -> NDArray[np.float64]:
     return dt * np.arange(round(duration / dt) + 1, dtype=np.float64)
 
 
-def _sampled(name: str, frequency: float, dt: float) -> float:
+def _sample(name: str, frequency: float, dt: float) -> float:
     """A frequency [Hz] that samples every `dt` [s] hold."""
     if not frequency * dt < 0.5:
         raise SettingError(

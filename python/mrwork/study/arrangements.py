@@ -41,7 +41,7 @@ from mrwork.study.schema import (
     StudyTable,
     TuneTable,
 )
-from mrwork.study.study import Arrangement, ClairvoyantRow, Kind, Row, StudyLaw, arranged
+from mrwork.study.study import Arrangement, ClairvoyantRow, Kind, Row, StudyLaw, make_arrangement
 
 _PYTHON = FileKind(name="the Python file of a law", largest=1 << 20, remedy="give the Python file of the law")
 
@@ -51,10 +51,10 @@ def running_in_words(table: LawFileTable, folder: Path) -> str:
     return f"{table.place.within('file')}: running {folder / table.file} as Python, for its function {table.function}"
 
 
-def law_of_file(table: LawFileTable, folder: Path) -> UserLaw:
+def _load_law(table: LawFileTable, folder: Path) -> UserLaw:
     """The law of a file, whose name is relative to `folder`."""
     name = table.function
-    module, text = _run(table, folder / table.file)
+    module, text = _run_module(table, folder / table.file)
     functions = [each for each, value in vars(module).items() if inspect.isfunction(value)]
     function = getattr(module, name, None)
     if not callable(function):
@@ -74,7 +74,7 @@ def law_of_file(table: LawFileTable, folder: Path) -> UserLaw:
         return UserLaw(name=name, command=function, n_memory=table.memory, source=digest_of(text))
 
 
-def _run(table: LawFileTable, path: Path) -> tuple[ModuleType, str]:
+def _run_module(table: LawFileTable, path: Path) -> tuple[ModuleType, str]:
     """The file as a module, and its text."""
     where = table.place.within("file")
     with located(where):
@@ -155,21 +155,21 @@ def arrangements(
     """The building without dampers, with them at i = 0, the baselines, and every control law."""
     building, devices = problem.building, tuple(problem.devices)
     none = Row(label="uncontrolled", kind="uncontrolled", description="the building without dampers")
-    found = [arranged(bare, none, bare, (), constant_command((), 0.0))]
+    found = [make_arrangement(bare, none, bare, (), constant_command((), 0.0))]
     controllable = any(device.spec.follows_command for device in devices)
     if devices:
         off = Row(label="i = 0", kind="passive_off", description="the dampers without a command")
         if not controllable:
             off = Row(label="passive", kind="passive_off", description="the dampers, which follow no command")
-        found.append(arranged(bare, off, building, devices, constant_command(devices, 0.0)))
+        found.append(make_arrangement(bare, off, building, devices, constant_command(devices, 0.0)))
     found += [_baseline(baseline, table, bare, folder) for baseline in table.baseline]
     for controller in table.controller:
         if not devices:
             controller.place.refuse("a control law needs dampers, and the study has none; give a [[damper]]")
         if not controllable:
             _refuse_command(controller)
-        limited = _limited(controller, problem)
-        title, law = chosen_law(controller, limited, folder)
+        limited = _limit_command(controller, problem)
+        title, law = _choose_law(controller, limited, folder)
         constant = CONSTANT_LAWS.get(controller.law)
         if constant is not None and constant.share == 0.0:
             # This arrangement exists already; only its label may differ.
@@ -180,7 +180,7 @@ def arrangements(
         user = controller.user
         description = controller.law if user is None else f"{user.function} of {user.file}, in Python"
         row = Row(label=controller.label or title, kind=_kind(law), description=description)
-        found.append(arranged(bare, row, building, tuple(limited.devices), law))
+        found.append(make_arrangement(bare, row, building, tuple(limited.devices), law))
     return tuple(found)
 
 
@@ -199,7 +199,7 @@ def problem_of(
     )
 
 
-def _limited(controller: ControllerTable, problem: DesignProblem) -> DesignProblem:
+def _limit_command(controller: ControllerTable, problem: DesignProblem) -> DesignProblem:
     """The problem of a law that may send a part of the command only."""
     largest = controller.largest_command
     if largest is None:
@@ -257,10 +257,10 @@ def _baseline(baseline: BaselineTable, table: StudyTable, bare: Building, folder
             f"the baseline has no {missing[0]}; it may add floors and storeys to the building, not remove them"
         )
     row = Row(label=baseline.label, kind="baseline", description=changed.name)
-    return arranged(bare, row, changed, (), constant_command((), 0.0))
+    return make_arrangement(bare, row, changed, (), constant_command((), 0.0))
 
 
-def chosen_law(
+def _choose_law(
     table: ControllerTable, problem: DesignProblem, folder: Path = Path()
 ) -> tuple[str, StudyLaw | None]:
     """Title and law of a table; the law is `None` for the best constant command, which is found when the study runs.
@@ -272,7 +272,7 @@ def chosen_law(
         for name in ("law", "settings"):
             if getattr(table, name):
                 place.within(name).refuse(f"a law in Python has no {name}; leave it out, or user")
-        return table.user.function, law_of_file(table.user, folder)
+        return table.user.function, _load_law(table.user, folder)
     if not table.law:
         place.refuse(f"{place.table} has no law; give the name of a law, or user for one in Python")
     constant = CONSTANT_LAWS.get(table.law)
@@ -295,7 +295,7 @@ def chosen_law(
         return specs[table.law].title, design_law(table.law, problem, settings)
 
 
-def held_settings(table: TuneTable, folder: Path) -> TuneTable:
+def resolve_settings(table: TuneTable, folder: Path) -> TuneTable:
     """A table whose settings, if any, are in SI, with the matrices of the files that they name.
 
     Settings that a law does not have are left to the tuning, which refuses them.

@@ -87,7 +87,7 @@ class RealisationBand:
         return RealisationBand(lower=lower, median=median, upper=upper)
 
 
-def simulated_criteria(
+def simulate_criteria(
     arrangement: Arrangement,
     law: StudyLaw,
     motions: Sequence[GroundMotion],
@@ -128,11 +128,11 @@ def simulated_criteria(
         )
         began = time.perf_counter()
         responses = simulate_loop(
-            varied_building(arrangement, bare, stiffness=stiffness, damping=damping),
+            vary_building(arrangement, bare, stiffness=stiffness, damping=damping),
             devices,
             law,
             motions,
-            _varied_hardware(hardware, delay, seed),
+            _vary_hardware(hardware, delay, seed),
             nominal=arrangement.building if hardware.feedback == "observer" else None,
             largest_commands=largest_commands,
             threads=threads,
@@ -163,9 +163,7 @@ def with_devices(arrangement: Arrangement, law: StudyLaw) -> tuple[tuple[Device,
     return (device,), still
 
 
-def varied_building(
-    arrangement: Arrangement, bare: Building, *, stiffness: float, damping: float
-) -> Building:
+def vary_building(arrangement: Arrangement, bare: Building, *, stiffness: float, damping: float) -> Building:
     """The building of an arrangement with factors of stiffness and damping of the bare building.
 
     What is built into it stays, such as the spring of a tuned mass, so that it is no longer tuned.
@@ -191,7 +189,7 @@ def varied_building(
     )
 
 
-def _varied_hardware(hardware: Hardware, delay: float, seed: int) -> Hardware:
+def _vary_hardware(hardware: Hardware, delay: float, seed: int) -> Hardware:
     step = hardware.sample_time / hardware.steps
     total = (hardware.delay_steps + round(delay / step)) * step
     return replace(hardware, delay=total, seed=hardware.seed + seed)
@@ -250,7 +248,7 @@ class VariedResults(Summarised):
         return np.asarray(ratio(above.of(name)[0, chosen], below.of(name)[0, chosen]).mean(axis=0))
 
 
-def varied_criteria(
+def simulate_varied(
     study: Study,
     arrangement: Arrangement,
     realisations: Realisations,
@@ -263,7 +261,7 @@ def varied_criteria(
     assert law is not None
 
     def simulated() -> RunCriteria:
-        return simulated_criteria(
+        return simulate_criteria(
             arrangement,
             law,
             study.grounds,

@@ -71,9 +71,9 @@ def chosen_damper(table: DamperTable, folder: Path, identified: Identified) -> C
     _refuse_ambiguous(table)
     tested = None
     if table.preset is not None:
-        draft, largest, source = _of_preset(table, table.preset)
+        draft, largest, source = _draft_of_preset(table, table.preset)
     elif table.run is not None:
-        draft, tested = _of_run(table, folder / table.run, identified)
+        draft, tested = _draft_of_run(table, folder / table.run, identified)
         largest = (
             None if tested is None or tested.command is None else command_level(tested.command[1], draft.unit)
         )
@@ -82,7 +82,7 @@ def chosen_damper(table: DamperTable, folder: Path, identified: Identified) -> C
         unit = table.unit or "A"
         draft = _Draft(plain=_model(place, table.model), laws={}, values={}, unit=unit, lag=None)
         largest, source = None, "parameters of the study"
-    draft = _changed(draft, table)
+    draft = _change_draft(draft, table)
     missing = [name for name in draft.plain.names if name not in draft.values]
     if missing:
         place.refuse(
@@ -171,7 +171,7 @@ def _model(place: Place, name: str | None) -> DamperSpec:
     return damper(name)
 
 
-def _of_preset(table: DamperTable, name: str) -> tuple[_Draft, float | None, str]:
+def _draft_of_preset(table: DamperTable, name: str) -> tuple[_Draft, float | None, str]:
     place = table.place
     models = damper_models() if table.model is None else (_model(place, table.model),)
     having = [spec for spec in models if name in spec.presets]
@@ -187,7 +187,9 @@ def _of_preset(table: DamperTable, name: str) -> tuple[_Draft, float | None, str
     return draft, preset.largest_command, f"{name}, {preset.status}: {preset.source}"
 
 
-def _of_run(table: DamperTable, run: Path, identified: Identified) -> tuple[_Draft, OperatingRange | None]:
+def _draft_of_run(
+    table: DamperTable, run: Path, identified: Identified
+) -> tuple[_Draft, OperatingRange | None]:
     try:
         found = identified(run)
     except RecordError as error:
@@ -219,7 +221,7 @@ def _draft(spec: DamperSpec, theta: tuple[float, ...]) -> _Draft:
     )
 
 
-def _changed(draft: _Draft, table: DamperTable) -> _Draft:
+def _change_draft(draft: _Draft, table: DamperTable) -> _Draft:
     """The draft with the laws, parameters and lag that the table gives."""
     laws, values = dict(draft.laws), dict(draft.values)
     place = table.place.within("parameters")
@@ -255,7 +257,7 @@ def _refuse_unknown(plain: DamperSpec, name: str, place: Place) -> None:
 _JOINT_SHARE = 1e-3
 
 
-def equipped(
+def equip_building(
     bare: Building, tables: Sequence[DamperTable], folder: Path, identified: Identified
 ) -> tuple[Building, tuple[Device, ...], list[ChosenDamper]]:
     """The building with braces, its devices, and the dampers chosen for them."""

@@ -83,7 +83,7 @@ class StoredGroup:
     scores: dict[str, OrNan]
 
 
-def stored_groups(results: StudyCriteria) -> tuple[StoredGroup, ...]:
+def _store_groups(results: StudyCriteria) -> tuple[StoredGroup, ...]:
     """The groups of the motions of a study, with the score of each row by its label."""
     return tuple(
         StoredGroup(
@@ -98,7 +98,7 @@ def stored_groups(results: StudyCriteria) -> tuple[StoredGroup, ...]:
     )
 
 
-def stored_changes(comparison: StudyComparison) -> Iterator[StoredChanges]:
+def _store_changes(comparison: StudyComparison) -> Iterator[StoredChanges]:
     """Changes of every row, the rows of each rank together, the lowest score first."""
     results = comparison.results
 
@@ -124,13 +124,13 @@ def stored_changes(comparison: StudyComparison) -> Iterator[StoredChanges]:
                 place=place,
                 score=results.score(row),
                 against_uncontrolled=bare,
-                worse_than_uncontrolled=_increased(bare),
+                worse_than_uncontrolled=_increases(bare),
                 against_best_passive=passive,
-                worse_than_best_passive=_increased(passive),
+                worse_than_best_passive=_increases(passive),
             )
 
 
-def _increased(changes: Mapping[str, StoredChange]) -> tuple[str, ...]:
+def _increases(changes: Mapping[str, StoredChange]) -> tuple[str, ...]:
     return tuple(name for name, change in changes.items() if rounds_to_increase(change.mean))
 
 
@@ -158,7 +158,7 @@ class StoredClairvoyant:
     command: tuple[tuple[float, ...], ...]
 
 
-def stored_clairvoyant(found: Clairvoyant) -> StoredClairvoyant:
+def _store_clairvoyant(found: Clairvoyant) -> StoredClairvoyant:
     """The optimum in the form of the results file."""
     return StoredClairvoyant(
         motion=found.motion,
@@ -392,8 +392,8 @@ def write_study(
     """Write the folder of a study, in place of an earlier one."""
     tables = {
         RESULTS: json_document(study_document(results)),
-        CRITERIA_TABLE: criteria_csv(results),
-        PROFILES_TABLE: profiles_csv(results),
+        CRITERIA_TABLE: _criteria_csv(results),
+        PROFILES_TABLE: _profiles_csv(results),
     }
     if page is not None:
         tables[REPORT] = page
@@ -421,14 +421,14 @@ def study_document(results: StudyResults) -> dict[str, Any]:
         warnings=tuple(results.warnings()),
         building_warnings=results.building_warnings,
         damper_warnings=results.damper_warnings,
-        results=tuple(_stored_run(results, *key, passive) for key in sorted(results.runs)),
+        results=tuple(_store_run(results, *key, passive) for key in sorted(results.runs)),
         best_passive=None if passive is None else results.rows[passive].label,
         judged_on=judged_in_words(results),
         chosen_on=results.chosen_on,
         spreads={row.label: results.spread(number) for number, row in enumerate(results.rows)},
-        groups=stored_groups(results),
-        changes=tuple(stored_changes(comparison)),
-        clairvoyant=tuple(stored_clairvoyant(each) for _, each in sorted(results.clairvoyants.items())),
+        groups=_store_groups(results),
+        changes=tuple(_store_changes(comparison)),
+        clairvoyant=tuple(_store_clairvoyant(each) for _, each in sorted(results.clairvoyants.items())),
         realisations=0 if results.varied is None else results.varied.count,
         score_bands={}
         if results.varied is None
@@ -440,7 +440,7 @@ def study_document(results: StudyResults) -> dict[str, Any]:
     return found
 
 
-def criteria_csv(results: StudyResults) -> str:
+def _criteria_csv(results: StudyResults) -> str:
     """The criteria as a table, a line for each controller and motion; the header has the units."""
     known = criteria()
     units = [results.command_unit if entry.unit == "A or V" else entry.unit for entry in known]
@@ -455,7 +455,7 @@ def criteria_csv(results: StudyResults) -> str:
     return _csv(lines)
 
 
-def profiles_csv(results: StudyResults) -> str:
+def _profiles_csv(results: StudyResults) -> str:
     """Peaks and root mean squares of every floor and storey as a table, a line for each."""
     lines: list[list[str]] = [["controller", "motion", "quantity", "where", "peak", "rms", "unit"]]
     for (row, motion), run in sorted(results.runs.items()):
@@ -472,7 +472,7 @@ def profiles_csv(results: StudyResults) -> str:
     return _csv(lines)
 
 
-def _stored_run(results: StudyResults, row: int, motion: int, passive: int | None) -> StoredStudyRun:
+def _store_run(results: StudyResults, row: int, motion: int, passive: int | None) -> StoredStudyRun:
     run, demands = results.runs[row, motion], results.demands(row, motion)
     return StoredStudyRun(
         controller=results.rows[row].label,
@@ -485,7 +485,7 @@ def _stored_run(results: StudyResults, row: int, motion: int, passive: int | Non
         over_best_passive=_every_criterion(results.ratios_to(row, motion, passive)),
         energy_error=run.energy_error,
         steps=run.steps,
-        step_check=_stored_step_check(results, row, motion),
+        step_check=_store_step_check(results, row, motion),
         outside_tested_range=names_outside(demands),
         exceedances=worst_by_quantity(demands),
         demand=largest_demand(demands),
@@ -493,7 +493,7 @@ def _stored_run(results: StudyResults, row: int, motion: int, passive: int | Non
     )
 
 
-def _stored_step_check(results: StudyResults, row: int, motion: int) -> StoredStepCheck | None:
+def _store_step_check(results: StudyResults, row: int, motion: int) -> StoredStepCheck | None:
     half = (results.halved or {}).get((row, motion))
     if half is None:
         return None

@@ -57,7 +57,7 @@ def motions_of_study(
         with located(each.table.place):
             found += [
                 MotionOfStudy(ground=ground, use=each.table.use, synthetic=each.file is None)
-                for ground in _scaled(each.ground, each.table)
+                for ground in _scale(each.ground, each.table)
             ]
     return tuple(found)
 
@@ -75,7 +75,7 @@ def _bare_motions(table: MotionTable, folder: Path, seed: int) -> Iterator[_Bare
         found = _suite(table, table.suite, seed) if table.suite else _synthetic(table, seed)
     for ground, file in found:
         with located(place):
-            yield _Bare(ground=_processed(ground, table), table=table, file=file)
+            yield _Bare(ground=_process(ground, table), table=table, file=file)
 
 
 def _refuse_keys(table: MotionTable, names: Sequence[str], reason: str) -> None:
@@ -183,7 +183,7 @@ def _spectrum(table: MotionTable) -> SpectralDensity:
     )
 
 
-def _processed(motion: GroundMotion, table: MotionTable) -> GroundMotion:
+def _process(motion: GroundMotion, table: MotionTable) -> GroundMotion:
     if table.group:
         motion = replace(motion, groups=(table.group, *motion.groups))
     if table.start > 0.0 or table.end is not None:
@@ -205,7 +205,7 @@ def _processed(motion: GroundMotion, table: MotionTable) -> GroundMotion:
     return motion
 
 
-def _scaled(motion: GroundMotion, table: MotionTable) -> Iterator[GroundMotion]:
+def _scale(motion: GroundMotion, table: MotionTable) -> Iterator[GroundMotion]:
     factors, peaks = _several(table.factor), _several(table.pga)
     if not factors and not peaks:
         yield motion

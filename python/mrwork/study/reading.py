@@ -22,8 +22,8 @@ from mrwork.store.parse import toml_table
 from mrwork.study.arrangements import (
     arrangements,
     clairvoyant_row,
-    held_settings,
     problem_of,
+    resolve_settings,
     running_in_words,
 )
 from mrwork.study.dampers import (
@@ -31,7 +31,7 @@ from mrwork.study.dampers import (
     Identified,
     IdentifiedDamper,
     chosen_damper,
-    equipped,
+    equip_building,
     identified_damper,
 )
 from mrwork.study.declared import located, read_table
@@ -73,7 +73,7 @@ class _Scanner:
             if self._text.startswith("[[", self._at):
                 self._forward(2)
                 *outer, last = self._key()
-                path = (*self._resolved(tuple(outer)), last)
+                path = (*self._resolve(tuple(outer)), last)
                 self._forward(2)
                 number = self._counts.get(path, 0)
                 self._counts[path] = number + 1
@@ -81,7 +81,7 @@ class _Scanner:
                 table = (*path, number)
             elif self._text[self._at] == "[":
                 self._forward(1)
-                table = self._resolved(self._key())
+                table = self._resolve(self._key())
                 self._forward(1)
             else:
                 self._pair(table)
@@ -89,7 +89,7 @@ class _Scanner:
             self._note(table, line)
         return self._found
 
-    def _resolved(self, key: tuple[str, ...]) -> KeyPath:
+    def _resolve(self, key: tuple[str, ...]) -> KeyPath:
         """The key of a header, with the index of the last table of each array of tables in it."""
         path: KeyPath = ()
         for part in key:
@@ -231,8 +231,8 @@ def read_study(
             on_python(running_in_words(each.user, folder))
     with located(place.within("building")):
         bare = building_from_table(table.building, place.within("building"), folder=folder)
-    building, devices, chosen = equipped(bare, table.damper, folder, identified)
-    hardware = hardware_of(table.hardware, place.within("hardware"), seed)
+    building, devices, chosen = equip_building(bare, table.damper, folder, identified)
+    hardware = _make_hardware(table.hardware, place.within("hardware"), seed)
     motions = motions_of_study(table.motion, folder, seed, sample_time=hardware.sample_time)
     if not motions:
         place.refuse("the study has no motion; give a [[motion]]")
@@ -250,7 +250,7 @@ def read_study(
     labels = [each.row.label for each in compared] + ([clairvoyant.row.label] if clairvoyant else [])
     _refuse_same(labels, place.within("controller"), "arrangements", "label")
     first = chosen[0].spec.current if chosen else None
-    detailed, drawn = _drawn(table.report, motions, labels, place)
+    detailed, drawn = _choose_drawn(table.report, motions, labels, place)
     return Study(
         title=table.title or bare.name,
         file=file,
@@ -275,7 +275,7 @@ def read_study(
             table.report.histories
         ],
         problem=problem,
-        tunes=tuple(held_settings(each, folder) for each in table.tune),
+        tunes=tuple(resolve_settings(each, folder) for each in table.tune),
         realisations=_realisations(table, place, devices, folder, identified),
         clairvoyant=clairvoyant,
     )
@@ -336,7 +336,7 @@ def _refuse_same(names: Sequence[str], place: Place, what: str, key: str) -> Non
         seen.add(name)
 
 
-def _drawn(
+def _choose_drawn(
     table: ReportTable, motions: Sequence[MotionOfStudy], labels: Sequence[str], place: Place
 ) -> tuple[int, tuple[int, ...]]:
     names = [motion.name for motion in motions]
@@ -380,7 +380,7 @@ def _facts(
     return tuple(facts)
 
 
-def hardware_of(table: HardwareTable, place: Place, seed: int) -> Hardware:
+def _make_hardware(table: HardwareTable, place: Place, seed: int) -> Hardware:
     """The hardware of a table; `seed` is that of the sensor noise."""
     converted = ("fault", "measured_floors")
     plain = {entry.name: getattr(table, entry.name) for entry in fields(table) if entry.name not in converted}

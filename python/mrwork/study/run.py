@@ -26,13 +26,13 @@ from mrwork.motions import GroundMotion
 from mrwork.store import Journal, digest_of
 from mrwork.store.codec import plain
 from mrwork.study.arrangements import constant_command, constant_commands
-from mrwork.study.batches import RunCriteria, VariedResults, varied_criteria, with_devices
+from mrwork.study.batches import RunCriteria, VariedResults, simulate_varied, with_devices
 from mrwork.study.results import Key, MotionFacts, StudyResults
 from mrwork.study.run_result import (
     RunHistory,
     RunResult,
     history_of,
-    recorded_result,
+    read_recorded,
     result_of,
 )
 from mrwork.study.study import Arrangement, Row, Study, digest_of_run, fingerprint_of
@@ -130,7 +130,7 @@ def run_study(
             report(arrangement.row.label)
             known: Mapping[int, RunResult] = {}
             if arrangement.law is None:
-                arrangements[row], known = _with_best_constant(study, arrangement, journal, threads)
+                arrangements[row], known = _choose_best_constant(study, arrangement, journal, threads)
             fresh: dict[int, RunHistory | None] = {}
             for motion, result in runs_of(
                 study, arrangements[row], journal, threads, fresh=fresh, known=known
@@ -164,7 +164,7 @@ def run_study(
         if study.realisations is not None:
             for row, arrangement in enumerate(arrangements):
                 report(f"{arrangement.row.label}, realisations")
-                varied[row] = varied_criteria(
+                varied[row] = simulate_varied(
                     study, arrangement, study.realisations, journal, threads=threads
                 )
     except KeyboardInterrupt:
@@ -237,7 +237,7 @@ def runs_of(
         recalled = (
             None
             if journal is None
-            else journal.recall(step, inputs, lambda record: recorded_result(record, arrangement))
+            else journal.recall(step, inputs, lambda record: read_recorded(record, arrangement))
         )
         if recalled is not None:
             yield motion, recalled
@@ -250,7 +250,7 @@ def runs_of(
             stored = [
                 number for number in study.histories if step_factor == 1 and 0 <= number - motion < count
             ]
-            responses = simulated_by(
+            responses = _simulate(
                 arrangement,
                 study.grounds[motion : motion + count],
                 study,
@@ -272,7 +272,7 @@ def runs_of(
 
 
 def _history(study: Study, arrangement: Arrangement, motion: int, threads: int) -> RunHistory:
-    responses = simulated_by(
+    responses = _simulate(
         arrangement, study.grounds[motion : motion + 1], study, histories=True, threads=threads
     )
     assert responses.histories is not None
@@ -301,7 +301,7 @@ def _histories_together(study: Study, arrangement: Arrangement, first: int) -> i
     return max(1, int(np.sum(needed < _MOST_HISTORY_BYTES)))
 
 
-def simulated_by(
+def _simulate(
     arrangement: Arrangement,
     motions: Sequence[GroundMotion],
     study: Study,
@@ -325,7 +325,7 @@ def simulated_by(
     )
 
 
-def _with_best_constant(
+def _choose_best_constant(
     study: Study, arrangement: Arrangement, journal: Journal | None, threads: int
 ) -> tuple[Arrangement, Mapping[int, RunResult]]:
     """The arrangement with the constant command of the lowest score; and its known runs, unless it is recalled."""
@@ -336,7 +336,7 @@ def _with_best_constant(
 
     def search() -> BestConstant:
         tried = replace(arrangement, law=constant_commands(devices, commands))
-        responses = simulated_by(tried, study.chosen_on, study, threads=threads)
+        responses = _simulate(tried, study.chosen_on, study, threads=threads)
         n_motions = len(study.chosen_on)
         found = [result_of(responses, run, arrangement) for run in range(LEVELS * n_motions)]
         levels = [found[start : start + n_motions] for start in range(0, len(found), n_motions)]

@@ -164,7 +164,7 @@ def result_of(responses: Responses, run: int, arrangement: Arrangement) -> RunRe
     )
 
 
-def recorded_result(record: Mapping[str, Any], arrangement: Arrangement) -> RunResult:
+def read_recorded(record: Mapping[str, Any], arrangement: Arrangement) -> RunResult:
     """The result of a run from its line of a journal."""
     result = rebuilt(RunResult, record)
     _ = Outcome[result.outcome.upper()]
@@ -195,9 +195,7 @@ def recorded_result(record: Mapping[str, Any], arrangement: Arrangement) -> RunR
 
 def own_columns(responses: Responses, quantity: Quantity, arrangement: Arrangement) -> Floats:
     """A quantity of all runs, for the floors and storeys of the bare building and all that is built into it."""
-    values: Floats = getattr(responses, quantity.name)[
-        (slice(None), *selected_columns(quantity, arrangement))
-    ]
+    values: Floats = getattr(responses, quantity.name)[(slice(None), *_bare_columns(quantity, arrangement))]
     if quantity.name == "peak_stroke" and not arrangement.devices:
         # Added storeys without devices, such as isolators, have a stroke, too.
         others = [number for number in arrangement.strokes if number < responses.peak_drift.shape[1]]
@@ -208,7 +206,7 @@ def own_columns(responses: Responses, quantity: Quantity, arrangement: Arrangeme
     )
 
 
-def selected_columns(quantity: Quantity, arrangement: Arrangement) -> tuple[list[int] | slice, ...]:
+def _bare_columns(quantity: Quantity, arrangement: Arrangement) -> tuple[list[int] | slice, ...]:
     """Index of the columns of the bare building and of the devices of the arrangement."""
     match quantity.axis:
         case "floor":
@@ -231,7 +229,7 @@ def history_of(history: History, arrangement: Arrangement) -> RunHistory:
         history.device_energy[:, : len(arrangement.devices)].sum(axis=1) + history.element_energy.sum(axis=1),
     )
     kept = {
-        signal.name: getattr(history, signal.name)[(slice(None), *selected_columns(signal, arrangement))]
+        signal.name: getattr(history, signal.name)[(slice(None), *_bare_columns(signal, arrangement))]
         for signal in history_signals()
         if signal.name in _HISTORY
     }

@@ -330,7 +330,7 @@ def uses_in_words(uses: Sequence[Use]) -> str:
     return f"{found} motion{'' if len(uses) == 1 else 's'}"
 
 
-def arranged(
+def make_arrangement(
     bare: Building, row: Row, building: Building, devices: tuple[Device, ...], law: StudyLaw | None
 ) -> Arrangement:
     """An arrangement with the indices of its floors and storeys that belong to the bare building."""

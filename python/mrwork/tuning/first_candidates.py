@@ -21,7 +21,7 @@ from mrwork.store import digest_of
 from mrwork.study.run import LEVELS
 from mrwork.study.schema import TuneTable
 from mrwork.summary import Summarised
-from mrwork.tuning.problem import Bench, Benches, Scores, described, recorded, scored
+from mrwork.tuning.problem import Bench, Benches, Scores, describe, recall_or_compute, score_candidates
 from mrwork.tuning.results import LawResult
 from mrwork.tuning.space import Candidate, FreeSetting, SettingSpace, TuningObjective, space_of
 
@@ -78,15 +78,15 @@ def _convex(bench: Bench, magnitudes: Magnitudes) -> Iterator[Mapping[str, Any]]
                 budget=magnitudes.force / _PEAK,
                 spectrum=spectrum,
             )
-            yield {name: _digits(value) for name, value in designed.settings().items()}
+            yield {name: _round_all(value) for name, value in designed.settings().items()}
         except SettingError:
             # A building with an undamped mode has no such weights.
             continue
 
 
-def _digits(value: Any) -> Any:
+def _round_all(value: Any) -> Any:
     """The digits that a study file states, which do not depend on the last bits of a solver."""
-    return tuple(_digits(each) for each in value) if isinstance(value, tuple) else _rounded(float(value))
+    return tuple(_round_all(each) for each in value) if isinstance(value, tuple) else _round(float(value))
 
 
 def first_candidates(space: SettingSpace, basis: Basis) -> list[FirstCandidate]:
@@ -120,7 +120,7 @@ def first_candidates(space: SettingSpace, basis: Basis) -> list[FirstCandidate]:
 def _shapes(space: SettingSpace, basis: Basis) -> Iterator[tuple[dict[str, Any], str]]:
     """Weights by name, and where they are from; the first are those that the table holds."""
     kind = SETTINGS[space.law]
-    weights, others = _parted(space.held, kind)
+    weights, others = _part_weights(space.held, kind)
     if not kind.weight_names():
         return
     equal = weights == kind.weighed_by_default
@@ -149,25 +149,29 @@ def _sizes(
         return [{}]
     if _WEIGHT in shape:
         given = np.asarray(shape[_WEIGHT], dtype=np.float64)
-        return [{_WEIGHT: _digits(_plain(factor * given))} for factor in np.geomspace(1e-5, 10.0, _STEPS + 1)]
+        return [
+            {_WEIGHT: _round_all(_plain(factor * given))} for factor in np.geomspace(1e-5, 10.0, _STEPS + 1)
+        ]
     # The range of R is that of the weights that are held; another shape costs more or less.
-    costs = [kind.cost(_parted(each, kind)[0], magnitudes) for each in (shape, space.held)]
+    costs = [kind.cost(_part_weights(each, kind)[0], magnitudes) for each in (shape, space.held)]
     factor = costs[0] / costs[1]
-    return [{_WEIGHT: _rounded(factor * scanned.value(step))} for step in np.linspace(0.0, 1.0, _STEPS + 1)]
+    return [{_WEIGHT: _round(factor * scanned.value(step))} for step in np.linspace(0.0, 1.0, _STEPS + 1)]
 
 
 def _plain(numbers: NDArray[np.float64]) -> Any:
     return tuple(numbers.tolist()) if numbers.ndim else float(numbers)
 
 
-def _parted(settings: Mapping[str, Any], kind: type[LawSettings]) -> tuple[dict[str, Any], dict[str, Any]]:
+def _part_weights(
+    settings: Mapping[str, Any], kind: type[LawSettings]
+) -> tuple[dict[str, Any], dict[str, Any]]:
     """The weights of outputs and states among settings of a law, and its other settings."""
     names = kind.weight_names()
     weights = {name: value for name, value in settings.items() if name in names}
     return weights, {name: value for name, value in settings.items() if name not in names}
 
 
-def _rounded(value: float) -> float:
+def _round(value: float) -> float:
     return float(f"{value:.4g}")
 
 
@@ -189,24 +193,24 @@ def references_of(benches: Benches, objective: TuningObjective, basis: Basis) ->
     They are compared to i = 0 also where the laws are to the best constant command, which is one of them.
     """
     objective = replace(objective, relative_to="passive_off")
-    for each in _declared(basis):
+    for each in _declare_references(basis):
         began = time.perf_counter()
         best = each.candidates[0]
         if len(each.candidates) > 1:
-            scores = recorded(
+            scores = recall_or_compute(
                 benches.journal,
                 "reference",
                 digest_of(each.law, each.candidates),
                 Scores,
                 (len(each.candidates),),
-                lambda each=each: scored(benches.training, objective, each.law, each.candidates),  # type: ignore[misc]
+                lambda each=each: score_candidates(benches.training, objective, each.law, each.candidates),  # type: ignore[misc]
             )
             best = each.candidates[scores.best]
         train, test = benches.judgements(each.law, best, objective, robust=False)
         yield LawResult(
             law=each.law,
             label=each.label,
-            settings=dict(described(best)),
+            settings=dict(describe(best)),
             origin=each.origin,
             train=train,
             test=test,
@@ -221,7 +225,7 @@ def best_constant(references: Sequence[LawResult]) -> Candidate:
     return next(each.chosen for each in references if each.label == BEST_CONSTANT)
 
 
-def _declared(basis: Basis) -> Iterator[_Reference]:
+def _declare_references(basis: Basis) -> Iterator[_Reference]:
     largest = basis.magnitudes.command
 
     def constant(share: float) -> Candidate:

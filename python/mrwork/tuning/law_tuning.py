@@ -30,8 +30,15 @@ from mrwork.study.batches import RunCriteria
 from mrwork.study.schema import TuneTable
 from mrwork.study.study import Study
 from mrwork.tuning.first_candidates import Basis, FirstCandidate, first_candidates
-from mrwork.tuning.problem import Bench, Benches, Scores, described, recorded, scored
-from mrwork.tuning.results import Front, FrontPoint, LawResult, TracePoint, TuningJudgement, unjudged
+from mrwork.tuning.problem import Bench, Benches, Scores, describe, recall_or_compute, score_candidates
+from mrwork.tuning.results import (
+    Front,
+    FrontPoint,
+    LawResult,
+    TracePoint,
+    TuningJudgement,
+    judgement_of_objective,
+)
 from mrwork.tuning.space import LARGEST, PENALTY, Candidate, SettingSpace, TuningObjective, refuse_within
 from mrwork.values import holds_arrays
 
@@ -100,7 +107,7 @@ class Finish:
         return self.unit.shape
 
 
-def gradient_finish(
+def _follow_gradients(
     space: SettingSpace,
     bench: Bench,
     objective: TuningObjective,
@@ -292,7 +299,7 @@ def check_settings(plan: LawPlan, bench: Bench) -> None:
         return
 
 
-def tuned_law(plan: LawPlan, benches: Benches, basis: Basis, *, rng: int, report: Report) -> LawResult:
+def tune_law(plan: LawPlan, benches: Benches, basis: Basis, *, rng: int, report: Report) -> LawResult:
     """Tune a law and judge it."""
     began = time.perf_counter()
     table = plan.table
@@ -301,13 +308,13 @@ def tuned_law(plan: LawPlan, benches: Benches, basis: Basis, *, rng: int, report
     if not plan.space.continuous:
         firsts = [FirstCandidate(candidate=each, origin="all levels") for each in plan.space.every()]
     candidates = tuple(each.candidate for each in firsts)
-    scores = recorded(
+    scores = recall_or_compute(
         benches.journal,
         "first candidates",
         digest_of(plan.label, candidates),
         Scores,
         (len(candidates),),
-        lambda: scored(bench, plan.objective, plan.law, candidates),
+        lambda: score_candidates(bench, plan.objective, plan.law, candidates),
     )
     best, least = scores.best, float(scores.penalised[scores.best])
     chosen, origin = firsts[best].candidate, firsts[best].origin
@@ -318,7 +325,7 @@ def tuned_law(plan: LawPlan, benches: Benches, basis: Basis, *, rng: int, report
         return LawResult(
             law=plan.law,
             label=plan.label,
-            settings=dict(described(chosen)),
+            settings=dict(describe(chosen)),
             origin=origin,
             train=train,
             test=test,
@@ -344,15 +351,17 @@ def tuned_law(plan: LawPlan, benches: Benches, basis: Basis, *, rng: int, report
             report(trace[-1].candidates, trace[-1].least)
 
         try:
-            found = _searched(plan, bench, benches, candidates, scores, rng, on_generation)
+            found = _search(plan, bench, benches, candidates, scores, rng, on_generation)
         except Interrupted as interrupt:
             if interrupt.result.best_misfit < least:
                 chosen, origin = plan.space.candidate(interrupt.result.best_unit), "search, interrupted"
-            raise Interrupted(result(unjudged(trace[-1].least), None, ""), "tuning") from interrupt
+            raise Interrupted(
+                result(judgement_of_objective(trace[-1].least), None, ""), "tuning"
+            ) from interrupt
         if found.best_misfit < least:
             chosen, origin = plan.space.candidate(found.best_unit), _ENDS.get(found.stop_reason, "search")
         if table.gradient_steps:
-            last = _finished(plan, bench, benches, chosen)
+            last = _finish(plan, bench, benches, chosen)
             trace.append(
                 TracePoint(candidates=trace[-1].candidates + 1, least=min(trace[-1].least, last.misfit))
             )
@@ -363,40 +372,42 @@ def tuned_law(plan: LawPlan, benches: Benches, basis: Basis, *, rng: int, report
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Finished:
+class _FinishedCandidate:
     candidate: Candidate
     misfit: float
     gradients: int
 
 
-def _finished(plan: LawPlan, bench: Bench, benches: Benches, chosen: Candidate) -> _Finished:
+def _finish(plan: LawPlan, bench: Bench, benches: Benches, chosen: Candidate) -> _FinishedCandidate:
     """The candidate that gradients reach from the chosen one, with its misfit in the loop."""
     start = plan.space.unit(chosen)
     if start is None:
-        return _Finished(candidate=chosen, misfit=math.inf, gradients=0)
-    point = recorded(
+        return _FinishedCandidate(candidate=chosen, misfit=math.inf, gradients=0)
+    point = recall_or_compute(
         benches.journal,
         "gradients",
         digest_of(plan.label, chosen),
         Finish,
         start.shape,
-        lambda: gradient_finish(
+        lambda: _follow_gradients(
             plan.space, benches.training, plan.objective, start, plan.table.gradient_steps
         ),
     )
     candidate = plan.space.candidate(point.unit)
-    scores = recorded(
+    scores = recall_or_compute(
         benches.journal,
         "finish",
         digest_of(plan.label, candidate),
         Scores,
         (1,),
-        lambda: scored(bench, plan.objective, plan.law, [candidate]),
+        lambda: score_candidates(bench, plan.objective, plan.law, [candidate]),
     )
-    return _Finished(candidate=candidate, misfit=float(scores.penalised[0]), gradients=point.gradients)
+    return _FinishedCandidate(
+        candidate=candidate, misfit=float(scores.penalised[0]), gradients=point.gradients
+    )
 
 
-def _searched(
+def _search(
     plan: LawPlan,
     bench: Bench,
     benches: Benches,
@@ -414,7 +425,7 @@ def _searched(
         keys = [repr(each) for each in asked]
         fresh = {key: each for key, each in zip(keys, asked, strict=True) if key not in known}
         if fresh:
-            found = scored(bench, plan.objective, plan.law, list(fresh.values()))
+            found = score_candidates(bench, plan.objective, plan.law, list(fresh.values()))
             known.update(zip(fresh, found.penalised.tolist(), strict=True))
         return np.array([known[key] for key in keys])
 
@@ -487,12 +498,12 @@ def front_of(plan: LawPlan, benches: Benches, basis: Basis, *, rng: int, report:
         on_generation=lambda evaluations: report(evaluations, float("nan")),
     )
     candidates = _distinct([space.candidate(unit) for unit in found.units])
-    train = _evaluated(benches, bench, plan, parts, candidates)
+    train = _evaluate(benches, bench, plan, parts, candidates)
     testing = benches.tested(robust=table.robust)
-    test = None if testing is None else _evaluated(benches, testing, plan, parts, candidates)
+    test = None if testing is None else _evaluate(benches, testing, plan, parts, candidates)
     points = [
         FrontPoint(
-            settings=dict(described(candidate)),
+            settings=dict(describe(candidate)),
             train=dict(zip(table.objectives, train[place].tolist(), strict=True)),
             test=None if test is None else dict(zip(table.objectives, test[place].tolist(), strict=True)),
             certificate=bench.certificate(plan.law, candidate),
@@ -513,11 +524,11 @@ def _ratios(found: RunCriteria, bench: Bench, parts: list[TuningObjective]) -> F
     return np.column_stack([part.value(part.run_scores(found, bench.baseline(part))) for part in parts])
 
 
-def _evaluated(
+def _evaluate(
     benches: Benches, bench: Bench, plan: LawPlan, parts: list[TuningObjective], candidates: list[Candidate]
 ) -> Floats:
     inputs = digest_of(plan.label, candidates, [motion.name for motion in bench.motions])
-    found = recorded(
+    found = recall_or_compute(
         benches.journal,
         "front",
         inputs,

@@ -18,7 +18,7 @@ from mrwork.control.laws import control_law
 from mrwork.errors import SettingError
 from mrwork.motions import GroundMotion
 from mrwork.store import Journal, digest_of
-from mrwork.study.batches import RealisationBand, RunCriteria, simulated_criteria
+from mrwork.study.batches import RealisationBand, RunCriteria, simulate_criteria
 from mrwork.study.run import runs_of
 from mrwork.study.run_result import DeviceDemand, demands_of
 from mrwork.study.study import Arrangement, Realisations, Row, Study, nominal
@@ -86,7 +86,7 @@ class Bench(Summarised):
             if designed.law is None:
                 continue
             places = [members[index] for index in designed.designed]
-            found = simulated_criteria(
+            found = simulate_criteria(
                 replace(self.arrangement, devices=tuple(problem.devices), law=None),
                 designed.law,
                 self.motions,
@@ -182,7 +182,9 @@ class Scores(Summarised):
         return int(np.argmin(self.penalised))
 
 
-def scored(bench: Bench, objective: TuningObjective, law: str, candidates: Sequence[Candidate]) -> Scores:
+def score_candidates(
+    bench: Bench, objective: TuningObjective, law: str, candidates: Sequence[Candidate]
+) -> Scores:
     """The scores of candidates on a bench."""
     found = bench.run(law, candidates)
     value = objective.value(objective.run_scores(found, bench.baseline(objective)))
@@ -227,7 +229,7 @@ def _middle(values: Floats) -> float:
     return float(np.median(finite))
 
 
-def described(candidate: Candidate) -> Mapping[str, object]:
+def describe(candidate: Candidate) -> Mapping[str, object]:
     """The settings of a candidate with its largest command, as a study file states them."""
     return {**candidate.settings, "largest_command": candidate.largest_command}
 
@@ -269,7 +271,7 @@ class Benches(Summarised):
         """With the criteria under the best constant command, a baseline of objectives."""
 
         def beside(name: str, bench: Bench) -> Bench:
-            found = recorded(
+            found = recall_or_compute(
                 self.journal,
                 "baseline",
                 digest_of(name, constant),
@@ -331,7 +333,7 @@ class Benches(Summarised):
             inputs = digest_of(
                 law, candidate, [motion.name for motion in each.motions], len(each.realisations)
             )
-            return recorded(
+            return recall_or_compute(
                 self.journal,
                 "judgement",
                 inputs,
@@ -342,10 +344,10 @@ class Benches(Summarised):
 
         found = on(bench)
         varied = None if wide is None else Varied(bench=wide, found=on(wide))
-        return judged(bench, objective, found, varied, robust=robust)
+        return judge(bench, objective, found, varied, robust=robust)
 
 
-def recorded(
+def recall_or_compute(
     journal: Journal | None,
     step: str,
     inputs: str,
@@ -379,7 +381,7 @@ def benches_of(
 
         def passive() -> RunCriteria:
             assert arrangement.law is not None
-            found = simulated_criteria(
+            found = simulate_criteria(
                 arrangement,
                 arrangement.law,
                 motions,
@@ -398,7 +400,7 @@ def benches_of(
             problem=problem,
             motions=tuple(motions),
             realisations=realisations,
-            passive=recorded(
+            passive=recall_or_compute(
                 journal, "passive", inputs, RunCriteria, (1, len(motions), len(realisations)), passive
             ),
             threads=threads,
@@ -423,7 +425,7 @@ class Varied:
     found: RunCriteria
 
 
-def judged(
+def judge(
     bench: Bench, objective: TuningObjective, found: RunCriteria, varied: Varied | None, *, robust: bool
 ) -> TuningJudgement:
     """The judgement of one candidate.
@@ -482,7 +484,7 @@ def _bands(ratios: Mapping[str, Floats]) -> dict[str, RealisationBand]:
     return {name: RealisationBand.of(values[0].mean(axis=0)) for name, values in ratios.items()}
 
 
-def compared_to(law: TuningJudgement, constant: TuningJudgement) -> Better:
+def count_better(law: TuningJudgement, constant: TuningJudgement) -> Better:
     """How often a law is better than a constant command, motion by motion."""
     pairs: Sequence[tuple[MotionScore, MotionScore]] = list(zip(law.motions, constant.motions, strict=True))
 

@@ -76,7 +76,7 @@ Judgement = TuningJudgement
 """Its public name."""
 
 
-def unjudged(objective: float) -> TuningJudgement:
+def judgement_of_objective(objective: float) -> TuningJudgement:
     """The judgement of an interrupted tuning, of which only the objective is known."""
     return TuningJudgement(
         score=math.nan,

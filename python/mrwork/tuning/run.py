@@ -25,11 +25,11 @@ from mrwork.tuning.law_tuning import (
     check_finish,
     check_settings,
     front_of,
-    tuned_law,
+    tune_law,
 )
-from mrwork.tuning.problem import Clock, benches_of, check_controllable, compared_to, magnitudes_of
+from mrwork.tuning.problem import Clock, benches_of, check_controllable, count_better, magnitudes_of
 from mrwork.tuning.results import Front, LawResult, TuningResults
-from mrwork.tuning.space import TuningObjective, objective_of, refuse_within, scored_criterion, space_of
+from mrwork.tuning.space import TuningObjective, check_scored_criterion, objective_of, refuse_within, space_of
 
 OnTuning = Callable[[TuningProgress], None]
 
@@ -85,7 +85,7 @@ def tune(
     """
     check_controllable(study)
     tables = _tables(study, tables, laws, risk, budget)
-    objectives = [_checked(table, study) for table in tables]
+    objectives = [_check_table(table, study) for table in tables]
     clock = Clock()
     if journal is not None:
         journal.agree("tuning", _fingerprint(study, tables, rng))
@@ -123,7 +123,7 @@ def tune(
                     )
                 )
 
-            found.append(tuned_law(plan, benches, basis, rng=rng, report=report))
+            found.append(tune_law(plan, benches, basis, rng=rng, report=report))
             demands |= benches.demands(plan.law, found[-1].chosen, plan.label)
             if plan.table.objectives:
                 fronts.append(front_of(plan, benches, basis, rng=rng, report=report))
@@ -149,8 +149,8 @@ def _results(
     return TuningResults(
         title=study.title,
         status=status,
-        laws=tuple(_beside(each, constant) for each in laws),
-        references=tuple(_beside(each, constant) for each in references),
+        laws=tuple(_count_better(each, constant) for each in laws),
+        references=tuple(_count_better(each, constant) for each in references),
         training=tuple(motion.name for motion in study.chosen_on),
         testing=tuple(each.name for each in study.motions if separate and each.use == "test"),
         command_unit=study.command_unit,
@@ -164,14 +164,14 @@ def _results(
     )
 
 
-def _beside(law: LawResult, constant: LawResult | None) -> LawResult:
+def _count_better(law: LawResult, constant: LawResult | None) -> LawResult:
     """With the number of motions under which it is better than the best constant command."""
     if constant is None or law is constant:
         return law
     one, other = (law.train, constant.train) if law.test is None else (law.test, constant.test)
     if other is None or not one.motions:
         return law
-    return replace(law, better=compared_to(one, other))
+    return replace(law, better=count_better(one, other))
 
 
 def _plans(
@@ -208,7 +208,7 @@ def _tables(
     return found
 
 
-def _checked(table: TuneTable, study: Study) -> TuningObjective:
+def _check_table(table: TuneTable, study: Study) -> TuningObjective:
     """The objective of a table whose names exist."""
     if not table.laws:
         refuse_within(table, "laws is empty; name the laws to be tuned", "laws")
@@ -241,7 +241,7 @@ def _check_objectives(table: TuneTable) -> None:
     if not table.objectives:
         return
     for name in table.objectives:
-        scored_criterion(table, "objectives", name)
+        check_scored_criterion(table, "objectives", name)
     if len(set(table.objectives)) < max(2, len(table.objectives)):
         refuse_within(
             table,

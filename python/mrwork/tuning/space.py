@@ -84,7 +84,7 @@ class TuningObjective(Summarised):
 
     def in_words(self, *, robust: bool) -> str:
         """What is minimised, as the end of a sentence; `robust` where the realisations belong to it."""
-        names = " and ".join(_weighted(name, weight) for name, weight in self.weights.items())
+        names = " and ".join(_weighted_name(name, weight) for name, weight in self.weights.items())
         motions = "motions and realisations" if robust else "motions"
         risk = {
             "mean": f"mean over all {motions}",
@@ -100,7 +100,7 @@ Objective = TuningObjective
 """Its public name."""
 
 
-def _weighted(name: str, weight: float) -> str:
+def _weighted_name(name: str, weight: float) -> str:
     text = criterion(name).title.lower().replace("rms", "RMS")
     return text if weight == 1.0 else f"{weight:g} x {text}"
 
@@ -135,7 +135,7 @@ def objective_of(table: TuneTable, command_unit: str) -> TuningObjective:
     given = table.criteria or SCORE
     weights = dict(given) if isinstance(given, Mapping) else dict.fromkeys(given, 1.0)
     for name, weight in weights.items():
-        scored_criterion(table, "criteria", name)
+        check_scored_criterion(table, "criteria", name)
         if not (weight > 0.0 and math.isfinite(weight)):
             _refuse(table, "criteria", f"the weight of {name} is {weight:g}; give a positive number")
     if table.tail is not None and table.risk != "cvar":
@@ -158,22 +158,22 @@ def objective_of(table: TuneTable, command_unit: str) -> TuningObjective:
     )
 
 
-def known_criterion(table: TuneTable, key: str, name: str) -> None:
+def _check_criterion(table: TuneTable, key: str, name: str) -> None:
     """Refuse a name that is no criterion."""
     known = [entry.name for entry in criteria()]
     if name not in known:
         _refuse(table, key, f"no criterion is called {name!r}{suggestion(name, known)}")
 
 
-def scored_criterion(table: TuneTable, key: str, name: str) -> None:
+def check_scored_criterion(table: TuneTable, key: str, name: str) -> None:
     """Refuse a name that is no criterion, or one that is zero at i = 0 and so has no ratio to it."""
-    known_criterion(table, key, name)
+    _check_criterion(table, key, name)
     if criterion(name).unit == COMMAND:
         _refuse(table, key, f"{name} is 0 at i = 0, so no ratio to it exists; limit it among the constraints")
 
 
 def _limit(table: TuneTable, name: str, value: float | str, command_unit: str) -> float:
-    known_criterion(table, "constraints", name)
+    _check_criterion(table, "constraints", name)
     unit = criterion(name).unit
     if isinstance(value, str):
         number = number_in(value, command_unit if unit == COMMAND else unit)
@@ -340,7 +340,7 @@ def space_of(table: TuneTable, law: str, magnitudes: Magnitudes) -> SettingSpace
     spans: dict[str, Span] = {
         entry.name: entry.metadata["span"] for entry in keys_of(kind) if entry.metadata["span"] is not None
     }
-    held = _held(table, law, kind)
+    held = _held_settings(table, law, kind)
     weights = {name: value for name, value in held.items() if name in kind.weight_names()}
     magnitudes = replace(magnitudes, cost=kind.cost(weights, magnitudes))
     free = []
@@ -372,7 +372,7 @@ def _check_law(table: TuneTable, law: str) -> None:
         refuse_within(table, f"no control law is called {law!r}{suggestion(law, known)}", "laws")
 
 
-def _held(table: TuneTable, law: str, kind: type[LawSettings]) -> dict[str, Any]:
+def _held_settings(table: TuneTable, law: str, kind: type[LawSettings]) -> dict[str, Any]:
     known = [entry.name for entry in keys_of(kind)]
     held: dict[str, Any] = dict(table.settings or {})
     for name in held:

@@ -117,7 +117,7 @@ class WeightDesigner:
             )
         budgets = self._budgets if budget is None else as_forces(budget, self.plant)
         start, program_value, engine = self._by_program(outputs.limits, budgets)
-        point, damping = self._refined(outputs.limits, budgets, start)
+        point, damping = self._refine(outputs.limits, budgets, start)
         of_nominal = self._rows_of(self._nominal, outputs.limits, budgets, damping)
         w = point.multipliers
         cost = self._cost(outputs, budgets, w, damping)
@@ -223,12 +223,12 @@ class WeightDesigner:
         comparable = whole and (self._semi_active is None or self._semi_active.damping is not None)
         return found.multipliers, found.value if comparable else None, engine
 
-    def _refined(self, limits: Floats, budgets: Floats, start: Floats | None) -> tuple[DualPoint, Floats]:
+    def _refine(self, limits: Floats, budgets: Floats, start: Floats | None) -> tuple[DualPoint, Floats]:
         """The weights to rounding; with a semi-active condition of free damping, alternated with its c."""
         damping = self._damping
         free = self._semi_active is not None and self._semi_active.damping is None
         for _ in range(_ALTERNATIONS if free else 1):
-            point = self._solved(limits, budgets, damping, start)
+            point = self._solve(limits, budgets, damping, start)
             if not free:
                 break
             moved = self._like_a_damper(point)
@@ -237,7 +237,7 @@ class WeightDesigner:
             damping, start = moved, point.multipliers
         return point, damping
 
-    def _solved(self, limits: Floats, budgets: Floats, damping: Floats, start: Floats | None) -> DualPoint:
+    def _solve(self, limits: Floats, budgets: Floats, damping: Floats, start: Floats | None) -> DualPoint:
         """The dual by Riccati equations, with the limits scaled to those that are just met without control."""
         level = float(np.max([system.rms_without_control() / limits for system in self._systems]))
         scale = np.ones(0 if start is None else len(start))
@@ -262,7 +262,7 @@ class WeightDesigner:
             if high > np.log(_MOST_BUDGET):
                 return float("inf")
             try:
-                point = self._solved(limits, float(np.exp(high)) * budgets, damping, point.multipliers)
+                point = self._solve(limits, float(np.exp(high)) * budgets, damping, point.multipliers)
             except SettingError:
                 return float("inf")
             log_high = float(np.log(point.value))
@@ -274,7 +274,7 @@ class WeightDesigner:
         while high - low > 0.01:
             share = np.clip(log_low / (log_low - log_high), 0.1, 0.9)
             middle = low + float(share) * (high - low)
-            point = self._solved(limits, float(np.exp(middle)) * budgets, damping, point.multipliers)
+            point = self._solve(limits, float(np.exp(middle)) * budgets, damping, point.multipliers)
             found = float(np.log(point.value))
             low, log_low, high, log_high = (
                 (middle, found, high, log_high) if found > 0.0 else (low, log_low, middle, found)

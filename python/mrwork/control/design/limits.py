@@ -337,7 +337,7 @@ def damper_cases(
     for draw in chosen:
         stiffness, damping = building.stiffness.copy(), building.damping.copy()
         for device, row in zip(devices, rows, strict=True):
-            k, c = _linearised(device, device.draws[draw], amplitude, frequency)
+            k, c = _linearise(device, device.draws[draw], amplitude, frequency)
             stiffness += k * np.outer(row, row)
             damping += c * np.outer(row, row)
         found.append(
@@ -350,7 +350,7 @@ def damper_cases(
     return tuple(found)
 
 
-def _linearised(
+def _linearise(
     device: Device, theta: NDArray[np.float64], amplitude: float, frequency: float
 ) -> tuple[float, float]:
     """Stiffness [N/m] and damping [N s/m] of all dampers of a device at zero command, over the last cycle of three."""

@@ -201,7 +201,7 @@ def maximise(
         d_w, d_level = move[:-1], float(move[-1])
         d_slack = (target - slack * d_w) / w - slack
         length = min(1.0, _TO_BOUNDARY * _longest(w, d_w), _TO_BOUNDARY * _longest(slack, d_slack))
-        at, length = _moved(systems, rows, w, d_w, length)
+        at, length = _move(systems, rows, w, d_w, length)
         w, slack, level = w + length * d_w, slack + length * d_slack, level + length * d_level
         squares = np.mean([each.squares for each in at], axis=0)
     value = float(np.mean([each.cost for each in at]) - w[budgets].sum())
@@ -214,7 +214,7 @@ def _longest(point: Floats, move: Floats) -> float:
     return float(np.min(-point[shrinking] / move[shrinking], initial=np.inf))
 
 
-def _moved(
+def _move(
     systems: Sequence[DesignSystem], rows: Sequence[SquaredRows], w: Floats, d_w: Floats, length: float
 ) -> tuple[list[Regulated], float]:
     """The regulators after a step, which is halved until every Riccati equation has a solution."""

@@ -41,13 +41,13 @@ class LyapunovEquations:
 
     def covariance(self, Q: Floats) -> Floats:
         """X of `A X + X A' + step A X A' + Q = 0`."""
-        return self._solved(self._half @ Q @ self._half.T, adjoint=False)
+        return self._solve(self._half @ Q @ self._half.T, adjoint=False)
 
     def cost(self, Q: Floats) -> Floats:
         """P of `A'P + P A + step A'P A + Q = 0`."""
-        return self._solved(self._half.T @ Q @ self._half, adjoint=True)
+        return self._solve(self._half.T @ Q @ self._half, adjoint=True)
 
-    def _solved(self, Q: Floats, *, adjoint: bool) -> Floats:
+    def _solve(self, Q: Floats, *, adjoint: bool) -> Floats:
         right = -self._basis.T @ Q @ self._basis
         forms = ("T", "N") if adjoint else ("N", "T")
         found, scale, _ = scipy.linalg.lapack.dtrsyl(self._schur, self._schur, right, *forms)
@@ -231,7 +231,7 @@ def system_of(
         rates=np.hstack([rates, np.zeros((plant.n_devices, n_soil))]) * rms,
         state=np.hstack([modes, np.zeros((2 * n, n_soil))]) * rms,
     )
-    return _continuous(parts) if timing is None else _sampled(parts, timing, budgets, frequency)
+    return _continuous(parts) if timing is None else _sample(parts, timing, budgets, frequency)
 
 
 @holds_arrays
@@ -265,7 +265,7 @@ def _continuous(parts: _Parts) -> DesignSystem:
     )
 
 
-def _sampled(parts: _Parts, timing: LoopTiming, budgets: Floats, frequency: float) -> DesignSystem:
+def _sample(parts: _Parts, timing: LoopTiming, budgets: Floats, frequency: float) -> DesignSystem:
     """Building, soil and driver between samples with the command held, and a chain of past commands for the delay.
 
     Commands and forces in the chain are in budgets.
@@ -279,7 +279,7 @@ def _sampled(parts: _Parts, timing: LoopTiming, budgets: Floats, frequency: floa
         A = np.block([[A, B * budgets], [np.zeros((m, n)), -timing.driver_rate * np.eye(m)]])
         B = np.vstack([np.zeros((n, m)), timing.driver_rate * np.diag(1.0 / budgets)])
         noise = scipy.linalg.block_diag(noise, own * np.eye(m))
-    transition, held, added = _held(A, B, noise, timing.sample_time)
+    transition, held, added = _hold_input(A, B, noise, timing.sample_time)
     size, delay = len(A), timing.delay_samples
     whole = size + delay * m
     forward = np.zeros((whole, whole))
@@ -319,7 +319,7 @@ def _sampled(parts: _Parts, timing: LoopTiming, budgets: Floats, frequency: floa
     )
 
 
-def _held(A: Floats, B: Floats, noise: Floats, step: float) -> tuple[Floats, Floats, Floats]:
+def _hold_input(A: Floats, B: Floats, noise: Floats, step: float) -> tuple[Floats, Floats, Floats]:
     """Transition, effect of a held input, and covariance of the noise of a step (Van Loan, IEEE TAC 23(3), 1978)."""
     n, m = B.shape
     inputs = scipy.linalg.expm(step * np.block([[A, B], [np.zeros((m, n + m))]]))

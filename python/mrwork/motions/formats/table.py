@@ -163,7 +163,7 @@ def acceleration_column(names: Sequence[str], stated: Stated, *, source: str) ->
     return Column(name=name, factor=factor)
 
 
-def time_column(names: Sequence[str], *, source: str) -> Column | None:
+def _time_column(names: Sequence[str], *, source: str) -> Column | None:
     """Find the column of time, `None` if there is none; a column without a unit is in seconds."""
     found = [(name, match[1] or "s") for name in names for match in [_TIME.fullmatch(name)] if match]
     if len(found) > 1:
@@ -178,7 +178,7 @@ def time_column(names: Sequence[str], *, source: str) -> Column | None:
     return Column(name=name, factor=factor_to_si(unit, "time", context=context))
 
 
-def are_named(names: Sequence[str]) -> bool:
+def _are_named(names: Sequence[str]) -> bool:
     """Whether words are column names of a table of a ground motion."""
     return any(_is_acceleration(name) for name in names) and all(
         _is_acceleration(name) or _TIME.fullmatch(name) for name in names
@@ -214,10 +214,10 @@ def _unit_in(name: str) -> str | None:
 _NAMELESS = ("t_s", "acceleration")
 
 
-def motion_of_table(table: ColumnTable, stated: Stated, path: Path) -> GroundMotion:
+def _motion_of_table(table: ColumnTable, stated: Stated, path: Path) -> GroundMotion:
     """Build the motion from the columns of a table of any file format."""
     acceleration = acceleration_column(table.names, stated, source=str(path))
-    time = time_column(table.names, source=str(path))
+    time = _time_column(table.names, source=str(path))
     needed = [acceleration] if time is None else [time, acceleration]
     columns = table.read([column.name for column in needed])
     samples = acceleration.factor * columns[acceleration.name]
@@ -268,7 +268,7 @@ def read_regular_motion(
         return _table(lines, list(lines.texts))
 
     table = regular_table(data, encoding_of(data), source=str(path), sha256="", careful=line_by_line)
-    return None if table is None else motion_of_table(table, stated, path)
+    return None if table is None else _motion_of_table(table, stated, path)
 
 
 def _read(lines: Lines, stated: Stated) -> GroundMotion:
@@ -284,13 +284,13 @@ def _read(lines: Lines, stated: Stated) -> GroundMotion:
         texts = ["\t".join(text.split()) for text in texts]
     fields = [field for field in texts[first].split(delimiter) if field.strip()]
     if not all(is_number(field) or _has_comma(field) for field in fields):
-        return motion_of_table(_table(lines, texts), stated, lines.path)
+        return _motion_of_table(_table(lines, texts), stated, lines.path)
     if stated.dt is not None:
         return _series(lines, first, delimiter, stated)
     above = next((text.strip().lstrip("# \t") for text in reversed(texts[:first]) if text.strip()), "")
     names = tuple(name.strip() for name in above.split(delimiter))
-    if len(names) == len(fields) and are_named(names):
-        return motion_of_table(_table(lines, texts, names), stated, lines.path)
+    if len(names) == len(fields) and _are_named(names):
+        return _motion_of_table(_table(lines, texts, names), stated, lines.path)
     if len(fields) != 2:
         raise RecordError(
             f"{lines.where(first)} holds {len(fields)} numbers and no line above names columns; state the step "
@@ -301,7 +301,7 @@ def _read(lines: Lines, stated: Stated) -> GroundMotion:
             f"{lines.path}: does not state the unit of its second column; give it as `unit`, one of "
             f"{known_units('acceleration')}"
         )
-    return motion_of_table(_table(lines, texts, _NAMELESS), stated, lines.path)
+    return _motion_of_table(_table(lines, texts, _NAMELESS), stated, lines.path)
 
 
 def _table(lines: Lines, texts: list[str], names: tuple[str, ...] | None = None) -> DelimitedTable:
@@ -370,10 +370,10 @@ def read_matrix_motion(path: Path, stated: Stated) -> GroundMotion:
         raise RecordError(f"{path}: variables {listed} may all be a ground motion; name one with `column`")
     name = next(iter(pairs), None) if stated.column is None else stated.column
     if name not in pairs:
-        return motion_of_table(open_matlab(path), stated, path)
+        return _motion_of_table(open_matlab(path), stated, path)
     time, acceleration = pairs[name]
     table = VectorTable(source=str(path), sha256="", vectors={"t_s": time, name: acceleration})
-    return motion_of_table(table, replace(stated, column=name), path)
+    return _motion_of_table(table, replace(stated, column=name), path)
 
 
 def _pair(matrix: NDArray[np.float64]) -> list[NDArray[np.float64]]:
