@@ -11,7 +11,7 @@ import tuning_samples
 import mrwork as mr
 from mrwork.errors import SettingError
 from mrwork.study.schema import TuneTable
-from mrwork.tuning.law_tuning import check_finish, gradient_finish, risk_weights
+from mrwork.tuning.law_tuning import check_finish, follow_gradients, risk_weights
 from mrwork.tuning.problem import Clock, benches_of, magnitudes_of, score_candidates
 from mrwork.tuning.space import Objective, objective_of, risk_of, space_of
 
@@ -27,7 +27,7 @@ def test_gradients_lower_the_objective_of_the_loop(tmp_path: Path) -> None:
     space = space_of(table, LAW, magnitudes_of(benches.training))
     objective = objective_of(table, "A")
     start = np.array([0.4, 0.99])
-    found = gradient_finish(space, benches.training, objective, start, 3)
+    found = follow_gradients(space, benches.training, objective, start, 3)
     candidates = [space.candidate(start), space.candidate(found.unit)]
     before, after = score_candidates(benches.training, objective, LAW, candidates).objective
     assert after < before

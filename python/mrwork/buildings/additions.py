@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import block_diag, eigh
 
 from mrwork.arguments import checked
@@ -14,6 +13,7 @@ from mrwork.buildings.matrices import Building, carried
 from mrwork.buildings.modes import modes_of
 from mrwork.errors import SettingError
 from mrwork.keys import SMALLEST
+from mrwork.values import Floats
 
 
 @checked
@@ -125,9 +125,6 @@ def with_viscous_damper(building: Building, *, storey: int | str, damping: float
         source=f"{building.source}; viscous damper of {damping:g} N s/m in {name} added".removeprefix("; "),
         status="ours",
     )
-
-
-Floats = NDArray[np.float64]
 
 
 def with_coordinate(

@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 from mrwork.arguments import NotNegative, Positive, Within, checked
 from mrwork.errors import RecordError, SettingError
 from mrwork.summary import Summarised
-
-Floats = NDArray[np.float64]
+from mrwork.values import Floats
 
 _FEWEST: Final = 16
 
@@ -201,7 +200,7 @@ def _rate(sides: tuple[float, float], duration: float, omega: float) -> float:
 class _FourierIntegral:
     """Fourier integral of a record at any circular frequency, and the effect of noise on its peak."""
 
-    def __init__(self, signal: NDArray[np.float64] | NDArray[np.complex128], dt: float) -> None:
+    def __init__(self, signal: Floats | NDArray[np.complex128], dt: float) -> None:
         self.signal = signal
         self.dt = dt
         self.time = dt * np.arange(signal.size)

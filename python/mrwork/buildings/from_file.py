@@ -42,7 +42,6 @@ from pathlib import Path
 from typing import Any, Final, NoReturn
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.arguments import checked
 from mrwork.buildings.additions import (
@@ -72,8 +71,7 @@ from mrwork.records.formats.matlab import read_matlab_matrices
 from mrwork.store.input_file import MATRIX, TOML, is_folder, text_of
 from mrwork.store.parse import toml_table
 from mrwork.store.run_folder import real_place
-
-Floats = NDArray[np.float64]
+from mrwork.values import Floats
 
 _SEPARATOR: Final = re.compile(r"\s*[,;\t]\s*|\s+")
 _SUFFIXES: Final = (".csv", ".tsv", ".txt")

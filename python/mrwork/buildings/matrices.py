@@ -16,9 +16,7 @@ from mrwork.errors import SettingError, UnknownNameError
 from mrwork.keys import control_in
 from mrwork.records.damper_test import frozen
 from mrwork.summary import Summarised, Summary, rounded
-from mrwork.values import holds_arrays
-
-Floats = NDArray[np.float64]
+from mrwork.values import Floats, holds_arrays
 
 
 @holds_arrays

@@ -9,7 +9,6 @@ from types import MappingProxyType
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.arguments import Positive, checked
 from mrwork.buildings.additions import (
@@ -23,8 +22,6 @@ from mrwork.buildings.matrices import Building, PassiveElement, carried
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.keys import SMALLEST
 from mrwork.units import STANDARD_GRAVITY
-
-Floats = NDArray[np.float64]
 
 
 @checked

@@ -7,15 +7,12 @@ from functools import cache
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.arguments import checked
 from mrwork.buildings.additions import with_modal_damping, with_rayleigh_coefficients, with_rayleigh_damping
 from mrwork.buildings.matrices import Building
 from mrwork.errors import SettingError, UnknownNameError
-
-Floats = NDArray[np.float64]
-
+from mrwork.values import Floats
 
 # No building is as tall; natural frequencies of more coordinates take many seconds.
 _MOST_STOREYS = 1000

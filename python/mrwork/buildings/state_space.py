@@ -19,13 +19,10 @@ from mrwork.buildings.shear import number_names
 from mrwork.errors import ArgumentError, SettingError, UnknownNameError
 from mrwork.records.damper_test import frozen
 from mrwork.summary import Summarised
-from mrwork.values import holds_arrays
+from mrwork.values import Floats, holds_arrays
 
 if TYPE_CHECKING:
     from control import StateSpace
-
-
-Floats = NDArray[np.float64]
 
 
 @checked

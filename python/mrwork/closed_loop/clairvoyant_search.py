@@ -15,7 +15,6 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.arguments import Count, Positive, Threads, Within, checked
 from mrwork.buildings.devices import Device
@@ -28,13 +27,11 @@ from mrwork.control.laws import ControlLaw
 from mrwork.errors import Interrupted, SettingError
 from mrwork.motions.ground_motion import GroundMotion
 from mrwork.summary import Summarised, Summary, rounded
-from mrwork.values import holds_arrays
+from mrwork.values import Floats, holds_arrays
 
 if TYPE_CHECKING:
     from mrwork.twins.loop.prescribed import PrescribedLoop
 
-
-Floats = NDArray[np.float64]
 
 # Longest step of the twin [s], and the difference of its criteria from those of the loop above which it is halved.
 _LONGEST_STEP = 2e-3

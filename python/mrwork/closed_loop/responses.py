@@ -18,9 +18,7 @@ from mrwork.dampers.law_limits import LawLimit, worst_laws
 from mrwork.errors import SettingError
 from mrwork.records.operating_range import Exceedance, OperatingRange, Outside, least_stroke, worst_of
 from mrwork.summary import Summarised, Summary, rounded
-from mrwork.values import holds_arrays
-
-Floats = NDArray[np.float64]
+from mrwork.values import Floats, holds_arrays
 
 ENERGY_TOLERANCE = 1e-6
 """Energy errors above this are reported: 1e-8 is normal, a chattering law or a long step gives more."""

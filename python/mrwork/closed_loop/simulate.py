@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from mrwork import _rust
 from mrwork.arguments import Positive, Threads, Within, checked
@@ -33,9 +33,8 @@ from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import MrworkError, MrworkWarning, SettingError
 from mrwork.motions.ground_motion import GroundMotion
 from mrwork.summary import Summarised
-from mrwork.values import holds_arrays
+from mrwork.values import Floats, holds_arrays
 
-Floats = NDArray[np.float64]
 # Current laws by name, `None` for a model without, and whether the driver lags.
 Laws = tuple[list[str] | None, bool]
 

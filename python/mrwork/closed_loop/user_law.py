@@ -26,7 +26,7 @@ from mrwork.buildings.devices import Device
 from mrwork.control.laws import ControlLaw
 from mrwork.errors import SettingError
 from mrwork.summary import Summarised, Summary
-from mrwork.values import holds_arrays
+from mrwork.values import Floats, holds_arrays
 
 
 class Undone:
@@ -115,8 +115,6 @@ def _working_directory() -> str:
     except OSError:
         return ""
 
-
-Floats = NDArray[np.float64]
 
 MOST_MEMORY = 1_000_000
 """Most numbers that a run may keep from sample to sample."""

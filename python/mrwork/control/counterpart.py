@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from mrwork.arguments import Positive, checked
 from mrwork.dampers.parameters import LawName
@@ -15,9 +15,7 @@ from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import SettingError
 from mrwork.simulate import Loading, simulate_force
 from mrwork.summary import Summarised
-from mrwork.values import holds_arrays
-
-Floats = NDArray[np.float64]
+from mrwork.values import Floats, holds_arrays
 
 # Model of a counterpart, and the published set whose current laws it has. The name is compared because the laws of the
 # core are written for the equation of this model; other static models have other equations.

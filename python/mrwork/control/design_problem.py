@@ -13,7 +13,6 @@ from math import exp, log
 from typing import ClassVar, Literal, Self, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.arguments import NotNegative, Positive, checked
 from mrwork.buildings import Building
@@ -25,9 +24,7 @@ from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
 from mrwork.keys import DeclaredTable, check_keys, plain_values
 from mrwork.summary import Summarised
-from mrwork.values import holds_arrays
-
-Floats = NDArray[np.float64]
+from mrwork.values import Floats, holds_arrays
 
 
 @checked

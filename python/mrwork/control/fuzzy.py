@@ -7,16 +7,14 @@ from functools import cache
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from mrwork.arguments import Positive, Within, checked
 from mrwork.control.design_problem import Design, DesignProblem, LawSettings, Span
 from mrwork.errors import SettingError
 from mrwork.keys import key
 from mrwork.summary import Summarised
-from mrwork.values import holds_arrays
-
-Floats = NDArray[np.float64]
+from mrwork.values import Floats, holds_arrays
 
 # Centres of triangles of half-width 0.5 over [-1, 1]; values beyond belong to the outermost set.
 INPUT_SETS = {"NL": -1.0, "NS": -0.5, "ZE": 0.0, "PS": 0.5, "PL": 1.0}

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from mrwork.arguments import Positive, Seed, Within, checked
 from mrwork.dampers.spec import DamperSpec, damper
@@ -18,9 +18,7 @@ from mrwork.errors import SettingError
 from mrwork.simulate import Loading, simulate_force
 from mrwork.summary import Summarised
 from mrwork.units import CommandUnit
-from mrwork.values import holds_arrays
-
-Floats = NDArray[np.float64]
+from mrwork.values import Floats, holds_arrays
 
 N_SAMPLES = 2000
 # Least weight of a sample, for those at which the command hardly changes the force.

@@ -9,7 +9,6 @@ from types import MappingProxyType
 from typing import Any, ClassVar, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.arguments import checked
 from mrwork.control.design_problem import Design, DesignProblem, LawSettings, Span
@@ -32,6 +31,7 @@ from mrwork.control.weights import WeightWishes
 from mrwork.errors import InvalidSettingError, SettingError
 from mrwork.keys import key
 from mrwork.summary import Summarised
+from mrwork.values import Floats
 
 
 @checked
@@ -112,13 +112,7 @@ SETTINGS: Mapping[str, type[LawSettings]] = {
 
 
 SettingValue = (
-    float
-    | Sequence[float]
-    | Sequence[Sequence[float]]
-    | NDArray[np.float64]
-    | WeightWishes
-    | Mapping[str, Any]
-    | None
+    float | Sequence[float] | Sequence[Sequence[float]] | Floats | WeightWishes | Mapping[str, Any] | None
 )
 """A value of a setting of a control law; a weight may be an array or a matrix, designed weights are a table."""
 

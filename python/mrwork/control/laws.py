@@ -8,7 +8,7 @@ from functools import cache
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from mrwork import _rust
 from mrwork.arguments import May, checked
@@ -16,9 +16,8 @@ from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.keys import suggestion
 from mrwork.summary import Summarised, Summary, rounded
-from mrwork.values import holds_arrays
+from mrwork.values import Floats, holds_arrays
 
-Floats = NDArray[np.float64]
 Shape = Literal["device", "state", "numbers"]
 
 

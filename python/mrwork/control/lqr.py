@@ -15,9 +15,8 @@ from mrwork.control.plant import Outputs, Plant, accelerations, check_outputs
 from mrwork.control.riccati import RiccatiStatus, regulator_gains
 from mrwork.errors import InvalidSettingError, SettingError, UnknownNameError
 from mrwork.summary import Summarised
-from mrwork.values import holds_arrays
+from mrwork.values import Floats, holds_arrays
 
-Floats = NDArray[np.float64]
 MatrixRows = tuple[tuple[float, ...], ...]
 """A matrix, row by row."""
 Weights = float | tuple[float, ...] | MatrixRows

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import ClassVar, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from mrwork.arguments import Threads, checked
 from mrwork.control.design_problem import (
@@ -25,9 +25,7 @@ from mrwork.control.weights import CostWeights
 from mrwork.errors import SettingError
 from mrwork.keys import key
 from mrwork.summary import Summarised
-from mrwork.values import holds_arrays
-
-Floats = NDArray[np.float64]
+from mrwork.values import Floats, holds_arrays
 
 
 @holds_arrays

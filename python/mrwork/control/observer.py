@@ -8,16 +8,14 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from mrwork.arguments import NotNegative, Positive, Within, checked
 from mrwork.control.plant import Outputs, Plant, check_outputs
 from mrwork.control.riccati import RiccatiStatus, kalman_gains
 from mrwork.errors import SettingError
 from mrwork.summary import Summarised
-from mrwork.values import holds_arrays
-
-Floats = NDArray[np.float64]
+from mrwork.values import Floats, holds_arrays
 
 
 @holds_arrays

@@ -7,15 +7,13 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from mrwork.arguments import checked
 from mrwork.buildings.matrices import Building
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.summary import Summarised
-from mrwork.values import holds_arrays
-
-Floats = NDArray[np.float64]
+from mrwork.values import Floats, holds_arrays
 
 
 @holds_arrays

@@ -8,7 +8,6 @@ from functools import lru_cache
 from typing import ClassVar, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.arguments import checked
 from mrwork.control.design_problem import (
@@ -28,8 +27,7 @@ from mrwork.control.weights import CostWeights
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import InvalidSettingError, SettingError
 from mrwork.keys import key
-
-Floats = NDArray[np.float64]
+from mrwork.values import Floats
 
 
 @checked

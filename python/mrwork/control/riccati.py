@@ -13,9 +13,8 @@ from mrwork import _rust
 from mrwork.arguments import Threads, checked
 from mrwork.errors import SettingError
 from mrwork.summary import Summarised, Summary
-from mrwork.values import holds_arrays
+from mrwork.values import Floats, holds_arrays
 
-Floats = NDArray[np.float64]
 Time = Literal["continuous", "discrete"]
 """Whether a plant is a differential equation or goes from sample to sample."""
 

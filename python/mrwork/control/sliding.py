@@ -18,9 +18,7 @@ from mrwork.control.riccati import solve_riccati
 from mrwork.errors import MrworkWarning, SettingError
 from mrwork.keys import key
 from mrwork.summary import Summarised
-from mrwork.values import holds_arrays
-
-Floats = NDArray[np.float64]
+from mrwork.values import Floats, holds_arrays
 
 
 @holds_arrays

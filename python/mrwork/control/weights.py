@@ -11,7 +11,6 @@ from typing import Any, Literal
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
 
 from mrwork.arguments import checked
 from mrwork.control.design.designed import SCAN, DesignedWeights
@@ -33,8 +32,7 @@ from mrwork.control.plant import (
 from mrwork.errors import InvalidSettingError
 from mrwork.keys import DeclaredTable, key
 from mrwork.motions.spectral_density import CloughPenzien, KanaiTajimi, SpectralDensity
-
-Floats = NDArray[np.float64]
+from mrwork.values import Floats
 
 _FIRM = KanaiTajimi()
 _LIMITS = ("rms_drift", "rms_acceleration", "rms_displacement", "rms_force")

@@ -12,13 +12,12 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 from numpy.polynomial import Legendre
-from numpy.typing import NDArray
 
 from mrwork.arguments import AnyNumbers, May, checked
 from mrwork.errors import RecordError, SettingError
 from mrwork.keys import SMALLEST
 from mrwork.summary import Summarised, Summary
-from mrwork.values import holds_arrays, keep_arrays
+from mrwork.values import Floats, holds_arrays, keep_arrays
 
 
 @checked
@@ -73,18 +72,18 @@ class GroundMotion(Summarised):
         return self.dt * (self.acceleration.size - 1)
 
     @property
-    def time(self) -> NDArray[np.float64]:
+    def time(self) -> Floats:
         """Times of the samples [s], shape (n_time,), the first at zero."""
         return self.dt * np.arange(self.n_time, dtype=np.float64)
 
     @property
-    def velocity(self) -> NDArray[np.float64]:
+    def velocity(self) -> Floats:
         """Ground velocity [m/s], shape (n_time,), from rest: exact integral of the piecewise linear acceleration."""
         a = self.acceleration
         return np.concatenate(([0.0], np.cumsum(0.5 * self.dt * (a[:-1] + a[1:]))))
 
     @property
-    def displacement(self) -> NDArray[np.float64]:
+    def displacement(self) -> Floats:
         """Ground displacement [m], shape (n_time,), from rest at zero, integrated exactly as `velocity`.
 
         Records do not preserve the baseline, so it drifts unless the motion was corrected (`baseline_corrected`).
@@ -105,12 +104,10 @@ class GroundMotion(Summarised):
         )
 
 
-def changed(motion: GroundMotion, acceleration: NDArray[np.float64], dt: float, change: str) -> GroundMotion:
+def changed(motion: GroundMotion, acceleration: Floats, dt: float, change: str) -> GroundMotion:
     """Return the motion with other samples and one more entry in `changes`."""
     return replace(motion, acceleration=acceleration, dt=dt, changes=(*motion.changes, change))
 
-
-Floats = NDArray[np.float64]
 
 # Copies that were cut, corrected, resampled or scaled have 0.95 or more. Different motions have less: up to 0.45 among
 # twenty measured records, up to 0.81 among synthetic ones of soft soil, which are nearly harmonic.

@@ -16,9 +16,8 @@ from mrwork.keys import SMALLEST
 from mrwork.motions.ground_motion import GroundMotion, changed, resampled, scaled
 from mrwork.motions.spectral_density import CloughPenzien, KanaiTajimi, SpectralDensity
 from mrwork.summary import Summarised, Summary, rounded
-from mrwork.values import holds_arrays
+from mrwork.values import Floats, holds_arrays
 
-Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 
 # Points per period at which peaks are evaluated; the error of a peak is at most 1 - cos(pi / 64) = 0.12 %.

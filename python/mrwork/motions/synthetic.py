@@ -6,13 +6,13 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.arguments import Seed, checked
 from mrwork.errors import SettingError
 from mrwork.keys import SMALLEST
 from mrwork.motions.ground_motion import GroundMotion, check_samples, scaled_to_peak
 from mrwork.motions.spectral_density import CloughPenzien, SpectralDensity
+from mrwork.values import Floats
 
 # Run-in time of the filter before the motion begins, in its longest time constant.
 _RUN_IN = 8.0
@@ -125,7 +125,7 @@ class Envelope:
             raise SettingError(f"envelope decays at {self.decay} 1/s; give a rate of 0 or more")
 
     @checked
-    def at(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
+    def at(self, time: Floats) -> Floats:
         """Values between 0 and 1 at times [s], in the shape of `time`."""
         rising = np.minimum(time / self.rise, 1.0) ** 2 if self.rise > 0.0 else np.ones_like(time)
         return rising * np.exp(-self.decay * np.maximum(time - self.plateau_end, 0.0))
@@ -173,7 +173,7 @@ class GammaEnvelope:
         return float(self.scale * gammaincinv(self.shape, share))
 
     @checked
-    def at(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
+    def at(self, time: Floats) -> Floats:
         """Values between 0 and 1 at times [s], in the shape of `time`."""
         over_peak = time / ((self.shape - 1.0) * self.scale)
         power = 0.5 * (self.shape - 1.0)
@@ -243,7 +243,7 @@ def near_fault_pulse(
     )
 
 
-def _time(duration: float, dt: float) -> NDArray[np.float64]:
+def _time(duration: float, dt: float) -> Floats:
     if not (math.isfinite(duration) and 0.0 < dt <= duration):
         raise SettingError(f"pulse of {duration} s every {dt} s; give a positive step below the duration")
     check_samples(duration, dt)
@@ -266,5 +266,5 @@ def _positive(name: str, value: float) -> float:
     return value
 
 
-def _motion(name: str, dt: float, acceleration: NDArray[np.float64]) -> GroundMotion:
+def _motion(name: str, dt: float, acceleration: Floats) -> GroundMotion:
     return GroundMotion(name=name, dt=dt, acceleration=acceleration, source="computed")

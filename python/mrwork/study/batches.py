@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.buildings import Building
 from mrwork.buildings.devices import Device
@@ -30,9 +29,7 @@ from mrwork.study.run_result import own_columns
 from mrwork.study.study import Arrangement, Realisations, Study, StudyLaw, digest_of_run
 from mrwork.summary import Summarised
 from mrwork.units import STANDARD_GRAVITY
-from mrwork.values import holds_arrays
-
-Floats = NDArray[np.float64]
+from mrwork.values import Floats, holds_arrays
 
 
 @holds_arrays

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.buildings import Building
 from mrwork.buildings.additions import with_brace
@@ -24,7 +23,7 @@ from mrwork.records.operating_range import OperatingRange
 from mrwork.study.declared import located
 from mrwork.study.schema import DamperTable
 from mrwork.units import CommandUnit, DriverUnit, number_in
-from mrwork.values import holds_arrays
+from mrwork.values import Floats, holds_arrays
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,7 +49,7 @@ class ChosenDamper:
     """
 
     spec: DamperSpec
-    theta: NDArray[np.float64]
+    theta: Floats
     largest_command: float
     source: str
     tested: OperatingRange | None = None

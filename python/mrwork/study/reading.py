@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.arguments import Seed, checked
 from mrwork.buildings import Building
@@ -38,6 +37,7 @@ from mrwork.study.declared import located, read_table
 from mrwork.study.motions import motions_of_study
 from mrwork.study.schema import DamperTable, HardwareTable, ReportTable, StudyTable
 from mrwork.study.study import MotionOfStudy, Realisations, Study, StudyFile, posterior_draws, realisations_of
+from mrwork.values import Floats
 
 _BLANK = " \t\r\n"
 _BARE_ENDS = frozenset("=.]}, \t\r\n#")
@@ -289,7 +289,7 @@ def _realisations(
     if given is None:
         return None
     where = place.within("uncertainty")
-    drawn: list[NDArray[np.float64] | None] = []
+    drawn: list[Floats | None] = []
     for each in table.damper:
         rows = posterior_draws(each, folder) if given.damper else None
         if rows is not None:
@@ -307,9 +307,7 @@ def _realisations(
         return realisations_of(given, devices, drawn)
 
 
-def _with_parameters(
-    table: DamperTable, fit: IdentifiedDamper, theta: NDArray[np.float64], folder: Path
-) -> NDArray[np.float64]:
+def _with_parameters(table: DamperTable, fit: IdentifiedDamper, theta: Floats, folder: Path) -> Floats:
     """Parameters of the damper of a table whose fit has the parameters `theta`."""
     drawn = replace(fit, theta=tuple(theta.tolist()))
     return chosen_damper(table, folder, lambda run: drawn).theta

@@ -8,14 +8,12 @@ from dataclasses import asdict, dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.arguments import Threads, checked
 from mrwork.closed_loop.clairvoyant_search import (
     Clairvoyant,
     ClairvoyantProgress,
     ClairvoyantStart,
-    Floats,
     clairvoyant,
 )
 from mrwork.closed_loop.evaluation import score, values
@@ -38,6 +36,7 @@ from mrwork.study.run_result import (
 from mrwork.study.study import Arrangement, Row, Study, digest_of_run, fingerprint_of
 from mrwork.summary import listed
 from mrwork.units import STANDARD_GRAVITY
+from mrwork.values import Floats
 
 # Histories that need more memory than this are simulated one at a time.
 _MOST_HISTORY_BYTES = 2.0**28
@@ -378,7 +377,7 @@ def _choose_best_constant(
     return with_command, known
 
 
-def _criteria(result: RunResult, weight: float) -> dict[str, NDArray[np.float64]]:
+def _criteria(result: RunResult, weight: float) -> dict[str, Floats]:
     found = values(result, weight=weight)
     return found if result.finished else {name: np.array(np.nan) for name in found}
 

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from typing import Annotated, Any, get_type_hints
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.buildings.devices import Device
 from mrwork.closed_loop.responses import (
@@ -31,9 +30,7 @@ from mrwork.simulate import Outcome
 from mrwork.store.codec import rebuilt
 from mrwork.store.record import OneOf
 from mrwork.study.study import Arrangement
-from mrwork.values import holds_arrays
-
-Floats = NDArray[np.float64]
+from mrwork.values import Floats, holds_arrays
 
 _ENDS = {
     Outcome.FINISHED: "finished",

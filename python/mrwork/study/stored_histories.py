@@ -14,8 +14,9 @@ from mrwork.store.arrays_file import finite_numbers, read_arrays
 from mrwork.store.input_file import is_there, stored
 from mrwork.store.output_file import refuse_link, replacing
 from mrwork.store.run_folder import HISTORIES, part_of, real_place
-from mrwork.study.run_result import Floats, RunHistory
+from mrwork.study.run_result import RunHistory
 from mrwork.study.study import Study
+from mrwork.values import Floats
 
 # Hours of a tall building.
 _KIND = replace(stored("respond", name="the history of a run"), largest=4 << 30)

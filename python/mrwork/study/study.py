@@ -28,9 +28,7 @@ from mrwork.store import digest_of
 from mrwork.store.fingerprint import package_version
 from mrwork.study.schema import DamperTable, TuneTable, UncertaintyTable, Use
 from mrwork.summary import Summarised, Summary, listed
-from mrwork.values import holds_arrays
-
-Floats = NDArray[np.float64]
+from mrwork.values import Floats, holds_arrays
 
 
 @holds_arrays

@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.control.design.designer import design_weights
 from mrwork.control.design_problem import LawSettings, Magnitudes
@@ -24,6 +23,7 @@ from mrwork.summary import Summarised
 from mrwork.tuning.problem import Bench, Benches, Scores, describe, recall_or_compute, score_candidates
 from mrwork.tuning.results import LawResult
 from mrwork.tuning.space import Candidate, FreeSetting, SettingSpace, TuningObjective, space_of
+from mrwork.values import Floats
 
 _STEPS = 12
 _WEIGHT = "control_weight"
@@ -158,7 +158,7 @@ def _sizes(
     return [{_WEIGHT: _round(factor * scanned.value(step))} for step in np.linspace(0.0, 1.0, _STEPS + 1)]
 
 
-def _plain(numbers: NDArray[np.float64]) -> Any:
+def _plain(numbers: Floats) -> Any:
     return tuple(numbers.tolist()) if numbers.ndim else float(numbers)
 
 

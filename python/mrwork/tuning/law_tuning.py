@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.closed_loop.evaluation import criterion
 from mrwork.control.law_design import SETTINGS, design_law, settings_of
@@ -40,13 +39,11 @@ from mrwork.tuning.results import (
     judgement_of_objective,
 )
 from mrwork.tuning.space import LARGEST, PENALTY, Candidate, SettingSpace, TuningObjective, refuse_within
-from mrwork.values import holds_arrays
+from mrwork.values import Floats, holds_arrays
 
 if TYPE_CHECKING:
     from mrwork.twins.loop.tuned import TunedLoop
 
-
-Floats = NDArray[np.float64]
 
 # Difference of the unit coordinate of a setting for the derivative of the gains.
 _DIFFERENCE = 1e-4
@@ -107,7 +104,7 @@ class Finish:
         return self.unit.shape
 
 
-def _follow_gradients(
+def follow_gradients(
     space: SettingSpace,
     bench: Bench,
     objective: TuningObjective,
@@ -389,7 +386,7 @@ def _finish(plan: LawPlan, bench: Bench, benches: Benches, chosen: Candidate) ->
         digest_of(plan.label, chosen),
         Finish,
         start.shape,
-        lambda: _follow_gradients(
+        lambda: follow_gradients(
             plan.space, benches.training, plan.objective, start, plan.table.gradient_steps
         ),
     )

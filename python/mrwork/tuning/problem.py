@@ -9,7 +9,6 @@ from dataclasses import dataclass, field, replace
 from typing import Protocol, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.closed_loop.evaluation import SCORE, Spread, criteria
 from mrwork.control.design_problem import NO_CERTIFICATE, DesignProblem, Magnitudes
@@ -25,9 +24,7 @@ from mrwork.study.study import Arrangement, Realisations, Row, Study, nominal
 from mrwork.summary import Summarised
 from mrwork.tuning.results import Better, MotionScore, TuningJudgement
 from mrwork.tuning.space import PENALTY, Candidate, TuningObjective, over
-from mrwork.values import holds_arrays
-
-Floats = NDArray[np.float64]
+from mrwork.values import Floats, holds_arrays
 
 
 @dataclass(slots=True, kw_only=True)

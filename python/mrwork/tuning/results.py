@@ -12,9 +12,6 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
 from mrwork.arguments import NotNegative, Whole, checked
 from mrwork.closed_loop.evaluation import Spread
 from mrwork.errors import RecordError
@@ -29,8 +26,6 @@ from mrwork.study.batches import RealisationBand
 from mrwork.study.study import StudyFile
 from mrwork.summary import Summarised, Summary, listed, rounded, with_decimals
 from mrwork.tuning.space import LARGEST, Candidate, FreeSetting
-
-Floats = NDArray[np.float64]
 
 _MARGIN = 0.01
 # Longest array whose numbers are shown in a line.

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Literal, NoReturn
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.arguments import Share, Whole
 from mrwork.closed_loop.evaluation import SCORE, criteria, criterion
@@ -22,8 +21,7 @@ from mrwork.study.batches import RunCriteria
 from mrwork.study.schema import Baseline, Combination, Risk, TuneTable
 from mrwork.summary import Summarised, of_unit
 from mrwork.units import number_in
-
-Floats = NDArray[np.float64]
+from mrwork.values import Floats
 
 COMMAND = "A or V"
 """Unit of the criteria of the command."""

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.arguments import checked
 from mrwork.control.design.limits import LimitedOutputs
@@ -22,9 +21,7 @@ from mrwork.control.lqr import Weights
 from mrwork.control.plant import Plant
 from mrwork.errors import SettingError
 from mrwork.summary import Summarised, Summary, rounded
-from mrwork.values import holds_arrays
-
-Floats = NDArray[np.float64]
+from mrwork.values import Floats, holds_arrays
 
 
 @holds_arrays

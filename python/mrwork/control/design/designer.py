@@ -10,7 +10,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from mrwork.arguments import Count, checked
 from mrwork.buildings.devices import Device, elongation_rows
@@ -40,12 +40,11 @@ from mrwork.control.plant import Plant, deformation_rates, plant_of
 from mrwork.control.riccati import solve_riccati
 from mrwork.errors import SettingError
 from mrwork.motions.spectral_density import KanaiTajimi, SpectralDensity
+from mrwork.values import Floats
 
 if TYPE_CHECKING:
     from mrwork.control.design.program import DualProgram
 
-
-Floats = NDArray[np.float64]
 
 # Modes of the first program of a tall building.
 _MODES = 8

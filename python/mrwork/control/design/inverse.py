@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from mrwork.arguments import Within, checked
 from mrwork.control.design.limits import LimitedOutputs, RmsLimits, as_forces
@@ -17,9 +17,7 @@ from mrwork.control.riccati import solve_riccati
 from mrwork.errors import SettingError
 from mrwork.motions.spectral_density import KanaiTajimi, SpectralDensity
 from mrwork.summary import Summarised, Summary, rounded
-from mrwork.values import holds_arrays
-
-Floats = NDArray[np.float64]
+from mrwork.values import Floats, holds_arrays
 
 OPTIMAL = 1e-3
 """Distance up to which a gain counts as optimal for the weights found: about the accuracy of the program."""

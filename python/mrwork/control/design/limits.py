@@ -11,7 +11,6 @@ from dataclasses import dataclass, field, fields, replace
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.arguments import Count, Level, NotNegative, Positive, checked
 from mrwork.buildings.devices import Device, elongation_rows
@@ -23,9 +22,8 @@ from mrwork.motions.spectral_density import KanaiTajimi, SpectralDensity
 from mrwork.simulate import Loading, simulate_force
 from mrwork.summary import Summarised
 from mrwork.units import number_in
-from mrwork.values import holds_arrays
+from mrwork.values import Floats, holds_arrays
 
-Floats = NDArray[np.float64]
 Limit = float | tuple[float, ...]
 """One limit for all places, or one for each."""
 
@@ -350,9 +348,7 @@ def damper_cases(
     return tuple(found)
 
 
-def _linearise(
-    device: Device, theta: NDArray[np.float64], amplitude: float, frequency: float
-) -> tuple[float, float]:
+def _linearise(device: Device, theta: Floats, amplitude: float, frequency: float) -> tuple[float, float]:
     """Stiffness [N/m] and damping [N s/m] of all dampers of a device at zero command, over the last cycle of three."""
     samples = 400
     w = 2.0 * np.pi * frequency

@@ -13,14 +13,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.control.design.system import SMALLER_BUDGET, DesignSystem, LyapunovEquations, sampled_gain
 from mrwork.control.riccati import solve_riccati
 from mrwork.errors import SettingError
-from mrwork.values import holds_arrays
-
-Floats = NDArray[np.float64]
+from mrwork.values import Floats, holds_arrays
 
 _STEPS = 80
 _GAP = 1e-10

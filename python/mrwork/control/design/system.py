@@ -11,15 +11,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
 
 from mrwork.control.design.limits import LimitedOutputs, LoopTiming
 from mrwork.control.plant import Plant, deformation_rates
 from mrwork.errors import SettingError
 from mrwork.motions.spectral_density import SpectralDensity
-from mrwork.values import holds_arrays
-
-Floats = NDArray[np.float64]
+from mrwork.values import Floats, holds_arrays
 
 
 class LyapunovEquations:

@@ -8,11 +8,11 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.errors import RecordError, SettingError
 from mrwork.motions.ground_motion import GroundMotion
 from mrwork.records.formats.delimited import decoded
+from mrwork.values import Floats
 
 _HEADER_SHOWN = 60
 # Characters of a line of a header: what searches it takes longer than in proportion.
@@ -41,7 +41,7 @@ def lines_of(data: bytes, path: Path) -> Lines:
     return Lines(path=path, texts=tuple(re.split(r"(?<!\r)\r*\n|\r", decoded(data))))
 
 
-def read_numbers(lines: Lines, first: int, end: int | None = None) -> NDArray[np.float64]:
+def read_numbers(lines: Lines, first: int, end: int | None = None) -> Floats:
     """Read all numbers of the lines from `first` to before `end`, shape (n,)."""
     texts = lines.texts[first:end]
     try:
@@ -116,7 +116,7 @@ def recorded(
     path: Path,
     *,
     dt: float,
-    acceleration: NDArray[np.float64],
+    acceleration: Floats,
     source: str,
     name: str | None = None,
     changes: tuple[str, ...] = (),
@@ -138,7 +138,7 @@ def recorded(
     )
 
 
-def refuse_absurd(acceleration: NDArray[np.float64], *, source: str) -> None:
+def refuse_absurd(acceleration: Floats, *, source: str) -> None:
     """Refuse accelerations [m/s^2] beyond those of any earthquake."""
     peak = float(np.abs(acceleration).max(initial=0.0))
     if not peak <= _LARGEST:

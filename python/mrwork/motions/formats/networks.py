@@ -6,13 +6,12 @@ import re
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.errors import RecordError
 from mrwork.motions.formats.format import Format, Lines, Stated, read_numbers, recorded, shown
 from mrwork.motions.ground_motion import GroundMotion
 from mrwork.units import FACTORS, factor_to_si
-from mrwork.values import holds_arrays
+from mrwork.values import Floats, holds_arrays
 
 _HEADER = 4
 _CONTENT = re.compile(r"(ACCELERATION|VELOCITY|DISPLACEMENT)\b.*?\bIN UNITS OF\s+([^\s.,;]+)", re.IGNORECASE)
@@ -92,7 +91,7 @@ class _Series:
     head: int
     unit: str
     dt: float
-    numbers: NDArray[np.float64]
+    numbers: Floats
 
 
 def _recognises_cosmos(lines: Lines) -> bool:
@@ -166,7 +165,7 @@ def _series_cosmos(lines: Lines, head: int, title: re.Match[str]) -> tuple[_Seri
     return series, end
 
 
-def _block_cosmos(lines: Lines, place: int, what: str) -> tuple[NDArray[np.float64], int]:
+def _block_cosmos(lines: Lines, place: int, what: str) -> tuple[Floats, int]:
     """Numbers announced by the line at `place`, and the index of the line after them.
 
     Columns may touch, so they are split at the widths of the stated format.
@@ -205,7 +204,7 @@ def _block_cosmos(lines: Lines, place: int, what: str) -> tuple[NDArray[np.float
     return np.array(numbers), end
 
 
-def _step_cosmos(lines: Lines, real: NDArray[np.float64]) -> float:
+def _step_cosmos(lines: Lines, real: Floats) -> float:
     steps = []
     if real.size >= _PROCESSED_STEP:
         steps = [1e-3 * real[_PROCESSED_STEP - 1], real[_RECORDER_STEP - 1]]

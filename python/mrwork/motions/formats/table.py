@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.errors import RecordError, SettingError, UnitError
 from mrwork.keys import SMALLEST
@@ -32,8 +31,7 @@ from mrwork.records.formats.regular import regular_table
 from mrwork.records.sampling import rounded_grid
 from mrwork.records.table import ColumnTable, VectorTable
 from mrwork.units import factor_of, factor_to_si, known_units
-
-Floats = NDArray[np.float64]
+from mrwork.values import Floats
 
 # Steps that differ by less, relative to their median, count as equal.
 _JITTER = 1e-3
@@ -223,7 +221,7 @@ def _motion_of_table(table: ColumnTable, stated: Stated, path: Path) -> GroundMo
     samples = acceleration.factor * columns[acceleration.name]
     if time is not None and stated.dt is not None:
         raise SettingError(f"{path}: column '{time.name}' holds the times; leave out `dt`")
-    times: NDArray[np.float64]
+    times: Floats
     if time is not None:
         times = time.factor * columns[time.name]
     elif stated.dt is not None:
@@ -376,7 +374,7 @@ def read_matrix_motion(path: Path, stated: Stated) -> GroundMotion:
     return _motion_of_table(table, replace(stated, column=name), path)
 
 
-def _pair(matrix: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+def _pair(matrix: Floats) -> list[Floats]:
     """Rows of times and accelerations, shape (2, n_time), if the matrix has two rows or columns; otherwise none."""
     if matrix.ndim != 2 or 2 not in matrix.shape or matrix.size < 6:
         return []
