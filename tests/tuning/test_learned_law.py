@@ -13,7 +13,7 @@ import mrwork as mr
 from mrwork.control.law_design import settings_of
 from mrwork.errors import InvalidSettingError
 from mrwork.study.schema import TuneTable
-from mrwork.tuning.law_tuning import gradient_finish
+from mrwork.tuning.law_tuning import follow_gradients
 from mrwork.tuning.problem import Clock, benches_of, magnitudes_of, score_candidates
 from mrwork.tuning.results import chosen_study, settings_in_words
 from mrwork.tuning.run import tune
@@ -54,7 +54,7 @@ def test_gradients_train_a_network_and_are_the_differences_of_the_loop(tmp_path:
     space = space_of(table, LAW, magnitudes_of(benches.training))
     objective = objective_of(table, "A")
     start = np.where(np.array([each.name for each in space.free]) == "largest_command", 0.99, space.start)
-    found = gradient_finish(space, benches.training, objective, start, 3)
+    found = follow_gradients(space, benches.training, objective, start, 3)
     candidates = [space.candidate(unit) for unit in (start, found.unit)]
     before, after = score_candidates(benches.training, objective, LAW, candidates).objective
     assert after < before
