@@ -140,18 +140,8 @@ def with_coordinate(
 ) -> Building:
     """Return the building with one more coordinate, a mass on a spring and a dashpot, that is not a floor.
 
-    Parameters
-    ----------
-    mass
-        Mass of the coordinate [kg].
-    damping, stiffness
-        Dashpot [N s/m] and spring [N/m].
-    across
-        Elongation of spring and dashpot = across @ q, shape (n + 1,).
-    follows_ground
-        Entry of the influence: 1 for a displacement relative to the ground, 0 for a deformation.
-    stroke, stroke_name
-        Row appended to the storeys, shape (n + 1,), and its name.
+    Spring and dashpot elongate by across @ q, shape (n + 1,). `follows_ground` is 1 for a displacement relative to the
+    ground, 0 for a deformation. The row `stroke`, shape (n + 1,), is appended to the storeys.
     """
     n = building.n_coordinates
     spring = np.outer(across, across)

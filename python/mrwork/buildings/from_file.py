@@ -490,17 +490,7 @@ def _read(path: Path, readers: tuple[Path, ...]) -> Building:
 
 
 def building_from_table(table: Mapping[str, object], where: Place, *, folder: Path = Path()) -> Building:
-    """Return the building described by a parsed table; see the module for the keys.
-
-    Parameters
-    ----------
-    table
-        Table as a TOML parser returns it.
-    where
-        Its place in a document; messages begin with it.
-    folder
-        Folder to which file names are relative.
-    """
+    """The building of a parsed table, at a place of a document; see the module for the keys."""
     return _built(Entries(table, where), folder, ())
 
 

@@ -77,13 +77,7 @@ def _by_name() -> dict[str, Quantity]:
 def columns_by_name(
     rows: Floats, quantities: Sequence[Quantity], counts: Sequence[tuple[str, int]]
 ) -> dict[str, Floats]:
-    """Columns of the core by name; a quantity of axis "run" has no second axis.
-
-    Parameters
-    ----------
-    counts
-        Number of columns of each quantity; see `_rust.Building.summary_layout`.
-    """
+    """Columns of the core by name, of which `counts` has the numbers; a quantity of axis "run" has no second axis."""
     found: dict[str, Floats] = {}
     start = 0
     for quantity, (_, count) in zip(quantities, counts, strict=True):

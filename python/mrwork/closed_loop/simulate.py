@@ -85,17 +85,8 @@ def _laws(spec: DamperSpec) -> Laws:
 def _stretch_theta(spec: DamperSpec, theta: Floats, factors: Floats) -> Floats:
     """Parameters with which dampers follow `factors` times the command, for each candidate and draw.
 
-    Parameters
-    ----------
-    theta
-        Shape (n_draws, n_devices, n_columns).
-    factors
-        Shape (n_candidates, n_devices).
-
-    Returns
-    -------
-    Floats
-        Shape (n_candidates * n_draws, n_devices, n_columns); draws vary fastest.
+    Of `theta` (n_draws, n_devices, n_columns) and `factors` (n_candidates, n_devices) follow rows of shape
+    (n_candidates * n_draws, n_devices, n_columns); draws vary fastest.
     """
     assert spec.current is not None
     found = np.repeat(theta[None], len(factors), axis=0)

@@ -99,16 +99,6 @@ def infer(deformation: ArrayLike, rate: ArrayLike) -> Floats:
     The strength of a rule is the smaller membership of its two inputs; it clips the output set. The clipped sets are
     combined by their maximum, and the result is the centroid of the area (Mamdani & Assilian, Int. J. Man-Machine
     Studies 7(1), 1975, 1-13).
-
-    Parameters
-    ----------
-    deformation, rate
-        Inputs over their scales, of shapes that broadcast.
-
-    Returns
-    -------
-    NDArray
-        In [0, 1], of their common shape.
     """
     first, second = np.broadcast_arrays(
         np.asarray(deformation, dtype=np.float64), np.asarray(rate, dtype=np.float64)

@@ -68,7 +68,7 @@ class ControlLawSpec:
 
     @property
     def sends_share(self) -> bool:
-        """Whether the command is a share of the largest one that is the same whatever the largest one is."""
+        """Whether the command scales with the largest command."""
         absolute = any("A or V" in gain.unit for gain in self.gains)
         return not (absolute or self.tables or self.needs_curve or self.commands_force)
 

@@ -28,14 +28,8 @@ _SMALLEST = 1e-9
 def weight_matrix(name: str, given: ArrayLike, size: int, each: str) -> Floats:
     """A weight as a symmetric positive semidefinite matrix, shape (size, size).
 
-    Parameters
-    ----------
-    name
-        Name of the weight in messages.
-    given
-        One number for all entries, one for each, shape (size,), or a matrix.
-    each
-        What the entries belong to, such as "storeys"; for messages.
+    It is given as one number for all entries, one for each, or a matrix. Messages have its `name` and what the entries
+    belong to, such as "storeys".
     """
     try:
         value = np.asarray(given, dtype=np.float64)

@@ -86,18 +86,7 @@ def lyapunov_function(plant: Plant, weight: ArrayLike | None = None) -> Lyapunov
 def _lyapunov_functions(
     plant: Plant, weights: Sequence[ArrayLike], *, threads: Threads = 0
 ) -> tuple[LyapunovFunction | SettingError, ...]:
-    """The Lyapunov functions of many weights Q_P, by one call of the compiled solver; see `lyapunov_function`.
-
-    Parameters
-    ----------
-    threads
-        Number of threads, 0 for all processors.
-
-    Returns
-    -------
-    tuple
-        A function for each, or the error that says why there is none; the others do not depend on it.
-    """
+    """The Lyapunov function of each weight Q_P, or why there is none, by one call of the compiled solver."""
     T = plant.scaling
     undamped = _undamped_mode(plant, T)
 

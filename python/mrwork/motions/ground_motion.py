@@ -124,15 +124,7 @@ def likeness(one: GroundMotion, other: GroundMotion) -> float:
     the energy of one motion and a tenth of that of the other in the overlap. Motions with different steps are also
     compared sample by sample, which finds a copy with another time axis.
 
-    Parameters
-    ----------
-    one, other
-        Ground motions of any step and length.
-
-    Returns
-    -------
-    float
-        Between 0 and 1; 0 if a motion is zero throughout.
+    It is between 0 and 1, and 0 if a motion is zero throughout.
 
     Examples
     --------

@@ -284,10 +284,7 @@ def largest_demand(demands: Sequence[DeviceDemand]) -> OperatingRange | None:
 def damper_warnings(demands: Mapping[tuple[str, str], Sequence[DeviceDemand]]) -> tuple[str, ...]:
     """A sentence for each quantity outside the tested ranges, its worst run, and for each law out of its range.
 
-    Parameters
-    ----------
-    demands
-        Demands of each run by the labels of its row and its motion.
+    `demands` are those of each run by the labels of its row and its motion.
     """
     every, laws = [], []
     for (row, motion), devices in demands.items():

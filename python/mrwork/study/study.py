@@ -71,14 +71,7 @@ def nominal(devices: Sequence[Device]) -> Realisations:
 def realisations_of(
     table: UncertaintyTable, devices: Sequence[Device], posterior: Sequence[Floats | None]
 ) -> Realisations:
-    """Draw the realisations of a table: a Latin hypercube of factors and delay, and draws of the dampers in turn.
-
-    Parameters
-    ----------
-    posterior
-        Draws of the parameters of each device, shape (n_draws, n_params), `None` where there are none.
-
-    """
+    """Draw the realisations of a table: a Latin hypercube of factors and delay, and posterior draws of each device."""
     n = table.realisations
     streams = Streams(rng=table.seed, replicate=np.zeros(1, np.int64), generation=np.zeros(1, np.int64))
     unit = latin_hypercube(streams, n, 4)[0]

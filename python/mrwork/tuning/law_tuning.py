@@ -20,8 +20,7 @@ from mrwork.control.laws import control_law
 from mrwork.errors import Interrupted, InvalidSettingError, SettingError
 from mrwork.search.loop import GenerationEvent, Optimiser, run_search
 from mrwork.search.nondominated import FrontResult, run_front
-from mrwork.search.peers import CMAEvolution
-from mrwork.search.registry import ALL_OPTIMISERS
+from mrwork.search.registry import ALL_OPTIMISERS, PEERS
 from mrwork.search.result import SearchResult
 from mrwork.search.rules import EliteRule, StopRules
 from mrwork.store import digest_of
@@ -451,10 +450,8 @@ def _search(
 def _optimiser(table: TuneTable, n_params: int, best: Floats | None) -> Optimiser[Any]:
     """The search of a table, with its population and budget; one without a population begins at the best candidate."""
     chosen: Any = ALL_OPTIMISERS[table.search]
-    if isinstance(chosen, CMAEvolution) and best is not None:
-        # The boundary itself has no room for half of the first candidates.
-        inside = np.clip(best, _SPREAD, 1.0 - _SPREAD)
-        chosen = replace(chosen, begin=tuple(inside.tolist()), deviation=_SPREAD)
+    if best is not None and table.search in PEERS:
+        chosen = PEERS[table.search].near(best, _SPREAD)
     return replace(  # type: ignore[no-any-return] # every optimiser is a dataclass with these settings
         chosen,
         population=table.population,

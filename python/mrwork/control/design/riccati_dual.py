@@ -144,13 +144,7 @@ def maximise(
     *,
     start: Floats | None = None,
 ) -> DualPoint:
-    """Maximise the mean of `h(w)` over the systems minus `sum r`, by a primal-dual interior-point method.
-
-    Parameters
-    ----------
-    start
-        Multipliers to start from; any positive ones.
-    """
+    """Maximise the mean of `h(w)` over the systems minus `sum r`, by a primal-dual interior-point method."""
     n_forms = len(rows[0].forms)
     budgets = slice(n_limits, n_limits + systems[0].B.shape[1])
     bound = np.zeros(n_forms)
@@ -267,11 +261,7 @@ def static_law_gain(system: DesignSystem, rows: SquaredRows, multipliers: Floats
 
     The gradient is that of static output feedback (W. S. Levine and M. Athans, IEEE Trans. Automatic Control 15(1),
     1970, 44-48).
-
-    Parameters
-    ----------
-    start
-        Gain to start from; halved until the loop is stable.
+    The gain to start from is halved until the loop is stable.
     """
     from scipy.optimize import minimize  # takes a quarter of a second to load
 
