@@ -250,12 +250,13 @@ def _declare_references(basis: Basis) -> Iterator[_Reference]:
             yield _Reference(
                 label=f"{origin[:1].upper()}{origin[1:]}, R scanned",
                 law="clipped_optimal",
-                candidates=_distinct(shapes[origin]),
+                candidates=distinct(shapes[origin]),
                 origin=f"{origin}, best of {len(shapes[origin])} sizes of R on the training motions",
             )
 
 
-def _distinct(candidates: Sequence[Candidate]) -> tuple[Candidate, ...]:
+def distinct(candidates: Sequence[Candidate]) -> tuple[Candidate, ...]:
+    """Candidates without repetition, in order."""
     kept: list[Candidate] = []
     for each in candidates:
         if each not in kept:

@@ -27,7 +27,7 @@ from mrwork.store import digest_of
 from mrwork.study.batches import RunCriteria
 from mrwork.study.schema import TuneTable
 from mrwork.study.study import Study
-from mrwork.tuning.first_candidates import Basis, FirstCandidate, first_candidates
+from mrwork.tuning.first_candidates import Basis, FirstCandidate, distinct, first_candidates
 from mrwork.tuning.problem import Bench, Benches, Scores, describe, recall_or_compute, score_candidates
 from mrwork.tuning.results import (
     Front,
@@ -491,7 +491,7 @@ def front_of(plan: LawPlan, benches: Benches, basis: Basis, *, rng: int, report:
         journal=benches.journal,
         on_generation=lambda evaluations: report(evaluations, float("nan")),
     )
-    candidates = _distinct([space.candidate(unit) for unit in found.units])
+    candidates = list(distinct([space.candidate(unit) for unit in found.units]))
     train = _evaluate(benches, bench, plan, parts, candidates)
     testing = benches.tested(robust=table.robust)
     test = None if testing is None else _evaluate(benches, testing, plan, parts, candidates)
@@ -531,11 +531,3 @@ def _evaluate(
         lambda: bench.run(plan.law, candidates),
     )
     return _ratios(found, bench, parts)
-
-
-def _distinct(candidates: list[Candidate]) -> list[Candidate]:
-    kept: list[Candidate] = []
-    for each in candidates:
-        if each not in kept:
-            kept.append(each)
-    return kept
