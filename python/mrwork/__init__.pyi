@@ -14,7 +14,7 @@ from . import uncertainty as uncertainty
 from ._rust import __version__ as __version__
 from .buildings.devices import Device as Device
 from .buildings.matrices import Building as Building
-from .buildings.published import building as building
+from .buildings.shear import building as building
 from .closed_loop.hardware import Hardware as Hardware
 from .closed_loop.responses import Responses as Responses
 from .closed_loop.simulate import simulate_loop as simulate_loop

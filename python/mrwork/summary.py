@@ -86,7 +86,7 @@ class Summarised:
     _units: ClassVar[Mapping[str, str]] = {}
 
     def _summary(self) -> Summary:
-        values = {each.name: getattr(self, each.name) for each in fields(self)}  # type: ignore[arg-type] # a dataclass
+        values = {each.name: getattr(self, each.name) for each in fields(self) if each.repr}  # type: ignore[arg-type] # a dataclass
         return Summary(
             title=type(self).__name__,
             facts=[

@@ -12,8 +12,12 @@ from dataclasses import fields
 from typing import Any, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 T = TypeVar("T")
+
+Floats = NDArray[np.float64]
+"""An array of numbers in double precision."""
 
 
 def holds_arrays(kind: type[T]) -> type[T]:

@@ -17,15 +17,14 @@ from mrwork.buildings.additions import (
     with_modal_damping,
     with_viscous_damper,
 )
-from mrwork.buildings.published import building
-from mrwork.buildings.shear import shear_building
-from mrwork.buildings.tuned_mass import (
+from mrwork.buildings.passive_devices import (
     TUNINGS,
     den_hartog,
     warburton,
     with_optimal_tuned_mass,
     with_tuned_mass,
 )
+from mrwork.buildings.shear import building, shear_building
 from mrwork.errors import SettingError, UnknownNameError
 
 UTS = building("uts")

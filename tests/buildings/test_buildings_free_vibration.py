@@ -10,9 +10,8 @@ import pytest
 from numpy.typing import NDArray
 
 from mrwork.buildings import Building
-from mrwork.buildings.decrement import logarithmic_decrement
-from mrwork.buildings.free_vibration import ModeEstimate, fourier_peak
-from mrwork.buildings.published import building
+from mrwork.buildings.free_vibration import ModeEstimate, fourier_peak, logarithmic_decrement
+from mrwork.buildings.shear import building
 from mrwork.errors import MrworkError, RecordError, SettingError
 
 Floats = NDArray[np.float64]

@@ -23,11 +23,10 @@ from mrwork.buildings.passive_devices import (
     with_lead_rubber_bearings,
     with_liquid_column,
     with_optimal_liquid_column,
+    with_optimal_tuned_mass,
     with_yielding_damper,
 )
-from mrwork.buildings.published import building, buildings
-from mrwork.buildings.shear import shear_building
-from mrwork.buildings.tuned_mass import with_optimal_tuned_mass
+from mrwork.buildings.shear import building, buildings, shear_building
 from mrwork.errors import MrworkError, RecordError, SettingError
 from mrwork.keys import Place
 

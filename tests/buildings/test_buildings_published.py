@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mrwork.buildings import Building
-from mrwork.buildings.published import building, buildings
+from mrwork.buildings.shear import building, buildings
 from mrwork.errors import UnknownNameError
 
 

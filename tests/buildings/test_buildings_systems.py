@@ -15,14 +15,14 @@ from scipy.linalg import solve_continuous_lyapunov
 
 from mrwork.buildings import Building
 from mrwork.buildings.additions import with_brace
-from mrwork.buildings.published import building, buildings
-from mrwork.buildings.reduction import balanced_truncation, modal_truncation
-from mrwork.buildings.shear import shear_building
+from mrwork.buildings.shear import building, buildings, shear_building
 from mrwork.buildings.state_space import (
     OUTPUTS,
     LinearSystem,
+    balanced_truncation,
     building_of,
     from_control,
+    modal_truncation,
     read_system,
     system_of,
 )

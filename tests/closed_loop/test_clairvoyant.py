@@ -19,7 +19,7 @@ from mrwork.closed_loop import (
     clairvoyant,
     simulate_prescribed,
 )
-from mrwork.closed_loop.clairvoyant_problem import ClairvoyantProblem
+from mrwork.closed_loop.clairvoyant_search import ClairvoyantProblem
 from mrwork.errors import Interrupted, SettingError
 
 INTERVAL = 0.02

@@ -24,10 +24,9 @@ from loop_samples import (
 import mrwork as mr
 from mrwork.buildings.devices import Device
 from mrwork.buildings.matrices import Building
-from mrwork.closed_loop.core_arguments import loop_observer
 from mrwork.closed_loop.hardware import Fault, Hardware
 from mrwork.closed_loop.responses import History
-from mrwork.closed_loop.simulate import simulate_loop
+from mrwork.closed_loop.simulate import loop_observer, simulate_loop
 from mrwork.control.laws import ControlLaw
 from mrwork.errors import SettingError
 from mrwork.motions.ground_motion import GroundMotion

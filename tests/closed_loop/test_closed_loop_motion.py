@@ -26,7 +26,7 @@ import mrwork as mr
 from mrwork import _rust
 from mrwork.buildings.devices import Device
 from mrwork.buildings.matrices import Building
-from mrwork.buildings.published import buildings
+from mrwork.buildings.shear import buildings
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.responses import History, Responses
 from mrwork.closed_loop.simulate import simulate_loop

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mrwork.control.inverse_samples import random_loading
+from mrwork.control.inverse_network import random_loading
 from mrwork.simulate import Loading
 
 

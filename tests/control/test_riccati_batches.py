@@ -20,13 +20,17 @@ from mrwork.control import (
     lyapunov_solutions,
     regulator_gains,
 )
-from mrwork.control.design_problem import Design, DesignProblem
-from mrwork.control.law_settings import SETTINGS
-from mrwork.control.lqr import Regulator, regulator_of_weights, regulators_of_weights
+from mrwork.control.design_problem import Design, DesignProblem, LawSettings
+from mrwork.control.law_design import SETTINGS
+from mrwork.control.lqr import (
+    Regulator,
+    Weighed,
+    regulator_of_weights,
+    regulators_of_weights,
+    weighed_outputs,
+)
 from mrwork.control.plant import Plant, accelerations
 from mrwork.control.riccati import RiccatiSolutions
-from mrwork.control.setting_base import LawSettings
-from mrwork.control.weights import Weighed, weighed_outputs
 from mrwork.errors import MrworkError, SettingError
 
 Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]

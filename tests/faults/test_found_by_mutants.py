@@ -28,7 +28,7 @@ from mrwork.report.expectations import departures
 from mrwork.store.arrays_file import read_arrays
 from mrwork.store.input_file import RECORD
 from mrwork.store.journal_file import line_of, read_lines
-from mrwork.tuning.results import LawResult, unjudged
+from mrwork.tuning.results import LawResult, judgement_of_objective
 
 
 def record(change: Callable[[dict[str, np.ndarray]], None]) -> Callable[[Path], object]:
@@ -286,7 +286,7 @@ def test_a_journal_with_a_minimum_out_of_bounds_is_refused(
 
 @pytest.mark.parametrize("largest", [[], "", None, {"a": 1}, True])
 def test_a_largest_command_that_is_no_number_contradicts_a_tuned_law(largest: object) -> None:
-    nominal = unjudged(1.0)
+    nominal = judgement_of_objective(1.0)
     law = LawResult(
         law="clipped_optimal",
         label="law",

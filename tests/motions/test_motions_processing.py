@@ -18,7 +18,7 @@ from mrwork.motions import (
     time_scaled,
     trimmed,
 )
-from mrwork.motions.formats.uniform import motion_of_columns
+from mrwork.motions.formats.table import motion_of_columns
 from mrwork.motions.synthetic import sine
 
 MOTION = synthetic_motion(duration=5.0)

@@ -10,7 +10,7 @@ import numpy as np
 import mrwork as mr
 from mrwork.buildings.devices import Device
 from mrwork.buildings.matrices import Building
-from mrwork.buildings.published import building
+from mrwork.buildings.shear import building
 from mrwork.control.fuzzy import fuzzy_table
 from mrwork.control.laws import ControlLaw, control_law
 from mrwork.control.lqr import regulator_of_state

@@ -13,7 +13,7 @@ import pytest
 
 import mrwork
 from mrwork.buildings import read_building
-from mrwork.buildings.matrix_files import read_matrix
+from mrwork.buildings.from_file import read_matrix
 from mrwork.dampers import damper
 from mrwork.errors import MrworkError, RecordError
 from mrwork.motions import read_motion

@@ -13,7 +13,7 @@ from mrwork.keys import Place
 from mrwork.records.operating_range import OperatingRange
 from mrwork.study.dampers import ChosenDamper, IdentifiedDamper, chosen_damper
 from mrwork.study.declared import read_table
-from mrwork.study.lines import parse
+from mrwork.study.reading import parse
 from mrwork.study.schema import DamperTable
 
 TESTED = OperatingRange(

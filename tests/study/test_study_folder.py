@@ -15,10 +15,9 @@ from mrwork.errors import RecordError
 from mrwork.store.codec import json_document
 from mrwork.store.run_folder import MANIFEST, RESULTS
 from mrwork.study import StudyResults, read_results
-from mrwork.study.comparison import compared
+from mrwork.study.comparison import compared, judged_in_words
 from mrwork.study.folder import StoredStudy, study_document
-from mrwork.study.over_motions import judged_in_words
-from mrwork.study.step_check import largest_step_changes
+from mrwork.study.results import largest_step_changes
 
 
 def read_back(results: StudyResults, folder: Path) -> StoredStudy:

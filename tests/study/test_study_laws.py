@@ -8,19 +8,18 @@ import numpy as np
 import pytest
 
 from mrwork.buildings.devices import Device
-from mrwork.buildings.published import building
-from mrwork.control.design_problem import Design, DesignProblem
-from mrwork.control.law_settings import SETTINGS
+from mrwork.buildings.shear import building
+from mrwork.control.design_problem import Design, DesignProblem, LawSettings
+from mrwork.control.law_design import SETTINGS
 from mrwork.control.laws import ControlLaw, control_law, control_laws
 from mrwork.control.lqr import published_regulator, regulator_as_published, regulator_of_outputs
 from mrwork.control.plant import accelerations
-from mrwork.control.setting_base import LawSettings
 from mrwork.dampers.spec import damper
 from mrwork.errors import SettingError
 from mrwork.keys import Place
 from mrwork.study.declared import located, read_table
-from mrwork.study.lines import parse
 from mrwork.study.print_schema import laws_text
+from mrwork.study.reading import parse
 
 # What each law is told here; those that need nothing are told nothing.
 TOLD = {

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from mrwork.errors import SettingError
 from mrwork.keys import KeyPath
-from mrwork.study.lines import parse
+from mrwork.study.reading import parse
 
 DOCUMENT = '''# a comment with [brackets] and key = 1
 title = "one # two"   # three

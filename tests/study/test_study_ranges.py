@@ -18,14 +18,13 @@ import pytest
 from test_study_values import Document, places, with_headers
 
 import mrwork
-from mrwork.control.design.wishes import WeightWishes
-from mrwork.control.law_settings import SETTINGS
+from mrwork.control.law_design import SETTINGS
+from mrwork.control.weights import WeightWishes
 from mrwork.errors import MrworkError
 from mrwork.keys import KeyPath, keys_of
-from mrwork.study.lines import parse
 from mrwork.study.print_schema import tables
-from mrwork.study.reading import read_study
-from mrwork.tuning.objective import objective_of
+from mrwork.study.reading import parse, read_study
+from mrwork.tuning.space import objective_of
 
 SOUND: Document = {
     "building": {"masses": [300.0, 200.0], "stiffnesses": [1e6, 8e5], "rayleigh": {"a0": 0.1, "a1": 1e-4}},

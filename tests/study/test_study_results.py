@@ -10,14 +10,14 @@ import study_samples
 
 from mrwork.closed_loop.evaluation import Spread, criteria
 from mrwork.simulate import Outcome
-from mrwork.study.comparison import compared
-from mrwork.study.over_motions import (
+from mrwork.study.comparison import (
     chosen_in_words,
+    compared,
     judged_in_words,
     motion_groups,
     times_better,
 )
-from mrwork.study.step_check import largest_step_changes
+from mrwork.study.results import largest_step_changes
 
 
 def test_a_linear_swing_has_the_ratios_of_its_amplitudes() -> None:

@@ -10,14 +10,13 @@ import pytest
 import tuning_samples
 
 import mrwork as mr
-from mrwork.buildings.tuned_mass import with_tuned_mass
+from mrwork.buildings.passive_devices import with_tuned_mass
 from mrwork.closed_loop.evaluation import criterion
 from mrwork.errors import SettingError
-from mrwork.study.batches import Band, simulated_criteria, varied_building
+from mrwork.study.batches import RealisationBand, simulate_criteria, vary_building
 from mrwork.study.dampers import IdentifiedDamper
 from mrwork.study.folder import study_document
-from mrwork.study.realisations import nominal
-from mrwork.study.study import Arrangement, Row, arranged
+from mrwork.study.study import Arrangement, Row, make_arrangement, nominal
 
 CONTROLLER = """
 [[controller]]
@@ -49,7 +48,7 @@ def test_the_nominal_realisation_gives_the_bits_of_the_study(tmp_path: Path) -> 
     row = next(number for number, each in enumerate(given.arrangements) if each.row.kind == "controller")
     arrangement = given.arrangements[row]
     assert arrangement.law is not None
-    found = simulated_criteria(
+    found = simulate_criteria(
         arrangement,
         arrangement.law,
         given.grounds,
@@ -76,12 +75,12 @@ def test_draws_of_dampers_are_one_batch_with_the_bits_of_single_ones(tmp_path: P
         seed=np.arange(3),
         theta=(rows,),
     )
-    batch = simulated_criteria(
+    batch = simulate_criteria(
         arrangement, arrangement.law, given.grounds, given.hardware, three, bare=given.building, threads=1
     )
     for place in range(3):
         single = replace(one, theta=(rows[place : place + 1],))
-        alone = simulated_criteria(
+        alone = simulate_criteria(
             arrangement,
             arrangement.law,
             given.grounds,
@@ -113,8 +112,8 @@ def test_the_spring_of_a_tuned_mass_does_not_vary_with_the_building() -> None:
     bare = mr.building("uts")
     tuned = with_tuned_mass(bare, floor=5, mass=30.0, frequency=3.0, ratio=0.1)
     row = Row(label="TMD", kind="baseline")
-    arrangement: Arrangement = arranged(bare, row, tuned, (), None)
-    varied = varied_building(arrangement, bare, stiffness=1.1, damping=1.0)
+    arrangement: Arrangement = make_arrangement(bare, row, tuned, (), None)
+    varied = vary_building(arrangement, bare, stiffness=1.1, damping=1.0)
     n = bare.n_coordinates
     difference = varied.stiffness - tuned.stiffness
     assert np.allclose(difference[:n, :n], 0.1 * bare.stiffness)
@@ -124,8 +123,8 @@ def test_the_spring_of_a_tuned_mass_does_not_vary_with_the_building() -> None:
 def test_an_isolated_building_varies_above_its_isolators() -> None:
     bare = mr.building("uts")
     isolated = mr.buildings.with_base_isolation_of_period(bare, mass=330.0, period=2.0, ratio=0.1)
-    arrangement = arranged(bare, Row(label="isolated", kind="baseline"), isolated, (), None)
-    varied = varied_building(arrangement, bare, stiffness=1.2, damping=1.0)
+    arrangement = make_arrangement(bare, Row(label="isolated", kind="baseline"), isolated, (), None)
+    varied = vary_building(arrangement, bare, stiffness=1.2, damping=1.0)
     # A rigid motion of the building on its isolators has the strain energy of these alone.
     rigid = np.linalg.lstsq(
         isolated.storeys, np.eye(len(isolated.storeys))[arrangement.strokes[0]], rcond=None
@@ -134,7 +133,7 @@ def test_an_isolated_building_varies_above_its_isolators() -> None:
 
 
 def test_a_band_of_a_run_that_failed_is_open() -> None:
-    assert Band.of(np.array([1.0, np.inf])).upper == np.inf
+    assert RealisationBand.of(np.array([1.0, np.inf])).upper == np.inf
     assert criterion("peak_drift").ratio
 
 

@@ -10,12 +10,10 @@ import tuning_samples
 
 import mrwork as mr
 from mrwork.errors import SettingError
-from mrwork.study.tuning_schema import TuneTable
-from mrwork.tuning.benches import benches_of
-from mrwork.tuning.gradient_finish import check_finish, gradient_finish, risk_weights
-from mrwork.tuning.objective import Objective, objective_of, risk_of
-from mrwork.tuning.problem import Clock, magnitudes_of, scored
-from mrwork.tuning.space import space_of
+from mrwork.study.schema import TuneTable
+from mrwork.tuning.law_tuning import check_finish, follow_gradients, risk_weights
+from mrwork.tuning.problem import Clock, benches_of, magnitudes_of, score_candidates
+from mrwork.tuning.space import Objective, objective_of, risk_of, space_of
 
 LAW = "proportional_direct"
 
@@ -29,9 +27,9 @@ def test_gradients_lower_the_objective_of_the_loop(tmp_path: Path) -> None:
     space = space_of(table, LAW, magnitudes_of(benches.training))
     objective = objective_of(table, "A")
     start = np.array([0.4, 0.99])
-    found = gradient_finish(space, benches.training, objective, start, 3)
+    found = follow_gradients(space, benches.training, objective, start, 3)
     candidates = [space.candidate(start), space.candidate(found.unit)]
-    before, after = scored(benches.training, objective, LAW, candidates).objective
+    before, after = score_candidates(benches.training, objective, LAW, candidates).objective
     assert after < before
     assert found.unit[1] == start[1]
 

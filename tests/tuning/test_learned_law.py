@@ -12,15 +12,12 @@ import tuning_samples
 import mrwork as mr
 from mrwork.control.law_design import settings_of
 from mrwork.errors import InvalidSettingError
-from mrwork.study.tuning_schema import TuneTable
-from mrwork.tuning.benches import benches_of
-from mrwork.tuning.folder import chosen_study
-from mrwork.tuning.gradient_finish import gradient_finish
-from mrwork.tuning.objective import objective_of
-from mrwork.tuning.problem import Clock, magnitudes_of, scored
-from mrwork.tuning.results import settings_in_words
+from mrwork.study.schema import TuneTable
+from mrwork.tuning.law_tuning import follow_gradients
+from mrwork.tuning.problem import Clock, benches_of, magnitudes_of, score_candidates
+from mrwork.tuning.results import chosen_study, settings_in_words
 from mrwork.tuning.run import tune
-from mrwork.tuning.space import space_of
+from mrwork.tuning.space import objective_of, space_of
 
 LAW = "signal_network"
 TUNE = f"""
@@ -57,9 +54,9 @@ def test_gradients_train_a_network_and_are_the_differences_of_the_loop(tmp_path:
     space = space_of(table, LAW, magnitudes_of(benches.training))
     objective = objective_of(table, "A")
     start = np.where(np.array([each.name for each in space.free]) == "largest_command", 0.99, space.start)
-    found = gradient_finish(space, benches.training, objective, start, 3)
+    found = follow_gradients(space, benches.training, objective, start, 3)
     candidates = [space.candidate(unit) for unit in (start, found.unit)]
-    before, after = scored(benches.training, objective, LAW, candidates).objective
+    before, after = score_candidates(benches.training, objective, LAW, candidates).objective
     assert after < before
 
 

@@ -18,11 +18,9 @@ from mrwork.errors import Interrupted, JournalError, SettingError
 from mrwork.records.operating_range import OperatingRange
 from mrwork.store.codec import plain
 from mrwork.store.journal_file import line_of
-from mrwork.tuning.benches import benches_of
-from mrwork.tuning.folder import chosen_study, tuning_document
-from mrwork.tuning.problem import Clock
-from mrwork.tuning.references import BEST_CONSTANT
-from mrwork.tuning.results import TuningResults
+from mrwork.tuning.first_candidates import BEST_CONSTANT
+from mrwork.tuning.problem import Clock, benches_of
+from mrwork.tuning.results import TuningResults, chosen_study, tuning_document
 from mrwork.tuning.run import tune
 from mrwork.tuning.space import Candidate
 

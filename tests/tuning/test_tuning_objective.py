@@ -8,9 +8,9 @@ import pytest
 from mrwork.closed_loop.evaluation import SCORE, criteria
 from mrwork.errors import SettingError
 from mrwork.study.batches import RunCriteria
-from mrwork.study.tuning_schema import TuneTable
-from mrwork.tuning.objective import objective_of, over, risk_of
+from mrwork.study.schema import TuneTable
 from mrwork.tuning.problem import Scores
+from mrwork.tuning.space import objective_of, over, risk_of
 
 SCORES = np.array([[0.1, 0.5, 0.3, 0.9, 0.2, 0.4, 0.6, 0.8, 0.7, 1.0]])
 

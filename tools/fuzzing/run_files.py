@@ -40,7 +40,7 @@ from mrwork.store.run_folder import (
 from mrwork.study.folder import study_document
 from mrwork.study.stored_histories import Histories
 from mrwork.study.study import Study
-from mrwork.tuning.folder import tuning_document
+from mrwork.tuning.results import tuning_document
 from tools.fuzzing.mutants import Structure
 from tools.fuzzing.reader import Reader, Seed
 from tools.fuzzing.user_files import in_child

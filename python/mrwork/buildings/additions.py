@@ -6,15 +6,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import block_diag, eigh
 
 from mrwork.arguments import checked
-from mrwork.buildings.elements import carried
-from mrwork.buildings.matrices import Building
+from mrwork.buildings.matrices import Building, carried
 from mrwork.buildings.modes import modes_of
 from mrwork.errors import SettingError
 from mrwork.keys import SMALLEST
+from mrwork.values import Floats
 
 
 @checked
@@ -49,7 +48,7 @@ def with_rayleigh_damping(
     SettingError
         If the modes are equal, do not exist or have zero frequency, or a mode would have negative damping.
     """
-    check_ratios(ratios, building.name)
+    _check_ratios(ratios, building.name)
     omega, _ = modes_of(building.mass, building.stiffness)
     if len(set(modes)) != 2 or not all(1 <= mode <= omega.size for mode in modes):
         raise SettingError(
@@ -77,7 +76,7 @@ def with_modal_damping(building: Building, *, ratios: Sequence[float]) -> Buildi
     SettingError
         If the number of ratios is neither 1 nor n, or a ratio is negative.
     """
-    check_ratios(ratios, building.name)
+    _check_ratios(ratios, building.name)
     omega, modes = modes_of(building.mass, building.stiffness)
     if len(ratios) not in (1, omega.size):
         raise SettingError(
@@ -88,7 +87,7 @@ def with_modal_damping(building: Building, *, ratios: Sequence[float]) -> Buildi
     return replace(building, damping=(moved * spread) @ moved.T)
 
 
-def check_ratios(ratios: Sequence[float], name: str) -> None:
+def _check_ratios(ratios: Sequence[float], name: str) -> None:
     """Check that damping ratios are shares of critical damping."""
     for ratio in ratios:
         if not 0.0 <= ratio <= 1.0:
@@ -128,9 +127,6 @@ def with_viscous_damper(building: Building, *, storey: int | str, damping: float
     )
 
 
-Floats = NDArray[np.float64]
-
-
 def with_coordinate(
     building: Building,
     *,
@@ -144,18 +140,8 @@ def with_coordinate(
 ) -> Building:
     """Return the building with one more coordinate, a mass on a spring and a dashpot, that is not a floor.
 
-    Parameters
-    ----------
-    mass
-        Mass of the coordinate [kg].
-    damping, stiffness
-        Dashpot [N s/m] and spring [N/m].
-    across
-        Elongation of spring and dashpot = across @ q, shape (n + 1,).
-    follows_ground
-        Entry of the influence: 1 for a displacement relative to the ground, 0 for a deformation.
-    stroke, stroke_name
-        Row appended to the storeys, shape (n + 1,), and its name.
+    Spring and dashpot elongate by across @ q, shape (n + 1,). `follows_ground` is 1 for a displacement relative to the
+    ground, 0 for a deformation. The row `stroke`, shape (n + 1,), is appended to the storeys.
     """
     n = building.n_coordinates
     spring = np.outer(across, across)
@@ -328,15 +314,7 @@ class ModeAtFloor:
 
 
 def mode_at_floor(building: Building, floor: int | str, mode: int, name: str) -> ModeAtFloor:
-    """A mode of a building and what it moves of a floor.
-
-    Raises
-    ------
-    SettingError
-        If there is no such mode, or it does not move the floor; the message begins with `name`.
-    UnknownNameError
-        If there is no such floor.
-    """
+    """A mode of a building and what it moves of a floor."""
     if not 1 <= mode <= building.n_coordinates:
         raise SettingError(
             f"{name} on {building.name}: it is tuned to mode {mode}; give one from 1 to {building.n_coordinates}"

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from mrwork.arguments import NotNegative, Positive, checked
 from mrwork.buildings.matrices import Building
@@ -15,9 +15,7 @@ from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
 from mrwork.records.operating_range import OperatingRange, Outside, outside_of
 from mrwork.summary import Summarised, Summary, rounded
-from mrwork.values import holds_arrays, keep_arrays
-
-Floats = NDArray[np.float64]
+from mrwork.values import Floats, holds_arrays, keep_arrays
 
 # A command with a mean above this share of its peak is constant but for the lag of the driver.
 _CONSTANT = 0.9
@@ -153,13 +151,7 @@ class Device(Summarised):
 
 
 def elongation_rows(building: Building, devices: Sequence[Device]) -> Floats:
-    """Rows of elongation of devices in a building, shape (n_devices, n).
-
-    Raises
-    ------
-    SettingError
-        If there is no device, or the row of one does not fit the building.
-    """
+    """Rows of elongation of devices in a building, shape (n_devices, n)."""
     n = building.n_coordinates
     if not devices:
         raise SettingError(f"no device was given for {building.name}; give one or more")

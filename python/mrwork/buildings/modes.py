@@ -15,9 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 
-from mrwork.values import holds_arrays
-
-Floats = NDArray[np.float64]
+from mrwork.values import Floats, holds_arrays
 
 UNDAMPED: Final = 1e-6
 """Damping ratio below which a mode counts as undamped."""

@@ -1,31 +1,25 @@
-"""Shear buildings: rigid floors, with one spring and one dashpot per storey."""
+"""Shear buildings: rigid floors, with one spring and one dashpot per storey; and buildings from the literature."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import cache
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.arguments import checked
+from mrwork.buildings.additions import with_modal_damping, with_rayleigh_coefficients, with_rayleigh_damping
 from mrwork.buildings.matrices import Building
-from mrwork.errors import SettingError
-
-Floats = NDArray[np.float64]
-
+from mrwork.errors import SettingError, UnknownNameError
+from mrwork.values import Floats
 
 # No building is as tall; natural frequencies of more coordinates take many seconds.
 _MOST_STOREYS = 1000
 
 
 def check_storeys(count: int) -> None:
-    """Refuse a building whose matrices would not fit into memory.
-
-    Raises
-    ------
-    SettingError
-        It would have more than 1000 storeys.
-    """
+    """Refuse a building whose matrices would not fit into memory."""
     if count > _MOST_STOREYS:
         raise SettingError(
             f"a building of {count:,} storeys would have matrices of {8e-9 * count * count:,.1f} GB each; "
@@ -86,7 +80,7 @@ def shear_building(
             raise SettingError(
                 f"building {name}: the damping of storey {number} is {value:g} N s/m; it cannot be negative"
             )
-    storeys = floor_differences(n)
+    storeys = _floor_differences(n)
     return Building(
         name=name,
         mass=np.diag(np.asarray(masses, dtype=np.float64)),
@@ -95,8 +89,8 @@ def shear_building(
         influence=np.ones(n),
         floors=np.eye(n),
         storeys=storeys,
-        floor_names=tuple(floor_names) or numbered("floor", n),
-        storey_names=tuple(storey_names) or numbered("storey", n),
+        floor_names=tuple(floor_names) or number_names("floor", n),
+        storey_names=tuple(storey_names) or number_names("storey", n),
         source=source,
         status=status,
     )
@@ -128,11 +122,135 @@ def chain(storeys: Floats, values: Sequence[float]) -> Floats:
         return storeys.T @ np.diag(np.asarray(values, dtype=np.float64)) @ storeys
 
 
-def floor_differences(n_floors: int) -> Floats:
+def _floor_differences(n_floors: int) -> Floats:
     """Matrix from floor displacements to storey drifts, shape (n_floors, n_floors)."""
     return np.eye(n_floors) - np.eye(n_floors, k=-1)
 
 
-def numbered(noun: str, count: int) -> tuple[str, ...]:
+def number_names(noun: str, count: int) -> tuple[str, ...]:
     """Default names of floors or storeys: "floor 1", "floor 2" and so on."""
     return tuple(f"{noun} {number}" for number in range(1, count + 1))
+
+
+def _dyke1996() -> Building:
+    return Building(
+        name="dyke1996",
+        mass=98.3 * np.eye(3),
+        damping=np.array([[175.0, -50.0, 0.0], [-50.0, 100.0, -50.0], [0.0, -50.0, 50.0]]),
+        stiffness=1e5 * np.array([[12.0, -6.84, 0.0], [-6.84, 13.7, -6.84], [0.0, -6.84, 6.84]]),
+        influence=np.ones(3),
+        floors=np.eye(3),
+        storeys=_floor_differences(3),
+        floor_names=("floor 1", "floor 2", "floor 3"),
+        storey_names=("storey 1", "storey 2", "storey 3"),
+        source="Dyke, Spencer, Sain, Carlson, Smart Mater. Struct. 5, 1996, 565-575; scaled three-storey frame, "
+        "for records with their time axis divided by 5",
+        status="verified",
+    )
+
+
+def _jansen2000() -> Building:
+    frame = shear_building(
+        name="jansen2000",
+        masses=[22.7] * 6,
+        stiffnesses=[29700.0] * 6,
+        source="Jansen, Dyke, J. Eng. Mech. 126(8), 2000, 795-803; scaled six-storey frame, 0.5 % damping in each mode",
+        status="verified",
+    )
+    return with_modal_damping(frame, ratios=[0.005])
+
+
+def _uts() -> Building:
+    frame = shear_building(
+        name="uts",
+        masses=[337.0, 330.0, 330.0, 330.0, 330.0],
+        stiffnesses=[1.448e6] * 5,
+        source="five-storey frame of UTS; its masses are published, equal stiffness and 1 % Rayleigh damping in modes "
+        "1 and 3 are ours",
+        status="ours",
+    )
+    return with_rayleigh_coefficients(frame, a0=0.309478, a1=1.89972e-4)
+
+
+def _frame() -> Building:
+    one_storey = shear_building(
+        name="frame",
+        masses=[300.0],
+        stiffnesses=[300.0 * (2.0 * np.pi * 3.0) ** 2],
+        source="one-storey frame in the manner of Nguyen, PhD thesis, UTS, 2009, ch. 7; 300 kg, 3 Hz and 1 % are ours",
+        status="ours",
+    )
+    return with_modal_damping(one_storey, ratios=[0.01])
+
+
+def _sac3() -> Building:
+    # The source numbers the floors from the roof down.
+    stiffness = np.array(
+        [
+            [9.35151e7, -1.29507e8, 4.21961e7],
+            [-1.29507e8, 3.15537e8, -2.39798e8],
+            [4.21961e7, -2.39798e8, 4.40846e8],
+        ]
+    )[::-1, ::-1]
+    half = Building(
+        name="sac3",
+        mass=np.diag([4.7835e5, 4.7835e5, 5.1779e5]),
+        damping=np.zeros((3, 3)),
+        stiffness=stiffness,
+        influence=np.ones(3),
+        floors=np.eye(3),
+        storeys=_floor_differences(3),
+        floor_names=("floor 1", "floor 2", "roof"),
+        storey_names=("storey 1", "storey 2", "storey 3"),
+        source="Ohtori, Christenson, Spencer, Dyke, J. Eng. Mech. 130(4), 2004, 366-385; half of the SAC three-storey "
+        "building, condensed; 2 % Rayleigh damping, in modes 1 and 3 (which modes is ours)",
+        status="verified",
+    )
+    return with_rayleigh_damping(half, ratios=(0.02, 0.02), modes=(1, 3))
+
+
+def _utfpr() -> Building:
+    return shear_building(
+        name="utfpr",
+        masses=[24.3, 24.3],
+        stiffnesses=[6820.0, 8220.0],
+        storey_damping=[0.939, 0.29],
+        source="two-storey frame of UTFPR (A. N. Vargas)",
+        status="published",
+    )
+
+
+_MAKERS: Final[dict[str, Callable[[], Building]]] = {
+    "dyke1996": _dyke1996,
+    "jansen2000": _jansen2000,
+    "uts": _uts,
+    "frame": _frame,
+    "sac3": _sac3,
+    "utfpr": _utfpr,
+}
+
+
+@cache
+def buildings() -> tuple[Building, ...]:
+    """All published buildings."""
+    return tuple(make() for make in _MAKERS.values())
+
+
+@checked
+def building(name: str) -> Building:
+    """Return the published building with this name.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is none with this name; the message lists all names.
+
+    Examples
+    --------
+    >>> building("dyke1996").frequencies.round(2).tolist()
+    [5.46, 15.81, 23.64]
+    """
+    for known in buildings():
+        if known.name == name:
+            return known
+    raise UnknownNameError(f"no published building is called {name!r}; choose one of {', '.join(_MAKERS)}")

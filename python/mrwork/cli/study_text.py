@@ -9,16 +9,18 @@ from textwrap import wrap
 from mrwork.cli.output import table_lines
 from mrwork.closed_loop.evaluation import SCORE, criterion
 from mrwork.store.run_folder import REPORT
-from mrwork.study.comparison import ADD_BEST_PASSIVE, Comparison, compared, in_percent
-from mrwork.study.over_motions import (
+from mrwork.study.comparison import (
+    ADD_BEST_PASSIVE,
     MOST_IN_DETAIL,
+    StudyComparison,
     chosen_in_words,
+    compared,
+    in_percent,
     judged_in_words,
     motion_groups,
     times_better,
 )
-from mrwork.study.results import OFF_BALANCE, StudyResults
-from mrwork.study.step_check import ON_OFF, largest_step_changes
+from mrwork.study.results import OFF_BALANCE, ON_OFF, StudyResults, largest_step_changes
 from mrwork.study.study import Kind
 from mrwork.summary import with_decimals
 
@@ -56,7 +58,7 @@ def study_text(results: StudyResults, folder: Path | None) -> str:
     return "\n".join([*lines, *([f"Report: {folder / REPORT}"] if folder else [])])
 
 
-def _leading_lines(comparison: Comparison) -> list[str]:
+def _leading_lines(comparison: StudyComparison) -> list[str]:
     """What the leading row changes, quantity by quantity, and what the passive dampers of the study leave open."""
     lines: list[str] = []
     if comparison.leading is not None:
@@ -67,7 +69,7 @@ def _leading_lines(comparison: Comparison) -> list[str]:
     return [*lines, ""] if lines else []
 
 
-def _change_lines(comparison: Comparison, reference: int) -> list[str]:
+def _change_lines(comparison: StudyComparison, reference: int) -> list[str]:
     """Changes of every row against a reference, the rows of each rank together."""
     results = comparison.results
     several = len(results.judged) > 1
@@ -111,7 +113,7 @@ def _motion_lines(results: StudyResults, motion: int) -> list[str]:
     return [f"{results.motions[motion].name}: criteria, and over {over}", *table_lines(table)]
 
 
-def _score_lines(comparison: Comparison) -> list[str]:
+def _score_lines(comparison: StudyComparison) -> list[str]:
     """The score of every row, its spread over the motions, and how often the row is better than a constant command."""
     results = comparison.results
     if not any(isfinite(results.score(row)) for row in range(len(results.rows))):
@@ -147,7 +149,7 @@ def _score_lines(comparison: Comparison) -> list[str]:
     return [*lines, *(line for note in notes for line in wrap(note, width=_WIDTH))]
 
 
-def _group_lines(comparison: Comparison) -> list[str]:
+def _group_lines(comparison: StudyComparison) -> list[str]:
     """The score of every row under each group of motions."""
     results = comparison.results
     groups = motion_groups(results)

@@ -26,8 +26,8 @@ from mrwork.summary import with_decimals
 if TYPE_CHECKING:
     from mrwork.store import Journal
     from mrwork.store.destination import Destination
+    from mrwork.study.schema import TuneTable
     from mrwork.study.study import Study
-    from mrwork.study.tuning_schema import TuneTable
     from mrwork.tuning.results import LawResult, TuningResults
 
 _QUICK = (48, 12)
@@ -98,7 +98,7 @@ def _tune(
     began: float,
 ) -> int:
     from mrwork.store.unfinished import discard_journal, is_complete
-    from mrwork.tuning.folder import tuning_document
+    from mrwork.tuning.results import tuning_document
     from mrwork.tuning.run import tune
 
     line = ProgressLine(tuning_described, quiet=options.quiet or options.json, patience=PATIENCE)
@@ -132,7 +132,7 @@ def _tune(
 
 def _tables(study: Study, options: argparse.Namespace) -> tuple[TuneTable, ...]:
     """The tables of the command line or of the study; smaller ones for a quick look."""
-    from mrwork.study.tuning_schema import TuneTable
+    from mrwork.study.schema import TuneTable
 
     tables = (TuneTable(laws=tuple(options.law)),) if options.law else study.tunes
     if not options.quick:
@@ -154,7 +154,7 @@ def _write(
 ) -> bool:
     """Write the folder; return whether it has a page."""
     from mrwork.store.run_folder import TUNING_RUN
-    from mrwork.tuning.folder import write_tuning
+    from mrwork.tuning.results import write_tuning
 
     manifest = study_manifest(
         options, study.file, kind=TUNING_RUN.kind, title=results.title, status=results.status, seconds=seconds

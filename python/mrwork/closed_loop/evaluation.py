@@ -10,15 +10,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.arguments import AnyNumbers, Positive, Whole, checked
 from mrwork.closed_loop.responses import axis_of, unit_of
 from mrwork.errors import ArgumentError, SettingError, UnknownNameError
 from mrwork.store.record import OrNan
 from mrwork.units import STANDARD_GRAVITY as STANDARD_GRAVITY
-
-Floats = NDArray[np.float64]
+from mrwork.values import Floats
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

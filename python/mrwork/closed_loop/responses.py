@@ -18,9 +18,7 @@ from mrwork.dampers.law_limits import LawLimit, worst_laws
 from mrwork.errors import SettingError
 from mrwork.records.operating_range import Exceedance, OperatingRange, Outside, least_stroke, worst_of
 from mrwork.summary import Summarised, Summary, rounded
-from mrwork.values import holds_arrays
-
-Floats = NDArray[np.float64]
+from mrwork.values import Floats, holds_arrays
 
 ENERGY_TOLERANCE = 1e-6
 """Energy errors above this are reported: 1e-8 is normal, a chattering law or a long step gives more."""
@@ -79,13 +77,7 @@ def _by_name() -> dict[str, Quantity]:
 def columns_by_name(
     rows: Floats, quantities: Sequence[Quantity], counts: Sequence[tuple[str, int]]
 ) -> dict[str, Floats]:
-    """Columns of the core by name; a quantity of axis "run" has no second axis.
-
-    Parameters
-    ----------
-    counts
-        Number of columns of each quantity; see `_rust.Building.summary_layout`.
-    """
+    """Columns of the core by name, of which `counts` has the numbers; a quantity of axis "run" has no second axis."""
     found: dict[str, Floats] = {}
     start = 0
     for quantity, (_, count) in zip(quantities, counts, strict=True):

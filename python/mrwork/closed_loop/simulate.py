@@ -1,27 +1,21 @@
-"""Simulate buildings in closed loop: candidates x motions x draws of the dampers in one call."""
+"""Simulate buildings in closed loop: candidates x motions x draws of the dampers in a call; prescribed commands."""
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Sequence
-from dataclasses import replace
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from mrwork import _rust
-from mrwork.arguments import Threads, checked
-from mrwork.buildings.devices import Device
+from mrwork.arguments import Positive, Threads, Within, checked
+from mrwork.buildings.devices import Device as Device
+from mrwork.buildings.devices import elongation_rows
 from mrwork.buildings.matrices import Building
-from mrwork.closed_loop.core_arguments import (
-    curve_of,
-    dampers_of,
-    matrices_of,
-    observer_arrays,
-    stretched_theta,
-)
-from mrwork.closed_loop.hardware import Hardware
+from mrwork.closed_loop.hardware import Fault, Hardware
 from mrwork.closed_loop.responses import (
     History,
     Responses,
@@ -30,13 +24,172 @@ from mrwork.closed_loop.responses import (
     run_quantities,
 )
 from mrwork.closed_loop.user_law import UserLaw
+from mrwork.control.counterpart import is_curve
 from mrwork.control.laws import ControlLaw
+from mrwork.control.observer import Observer, observer_of
+from mrwork.control.plant import accelerations, deformations, plant_of, stacked
+from mrwork.dampers.parameters import law_named
+from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import MrworkError, MrworkWarning, SettingError
 from mrwork.motions.ground_motion import GroundMotion
+from mrwork.summary import Summarised
+from mrwork.values import Floats, holds_arrays
 
-__all__ = ["Device", "simulate_loop"]
+# Current laws by name, `None` for a model without, and whether the driver lags.
+Laws = tuple[list[str] | None, bool]
 
-Floats = NDArray[np.float64]
+# Seconds of the factors of the mass matrix and of the bounds on the frequencies, per coordinate cubed.
+_SECONDS = 3e-9
+# They are ready in ten seconds.
+_MOST_COORDINATES = 1500
+
+# Numbers of an element in the core.
+_ELEMENT_NUMBERS = 6
+
+# Limit of an ideal actuator [N]: so large that an unstable loop overflows and ends as diverged before it.
+_NO_LIMIT = 1e300
+
+
+def _damper_arguments(
+    devices: Sequence[Device], *, actuators: bool
+) -> tuple[str, Laws, Floats, list[list[float]]]:
+    """Model, current laws, parameters of all draws and devices, and ranges of the command."""
+    if actuators:
+        theta = np.tile([0.0, 1.0], (1, len(devices), 1))
+        return "ideal_actuator", (["linear"], False), theta, [[-_NO_LIMIT, _NO_LIMIT] for _ in devices]
+    spec = devices[0].spec
+    for device in devices[1:]:
+        if (device.spec.name, device.spec.current) != (spec.name, spec.current):
+            raise SettingError(
+                f"{device.name} is a {device.spec.name} and {devices[0].name} a {spec.name}, or their current laws "
+                f"differ; one loop takes devices of one model with the same laws"
+            )
+    n_draws = max(len(device.draws) for device in devices)
+    if any(len(device.draws) not in (1, n_draws) for device in devices):
+        counts = ", ".join(str(len(device.draws)) for device in devices)
+        raise SettingError(f"the devices have {counts} draws; give the same number for each device, or one")
+    shape = (n_draws, len(spec.parameters))
+    theta = np.stack([np.broadcast_to(device.draws, shape) for device in devices], axis=1)
+    return (
+        spec.name,
+        _laws(spec),
+        np.ascontiguousarray(theta),
+        [[0.0, float(device.largest_command)] for device in devices],
+    )
+
+
+def _laws(spec: DamperSpec) -> Laws:
+    return (None, False) if spec.current is None else ([*spec.current.laws], spec.current.lagged)
+
+
+def _stretch_theta(spec: DamperSpec, theta: Floats, factors: Floats) -> Floats:
+    """Parameters with which dampers follow `factors` times the command, for each candidate and draw.
+
+    Of `theta` (n_draws, n_devices, n_columns) and `factors` (n_candidates, n_devices) follow rows of shape
+    (n_candidates * n_draws, n_devices, n_columns); draws vary fastest.
+    """
+    assert spec.current is not None
+    found = np.repeat(theta[None], len(factors), axis=0)
+    for candidate, device in np.ndindex(*factors.shape):
+        factor, start = float(factors[candidate, device]), 0
+        for parameter, law in zip(spec.plain, spec.current.laws, strict=True):
+            kind = law_named(law)
+            columns = slice(start, start + kind.n_coefficients)
+            found[candidate, :, device, columns] = kind.stretched(
+                theta[:, device, columns], factor, log=parameter.scale == "log"
+            )
+            start = columns.stop
+    return np.ascontiguousarray(found.reshape(-1, *theta.shape[1:]))
+
+
+def _core_building(building: Building, devices: Sequence[Device]) -> _rust.Building:
+    """The building with the positions of its devices."""
+    n = building.n_coordinates
+    if n > _MOST_COORDINATES:
+        raise SettingError(
+            f"{building.name} has {n:,} coordinates, of which the equations of a loop would take about "
+            f"{_SECONDS * n**3:.0f} s to prepare; reduce it to at most {_MOST_COORDINATES:,}, as by "
+            "`mr.buildings.modal_truncation`"
+        )
+    arrays: list[ArrayLike] = [
+        building.mass,
+        building.damping,
+        building.stiffness,
+        building.influence,
+        building.floors,
+        building.storeys,
+        elongation_rows(building, devices),
+        np.reshape([element.row for element in building.elements], (-1, n)),
+        np.reshape([element.numbers for element in building.elements], (-1, _ELEMENT_NUMBERS)),
+    ]
+    try:
+        return _rust.Building(*(np.ascontiguousarray(array, dtype=np.float64) for array in arrays))
+    except ValueError as error:
+        raise SettingError(f"{building.name}: {error}") from error
+
+
+def _core_curve(law: ControlLaw) -> tuple[Laws, Floats] | None:
+    """The model of the damper in the law, if it has one."""
+    if law.curve is None:
+        return None
+    spec, theta = law.curve
+    if not is_curve(spec):
+        raise SettingError(
+            f"the curve of {law.name} is a {spec.name}; give a static_hysteretic with current laws"
+        )
+    if np.shape(theta) != (len(spec.parameters),):
+        raise SettingError(
+            f"the curve of {law.name} has parameters of shape {np.shape(theta)}, this {spec.name} takes "
+            f"({len(spec.parameters)},)"
+        )
+    return _laws(spec), np.ascontiguousarray(theta, dtype=np.float64)
+
+
+def _observer_arrays(
+    building: Building, devices: Sequence[Device], hardware: Hardware
+) -> tuple[list[int], list[int], Floats, Floats, Floats, Floats, Floats] | None:
+    """Measured floors and devices, and Ad, Bd, L, C, D of the observer; `None` for feedback of the true state."""
+    if hardware.feedback == "state":
+        return None
+    floors = (
+        list(range(len(building.floors)))
+        if hardware.measured_floors is None
+        else list(hardware.measured_floors)
+    )
+    observer = loop_observer(building, devices, hardware, floors)
+    matrices = (observer.Ad, observer.Bd, observer.gain, observer.C, observer.D)
+    Ad, Bd, gain, C, D = (np.ascontiguousarray(matrix) for matrix in matrices)
+    return floors, list(range(len(devices))), Ad, Bd, gain, C, D
+
+
+@checked
+def loop_observer(
+    building: Building, devices: Sequence[Device], hardware: Hardware, floors: Sequence[int]
+) -> Observer:
+    """The observer of a loop, which measures accelerations of these floors and the deformations of all devices.
+
+    Raises
+    ------
+    SettingError
+        If a floor does not exist or is named twice, or no observer can be designed.
+    """
+    unknown = [floor for floor in floors if not 0 <= floor < len(building.floors)]
+    if unknown:
+        raise SettingError(
+            f"{building.name} has {len(building.floors)} floors, counted from 0; {unknown} do not exist"
+        )
+    if len(set(floors)) < len(floors):
+        raise SettingError(f"the measured floors are {list(floors)}; give each once")
+    plant = plant_of(building, elongation_rows(building, devices), [device.name for device in devices])
+    measured = accelerations(plant)
+    chosen = measured.select([measured.names[floor] for floor in floors])
+    return observer_of(
+        plant,
+        stacked(chosen, deformations(plant)),
+        hardware.sample_time,
+        noise_intensity=1.0 / hardware.noise_ratio,
+    )
+
 
 _RUNS_AT_A_TIME = 4096
 _MOST_SAMPLES = 100_000_000
@@ -132,7 +285,7 @@ def simulate_loop(
             "law passive and a command of zero"
         )
     _check_commands(law, devices)
-    model, laws, theta, ranges = dampers_of(devices, actuators=actuators)
+    model, laws, theta, ranges = _damper_arguments(devices, actuators=actuators)
     n_draws, factors = len(theta), np.ones((1, len(devices)))
     if largest_commands is not None:
         factors = _command_factors(law, hardware, devices, largest_commands, histories=histories)
@@ -141,9 +294,9 @@ def simulate_loop(
                 f"the gains are of {len(gains)} candidates and `largest_commands` of {len(factors)}; give one for each"
             )
         gains = np.ascontiguousarray(np.broadcast_to(gains, (len(factors), gains.shape[1])))
-        theta = stretched_theta(devices[0].spec, theta, factors)
+        theta = _stretch_theta(devices[0].spec, theta, factors)
     shape = (len(gains), len(motions), n_draws)
-    matrices = matrices_of(building, devices)
+    matrices = _core_building(building, devices)
     arguments: dict[str, Any] = {
         "building": matrices,
         "model": model,
@@ -156,7 +309,7 @@ def simulate_loop(
         "law": law.name,
         "gains": gains,
         "tables": law.table_rows(),
-        "curve": curve_of(law),
+        "curve": _core_curve(law),
         "motions": [(motion.dt, np.ascontiguousarray(motion.acceleration)) for motion in motions],
         "sample_time": hardware.sample_time,
         "steps": hardware.steps,
@@ -164,7 +317,7 @@ def simulate_loop(
         "command_rate": hardware.command_rate,
         "sensors": hardware.sensors,
         "faults": hardware.fault_rows(),
-        "observer": observer_arrays(nominal or building, devices, hardware),
+        "observer": _observer_arrays(nominal or building, devices, hardware),
         "histories": histories,
         "step_factor": step_factor,
         "threads": threads,
@@ -282,3 +435,156 @@ def _responses(
         seconds=tuple(motion.duration for motion in motions),
         **quantities,
     )
+
+
+_MOST_PER_INTERVAL = 10_000_000
+
+
+@holds_arrays
+@checked
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class PrescribedCommands(Summarised):
+    """Commands that are held over equal intervals, from the start of a motion; the last one until its end.
+
+    Attributes
+    ----------
+    interval
+        Length of an interval [s], a whole number of control samples.
+    command
+        Command of each interval and device, shape (n_intervals, n_devices) [A or V].
+
+    Raises
+    ------
+    SettingError
+        If the commands are not finite numbers of this shape, or negative.
+    """
+
+    _made_by: ClassVar[str] = "mr.closed_loop.PrescribedCommands(interval=..., command=...)"
+    _units: ClassVar[Mapping[str, str]] = {"interval": "s", "command": "A or V"}
+
+    interval: Positive
+    command: Annotated[Floats, Within(least=0.0)]
+
+    def __post_init__(self) -> None:
+        command = np.array(self.command, dtype=np.float64)
+        if command.ndim != 2 or not command.size:
+            raise SettingError(f"`command` has shape {command.shape}; give (n_intervals, n_devices)")
+        command.setflags(write=False)
+        object.__setattr__(self, "command", command)
+
+    @classmethod
+    @checked
+    def of_history(
+        cls,
+        command: Annotated[Floats, Within(least=0.0)],
+        sample_time: Positive,
+        interval: Positive,
+    ) -> PrescribedCommands:
+        """The mean command of each interval of a history at the control samples, shape (n_time, n_devices)."""
+        if command.ndim != 2 or not command.size:
+            raise SettingError(f"`command` has shape {command.shape}; give (n_time, n_devices)")
+        each = samples_of(interval, sample_time)
+        rows = -(-len(command) // each)
+        filled = np.pad(command, ((0, rows * each - len(command)), (0, 0)), mode="edge")
+        return cls(interval=interval, command=filled.reshape(rows, each, -1).mean(axis=1))
+
+
+def samples_of(interval: float, sample_time: float) -> int:
+    """Control samples of an interval."""
+    count = round(min(interval / sample_time, 2.0 * _MOST_PER_INTERVAL))
+    if count > _MOST_PER_INTERVAL:
+        raise SettingError(
+            f"`interval` is {interval:g} s, more than {_MOST_PER_INTERVAL} samples of {sample_time:g} s; "
+            "give a shorter one"
+        )
+    if count < 1 or abs(interval / sample_time - count) > 1e-6:
+        raise SettingError(
+            f"`interval` is {interval:g} s, which is not a whole number of control samples of {sample_time:g} s; "
+            "give a multiple of them"
+        )
+    return count
+
+
+@checked
+def simulate_prescribed(
+    building: Building,
+    devices: Sequence[Device],
+    commands: PrescribedCommands,
+    motion: GroundMotion,
+    hardware: Hardware | None = None,
+    *,
+    histories: bool = False,
+    step_factor: int = 1,
+    threads: Threads = 0,
+) -> Responses:
+    """Simulate the loop under prescribed commands, with the sampling, delay and driver of the hardware.
+
+    Parameters
+    ----------
+    commands
+        At most the largest command of each device.
+    histories, step_factor, threads
+        As for `simulate_loop`.
+
+    Raises
+    ------
+    SettingError
+        If the commands are not those of these devices, exceed the largest command, or the interval is not a whole
+        number of control samples; or if the hardware limits the rate of the command.
+
+    Examples
+    --------
+    >>> import mrwork as mr
+    >>> frame, rd1005 = mr.building("uts"), mr.damper("static_hysteretic").preset("kwok2006")
+    >>> damper = mr.Device(
+    ...     name="storey 1", spec=rd1005.spec, theta=rd1005.theta, row=frame.storeys[0], largest_command=1.88
+    ... )
+    >>> commands = mr.closed_loop.PrescribedCommands(interval=0.5, command=[[0.0], [1.0], [0.5]])
+    >>> motion = mr.synthetic_motion(duration=2.0)
+    >>> run = mr.closed_loop.simulate_prescribed(frame, [damper], commands, motion)
+    >>> float(run.peak_current[0, 0])
+    1.0
+    """
+    hardware = Hardware() if hardware is None else hardware
+    samples_of(commands.interval, hardware.sample_time)
+    if np.isfinite(hardware.command_rate):
+        raise SettingError(
+            f"the hardware limits the rate of the command to {hardware.command_rate:g} per second, and prescribed "
+            "commands step at their intervals; leave `command_rate` out"
+        )
+    if commands.command.shape[1] != len(devices):
+        raise SettingError(
+            f"the commands are for {commands.command.shape[1]} devices, and there are {len(devices)}"
+        )
+    for device, column in zip(devices, commands.command.T, strict=True):
+        if column.max() > device.largest_command * (1.0 + 1e-12):
+            raise SettingError(
+                f"{device.name}: the largest prescribed command is {column.max():g}, and the driver gives "
+                f"{device.largest_command:g} at most"
+            )
+    # A fault of the command channel replaces the command of a law between two samples.
+    faults = [
+        Fault(channel="command", index=index, start=start, end=end, value=value)
+        for index, column in enumerate(commands.command.T)
+        for start, end, value in _stretches(column, commands.interval)
+    ]
+    return simulate_loop(
+        building,
+        devices,
+        ControlLaw(name="passive", gains={"command": np.zeros(len(devices))}),
+        [motion],
+        replace(hardware, faults=(*faults, *hardware.faults)),
+        histories=histories,
+        step_factor=step_factor,
+        threads=threads,
+    )
+
+
+def _stretches(column: Floats, interval: float) -> list[tuple[float, float, float]]:
+    """Start, end and value of each stretch of equal commands; the last ends with the motion."""
+    changes = np.flatnonzero(np.diff(column)) + 1
+    starts = np.concatenate([[0], changes])
+    ends = [*(float(change) * interval for change in changes), np.inf]
+    return [
+        (float(start) * interval, end, float(column[start])) for start, end in zip(starts, ends, strict=True)
+    ]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from mrwork.arguments import Positive, checked
 from mrwork.dampers.parameters import LawName
@@ -15,9 +15,7 @@ from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import SettingError
 from mrwork.simulate import Loading, simulate_force
 from mrwork.summary import Summarised
-from mrwork.values import holds_arrays
-
-Floats = NDArray[np.float64]
+from mrwork.values import Floats, holds_arrays
 
 # Model of a counterpart, and the published set whose current laws it has. The name is compared because the laws of the
 # core are written for the equation of this model; other static models have other equations.
@@ -114,11 +112,11 @@ def static_counterpart(
             raise SettingError(f"`{name}` is {low} to {high}; give the smaller number first")
     if is_curve(spec):
         return StaticCounterpart(spec=spec, theta=values, fit_percent=100.0)
-    cycles = _simulated(spec, values, largest_command, amplitude, velocity)
+    cycles = _simulate(spec, values, largest_command, amplitude, velocity)
     model = damper(_COUNTERPART_MODEL)
     laws = dict(zip(model.names, _counterpart_laws(), strict=True))
     fitted_spec = model.with_current_laws(laws, unit=spec.current.unit)
-    fitted = _fitted(fitted_spec, cycles, largest_command)
+    fitted = _fit(fitted_spec, cycles, largest_command)
     return StaticCounterpart(
         spec=fitted_spec, theta=fitted, fit_percent=_fit_percent(fitted_spec, fitted, cycles)
     )
@@ -136,7 +134,7 @@ def _counterpart_laws() -> tuple[LawName, ...]:
     return published.laws
 
 
-def _simulated(
+def _simulate(
     spec: DamperSpec,
     theta: Sequence[float],
     largest_command: float,
@@ -171,7 +169,7 @@ def _simulated(
     )
 
 
-def _fitted(spec: DamperSpec, cycles: _Cycles, largest: float) -> tuple[float, ...]:
+def _fit(spec: DamperSpec, cycles: _Cycles, largest: float) -> tuple[float, ...]:
     """Coefficients in the order of the spec, by variable projection from several starting points."""
     speed = float(np.abs(cycles.velocity).max())
     stroke = float(np.abs(cycles.displacement).max())
@@ -181,7 +179,7 @@ def _fitted(spec: DamperSpec, cycles: _Cycles, largest: float) -> tuple[float, .
     upper = np.array([np.log(1e4 / speed), np.log(10.0 * stroke), limits["delta"][1], limits["delta"][1]])
 
     def residuals(shape: Floats) -> Floats:
-        return _projected(cycles, shape, largest, None)[1]
+        return _project(cycles, shape, largest, None)[1]
 
     from scipy.optimize import least_squares
 
@@ -197,7 +195,7 @@ def _fitted(spec: DamperSpec, cycles: _Cycles, largest: float) -> tuple[float, .
         ),
         key=lambda result: float(result.cost),
     )
-    nodes, _ = _projected(cycles, best.x, largest, limits)
+    nodes, _ = _project(cycles, best.x, largest, limits)
     c, k, alpha, f0 = nodes[:2], nodes[2:4], nodes[4:7], nodes[7:]
     steepness, width = np.exp(best.x[:2])
     coefficients = {
@@ -212,7 +210,7 @@ def _fitted(spec: DamperSpec, cycles: _Cycles, largest: float) -> tuple[float, .
     return tuple(float(value) for parameter in spec.plain for value in coefficients[parameter.name])
 
 
-def _projected(
+def _project(
     cycles: _Cycles, shape: Floats, largest: float, limits: dict[str, tuple[float, float]] | None
 ) -> tuple[Floats, Floats]:
     """Values of c, k, alpha and f0 at zero, half and the largest command for a shape, and the residual [N].

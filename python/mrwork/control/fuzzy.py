@@ -1,4 +1,4 @@
-"""Fuzzy controller with five sets, as a table: share of the largest command over deformation and rate."""
+"""Fuzzy law with five sets, as a table: share of the largest command over deformation and rate; and its settings."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from functools import cache
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from mrwork.arguments import Positive, Within, checked
+from mrwork.control.design_problem import Design, DesignProblem, LawSettings, Span
 from mrwork.errors import SettingError
+from mrwork.keys import key
 from mrwork.summary import Summarised
-from mrwork.values import holds_arrays
-
-Floats = NDArray[np.float64]
+from mrwork.values import Floats, holds_arrays
 
 # Centres of triangles of half-width 0.5 over [-1, 1]; values beyond belong to the outermost set.
 INPUT_SETS = {"NL": -1.0, "NS": -0.5, "ZE": 0.0, "PS": 0.5, "PL": 1.0}
@@ -99,16 +99,6 @@ def infer(deformation: ArrayLike, rate: ArrayLike) -> Floats:
     The strength of a rule is the smaller membership of its two inputs; it clips the output set. The clipped sets are
     combined by their maximum, and the result is the centroid of the area (Mamdani & Assilian, Int. J. Man-Machine
     Studies 7(1), 1975, 1-13).
-
-    Parameters
-    ----------
-    deformation, rate
-        Inputs over their scales, of shapes that broadcast.
-
-    Returns
-    -------
-    NDArray
-        In [0, 1], of their common shape.
     """
     first, second = np.broadcast_arrays(
         np.asarray(deformation, dtype=np.float64), np.asarray(rate, dtype=np.float64)
@@ -131,3 +121,33 @@ def memberships(value: ArrayLike) -> Floats:
     clipped = np.clip(np.asarray(value, dtype=np.float64), -1.0, 1.0)
     centres = np.array(list(INPUT_SETS.values()))
     return np.asarray(np.maximum(0.0, 1.0 - np.abs(clipped[..., None] - centres) / 0.5), dtype=np.float64)
+
+
+@checked
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FuzzySettings(LawSettings):
+    """Scales of the inputs of the fuzzy controller."""
+
+    deformation: float = key(
+        "scale of the elongation",
+        unit="m",
+        above=0.0,
+        span=Span(lower=0.1, upper=100.0, of=(("stroke", 1.0),)),
+    )
+    rate: float = key(
+        "scale of the rate of elongation",
+        unit="m/s",
+        above=0.0,
+        span=Span(lower=0.01, upper=10.0, of=(("rate", 1.0),)),
+    )
+
+    def design(self, problem: DesignProblem) -> Design:
+        """Scales of the inputs and the table of commands."""
+        table = fuzzy_table(deformation_scale=self.deformation, rate_scale=self.rate)
+        return Design(
+            gains={
+                "deformation_scale": problem.each(self.deformation),
+                "rate_scale": problem.each(self.rate),
+            },
+            tables={"shares": table.share.ravel()},
+        )

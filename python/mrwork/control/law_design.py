@@ -1,33 +1,118 @@
-"""Design of a control law from its name and settings."""
+"""The settings class of every law, and the design of a law from its name and settings."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any, Final
+from typing import Any, ClassVar, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.arguments import checked
-from mrwork.control.design.wishes import WeightWishes
-from mrwork.control.design_problem import Design, DesignProblem
-from mrwork.control.law_settings import SETTINGS
+from mrwork.control.design_problem import Design, DesignProblem, LawSettings, Span
+from mrwork.control.fuzzy import FuzzySettings
 from mrwork.control.laws import ControlLaw, ControlLawSpec, control_law
-from mrwork.control.setting_base import LawSettings
-from mrwork.control.weights import CostWeights
+from mrwork.control.lyapunov import LyapunovSettings, ProportionalSettings
+from mrwork.control.regulator_settings import (
+    ClippedSettings,
+    NetworkSettings,
+    RegulatorSettings,
+    SignalNetworkSettings,
+    SignalPolynomialSettings,
+)
+from mrwork.control.sliding import (
+    AdaptiveSlidingSettings,
+    SlidingSettings,
+    SuperTwistingSettings,
+)
+from mrwork.control.weights import WeightWishes
 from mrwork.errors import InvalidSettingError, SettingError
+from mrwork.keys import key
 from mrwork.summary import Summarised
+from mrwork.values import Floats
+
+
+@checked
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NoSettings(LawSettings):
+    """A law without settings."""
+
+    def design(self, problem: DesignProblem) -> Design:
+        """No gains."""
+        return Design()
+
+
+@checked
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PassiveSettings(LawSettings):
+    """A constant command."""
+
+    constant: ClassVar[bool] = True
+    command: float = key(
+        "the command that is held constant, up to the largest",
+        unit="A or V",
+        least=0.0,
+        span=Span(lower=0.0, upper=1.0, of=(("command", 1.0),), scale="linear"),
+    )
+
+    def design(self, problem: DesignProblem) -> Design:
+        """The command of each device."""
+        largest = min((device.largest_command for device in problem.devices), default=math.inf)
+        if self.command > largest:
+            raise InvalidSettingError(
+                "command", f"command is {self.command:g}, and the driver gives {largest:g} at most"
+            )
+        return Design(gains={"command": problem.each(self.command)})
+
+
+@checked
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FrictionSettings(LawSettings):
+    """Friction in proportion to the last peak elongation."""
+
+    slope: float = key(
+        "wanted friction of a device with all its dampers, per elongation",
+        unit="N/m",
+        above=0.0,
+        span=Span(lower=0.03, upper=100.0, of=(("force", 1.0), ("stroke", -1.0))),
+    )
+
+    def design(self, problem: DesignProblem) -> Design:
+        """The slope of each device."""
+        return Design(gains={"slope": problem.each(self.slope)})
+
+
+SETTINGS: Mapping[str, type[LawSettings]] = {
+    "passive": PassiveSettings,
+    "clipped_optimal": RegulatorSettings,
+    "modified_clipped_optimal": ClippedSettings,
+    "proportional_clipped_optimal": ClippedSettings,
+    "lyapunov": LyapunovSettings,
+    "decentralised_bang_bang": NoSettings,
+    "maximum_energy_dissipation": NoSettings,
+    "modulated_homogeneous_friction": FrictionSettings,
+    "sliding_mode": SlidingSettings,
+    "adaptive_sliding_mode": AdaptiveSlidingSettings,
+    "super_twisting": SuperTwistingSettings,
+    "fuzzy": FuzzySettings,
+    "lyapunov_direct": LyapunovSettings,
+    "lyapunov_parabola": LyapunovSettings,
+    "lyapunov_direct_bang_bang": LyapunovSettings,
+    "proportional_direct": ProportionalSettings,
+    "inverse_direct": RegulatorSettings,
+    "inverse_parabola": RegulatorSettings,
+    "inverse_network": NetworkSettings,
+    "signal_network": SignalNetworkSettings,
+    "signal_polynomial": SignalPolynomialSettings,
+    "active": RegulatorSettings,
+}
+"""Settings by name of the law."""
+
 
 SettingValue = (
-    float
-    | Sequence[float]
-    | Sequence[Sequence[float]]
-    | NDArray[np.float64]
-    | WeightWishes
-    | Mapping[str, Any]
-    | None
+    float | Sequence[float] | Sequence[Sequence[float]] | Floats | WeightWishes | Mapping[str, Any] | None
 )
 """A value of a setting of a control law; a weight may be an array or a matrix, designed weights are a table."""
 
@@ -164,7 +249,7 @@ def _check_class(name: str, settings: LawSettings) -> None:
 
 def _check_loop(spec: ControlLawSpec, settings: LawSettings) -> None:
     """Refuse a sampled design for ideal actuators, which have no driver."""
-    if spec.commands_force and isinstance(settings, CostWeights) and settings.sampled:
+    if spec.commands_force and settings.sampled:
         raise InvalidSettingError(
             "designed",
             f"{spec.name} commands ideal actuators, and a sampled design is for the driver of the dampers; leave "

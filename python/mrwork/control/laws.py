@@ -8,7 +8,7 @@ from functools import cache
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from mrwork import _rust
 from mrwork.arguments import May, checked
@@ -16,9 +16,8 @@ from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.keys import suggestion
 from mrwork.summary import Summarised, Summary, rounded
-from mrwork.values import holds_arrays
+from mrwork.values import Floats, holds_arrays
 
-Floats = NDArray[np.float64]
 Shape = Literal["device", "state", "numbers"]
 
 
@@ -69,7 +68,7 @@ class ControlLawSpec:
 
     @property
     def sends_share(self) -> bool:
-        """Whether the command is a share of the largest one that is the same whatever the largest one is."""
+        """Whether the command scales with the largest command."""
         absolute = any("A or V" in gain.unit for gain in self.gains)
         return not (absolute or self.tables or self.needs_curve or self.commands_force)
 

@@ -1,4 +1,4 @@
-"""Linear quadratic regulators: gains from the state to the wanted forces, and published weights."""
+"""Linear quadratic regulators: their cost, gains from the state to the wanted forces, and published weights."""
 
 from __future__ import annotations
 
@@ -10,15 +10,98 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mrwork.arguments import Threads, checked
+from mrwork.control.design_problem import attempt_each, solve_together
 from mrwork.control.plant import Outputs, Plant, accelerations, check_outputs
 from mrwork.control.riccati import RiccatiStatus, regulator_gains
-from mrwork.control.setting_base import attempted, solved_together
-from mrwork.control.weights import Weighed, weighed_outputs, weighed_state, weight_matrix
-from mrwork.errors import SettingError, UnknownNameError
+from mrwork.errors import InvalidSettingError, SettingError, UnknownNameError
 from mrwork.summary import Summarised
-from mrwork.values import holds_arrays
+from mrwork.values import Floats, holds_arrays
 
-Floats = NDArray[np.float64]
+MatrixRows = tuple[tuple[float, ...], ...]
+"""A matrix, row by row."""
+Weights = float | tuple[float, ...] | MatrixRows
+"""One weight for all entries, a weight for each, or a symmetric matrix."""
+
+_SMALLEST = 1e-9
+
+
+def weight_matrix(name: str, given: ArrayLike, size: int, each: str) -> Floats:
+    """A weight as a symmetric positive semidefinite matrix, shape (size, size).
+
+    It is given as one number for all entries, one for each, or a matrix. Messages have its `name` and what the entries
+    belong to, such as "storeys".
+    """
+    try:
+        value = np.asarray(given, dtype=np.float64)
+    except ValueError:
+        raise InvalidSettingError(
+            name, f"{name} has rows of different lengths; give {size} rows of {size}"
+        ) from None
+    if value.ndim == 0:
+        value = np.full(size, float(value))
+    matrix = np.diag(value) if value.ndim == 1 else value
+    if matrix.shape != (size, size):
+        count = f"{size} {each}" if size > 1 else f"1 {each.removesuffix('s')}"
+        found = (
+            f"{value.size} weight{'s' if value.size > 1 else ''}"
+            if value.ndim == 1
+            else f"shape {value.shape}"
+        )
+        raise InvalidSettingError(
+            name,
+            f"{name} has {found}, and there {'are' if size > 1 else 'is'} {count}; give one for each, or one for all, "
+            f"or a symmetric {size} x {size} matrix",
+        )
+    if not np.isfinite(matrix).all():
+        raise InvalidSettingError(name, f"{name} holds a value that is not a finite number")
+    scale = np.sqrt(np.abs(np.diag(matrix)))
+    # Checked with a unit diagonal, since the rows of a weight may have different units.
+    divisor = np.where(scale > 0.0, scale, 1.0)
+    scaled = matrix / np.outer(divisor, divisor)
+    asymmetry = np.abs(scaled - scaled.T)
+    if not np.all(asymmetry <= _SMALLEST * np.maximum(1.0, np.abs(scaled))):
+        row, column = np.unravel_index(int(asymmetry.argmax()), asymmetry.shape)
+        raise InvalidSettingError(
+            name,
+            f"{name} is not symmetric: row {row + 1}, column {column + 1} is {matrix[row, column]:g} and row "
+            f"{column + 1}, column {row + 1} is {matrix[column, row]:g}; give a symmetric matrix",
+        )
+    smallest = float(np.linalg.eigvalsh(0.5 * (scaled + scaled.T))[0])
+    if smallest < -_SMALLEST:
+        raise InvalidSettingError(
+            name,
+            f"{name} is not positive semidefinite: with a unit diagonal its smallest eigenvalue is {smallest:.3g}; "
+            "give weights that are not negative, and a matrix without negative eigenvalues",
+        )
+    return 0.5 * (matrix + matrix.T)
+
+
+@holds_arrays
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Weighed:
+    """What the weights add up to over a state s and device forces f: `s'Q s + 2 s'N f + f'S f`.
+
+    Outputs y = C s + D f with weight W add `Q = C'W C`, `N = C'W D`, `S = D'W D`; N and S are zero unless accelerations
+    are weighed.
+    """
+
+    _made_by: ClassVar[str] = "the `weighed` of mr.control.RegulatorSettings"
+
+    Q: Floats
+    N: Floats
+    S: Floats
+
+
+def weighed_outputs(outputs: Outputs, weights: Floats) -> Weighed:
+    """What a weight W of outputs, shape (n_outputs, n_outputs), adds to a cost."""
+    C, D = outputs.C, outputs.D
+    return Weighed(Q=C.T @ weights @ C, N=C.T @ weights @ D, S=D.T @ weights @ D)
+
+
+def weighed_state(plant: Plant, weights: Floats) -> Weighed:
+    """What a weight Q of the state, shape (2n, 2n), adds to a cost."""
+    n_devices = plant.n_devices
+    return Weighed(Q=weights, N=np.zeros((len(weights), n_devices)), S=np.zeros((n_devices, n_devices)))
 
 
 @holds_arrays
@@ -158,8 +241,8 @@ def regulators_of_weights(
         R = weight_matrix("control_weight", control_weight, plant.n_devices, "devices") + each.S
         return each.Q, R, each.N
 
-    costs = attempted(cost, zip(weighed, control_weights, strict=True))
-    return tuple(solved_together(lambda sound: _regulators(plant, sound, threads), costs))
+    costs = attempt_each(cost, zip(weighed, control_weights, strict=True))
+    return tuple(solve_together(lambda sound: _regulators(plant, sound, threads), costs))
 
 
 def _regulators(
@@ -230,6 +313,12 @@ class PublishedRegulator(Summarised):
     status: Literal["verified", "published"]
     note: str = ""
 
+    @property
+    def weights(self) -> tuple[float, ...]:
+        """Weight of the acceleration of each floor [(s^2/m)^2]."""
+        weighed = dict(self.weighed)
+        return tuple(weighed.get(floor, 0.0) for floor in range(1, self.n_floors + 1))
+
 
 @checked
 def published_regulator(name: str) -> PublishedRegulator:
@@ -262,10 +351,7 @@ def regulator_as_published(plant: Plant, published: PublishedRegulator) -> Regul
             f"{published.name} is for a building of {published.n_floors} floors, {plant.building.name} has "
             f"{len(outputs.names)}; choose weights for it with `regulator_of_outputs`"
         )
-    weights = [0.0] * published.n_floors
-    for floor, weight in published.weighed:
-        weights[floor - 1] = weight
-    return regulator_of_outputs(plant, outputs, weights, published.control_weight)
+    return regulator_of_outputs(plant, outputs, published.weights, published.control_weight)
 
 
 PUBLISHED_REGULATORS = (

@@ -1,22 +1,31 @@
-"""Lyapunov functions of a building, and the vectors by which control laws decrease them."""
+"""Lyapunov functions of a building, the vectors by which laws decrease them, and the settings of these laws."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import ClassVar, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from mrwork.arguments import Threads, checked
+from mrwork.control.design_problem import (
+    Design,
+    DesignProblem,
+    LawSettings,
+    Span,
+    attempt_each,
+    solve_together,
+)
+from mrwork.control.lqr import Weighed, Weights, regulators_of_weights
 from mrwork.control.plant import Plant
 from mrwork.control.riccati import lyapunov_solutions
-from mrwork.control.setting_base import attempted, solved_together
+from mrwork.control.weights import CostWeights
 from mrwork.errors import SettingError
+from mrwork.keys import key
 from mrwork.summary import Summarised
-from mrwork.values import holds_arrays
-
-Floats = NDArray[np.float64]
+from mrwork.values import Floats, holds_arrays
 
 
 @holds_arrays
@@ -68,31 +77,20 @@ def lyapunov_function(plant: Plant, weight: ArrayLike | None = None) -> Lyapunov
     SettingError
         If Q_P is not symmetric and positive, or a mode of the building without control is undamped.
     """
-    (found,) = lyapunov_functions(plant, [plant.energy if weight is None else weight], threads=1)
+    (found,) = _lyapunov_functions(plant, [plant.energy if weight is None else weight], threads=1)
     if isinstance(found, SettingError):
         raise found
     return found
 
 
-def lyapunov_functions(
+def _lyapunov_functions(
     plant: Plant, weights: Sequence[ArrayLike], *, threads: Threads = 0
 ) -> tuple[LyapunovFunction | SettingError, ...]:
-    """The Lyapunov functions of many weights Q_P, by one call of the compiled solver; see `lyapunov_function`.
-
-    Parameters
-    ----------
-    threads
-        Number of threads, 0 for all processors.
-
-    Returns
-    -------
-    tuple
-        A function for each, or the error that says why there is none; the others do not depend on it.
-    """
+    """The Lyapunov function of each weight Q_P, or why there is none, by one call of the compiled solver."""
     T = plant.scaling
-    undamped = _undamped(plant, T)
+    undamped = _undamped_mode(plant, T)
 
-    def solved(sound: list[Floats]) -> list[LyapunovFunction | SettingError]:
+    def solve(sound: list[Floats]) -> list[LyapunovFunction | SettingError]:
         if undamped is not None:
             return [undamped for _ in sound]
         solutions = lyapunov_solutions(plant.A, np.array(sound), scaling=T, threads=threads)
@@ -102,12 +100,12 @@ def lyapunov_functions(
             P = solutions.P[row]
             return LyapunovFunction(P=P, weight=sound[row], vectors=plant.B.T @ P)
 
-        return attempted(function, range(len(sound)))
+        return attempt_each(function, range(len(sound)))
 
-    return tuple(solved_together(solved, attempted(lambda weight: _checked(weight, T), weights)))
+    return tuple(solve_together(solve, attempt_each(lambda weight: _check_weight(weight, T), weights)))
 
 
-def _undamped(plant: Plant, T: Floats) -> SettingError | None:
+def _undamped_mode(plant: Plant, T: Floats) -> SettingError | None:
     """The refusal of a building with an undamped mode."""
     A_z = np.linalg.inv(T) @ plant.A @ T
     slowest = float(np.max(np.linalg.eigvals(A_z).real))
@@ -119,7 +117,7 @@ def _undamped(plant: Plant, T: Floats) -> SettingError | None:
     )
 
 
-def _checked(weight: ArrayLike, T: Floats) -> Floats:
+def _check_weight(weight: ArrayLike, T: Floats) -> Floats:
     """Q_P as a matrix that is symmetric and positive semidefinite, shape (2n, 2n)."""
     size = len(T)
     Q_P = np.asarray(weight, dtype=np.float64)
@@ -135,3 +133,102 @@ def _checked(weight: ArrayLike, T: Floats) -> Floats:
     if asymmetry > 1e-9 * size_z or np.linalg.eigvalsh(Q_z)[0] < -1e-9 * size_z:
         raise SettingError("`weight` is not symmetric and positive semidefinite; give a Q_P that is")
     return Q_P
+
+
+@checked
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LyapunovSettings(CostWeights, LawSettings):
+    """A Lyapunov function; without weights of outputs or states its weight is the energy of the building.
+
+    Weights of accelerations count those of the building without device forces: `V' = -s'Q_P s / 2 + sigma f` holds for
+    any Q_P of the state alone.
+    """
+
+    weighed_by_default: ClassVar[Mapping[str, float]] = {"drifts": 1.0}
+
+    def design(self, problem: DesignProblem) -> Design:
+        """The gains that follow from the weight of the state."""
+        (found,) = type(self).designs(problem, [self])
+        if isinstance(found, SettingError):
+            raise found
+        return found
+
+    @classmethod
+    def designs(cls, problem: DesignProblem, many: Sequence[Self]) -> list[Design | SettingError]:
+        """The designs of many settings, all their equations by one call of the compiled solver."""
+        return [
+            vectors if isinstance(vectors, SettingError) else settings.of_vectors(problem, vectors)
+            for settings, vectors in zip(many, cls.weight_vectors(problem.plant, many), strict=True)
+        ]
+
+    @classmethod
+    def weight_vectors(cls, plant: Plant, many: Sequence[Self]) -> list[Floats | SettingError]:
+        """Weight of the state of each, shape (n_devices, 2n): B'P of the Lyapunov function."""
+        return _lyapunov_vectors(plant, many)
+
+    def of_vectors(self, problem: DesignProblem, vectors: Floats) -> Design:
+        """The design that follows from this weight of the state."""
+        return Design(gains={"weight": vectors})
+
+    def certificate(self, problem: DesignProblem) -> str:
+        """The Lyapunov function of the building."""
+        return (
+            "V = s'P s / 2 is a Lyapunov function of the building without device forces, and the law sends a command "
+            "where that lowers the rate of V; a damper that resists motion keeps the energy of the building bounded"
+        )
+
+
+@checked
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ProportionalSettings(LyapunovSettings):
+    """The smooth law kappa sigma G; with a control weight sigma is that of a regulator with the same weights."""
+
+    slope: float = key(
+        "kappa [A or V, per unit of sigma G]; G is the slope of the force of a device with all its dampers",
+        above=0.0,
+        span=Span(
+            lower=1e-3,
+            upper=1e4,
+            of=(("command", 2.0), ("force", -1.0), ("rate", -1.0), ("energy", 1.0), ("cost", -1.0)),
+        ),
+    )
+    control_weight: Weights | None = key(
+        "R of that regulator [1/N2]; of the forces of devices with all their dampers",
+        default=None,
+        above=0.0,
+        matrix=True,
+        span=Span(lower=1e-6, upper=10.0, of=(("cost", 1.0), ("force", -2.0)), free=False),
+    )
+
+    @classmethod
+    def weight_vectors(cls, plant: Plant, many: Sequence[Self]) -> list[Floats | SettingError]:
+        """Weight of the state of each: of the regulator with a control weight, of the Lyapunov function without."""
+        regulated = iter(
+            _regulator_vectors(plant, [each for each in many if each.control_weight is not None])
+        )
+        free = iter(_lyapunov_vectors(plant, [each for each in many if each.control_weight is None]))
+        return [next(free if each.control_weight is None else regulated) for each in many]
+
+    def of_vectors(self, problem: DesignProblem, vectors: Floats) -> Design:
+        """Weight of the state, and the slope of each device."""
+        return Design(gains={"weight": vectors, "slope": problem.each(self.slope)})
+
+
+def _lyapunov_vectors(plant: Plant, many: Sequence[LyapunovSettings]) -> list[Floats | SettingError]:
+    found = solve_together(
+        lambda weights: _lyapunov_functions(plant, weights),
+        attempt_each(lambda each: each.weighed(plant).Q, many),
+    )
+    return [each if isinstance(each, SettingError) else each.vectors for each in found]
+
+
+def _regulator_vectors(plant: Plant, many: Sequence[ProportionalSettings]) -> list[Floats | SettingError]:
+    def cost(each: ProportionalSettings) -> tuple[Weighed, ArrayLike]:
+        assert each.control_weight is not None
+        return each.weighed(plant), each.control_weight
+
+    found = solve_together(
+        lambda sound: regulators_of_weights(plant, [one for one, _ in sound], [R for _, R in sound]),
+        attempt_each(cost, many),
+    )
+    return [each if isinstance(each, SettingError) else each.vectors for each in found]

@@ -8,16 +8,14 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from mrwork.arguments import NotNegative, Positive, Within, checked
 from mrwork.control.plant import Outputs, Plant, check_outputs
 from mrwork.control.riccati import RiccatiStatus, kalman_gains
 from mrwork.errors import SettingError
 from mrwork.summary import Summarised
-from mrwork.values import holds_arrays
-
-Floats = NDArray[np.float64]
+from mrwork.values import Floats, holds_arrays
 
 
 @holds_arrays
@@ -98,7 +96,7 @@ def observer_of(
             f"give one number for each of one or more measurements"
         )
     noise = np.broadcast_to(noise, n_measurements)
-    Ad, Bd, Ed = _held(plant, sample_time)
+    Ad, Bd, Ed = _hold_input(plant, sample_time)
     covariance, gain = _filter(
         plant, Ad, Ed, measurements, ground_intensity / sample_time, noise / sample_time, unmodelled
     )
@@ -114,7 +112,7 @@ def observer_of(
     )
 
 
-def _held(plant: Plant, sample_time: float) -> tuple[Floats, Floats, Floats]:
+def _hold_input(plant: Plant, sample_time: float) -> tuple[Floats, Floats, Floats]:
     """Transition over one sample with held inputs (zero-order hold), by the exponential of [A B E; 0 0 0]."""
     size = 2 * plant.n_coordinates
     T = plant.scaling

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import ClassVar
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from mrwork.arguments import checked
 from mrwork.buildings.matrices import Building
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.summary import Summarised
-from mrwork.values import holds_arrays
-
-Floats = NDArray[np.float64]
+from mrwork.values import Floats, holds_arrays
 
 
 @holds_arrays
@@ -49,6 +47,8 @@ class Plant(Summarised):
     device_names: tuple[str, ...]
     scaling: Floats
     energy: Floats
+    # Weights that were designed for it, by what was wished; see `WeightWishes.design`.
+    _designs: dict[object, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @property
     def n_coordinates(self) -> int:
@@ -216,13 +216,7 @@ def stacked(*parts: Outputs) -> Outputs:
 
 
 def check_outputs(plant: Plant, outputs: Outputs) -> None:
-    """Refuse outputs of another plant.
-
-    Raises
-    ------
-    SettingError
-        If their matrices are not over the state and the devices of the plant.
-    """
+    """Refuse outputs of another plant."""
     n, m = 2 * plant.n_coordinates, plant.n_devices
     if outputs.C.shape[1:] != (n,) or outputs.D.shape[1:] != (m,):
         raise SettingError(
@@ -264,10 +258,10 @@ def accelerations(plant: Plant) -> Outputs:
     n = plant.n_coordinates
     floors = plant.building.floors
     return Outputs(
-        names=_named("acceleration", plant.building.floor_names),
+        names=_outputs_named("acceleration", plant.building.floor_names),
         C=floors @ plant.A[n:],
         D=floors @ plant.B[n:],
-        G=_cleaned(1.0 + floors @ plant.E[n:]),
+        G=_clean(1.0 + floors @ plant.E[n:]),
     )
 
 
@@ -283,22 +277,22 @@ def deformation_rates(plant: Plant) -> Outputs:
     return _rates(plant, plant.attachment, "rate", plant.device_names)
 
 
-def _named(quantity: str, places: Sequence[str]) -> tuple[str, ...]:
+def _outputs_named(quantity: str, places: Sequence[str]) -> tuple[str, ...]:
     return tuple(f"{quantity} {place}" for place in places)
 
 
 def _positions(plant: Plant, rows: Floats, quantity: str, places: Sequence[str]) -> Outputs:
-    return _of_state(plant, np.hstack([rows, np.zeros_like(rows)]), _named(quantity, places))
+    return _of_state(plant, np.hstack([rows, np.zeros_like(rows)]), _outputs_named(quantity, places))
 
 
 def _rates(plant: Plant, rows: Floats, quantity: str, places: Sequence[str]) -> Outputs:
-    return _of_state(plant, np.hstack([np.zeros_like(rows), rows]), _named(quantity, places))
+    return _of_state(plant, np.hstack([np.zeros_like(rows), rows]), _outputs_named(quantity, places))
 
 
 def _of_state(plant: Plant, C: Floats, names: tuple[str, ...]) -> Outputs:
     return Outputs(names=names, C=C, D=np.zeros((len(C), plant.n_devices)), G=np.zeros(len(C)))
 
 
-def _cleaned(direct: Floats) -> Floats:
+def _clean(direct: Floats) -> Floats:
     """The direct term of the ground; rounding errors of a floor that follows it exactly become zero."""
     return np.where(np.abs(direct) < 1e-12, 0.0, direct)

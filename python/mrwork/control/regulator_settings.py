@@ -1,7 +1,4 @@
-"""Settings of the laws that are designed from a linear quadratic regulator."""
-
-# `key` is a dataclass field with notes.
-# ruff: noqa: RUF009
+"""Settings of the laws that are designed from a linear quadratic regulator; some are functions of measured signals."""
 
 from __future__ import annotations
 
@@ -11,20 +8,26 @@ from functools import lru_cache
 from typing import ClassVar, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.arguments import checked
-from mrwork.control.design_problem import Design, DesignProblem
+from mrwork.control.design_problem import (
+    NO_CERTIFICATE,
+    Design,
+    DesignProblem,
+    LawSettings,
+    Span,
+    attempt_each,
+    solve_together,
+)
 from mrwork.control.inverse_network import InverseNetwork, train_inverse_network
-from mrwork.control.lqr import Regulator, regulator_of_weights, regulators_of_weights
+from mrwork.control.laws import control_law
+from mrwork.control.lqr import MatrixRows, Regulator, Weights, regulator_of_weights, regulators_of_weights
 from mrwork.control.plant import Plant
-from mrwork.control.setting_base import NO_CERTIFICATE, LawSettings, Span, attempted, solved_together
-from mrwork.control.weights import CostWeights, Weights
+from mrwork.control.weights import CostWeights
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import InvalidSettingError, SettingError
 from mrwork.keys import key
-
-Floats = NDArray[np.float64]
+from mrwork.values import Floats
 
 
 @checked
@@ -32,6 +35,7 @@ Floats = NDArray[np.float64]
 class RegulatorSettings(CostWeights, LawSettings):
     """A linear quadratic regulator; without weights of outputs or states it weighs the energy of the building."""
 
+    is_regulator: ClassVar[bool] = True
     weighed_by_default: ClassVar[Mapping[str, float]] = {"drifts": 1.0}
     control_weight: Weights = key(
         "R of the forces [1/N2], each the force of a device with all its dampers; with designed weights, 1 is R as "
@@ -77,14 +81,14 @@ class RegulatorSettings(CostWeights, LawSettings):
         """The designs of many settings, all their regulators by one call of the compiled solver."""
         plant = problem.plant
         sampled = iter(
-            attempted(lambda each: each.sampled_gain(problem), [each for each in many if each.sampled])
+            attempt_each(lambda each: each.sampled_gain(problem), [each for each in many if each.sampled])
         )
         regulators = iter(
-            solved_together(
+            solve_together(
                 lambda sound: regulators_of_weights(
                     plant, [weighed for weighed, _ in sound], [weight for _, weight in sound]
                 ),
-                attempted(
+                attempt_each(
                     lambda each: (each.weighed(plant), each.control_weight_of(plant)),
                     [each for each in many if not each.sampled],
                 ),
@@ -167,7 +171,7 @@ class NetworkSettings(RegulatorSettings):
     def of_gain(self, problem: DesignProblem, gain: Floats) -> Design:
         """The gain, and the trained network."""
         device = problem.devices[0]
-        network = _trained(
+        network = _train(
             device.spec,
             tuple(device.draws[0].tolist()),
             device.largest_command,
@@ -183,7 +187,7 @@ class NetworkSettings(RegulatorSettings):
 
 
 @lru_cache(maxsize=32)
-def _trained(
+def _train(
     spec: DamperSpec,
     theta: tuple[float, ...],
     largest_command: float,
@@ -218,3 +222,102 @@ def _network_tables(network: InverseNetwork) -> dict[str, Floats]:
     layer = np.column_stack([network.b1, network.W1 / network.input_scale, network.w2 * network.output_scale])
     output = np.array([network.b2 * network.output_scale])
     return {"layer": layer.ravel(), "output": output, "reach": network.input_scale}
+
+
+_SIGNALS, _MOST_POWERS = 4, 9
+_NEAR_CLIPPED = (
+    (-0.66, 0.0, 0.0, 1.0, 1.0, 2.0),
+    (-0.66, 0.0, 0.0, -1.0, 1.0, -2.0),
+    (-0.66, 0.0, 0.0, 1.0, 0.0, -4.0),
+    (0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+)
+_NEAR_CLIPPED_BIAS = -4.6
+"""A network that is about the clipped-optimal law: (f_c - f) f of the two forces as a sum of even functions."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SignalSettings(RegulatorSettings):
+    """A regulator, and the scales of the signals of a device: elongation, its rate, and the two forces."""
+
+    deformation: float = key(
+        "scale of the elongation",
+        unit="m",
+        above=0.0,
+        span=Span(lower=0.3, upper=3.0, start=1.0, of=(("stroke", 1.0),), free=False),
+    )
+    rate: float = key(
+        "scale of the rate of elongation",
+        unit="m/s",
+        above=0.0,
+        span=Span(lower=0.3, upper=3.0, start=1.0, of=(("rate", 1.0),), free=False),
+    )
+    force: float = key(
+        "scale of the force and of the wanted force of a device with all its dampers",
+        unit="N",
+        above=0.0,
+        span=Span(lower=0.3, upper=3.0, start=1.0, of=(("force", 1.0),), free=False),
+    )
+
+    def certificate(self, problem: DesignProblem) -> str:
+        """The range of the command."""
+        return (
+            "the command is between 0 and the largest one for any numbers of the law and any signals, so the damper "
+            "remains the passive device that it is at each command; nothing is proved of the response"
+        )
+
+    @property
+    def scales(self) -> Floats:
+        """Scale of each signal, shape (4,)."""
+        return np.array([self.deformation, self.rate, self.force, self.force])
+
+
+@checked
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SignalNetworkSettings(SignalSettings):
+    """A regulator with a small network of measured signals, whose numbers are learned; all devices have the same."""
+
+    network: tuple[float, ...] = key(
+        "for each of four hidden units its bias, the weights of elongation, rate, force and wanted force over their "
+        "scales, and its weight in the output; last the bias of the output; 25 numbers, which mrwork tune finds",
+        span=Span(
+            lower=-8.0,
+            upper=8.0,
+            scale="linear",
+            entries=(*(number for unit in _NEAR_CLIPPED for number in unit), _NEAR_CLIPPED_BIAS),
+        ),
+    )
+
+    def of_gain(self, problem: DesignProblem, gain: Floats) -> Design:
+        """The gain, and the network for signals in SI units."""
+        numbers = next(gain.numbers for gain in control_law("signal_network").gains if gain.name == "network")
+        if len(self.network) != numbers:
+            raise InvalidSettingError("network", f"network has {len(self.network)} numbers; give {numbers}")
+        network = np.array(self.network)
+        network[:-1].reshape(-1, _SIGNALS + 2)[:, 1:-1] /= self.scales
+        return Design(gains={"gain": gain, "network": np.tile(network, (len(problem.devices), 1))})
+
+
+@checked
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SignalPolynomialSettings(SignalSettings):
+    """A regulator with a polynomial of measured signals, each over its scale and within -1 to 1."""
+
+    terms: MatrixRows = key(
+        "a row for each term: its coefficient and the powers of elongation, rate, force and wanted force; by default "
+        "the product of the forces",
+        default=((1.0, 0.0, 0.0, 1.0, 1.0),),
+    )
+
+    def of_gain(self, problem: DesignProblem, gain: Floats) -> Design:
+        """The gain, and the terms."""
+        if not self.terms or {len(row) for row in self.terms} != {_SIGNALS + 1}:
+            raise InvalidSettingError(
+                "terms", "terms has rows of another length than 5; give a coefficient and four powers in each"
+            )
+        powers = np.array(self.terms)[:, 1:]
+        if not np.isin(powers, np.arange(_MOST_POWERS + 1)).all():
+            raise InvalidSettingError(
+                "terms",
+                f"terms has a power that is no whole number from 0 to {_MOST_POWERS}; give such powers",
+            )
+        return Design(gains={"gain": gain}, tables={"terms": np.ravel(self.terms), "reach": self.scales})

@@ -13,9 +13,8 @@ from mrwork import _rust
 from mrwork.arguments import Threads, checked
 from mrwork.errors import SettingError
 from mrwork.summary import Summarised, Summary
-from mrwork.values import holds_arrays
+from mrwork.values import Floats, holds_arrays
 
-Floats = NDArray[np.float64]
 Time = Literal["continuous", "discrete"]
 """Whether a plant is a differential equation or goes from sample to sample."""
 
@@ -173,7 +172,7 @@ def regulator_gains(
         given["cross_weight"] = _stack("cross_weight", cross_weight, n, m)
     if scaling is not None:
         given["scaling"] = _scaling(scaling, n)
-    return _solved(given, time, threads)
+    return _solve(given, time, threads)
 
 
 @holds_arrays
@@ -189,13 +188,7 @@ class RiccatiSolution(Summarised):
 def solve_riccati(
     A: Floats, B: Floats, Q: Floats, R: Floats, N: Floats, *, scaling: Floats, time: Time = "continuous"
 ) -> RiccatiSolution:
-    """Solve one equation; see `regulator_gains`.
-
-    Raises
-    ------
-    SettingError
-        If no stabilising solution exists or none is found to the required precision.
-    """
+    """Solve one equation; see `regulator_gains`."""
     found = regulator_gains(A, B, Q, R, N, time=time, scaling=scaling, threads=1)
     found.check()
     return RiccatiSolution(P=found.P[0], gain=found.gain[0], residual=float(found.residual[0]))
@@ -243,8 +236,8 @@ def kalman_gains(
         )
     m = rows.shape[-2]
     given = {
-        "state": _transposed(states),
-        "control": _transposed(_stack("C", C, m, n)),
+        "state": _transpose(states),
+        "control": _transpose(_stack("C", C, m, n)),
         "state_weight": _stack("process_noise", process_noise, n, n),
         "control_weight": _stack("sensor_noise", sensor_noise, m, m),
     }
@@ -252,8 +245,8 @@ def kalman_gains(
         given["cross_weight"] = _stack("cross_noise", cross_noise, n, m)
     if scaling is not None:
         given["scaling"] = _dual(_scaling(scaling, n))
-    dual = _solved(given, time, threads)
-    return RiccatiSolutions(gain=_transposed(dual.gain), P=dual.P, residual=dual.residual, status=dual.status)
+    dual = _solve(given, time, threads)
+    return RiccatiSolutions(gain=_transpose(dual.gain), P=dual.P, residual=dual.residual, status=dual.status)
 
 
 @checked
@@ -296,10 +289,10 @@ def lyapunov_solutions(
     }
     if scaling is not None:
         given["scaling"] = _scaling(scaling, n)
-    return _solved(given, time, threads)
+    return _solve(given, time, threads)
 
 
-def _solved(given: dict[str, Floats], time: Time, threads: int) -> RiccatiSolutions:
+def _solve(given: dict[str, Floats], time: Time, threads: int) -> RiccatiSolutions:
     counts = {len(matrices) for matrices in given.values()} - {1}
     if len(counts) > 1:
         raise SettingError(
@@ -333,7 +326,7 @@ def _stack(name: str, given: ArrayLike, rows: int, columns: int) -> Floats:
     return np.ascontiguousarray(matrices.reshape(-1, rows, columns))
 
 
-def _transposed(matrices: Floats) -> Floats:
+def _transpose(matrices: Floats) -> Floats:
     return np.ascontiguousarray(np.swapaxes(matrices, 1, 2))
 
 
@@ -347,4 +340,4 @@ def _scaling(given: ArrayLike, n: int) -> Floats:
 
 def _dual(scaling: Floats) -> Floats:
     """The scaling of A' that goes with the scaling of A."""
-    return _transposed(np.asarray(np.linalg.inv(scaling), dtype=np.float64))
+    return _transpose(np.asarray(np.linalg.inv(scaling), dtype=np.float64))

@@ -1,20 +1,23 @@
-"""Weights of outputs and states in the cost of a regulator or in a Lyapunov function."""
+"""Weights among the settings of a law, of a regulator or a Lyapunov function: given ones, or designed from limits."""
 
-# `key` is a dataclass field with notes.
+# `_declare_weight` is a dataclass field with notes.
 # ruff: noqa: RUF009
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, ClassVar
+from dataclasses import dataclass, fields
+from typing import Any, Literal
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import ArrayLike, NDArray
 
-from mrwork.control.design.wishes import WeightWishes
-from mrwork.control.design_problem import DesignProblem
+from mrwork.arguments import checked
+from mrwork.control.design.designed import SCAN, DesignedWeights
+from mrwork.control.design.designer import design_weights
+from mrwork.control.design.limits import LoopTiming, RmsLimits, SemiActiveCondition, stiffness_cases
+from mrwork.control.design_problem import DesignProblem, Magnitude, Magnitudes, Span
+from mrwork.control.lqr import Weighed, Weights, weighed_outputs, weighed_state, weight_matrix
 from mrwork.control.plant import (
     Outputs,
     Plant,
@@ -26,111 +29,116 @@ from mrwork.control.plant import (
     stacked,
     velocities,
 )
-from mrwork.control.setting_base import Magnitude, Magnitudes, Span
 from mrwork.errors import InvalidSettingError
-from mrwork.keys import key
-from mrwork.values import holds_arrays
+from mrwork.keys import DeclaredTable, key
+from mrwork.motions.spectral_density import CloughPenzien, KanaiTajimi, SpectralDensity
+from mrwork.values import Floats
 
-Floats = NDArray[np.float64]
-Rows = tuple[tuple[float, ...], ...]
-"""A matrix, row by row."""
-Weights = float | tuple[float, ...] | Rows
-"""One weight for all entries, a weight for each, or a symmetric matrix."""
-
-_SMALLEST = 1e-9
+_FIRM = KanaiTajimi()
+_LIMITS = ("rms_drift", "rms_acceleration", "rms_displacement", "rms_force")
 
 
-def weight_matrix(name: str, given: ArrayLike, size: int, each: str) -> Floats:
-    """A weight as a symmetric positive semidefinite matrix, shape (size, size).
-
-    Parameters
-    ----------
-    name
-        Name of the weight in messages.
-    given
-        One number for all entries, one for each, shape (size,), or a matrix.
-    each
-        What the entries belong to, such as "storeys"; for messages.
-
-    Raises
-    ------
-    InvalidSettingError
-        If it has another shape, is not finite, not symmetric or not positive semidefinite.
-    """
-    try:
-        value = np.asarray(given, dtype=np.float64)
-    except ValueError:
-        raise InvalidSettingError(
-            name, f"{name} has rows of different lengths; give {size} rows of {size}"
-        ) from None
-    if value.ndim == 0:
-        value = np.full(size, float(value))
-    matrix = np.diag(value) if value.ndim == 1 else value
-    if matrix.shape != (size, size):
-        count = f"{size} {each}" if size > 1 else f"1 {each.removesuffix('s')}"
-        found = (
-            f"{value.size} weight{'s' if value.size > 1 else ''}"
-            if value.ndim == 1
-            else f"shape {value.shape}"
-        )
-        raise InvalidSettingError(
-            name,
-            f"{name} has {found}, and there {'are' if size > 1 else 'is'} {count}; give one for each, or one for all, "
-            f"or a symmetric {size} x {size} matrix",
-        )
-    if not np.isfinite(matrix).all():
-        raise InvalidSettingError(name, f"{name} holds a value that is not a finite number")
-    scale = np.sqrt(np.abs(np.diag(matrix)))
-    # Checked with a unit diagonal, since the rows of a weight may have different units.
-    divisor = np.where(scale > 0.0, scale, 1.0)
-    scaled = matrix / np.outer(divisor, divisor)
-    asymmetry = np.abs(scaled - scaled.T)
-    if not np.all(asymmetry <= _SMALLEST * np.maximum(1.0, np.abs(scaled))):
-        row, column = np.unravel_index(int(asymmetry.argmax()), asymmetry.shape)
-        raise InvalidSettingError(
-            name,
-            f"{name} is not symmetric: row {row + 1}, column {column + 1} is {matrix[row, column]:g} and row "
-            f"{column + 1}, column {row + 1} is {matrix[column, row]:g}; give a symmetric matrix",
-        )
-    smallest = float(np.linalg.eigvalsh(0.5 * (scaled + scaled.T))[0])
-    if smallest < -_SMALLEST:
-        raise InvalidSettingError(
-            name,
-            f"{name} is not positive semidefinite: with a unit diagonal its smallest eigenvalue is {smallest:.3g}; "
-            "give weights that are not negative, and a matrix without negative eigenvalues",
-        )
-    return 0.5 * (matrix + matrix.T)
-
-
-@holds_arrays
+@checked
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Weighed:
-    """What the weights add up to over a state s and device forces f: `s'Q s + 2 s'N f + f'S f`.
+class WeightWishes(RmsLimits, metaclass=DeclaredTable):
+    """Weights of a law from limits on rms responses and a budget of force, see `design_weights`.
 
-    Outputs y = C s + D f with weight W add `Q = C'W C`, `N = C'W D`, `S = D'W D`; N and S are zero unless accelerations
-    are weighed.
+    They are scaled such that control_weight = 1 is R as designed; its size is to be scanned in the true loop.
     """
 
-    _made_by: ClassVar[str] = "the `weighed` of mr.control.RegulatorSettings"
+    budget: float | tuple[float, ...] = key(
+        "largest rms wanted force of each device with all its dampers", unit="N", above=0.0
+    )
+    spectrum: Literal["kanai_tajimi", "clough_penzien"] = key(
+        "spectrum of the ground acceleration", default="kanai_tajimi"
+    )
+    ground_frequency: float = key("frequency of the ground [rad/s]", default=_FIRM.frequency, above=0.0)
+    ground_damping: float = key("damping ratio of the ground", default=_FIRM.damping, above=0.0)
+    intensity: float = key(
+        "two-sided spectral density of the bedrock [m2/s3]; only the budget over its root matters",
+        default=_FIRM.intensity,
+        above=0.0,
+    )
+    record: str | None = key(
+        "record to which the spectrum is fitted instead, relative to the study file", default=None
+    )
+    stiffness: tuple[float, ...] = key(
+        "factors of the stiffness of the buildings that share the weights, as [0.75, 1, 1.25]",
+        default=(),
+        above=0.0,
+    )
+    semi_active: float | None = key(
+        "share b of the condition that the wanted force be that of a damper, between 0 and 1",
+        default=None,
+        above=0.0,
+    )
 
-    Q: Floats
-    N: Floats
-    S: Floats
+    sampled: bool = key(
+        "whether the design is in discrete time, with sample time and delay of the loop and the lag of the driver, if "
+        "the damper has one; for laws of a wanted force",
+        default=False,
+    )
+
+    @checked
+    def of_problem(self, problem: DesignProblem) -> DesignedWeights:
+        """The weights for a building with its devices, and its loop if the design is sampled."""
+        return self.design(problem.plant, problem.timing if self.sampled else None)
+
+    @checked
+    def design(self, plant: Plant, timing: LoopTiming | None = None) -> DesignedWeights:
+        """The weights for the building and devices of a plant, which keeps them: a search tries many sizes of R."""
+        known: dict[object, DesignedWeights] = plant._designs
+        if (self, timing) not in known:
+            known[self, timing] = self._design(plant, timing)
+        return known[self, timing]
+
+    def _design(self, plant: Plant, timing: LoopTiming | None) -> DesignedWeights:
+        spectrum = self.spectral_density()
+        limits = {name: value for name in _LIMITS if (value := getattr(self, name)) is not None}
+        return design_weights(
+            plant.building,
+            plant.attachment,
+            limits=limits,
+            budget=self.budget if isinstance(self.budget, float | int) else list(self.budget),
+            spectrum=None if self.stiffness else spectrum,
+            cases=stiffness_cases(plant.building, self.stiffness, spectrum) if self.stiffness else (),
+            timing=timing,
+            semi_active=None if self.semi_active is None else SemiActiveCondition(share=self.semi_active),
+        )
+
+    def spectral_density(self) -> SpectralDensity:
+        """The spectrum by its numbers, or fitted to the record."""
+        if self.record is not None:
+            if (self.ground_frequency, self.ground_damping, self.intensity) != (
+                _FIRM.frequency,
+                _FIRM.damping,
+                _FIRM.intensity,
+            ):
+                raise InvalidSettingError(
+                    "record", "the spectrum is fitted to the record, or given by its numbers; keep one"
+                )
+            from mrwork.motions.read import read_motion
+            from mrwork.motions.spectrum import fitted_spectrum
+
+            return fitted_spectrum(read_motion(self.record), self.spectrum)
+        soil = KanaiTajimi(
+            frequency=self.ground_frequency, damping=self.ground_damping, intensity=self.intensity
+        )
+        return soil if self.spectrum == "kanai_tajimi" else CloughPenzien(soil=soil)
+
+    @checked
+    def in_words(self, problem: DesignProblem) -> tuple[str, ...]:
+        """What the design reaches, what binds, and how the weights are to be used."""
+        return (*self.of_problem(problem).in_words, SCAN)
+
+    @checked
+    def relative_control_weight(self, plant: Plant) -> tuple[float, ...]:
+        """R of each device as designed, over their mean."""
+        found = self.design(plant).control_weight
+        return tuple((found / found.mean()).tolist())
 
 
-def weighed_outputs(outputs: Outputs, weights: Floats) -> Weighed:
-    """What a weight W of outputs, shape (n_outputs, n_outputs), adds to a cost."""
-    C, D = outputs.C, outputs.D
-    return Weighed(Q=C.T @ weights @ C, N=C.T @ weights @ D, S=D.T @ weights @ D)
-
-
-def weighed_state(plant: Plant, weights: Floats) -> Weighed:
-    """What a weight Q of the state, shape (2n, 2n), adds to a cost."""
-    n_devices = plant.n_devices
-    return Weighed(Q=weights, N=np.zeros((len(weights), n_devices)), S=np.zeros((n_devices, n_devices)))
-
-
-def each_weight(says: str, of: Magnitude | None = None, *, free: bool = False) -> Any:
+def _declare_weight(says: str, of: Magnitude | None = None, *, free: bool = False) -> Any:
     """Declare the key of a weight: one number, one for each, or a matrix.
 
     A search looks for the weight of a quantity of magnitude `of` where its cost is comparable to that of the weights
@@ -148,21 +156,23 @@ class CostWeights:
     any, the energy of the building is weighed.
     """
 
-    accelerations: Weights | None = each_weight(
+    accelerations: Weights | None = _declare_weight(
         "weights of absolute floor accelerations [(s2/m)2]", "acceleration", free=True
     )
-    drifts: Weights | None = each_weight("weights of drifts [1/m2]", "drift")
-    displacements: Weights | None = each_weight("weights of floor displacements [1/m2]", "displacement")
-    velocities: Weights | None = each_weight("weights of floor velocities [(s/m)2]", "velocity", free=True)
-    relative_velocities: Weights | None = each_weight(
+    drifts: Weights | None = _declare_weight("weights of drifts [1/m2]", "drift")
+    displacements: Weights | None = _declare_weight("weights of floor displacements [1/m2]", "displacement")
+    velocities: Weights | None = _declare_weight(
+        "weights of floor velocities [(s/m)2]", "velocity", free=True
+    )
+    relative_velocities: Weights | None = _declare_weight(
         "weights of the rates of drifts, velocities of storeys between their ends [(s/m)2]", "rate"
     )
-    rates: Weights | None = each_weight(
+    rates: Weights | None = _declare_weight(
         "weights of the rates of the devices' elongations [(s/m)2]; alone they ask for the force of dashpots",
         "rate",
         free=True,
     )
-    state_weight: Weights | None = each_weight(
+    state_weight: Weights | None = _declare_weight(
         "weights of the state: displacements, then velocities of the coordinates; Q, or Q_P of a Lyapunov function"
     )
     energy: float | None = key("weight of twice the energy of the building [1/J]", default=None, above=0.0)
@@ -172,15 +182,9 @@ class CostWeights:
     )
 
     def weighed(self, plant: Plant) -> Weighed:
-        """The sum of what the weights add to the cost.
-
-        Raises
-        ------
-        InvalidSettingError
-            If a weight does not fit the building, or the energy is weighed besides others.
-        """
+        """The sum of what the weights add to the cost."""
         if self.designed is not None:
-            return self._designed(self.designed, plant)
+            return self._weigh_designed(self.designed, plant)
         given: list[tuple[Outputs, Floats]] = []
         for name, make, each in _OUTPUTS:
             weights = getattr(self, name)
@@ -207,7 +211,7 @@ class CostWeights:
             S=_sum([part.S for part in parts]),
         )
 
-    def _designed(self, wishes: WeightWishes, plant: Plant) -> Weighed:
+    def _weigh_designed(self, wishes: WeightWishes, plant: Plant) -> Weighed:
         """What designed weights add, scaled such that the mean control weight is 1 as designed."""
         self.check_designed_alone()
         if wishes.sampled:
@@ -222,17 +226,11 @@ class CostWeights:
 
     @property
     def sampled(self) -> bool:
-        """Whether the weights are those of a design in discrete time, which gives a gain instead."""
+        """Whether the law has the gain of a design in discrete time."""
         return self.designed is not None and self.designed.sampled
 
     def check_designed_alone(self) -> None:
-        """Refuse other weights besides designed ones.
-
-        Raises
-        ------
-        InvalidSettingError
-            If there are others.
-        """
+        """Refuse other weights besides designed ones."""
         for name in (*self._names(), "energy"):
             if getattr(self, name) is not None:
                 raise InvalidSettingError("designed", f"the law has designed weights, and {name}; keep one")
@@ -240,6 +238,11 @@ class CostWeights:
     def notes(self, problem: DesignProblem) -> tuple[str, ...]:
         """What designed weights reach, and how they are to be used."""
         return () if self.designed is None else self.designed.in_words(problem)
+
+    @classmethod
+    def weight_names(cls) -> frozenset[str]:
+        """Names of the settings that are weights of outputs or states."""
+        return frozenset(each.name for each in fields(CostWeights))
 
     @classmethod
     def cost(cls, held: Mapping[str, float], magnitudes: Magnitudes) -> float:

@@ -117,9 +117,9 @@ def searches() -> Mapping[str, Search]:
     The first call imports the optimisers, which takes a tenth of the time of a small fit; the default search of a plain
     model does not need them.
     """
-    from mrwork.search.registry import OPTIMISERS, PEERS
+    from mrwork.search.registry import ALL_OPTIMISERS
 
-    return {_MULTISTART: Multistart(), **OPTIMISERS, **PEERS}
+    return {_MULTISTART: Multistart(), **ALL_OPTIMISERS}
 
 
 def search_named(name: str) -> Search:

@@ -11,11 +11,8 @@ import numpy as np
 
 from mrwork.arguments import checked
 from mrwork.errors import RecordError
-from mrwork.motions.formats.at2 import PEER_AT2, refuse_false_at2
-from mrwork.motions.formats.cosmos import COSMOS
-from mrwork.motions.formats.esm import ESM
 from mrwork.motions.formats.format import Format, Stated, lines_of, refuse_absurd, refuse_needless
-from mrwork.motions.formats.knet import K_NET
+from mrwork.motions.formats.networks import COSMOS, ESM, K_NET, PEER_AT2, refuse_false_at2
 from mrwork.motions.formats.table import TABLE, read_matrix_motion, read_regular_motion
 from mrwork.motions.ground_motion import GroundMotion
 from mrwork.records.formats.delimited import read_text_bytes
@@ -107,11 +104,6 @@ def motion_files(paths: str | os.PathLike[str] | Iterable[str | os.PathLike[str]
     """Files of motions: a sequence of paths in its order, the files of a folder, or those that match a pattern.
 
     Of a folder, hidden files and documents such as README.md are left out, and folders in it are not entered.
-
-    Raises
-    ------
-    RecordError
-        No file matches the pattern, the folder has no files, or there is no path.
     """
     if isinstance(paths, str | os.PathLike) and is_folder(Path(paths)):
         found = [path for path in sorted(Path(paths).iterdir()) if is_file(path) and not _is_document(path)]

@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 from mrwork.arguments import checked
 from mrwork.errors import SettingError
 from mrwork.keys import SMALLEST
-from mrwork.values import holds_arrays
+from mrwork.values import Floats, holds_arrays
 
-Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 
 

@@ -40,8 +40,7 @@ import numpy as np
 
 from mrwork.arguments import Seed, Within, checked
 from mrwork.errors import SettingError
-from mrwork.motions.ground_motion import GroundMotion
-from mrwork.motions.processing import brought_to_rest, scaled_to_peak
+from mrwork.motions.ground_motion import GroundMotion, brought_to_rest, scaled_to_peak
 from mrwork.motions.spectral_density import CloughPenzien, KanaiTajimi
 from mrwork.motions.synthetic import GammaEnvelope, near_fault_pulse, synthetic_motion
 

@@ -6,14 +6,13 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.arguments import Seed, checked
 from mrwork.errors import SettingError
 from mrwork.keys import SMALLEST
-from mrwork.motions.ground_motion import GroundMotion
-from mrwork.motions.processing import check_samples, scaled_to_peak
+from mrwork.motions.ground_motion import GroundMotion, check_samples, scaled_to_peak
 from mrwork.motions.spectral_density import CloughPenzien, SpectralDensity
+from mrwork.values import Floats
 
 # Run-in time of the filter before the motion begins, in its longest time constant.
 _RUN_IN = 8.0
@@ -88,13 +87,7 @@ def synthetic_motion(
 
 
 def _memory(spectrum: SpectralDensity) -> float:
-    """Longest time constant of the filter [s].
-
-    Raises
-    ------
-    SettingError
-        The filter hardly decays.
-    """
+    """Longest time constant of the filter [s]."""
     slowest = float(np.abs(np.linalg.eigvals(spectrum.filter_matrices().state).real).min())
     if slowest < _SLOWEST:
         raise SettingError(
@@ -132,7 +125,7 @@ class Envelope:
             raise SettingError(f"envelope decays at {self.decay} 1/s; give a rate of 0 or more")
 
     @checked
-    def at(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
+    def at(self, time: Floats) -> Floats:
         """Values between 0 and 1 at times [s], in the shape of `time`."""
         rising = np.minimum(time / self.rise, 1.0) ** 2 if self.rise > 0.0 else np.ones_like(time)
         return rising * np.exp(-self.decay * np.maximum(time - self.plateau_end, 0.0))
@@ -180,7 +173,7 @@ class GammaEnvelope:
         return float(self.scale * gammaincinv(self.shape, share))
 
     @checked
-    def at(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
+    def at(self, time: Floats) -> Floats:
         """Values between 0 and 1 at times [s], in the shape of `time`."""
         over_peak = time / ((self.shape - 1.0) * self.scale)
         power = 0.5 * (self.shape - 1.0)
@@ -190,7 +183,7 @@ class GammaEnvelope:
 @checked
 def sine(*, amplitude: float, frequency: float, cycles: float, dt: float = 0.001) -> GroundMotion:
     """Sinusoidal acceleration of `amplitude` [m/s^2] and `frequency` [Hz] for a number of cycles, from zero."""
-    time = _time(cycles / _sampled("frequency", frequency, dt), dt)
+    time = _time(cycles / _sample("frequency", frequency, dt), dt)
     acceleration = amplitude * np.sin(2.0 * np.pi * frequency * time)
     return _motion(f"sine {frequency:g} Hz", dt, acceleration)
 
@@ -201,8 +194,8 @@ def sine_sweep(
 ) -> GroundMotion:
     """Linear sine sweep of acceleration from `start` to `end` [Hz] in `duration` [s]."""
     time = _time(duration, dt)
-    _sampled("end", end, dt)
-    phase = 2.0 * np.pi * (_sampled("start", start, dt) * time + 0.5 * (end - start) / duration * time**2)
+    _sample("end", end, dt)
+    phase = 2.0 * np.pi * (_sample("start", start, dt) * time + 0.5 * (end - start) / duration * time**2)
     return _motion(f"sweep {start:g} to {end:g} Hz", dt, amplitude * np.sin(phase))
 
 
@@ -220,7 +213,7 @@ def ricker(*, amplitude: float, frequency: float, dt: float = 0.001) -> GroundMo
 
     It lasts three periods centred at t_0; velocity and displacement return to zero (N. Ricker, Geophysics 18, 1953).
     """
-    half = 1.5 / _sampled("frequency", frequency, dt)
+    half = 1.5 / _sample("frequency", frequency, dt)
     time = _time(2.0 * half, dt)
     u = (np.pi * frequency * (time - half)) ** 2
     return _motion(f"Ricker {frequency:g} Hz", dt, amplitude * (1.0 - 2.0 * u) * np.exp(-u))
@@ -250,14 +243,14 @@ def near_fault_pulse(
     )
 
 
-def _time(duration: float, dt: float) -> NDArray[np.float64]:
+def _time(duration: float, dt: float) -> Floats:
     if not (math.isfinite(duration) and 0.0 < dt <= duration):
         raise SettingError(f"pulse of {duration} s every {dt} s; give a positive step below the duration")
     check_samples(duration, dt)
     return dt * np.arange(round(duration / dt) + 1, dtype=np.float64)
 
 
-def _sampled(name: str, frequency: float, dt: float) -> float:
+def _sample(name: str, frequency: float, dt: float) -> float:
     """A frequency [Hz] that samples every `dt` [s] hold."""
     if not frequency * dt < 0.5:
         raise SettingError(
@@ -273,5 +266,5 @@ def _positive(name: str, value: float) -> float:
     return value
 
 
-def _motion(name: str, dt: float, acceleration: NDArray[np.float64]) -> GroundMotion:
+def _motion(name: str, dt: float, acceleration: Floats) -> GroundMotion:
     return GroundMotion(name=name, dt=dt, acceleration=acceleration, source="computed")

@@ -11,7 +11,7 @@ import importlib
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import ModuleType
 from typing import Any, Protocol
 
@@ -120,6 +120,10 @@ class PeerOptimiser(ABC):
     def elite(self) -> EliteRule:
         """Which points of the run are kept as starts of a local minimisation."""
 
+    def near(self, point: NDArray[np.float64], deviation: float) -> PeerOptimiser:
+        """The optimiser with its search begun around a point of the unit cube, if the library takes one."""
+        return self
+
     @abstractmethod
     def _starter(self, course: Course, n_params: int) -> Callable[[int], Peer]:
         """Return the function that starts a peer from a seed; it is called once for each replicate, in order."""
@@ -187,6 +191,11 @@ class CMAEvolution(PeerOptimiser):
                 "deviation": (self.deviation, 1e-12, 1.0),
             }
         )
+
+    def near(self, point: NDArray[np.float64], deviation: float) -> CMAEvolution:
+        """The optimiser begun around a point, where most of its first candidates are inside the cube."""
+        inside = np.clip(point, deviation, 1.0 - deviation)
+        return replace(self, begin=tuple(inside.tolist()), deviation=deviation)
 
     def _starter(self, course: Course, n_params: int) -> Callable[[int], Peer]:
         cma = library("cma")

@@ -12,7 +12,7 @@ from mrwork.search.differential_evolution import DifferentialEvolution
 from mrwork.search.efficient_genetic import EfficientGA
 from mrwork.search.loop import Optimiser
 from mrwork.search.particle_swarm import CONSTRICTION, ParticleSwarm
-from mrwork.search.peers import CMAEvolution, PymooGA
+from mrwork.search.peers import CMAEvolution, PeerOptimiser, PymooGA
 from mrwork.search.scipy_differential_evolution import ScipyDifferentialEvolution
 from mrwork.search.standard_genetic import StandardGA
 
@@ -27,8 +27,10 @@ OPTIMISERS: Mapping[str, Optimiser[Any]] = {
 }
 
 # Optimisers of other libraries, which are imported when a search starts.
-PEERS: Mapping[str, Optimiser[Any]] = {
+PEERS: Mapping[str, PeerOptimiser] = {
     "cma": CMAEvolution(),
     "pymoo_ga": PymooGA(),
     "scipy_differential_evolution": ScipyDifferentialEvolution(),
 }
+
+ALL_OPTIMISERS: Mapping[str, Optimiser[Any]] = {**OPTIMISERS, **PEERS}

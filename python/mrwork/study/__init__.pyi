@@ -5,6 +5,6 @@ from .folder import read_results as read_results
 from .reading import read_study as read_study
 from .results import StudyResults as StudyResults
 from .run import run_study as run_study
+from .schema import TuneTable as TuneTable
 from .study import MotionOfStudy as MotionOfStudy
 from .study import Study as Study
-from .tuning_schema import TuneTable as TuneTable

@@ -1,10 +1,17 @@
-"""Arrangements that a study compares: without dampers, i = 0, baselines, control laws."""
+"""Arrangements that a study compares: without dampers, i = 0, baselines, control laws, the non-causal optimum.
+
+A law may stand in a Python file of its user, which is run as Python when the study is read.
+"""
 
 from __future__ import annotations
 
+import inspect
+import math
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -12,22 +19,110 @@ from numpy.typing import ArrayLike
 
 from mrwork.buildings import Building
 from mrwork.buildings.devices import Device
-from mrwork.buildings.from_file import building_from_table
-from mrwork.buildings.matrix_files import read_matrix
+from mrwork.buildings.from_file import building_from_table, read_matrix
+from mrwork.closed_loop.clairvoyant_search import ClairvoyantSettings
 from mrwork.closed_loop.hardware import Hardware
-from mrwork.closed_loop.user_law import UserLaw
-from mrwork.control.design.wishes import WeightWishes
-from mrwork.control.design_problem import DesignProblem
-from mrwork.control.law_design import design_law
-from mrwork.control.law_settings import SETTINGS
+from mrwork.closed_loop.simulate import samples_of
+from mrwork.closed_loop.user_law import Undone, UserLaw, in_words, place_of, place_raised
+from mrwork.control.design_problem import DesignProblem, LawSettings
+from mrwork.control.law_design import SETTINGS, design_law
 from mrwork.control.laws import ControlLaw, control_laws
-from mrwork.control.setting_base import LawSettings
+from mrwork.control.weights import WeightWishes
 from mrwork.keys import Place, keys_of, suggestion
+from mrwork.store import digest_of
+from mrwork.store.input_file import FileKind, text_of
 from mrwork.study.declared import given_values, located, read_table
-from mrwork.study.law_file import law_of_file
-from mrwork.study.schema import BaselineTable, ControllerTable, DamperTable, StudyTable
-from mrwork.study.study import Arrangement, Kind, Row, StudyLaw, arranged
-from mrwork.study.tuning_schema import TuneTable
+from mrwork.study.schema import (
+    BaselineTable,
+    ClairvoyantTable,
+    ControllerTable,
+    DamperTable,
+    LawFileTable,
+    StudyTable,
+    TuneTable,
+)
+from mrwork.study.study import Arrangement, ClairvoyantRow, Kind, Row, StudyLaw, make_arrangement
+
+_PYTHON = FileKind(name="the Python file of a law", largest=1 << 20, remedy="give the Python file of the law")
+
+
+def running_in_words(table: LawFileTable, folder: Path) -> str:
+    """Which file is about to run as Python, and which line of the study names it."""
+    return f"{table.place.within('file')}: running {folder / table.file} as Python, for its function {table.function}"
+
+
+def _load_law(table: LawFileTable, folder: Path) -> UserLaw:
+    """The law of a file, whose name is relative to `folder`."""
+    name = table.function
+    module, text = _run_module(table, folder / table.file)
+    functions = [each for each, value in vars(module).items() if inspect.isfunction(value)]
+    function = getattr(module, name, None)
+    if not callable(function):
+        near = suggestion(name, functions, otherwise="it has")
+        table.place.within("function").refuse(f"{table.file} has no function {name!r}{near}")
+    try:
+        inspect.signature(function).bind(None, None)
+    except TypeError:
+        table.place.within("function").refuse(
+            f"{name} ({place_of(function) or table.file}) does not take two arguments; write it as "
+            f"def {name}(sample, memory)"
+        )
+    except ValueError:
+        # A function of a compiled module may tell no arguments.
+        pass
+    with located(table.place.within("function")):
+        return UserLaw(name=name, command=function, n_memory=table.memory, source=digest_of(text))
+
+
+def _run_module(table: LawFileTable, path: Path) -> tuple[ModuleType, str]:
+    """The file as a module, and its text."""
+    where = table.place.within("file")
+    with located(where):
+        text = text_of(path, _PYTHON)
+    module: Any = ModuleType(f"mrwork_law_{digest_of(text)}")
+    module.__file__ = str(path)
+    # Dataclasses look for the module of their class.
+    sys.modules[module.__name__] = module
+    try:
+        with Undone():
+            exec(compile(text, str(path), "exec"), vars(module))
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
+        raised = place_raised(error, str(path)) or str(path)
+        where.refuse(f"{raised} failed when the file was run: {in_words(error)}; correct it")
+    return module, text
+
+
+def clairvoyant_row(
+    table: ClairvoyantTable, devices: Sequence[Device], hardware: Hardware, seed: int
+) -> ClairvoyantRow:
+    """The row of a table; `seed` is that of the random starts."""
+    if not any(device.spec.follows_command for device in devices):
+        table.place.refuse(
+            "there is no command to be chosen: the study has no damper that follows one; leave this table out, or give "
+            "a damper with laws"
+        )
+    if math.isfinite(hardware.command_rate):
+        table.place.refuse(
+            "the optimum knows no limit of the rate of the command, and [hardware] has a command_rate; leave one out"
+        )
+    with located(table.place.within("interval")):
+        samples_of(table.interval, hardware.sample_time)
+    return ClairvoyantRow(
+        row=Row(
+            label=table.label,
+            kind="clairvoyant",
+            description="the best command history found for each motion: non-causal, not certified",
+        ),
+        settings=ClairvoyantSettings(
+            interval=table.interval,
+            explore=table.explore,
+            finish=table.finish,
+            random_starts=table.random_starts,
+            seed=seed,
+        ),
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,30 +152,24 @@ def arrangements(
     problem: DesignProblem,
     folder: Path,
 ) -> tuple[Arrangement, ...]:
-    """The building without dampers, with them at i = 0, the baselines, and every control law.
-
-    Raises
-    ------
-    SettingError
-        If a law or a baseline is wrong, or a law has no dampers or passive ones.
-    """
+    """The building without dampers, with them at i = 0, the baselines, and every control law."""
     building, devices = problem.building, tuple(problem.devices)
     none = Row(label="uncontrolled", kind="uncontrolled", description="the building without dampers")
-    found = [arranged(bare, none, bare, (), constant_command((), 0.0))]
+    found = [make_arrangement(bare, none, bare, (), constant_command((), 0.0))]
     controllable = any(device.spec.follows_command for device in devices)
     if devices:
         off = Row(label="i = 0", kind="passive_off", description="the dampers without a command")
         if not controllable:
             off = Row(label="passive", kind="passive_off", description="the dampers, which follow no command")
-        found.append(arranged(bare, off, building, devices, constant_command(devices, 0.0)))
+        found.append(make_arrangement(bare, off, building, devices, constant_command(devices, 0.0)))
     found += [_baseline(baseline, table, bare, folder) for baseline in table.baseline]
     for controller in table.controller:
         if not devices:
             controller.place.refuse("a control law needs dampers, and the study has none; give a [[damper]]")
         if not controllable:
             _refuse_command(controller)
-        limited = _limited(controller, problem)
-        title, law = chosen_law(controller, limited, folder)
+        limited = _limit_command(controller, problem)
+        title, law = _choose_law(controller, limited, folder)
         constant = CONSTANT_LAWS.get(controller.law)
         if constant is not None and constant.share == 0.0:
             # This arrangement exists already; only its label may differ.
@@ -91,20 +180,14 @@ def arrangements(
         user = controller.user
         description = controller.law if user is None else f"{user.function} of {user.file}, in Python"
         row = Row(label=controller.label or title, kind=_kind(law), description=description)
-        found.append(arranged(bare, row, building, tuple(limited.devices), law))
+        found.append(make_arrangement(bare, row, building, tuple(limited.devices), law))
     return tuple(found)
 
 
 def problem_of(
     table: StudyTable, building: Building, devices: tuple[Device, ...], hardware: Hardware
 ) -> DesignProblem:
-    """The building with its dampers, for which the laws of a study are designed.
-
-    Raises
-    ------
-    SettingError
-        If an expected range of motions is wrong.
-    """
+    """The building with its dampers, for which the laws of a study are designed."""
     first = table.damper[0] if devices else None
     return DesignProblem(
         building=building,
@@ -116,7 +199,7 @@ def problem_of(
     )
 
 
-def _limited(controller: ControllerTable, problem: DesignProblem) -> DesignProblem:
+def _limit_command(controller: ControllerTable, problem: DesignProblem) -> DesignProblem:
     """The problem of a law that may send a part of the command only."""
     largest = controller.largest_command
     if largest is None:
@@ -126,9 +209,7 @@ def _limited(controller: ControllerTable, problem: DesignProblem) -> DesignProbl
         controller.place.within("largest_command").refuse(
             f"largest_command is {largest:g}, and the driver of the dampers gives {available:g} at most"
         )
-    return replace(
-        problem, devices=tuple(replace(device, largest_command=largest) for device in problem.devices)
-    )
+    return problem.limited_to(largest)
 
 
 def _refuse_command(controller: ControllerTable) -> None:
@@ -176,27 +257,22 @@ def _baseline(baseline: BaselineTable, table: StudyTable, bare: Building, folder
             f"the baseline has no {missing[0]}; it may add floors and storeys to the building, not remove them"
         )
     row = Row(label=baseline.label, kind="baseline", description=changed.name)
-    return arranged(bare, row, changed, (), constant_command((), 0.0))
+    return make_arrangement(bare, row, changed, (), constant_command((), 0.0))
 
 
-def chosen_law(
+def _choose_law(
     table: ControllerTable, problem: DesignProblem, folder: Path = Path()
 ) -> tuple[str, StudyLaw | None]:
     """Title and law of a table; the law is `None` for the best constant command, which is found when the study runs.
 
     Names of files with matrices or laws are relative to `folder`.
-
-    Raises
-    ------
-    SettingError
-        If the law or a setting does not exist, or the law cannot be designed; the message has the line.
     """
     place = table.place
     if table.user is not None:
         for name in ("law", "settings"):
             if getattr(table, name):
                 place.within(name).refuse(f"a law in Python has no {name}; leave it out, or user")
-        return table.user.function, law_of_file(table.user, folder)
+        return table.user.function, _load_law(table.user, folder)
     if not table.law:
         place.refuse(f"{place.table} has no law; give the name of a law, or user for one in Python")
     constant = CONSTANT_LAWS.get(table.law)
@@ -219,15 +295,10 @@ def chosen_law(
         return specs[table.law].title, design_law(table.law, problem, settings)
 
 
-def held_settings(table: TuneTable, folder: Path) -> TuneTable:
+def resolve_settings(table: TuneTable, folder: Path) -> TuneTable:
     """A table whose settings, if any, are in SI, with the matrices of the files that they name.
 
     Settings that a law does not have are left to the tuning, which refuses them.
-
-    Raises
-    ------
-    SettingError
-        If a setting is of another type or out of range; the message has the line.
     """
     if table.settings is None or table.place is None:
         return table

@@ -1,4 +1,4 @@
-"""Criteria of many candidates of a law under motions and realisations, simulated in batches.
+"""Criteria of many candidates of a law under motions and realisations, simulated in batches; bands over realisations.
 
 Realisations that share building, delay and noise are one batch, with a row of damper parameters for each.
 """
@@ -7,16 +7,15 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.buildings import Building
 from mrwork.buildings.devices import Device
-from mrwork.closed_loop.evaluation import criteria, values
+from mrwork.closed_loop.evaluation import SCORE, criteria, ratio, values
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.responses import Responses, run_quantities
 from mrwork.closed_loop.simulate import simulate_loop
@@ -24,15 +23,13 @@ from mrwork.control.laws import ControlLaw
 from mrwork.dampers.spec import damper
 from mrwork.errors import SettingError
 from mrwork.motions import GroundMotion
+from mrwork.store import Journal
 from mrwork.store.record import OrInfinite, OrNan
-from mrwork.study.realisations import Realisations
 from mrwork.study.run_result import own_columns
-from mrwork.study.study import Arrangement, StudyLaw
+from mrwork.study.study import Arrangement, Realisations, Study, StudyLaw, digest_of_run
 from mrwork.summary import Summarised
 from mrwork.units import STANDARD_GRAVITY
-from mrwork.values import holds_arrays
-
-Floats = NDArray[np.float64]
+from mrwork.values import Floats, holds_arrays
 
 
 @holds_arrays
@@ -71,7 +68,7 @@ BAND = 0.9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Band:
+class RealisationBand:
     """A number over realisations: median, and the ends between which 90 % of them lie; infinite where a run failed."""
 
     lower: OrNan
@@ -79,15 +76,15 @@ class Band:
     upper: OrInfinite
 
     @staticmethod
-    def of(values: Floats) -> Band:
+    def of(values: Floats) -> RealisationBand:
         """The band of one value for each realisation, shape (n,)."""
         if not np.isfinite(values).all():
-            return Band(lower=math.nan, median=math.nan, upper=math.inf)
+            return RealisationBand(lower=math.nan, median=math.nan, upper=math.inf)
         lower, median, upper = np.quantile(values, (0.5 * (1.0 - BAND), 0.5, 0.5 * (1.0 + BAND))).tolist()
-        return Band(lower=lower, median=median, upper=upper)
+        return RealisationBand(lower=lower, median=median, upper=upper)
 
 
-def simulated_criteria(
+def simulate_criteria(
     arrangement: Arrangement,
     law: StudyLaw,
     motions: Sequence[GroundMotion],
@@ -128,11 +125,11 @@ def simulated_criteria(
         )
         began = time.perf_counter()
         responses = simulate_loop(
-            varied_building(arrangement, bare, stiffness=stiffness, damping=damping),
+            vary_building(arrangement, bare, stiffness=stiffness, damping=damping),
             devices,
             law,
             motions,
-            _varied_hardware(hardware, delay, seed),
+            _vary_hardware(hardware, delay, seed),
             nominal=arrangement.building if hardware.feedback == "observer" else None,
             largest_commands=largest_commands,
             threads=threads,
@@ -163,17 +160,10 @@ def with_devices(arrangement: Arrangement, law: StudyLaw) -> tuple[tuple[Device,
     return (device,), still
 
 
-def varied_building(
-    arrangement: Arrangement, bare: Building, *, stiffness: float, damping: float
-) -> Building:
+def vary_building(arrangement: Arrangement, bare: Building, *, stiffness: float, damping: float) -> Building:
     """The building of an arrangement with factors of stiffness and damping of the bare building.
 
     What is built into it stays, such as the spring of a tuned mass, so that it is no longer tuned.
-
-    Raises
-    ------
-    SettingError
-        If the drifts of the storeys do not determine the displacements of the bare building.
     """
     if stiffness == 1.0 and damping == 1.0:
         return arrangement.building
@@ -196,7 +186,7 @@ def varied_building(
     )
 
 
-def _varied_hardware(hardware: Hardware, delay: float, seed: int) -> Hardware:
+def _vary_hardware(hardware: Hardware, delay: float, seed: int) -> Hardware:
     step = hardware.sample_time / hardware.steps
     total = (hardware.delay_steps + round(delay / step)) * step
     return replace(hardware, delay=total, seed=hardware.seed + seed)
@@ -211,3 +201,73 @@ def _own(responses: Responses, arrangement: Arrangement, law: StudyLaw) -> Respo
         # The command of an ideal actuator is a force, not a current.
         kept |= {name: kept[name][:, :0] for name in ("mean_current", "rms_current")}
     return replace(responses, **kept)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class VariedResults(Summarised):
+    """Criteria over `count` realisations, by row of a study, for the rows that are done."""
+
+    count: int
+    rows: Mapping[int, RunCriteria]
+
+    def bands(self, row: int, motion: int) -> dict[str, RealisationBand]:
+        """Bands of every criterion of a row under a motion; none for a row that is not done."""
+        found = self.rows.get(row)
+        if found is None:
+            return {}
+        return {entry.name: RealisationBand.of(found.of(entry.name)[0, motion]) for entry in criteria()}
+
+    def ratio_band(
+        self, row: int, reference: int | None, motions: Sequence[int], name: str
+    ) -> RealisationBand | None:
+        """Band of the mean over motions of a criterion over that of a reference row in the same realisation."""
+        ratios = self._ratios(row, reference, motions, name)
+        return None if ratios is None else RealisationBand.of(ratios)
+
+    def score_band(self, row: int, reference: int | None, motions: Sequence[int]) -> RealisationBand | None:
+        """Band of the score over some motions, against a reference row in the same realisation."""
+        parts = [self._ratios(row, reference, motions, name) for name in SCORE]
+        known = [each for each in parts if each is not None]
+        return RealisationBand.of(np.mean(known, axis=0)) if len(known) == len(SCORE) else None
+
+    def scores(
+        self, labels: Sequence[str], reference: int | None, motions: Sequence[int]
+    ) -> dict[str, RealisationBand]:
+        """Bands of the scores of all rows by their labels."""
+        found = {label: self.score_band(row, reference, motions) for row, label in enumerate(labels)}
+        return {label: band for label, band in found.items() if band is not None}
+
+    def _ratios(self, row: int, reference: int | None, motions: Sequence[int], name: str) -> Floats | None:
+        above, below = self.rows.get(row), None if reference is None else self.rows.get(reference)
+        if above is None or below is None:
+            return None
+        chosen = list(motions)
+        return np.asarray(ratio(above.of(name)[0, chosen], below.of(name)[0, chosen]).mean(axis=0))
+
+
+def simulate_varied(
+    study: Study,
+    arrangement: Arrangement,
+    realisations: Realisations,
+    journal: Journal | None,
+    *,
+    threads: int,
+) -> RunCriteria:
+    """Criteria of an arrangement under all motions of a study with realisations, from the journal if it has them."""
+    law = arrangement.law
+    assert law is not None
+
+    def simulated() -> RunCriteria:
+        return simulate_criteria(
+            arrangement,
+            law,
+            study.grounds,
+            study.hardware,
+            realisations,
+            bare=study.building,
+            threads=threads,
+        )
+
+    if journal is None:
+        return simulated()
+    return journal.once("realisations", digest_of_run(arrangement, *study.grounds), RunCriteria, simulated)

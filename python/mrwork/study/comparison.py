@@ -1,7 +1,8 @@
-"""Comparison of the rows of a study: changes of each quantity against a reference, and ranks of rows of a kind.
+"""Comparison of the rows of a study: changes of each quantity against a reference, ranks, and groups of motions.
 
 A score hides what became worse. So the change of every quantity comes first, against the building without dampers and
-against the best passive damper, and dampers with a constant command are ranked apart from control laws.
+against the best passive damper, and dampers with a constant command are ranked apart from control laws. Scores stand on
+the test motions of a study; training motions are shown beside them where they were simulated, too.
 """
 
 from __future__ import annotations
@@ -13,10 +14,72 @@ from dataclasses import dataclass
 from mrwork.arguments import checked
 from mrwork.closed_loop.evaluation import Criterion, criteria
 from mrwork.errors import SettingError
-from mrwork.study.over_motions import judged_in_words
 from mrwork.study.results import StudyCriteria
-from mrwork.study.study import Kind
+from mrwork.study.study import Kind, uses_in_words
 from mrwork.summary import Summarised, Summary
+
+MOST_IN_DETAIL = 8
+"""Most motions of which pages and terminals show every table; of more they show the spread."""
+
+BOTH = ("peak_drift", "peak_acceleration")
+"""Criteria that a law must lower together to be better than a constant command."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MotionGroup:
+    """Motions that have something in common: its name, and their indices."""
+
+    name: str
+    motions: tuple[int, ...]
+
+
+def judged_in_words(results: StudyCriteria) -> str:
+    """The motions that scores stand on, as "16 test motions"; "16 motions" where the study has no training motions."""
+    uses = [results.motions[motion].use for motion in results.judged]
+    if _n_training(results) or "training" in uses:
+        return uses_in_words(uses)
+    return f"{len(uses)} motion{'' if len(uses) == 1 else 's'}"
+
+
+def chosen_in_words(results: StudyCriteria) -> str:
+    """What the best constant command is chosen on, a sentence; empty without such a row."""
+    if results.row_of("best_passive") is None or not results.chosen_on:
+        return ""
+    number = _n_training(results)
+    on = uses_in_words(["training"] * number) if number else "the motions that it is judged on"
+    return f"The best constant command is chosen on {on}."
+
+
+def _n_training(results: StudyCriteria) -> int:
+    """Number of motions that the best constant command is chosen on, if these are not the judged ones."""
+    judged = {results.motions[motion].name for motion in results.judged}
+    return 0 if judged.issuperset(results.chosen_on) else len(results.chosen_on)
+
+
+def motion_groups(results: StudyCriteria) -> tuple[MotionGroup, ...]:
+    """Groups that hold some of the judged motions, but not all; and the training motions beside test motions."""
+    judged = results.judged
+    names = dict.fromkeys(name for motion in judged for name in results.motions[motion].groups)
+    found = [
+        MotionGroup(
+            name=name, motions=tuple(motion for motion in judged if name in results.motions[motion].groups)
+        )
+        for name in names
+    ]
+    others = tuple(number for number in range(len(results.motions)) if number not in judged)
+    training = [MotionGroup(name="training motions", motions=others)] if others else []
+    return (*(group for group in found if len(group.motions) < len(judged)), *training)
+
+
+def times_better(results: StudyCriteria, row: int, reference: int, names: Sequence[str] = BOTH) -> int | None:
+    """Under how many judged motions all these criteria of a row are lower than those of a reference row.
+
+    `None` if a run did not finish.
+    """
+    ratios = [results.ratios_to(row, motion, reference) for motion in results.judged]
+    if any(math.isnan(each[name]) for each in ratios for name in names):
+        return None
+    return sum(all(each[name] < 1.0 for name in names) for each in ratios)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,7 +123,7 @@ def compared_quantities() -> tuple[Criterion, ...]:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Change:
+class QuantityChange:
     """Change of a quantity relative to a reference, -0.2 for 20 % less: mean over the test motions, and the largest.
 
     `motion` is the index of the motion of the largest. NaN if a run is missing or did not finish.
@@ -77,7 +140,7 @@ class Change:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class Comparison(Summarised):
+class StudyComparison(Summarised):
     """A study row by row: its ranks, the best passive damper, and the row that leads.
 
     `ranks` are the rows of each rank, the lowest score first; rows without a score last, in the order of the study.
@@ -91,7 +154,7 @@ class Comparison(Summarised):
     uncontrolled: int | None
     passive: int | None
     leading: int | None
-    tables: Mapping[tuple[int, int], dict[str, Change]]
+    tables: Mapping[tuple[int, int], dict[str, QuantityChange]]
 
     def _summary(self) -> Summary:
         facts = [] if self.leading is None else [("leading", self.heading(self.leading))]
@@ -132,7 +195,7 @@ class Comparison(Summarised):
         return next(rank for rank, rows in self.ranks if row in rows)
 
     @checked
-    def changes(self, row: int, reference: int) -> dict[str, Change]:
+    def changes(self, row: int, reference: int) -> dict[str, QuantityChange]:
         """Changes of the compared quantities of a row against one of the references, by name."""
         self._known(row)
         if reference not in self.references:
@@ -170,7 +233,7 @@ class Comparison(Summarised):
             if reference != row and (found := self._words_of(self.changes(row, reference)))
         ]
 
-    def _words_of(self, changes: dict[str, Change]) -> str:
+    def _words_of(self, changes: dict[str, QuantityChange]) -> str:
         known = [
             (entry, changes[entry.name])
             for entry in compared_quantities()
@@ -188,7 +251,7 @@ class Comparison(Summarised):
         )
         return f"{better}{'; ' if better else ''}worse: {worse}" if worse else better
 
-    def _largest(self, change: Change) -> str:
+    def _largest(self, change: QuantityChange) -> str:
         if len(self.results.judged) == 1:
             return ""
         return f" ({in_percent(change.largest)} % under {self.results.motions[change.motion].name})"
@@ -214,8 +277,12 @@ class Comparison(Summarised):
         return {entry.name: sum(each[entry.name].worse for each in found) for entry in compared_quantities()}
 
 
+Comparison = StudyComparison
+"""Its public name."""
+
+
 @checked
-def compared(results: StudyCriteria) -> Comparison:
+def compared(results: StudyCriteria) -> StudyComparison:
     """The comparison of the rows of a study."""
     scores = [results.score(row) for row in range(len(results.rows))]
     order = sorted(range(len(scores)), key=lambda row: (math.isnan(scores[row]), scores[row], row))
@@ -227,7 +294,7 @@ def compared(results: StudyCriteria) -> Comparison:
     first = {rank.name: rows[0] for rank, rows in ranks}
     leading = next((row for name, row in first.items() if name != "uncontrolled"), None)
     uncontrolled, passive = first.get("uncontrolled"), first.get(PASSIVE.name)
-    return Comparison(
+    return StudyComparison(
         results=results,
         ranks=ranks,
         uncontrolled=uncontrolled,
@@ -255,7 +322,7 @@ def in_percent(change: float) -> str:
     return "0" if text in ("+0", "-0") else text
 
 
-def _changes(results: StudyCriteria, row: int, reference: int) -> dict[str, Change]:
+def _changes(results: StudyCriteria, row: int, reference: int) -> dict[str, QuantityChange]:
     motions = results.judged
     ratios = [results.ratios_to(row, motion, reference) for motion in motions]
     return {
@@ -264,11 +331,11 @@ def _changes(results: StudyCriteria, row: int, reference: int) -> dict[str, Chan
     }
 
 
-def _change(changes: Sequence[float], motions: Sequence[int]) -> Change:
+def _change(changes: Sequence[float], motions: Sequence[int]) -> QuantityChange:
     if not changes or any(map(math.isnan, changes)):
-        return Change(mean=math.nan, largest=math.nan, motion=0)
+        return QuantityChange(mean=math.nan, largest=math.nan, motion=0)
     largest = max(changes)
-    return Change(
+    return QuantityChange(
         mean=math.fsum(changes) / len(changes), largest=largest, motion=motions[changes.index(largest)]
     )
 

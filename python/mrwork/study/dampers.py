@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.buildings import Building
 from mrwork.buildings.additions import with_brace
@@ -24,7 +23,7 @@ from mrwork.records.operating_range import OperatingRange
 from mrwork.study.declared import located
 from mrwork.study.schema import DamperTable
 from mrwork.units import CommandUnit, DriverUnit, number_in
-from mrwork.values import holds_arrays
+from mrwork.values import Floats, holds_arrays
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,20 +49,14 @@ class ChosenDamper:
     """
 
     spec: DamperSpec
-    theta: NDArray[np.float64]
+    theta: Floats
     largest_command: float
     source: str
     tested: OperatingRange | None = None
 
 
 def identified_damper(run: Path) -> IdentifiedDamper:
-    """Model, parameters and tested ranges from the folder of a run of `mrwork identify`.
-
-    Raises
-    ------
-    RecordError
-        If it is not such a folder.
-    """
+    """Model, parameters and tested ranges from the folder of a run of `mrwork identify`."""
     # Few studies name a run, and reading one loads the identification.
     from mrwork.identification.fit_file import read_fit
 
@@ -72,21 +65,14 @@ def identified_damper(run: Path) -> IdentifiedDamper:
 
 
 def chosen_damper(table: DamperTable, folder: Path, identified: Identified) -> ChosenDamper:
-    """The damper of a table; the path of a run is relative to `folder`.
-
-    Raises
-    ------
-    SettingError
-        If the table names no damper or several, the model does not have a parameter, or no parameter depends on the
-        command and the table does not say that the damper is passive.
-    """
+    """The damper of a table; the path of a run is relative to `folder`."""
     place = table.place
     _refuse_ambiguous(table)
     tested = None
     if table.preset is not None:
-        draft, largest, source = _of_preset(table, table.preset)
+        draft, largest, source = _draft_of_preset(table, table.preset)
     elif table.run is not None:
-        draft, tested = _of_run(table, folder / table.run, identified)
+        draft, tested = _draft_of_run(table, folder / table.run, identified)
         largest = (
             None if tested is None or tested.command is None else command_level(tested.command[1], draft.unit)
         )
@@ -95,7 +81,7 @@ def chosen_damper(table: DamperTable, folder: Path, identified: Identified) -> C
         unit = table.unit or "A"
         draft = _Draft(plain=_model(place, table.model), laws={}, values={}, unit=unit, lag=None)
         largest, source = None, "parameters of the study"
-    draft = _changed(draft, table)
+    draft = _change_draft(draft, table)
     missing = [name for name in draft.plain.names if name not in draft.values]
     if missing:
         place.refuse(
@@ -184,7 +170,7 @@ def _model(place: Place, name: str | None) -> DamperSpec:
     return damper(name)
 
 
-def _of_preset(table: DamperTable, name: str) -> tuple[_Draft, float | None, str]:
+def _draft_of_preset(table: DamperTable, name: str) -> tuple[_Draft, float | None, str]:
     place = table.place
     models = damper_models() if table.model is None else (_model(place, table.model),)
     having = [spec for spec in models if name in spec.presets]
@@ -200,7 +186,9 @@ def _of_preset(table: DamperTable, name: str) -> tuple[_Draft, float | None, str
     return draft, preset.largest_command, f"{name}, {preset.status}: {preset.source}"
 
 
-def _of_run(table: DamperTable, run: Path, identified: Identified) -> tuple[_Draft, OperatingRange | None]:
+def _draft_of_run(
+    table: DamperTable, run: Path, identified: Identified
+) -> tuple[_Draft, OperatingRange | None]:
     try:
         found = identified(run)
     except RecordError as error:
@@ -232,7 +220,7 @@ def _draft(spec: DamperSpec, theta: tuple[float, ...]) -> _Draft:
     )
 
 
-def _changed(draft: _Draft, table: DamperTable) -> _Draft:
+def _change_draft(draft: _Draft, table: DamperTable) -> _Draft:
     """The draft with the laws, parameters and lag that the table gives."""
     laws, values = dict(draft.laws), dict(draft.values)
     place = table.place.within("parameters")
@@ -268,16 +256,10 @@ def _refuse_unknown(plain: DamperSpec, name: str, place: Place) -> None:
 _JOINT_SHARE = 1e-3
 
 
-def equipped(
+def equip_building(
     bare: Building, tables: Sequence[DamperTable], folder: Path, identified: Identified
 ) -> tuple[Building, tuple[Device, ...], list[ChosenDamper]]:
-    """The building with braces, its devices, and the dampers chosen for them.
-
-    Raises
-    ------
-    SettingError
-        If a table is wrong, a storey does not exist, or the dampers are of several models.
-    """
+    """The building with braces, its devices, and the dampers chosen for them."""
     chosen = [chosen_damper(table, folder, identified) for table in tables]
     building, rows = bare, []
     for table in tables:

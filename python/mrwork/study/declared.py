@@ -42,13 +42,7 @@ def located(place: Place) -> Iterator[None]:
 
 
 def read_table(kind: type[T], table: Mapping[str, Any], place: Place) -> T:
-    """Read a table into the dataclass `kind`.
-
-    Raises
-    ------
-    SettingError
-        If a key is unknown, missing, of another type or out of range; the message has the line.
-    """
+    """Read a table into the dataclass `kind`."""
     values = given_values(kind, table, place)
     for entry in keys_of(kind):
         if entry.name not in values and is_required(entry):
@@ -59,13 +53,7 @@ def read_table(kind: type[T], table: Mapping[str, Any], place: Place) -> T:
 
 
 def given_values(kind: type, table: Mapping[str, Any], place: Place) -> dict[str, Any]:
-    """The values of the keys that a table gives, in the types of the dataclass `kind` and in SI.
-
-    Raises
-    ------
-    SettingError
-        If a key is unknown, of another type or out of range; the message has the line.
-    """
+    """The values of the keys that a table gives, in the types of the dataclass `kind` and in SI."""
     known = {entry.name: entry for entry in keys_of(kind)}
     for name in table:
         if name not in known:

@@ -5,13 +5,14 @@ from __future__ import annotations
 import csv
 import io
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
 from mrwork import arguments
-from mrwork.arguments import Whole
+from mrwork.arguments import Count, NotNegative, Positive, Whole
+from mrwork.closed_loop.clairvoyant_search import Clairvoyant
 from mrwork.closed_loop.evaluation import Spread, criteria
 from mrwork.errors import RecordError
 from mrwork.records.operating_range import Exceedance, OperatingRange
@@ -31,16 +32,147 @@ from mrwork.store.run_folder import (
     STUDY_RUN,
 )
 from mrwork.store.unfinished import INTERRUPTED
-from mrwork.study.batches import Band
-from mrwork.study.comparison import compared
-from mrwork.study.demand import largest_demand, names_outside, worst_by_quantity
-from mrwork.study.over_motions import judged_in_words
+from mrwork.study.batches import RealisationBand
+from mrwork.study.comparison import (
+    StudyComparison,
+    compared,
+    judged_in_words,
+    motion_groups,
+    rounds_to_increase,
+)
 from mrwork.study.results import Key, MotionFacts, StudyCriteria, StudyResults
-from mrwork.study.run_result import OutcomeName, RunEnd
-from mrwork.study.stored_changes import StoredChanges, StoredGroup, stored_changes, stored_groups
-from mrwork.study.stored_clairvoyant import StoredClairvoyant, stored_clairvoyant
+from mrwork.study.run_result import OutcomeName, RunEnd, largest_demand, names_outside, worst_by_quantity
 from mrwork.study.stored_histories import Histories
 from mrwork.study.study import Kind, Row, StudyFile
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StoredChange:
+    """Change of a quantity relative to a reference, -0.2 for 20 % less: mean over motions, the largest, its motion."""
+
+    mean: OrNan
+    largest: OrNan
+    motion: str | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StoredChanges:
+    """A row in the results file: its rank, its score, and the changes of every quantity by name.
+
+    The references are the building without dampers and the passive damper with the lowest score. `worse` are the
+    quantities that increase on average.
+    """
+
+    controller: str
+    kind: Kind
+    rank: str
+    place: Count
+    score: OrNan
+    against_uncontrolled: dict[str, StoredChange]
+    worse_than_uncontrolled: tuple[str, ...]
+    against_best_passive: dict[str, StoredChange]
+    worse_than_best_passive: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StoredGroup:
+    """A group of motions in the results file, and the score of each row under them."""
+
+    name: str
+    motions: tuple[str, ...]
+    scores: dict[str, OrNan]
+
+
+def _store_groups(results: StudyCriteria) -> tuple[StoredGroup, ...]:
+    """The groups of the motions of a study, with the score of each row by its label."""
+    return tuple(
+        StoredGroup(
+            name=group.name,
+            motions=tuple(results.motions[motion].name for motion in group.motions),
+            scores={
+                row.label: results.score_under(number, group.motions)
+                for number, row in enumerate(results.rows)
+            },
+        )
+        for group in motion_groups(results)
+    )
+
+
+def _store_changes(comparison: StudyComparison) -> Iterator[StoredChanges]:
+    """Changes of every row, the rows of each rank together, the lowest score first."""
+    results = comparison.results
+
+    def against(row: int, reference: int | None) -> dict[str, StoredChange]:
+        if reference is None or reference == row:
+            return {}
+        return {
+            name: StoredChange(
+                mean=each.mean,
+                largest=each.largest,
+                motion=None if math.isnan(each.largest) else results.motions[each.motion].name,
+            )
+            for name, each in comparison.changes(row, reference).items()
+        }
+
+    for rank, rows in comparison.ranks:
+        for place, row in enumerate(rows, start=1):
+            bare, passive = against(row, comparison.uncontrolled), against(row, comparison.passive)
+            yield StoredChanges(
+                controller=results.rows[row].label,
+                kind=results.rows[row].kind,
+                rank=rank.name,
+                place=place,
+                score=results.score(row),
+                against_uncontrolled=bare,
+                worse_than_uncontrolled=_increases(bare),
+                against_best_passive=passive,
+                worse_than_best_passive=_increases(passive),
+            )
+
+
+def _increases(changes: Mapping[str, StoredChange]) -> tuple[str, ...]:
+    return tuple(name for name, change in changes.items() if rounds_to_increase(change.mean))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StoredStart:
+    """A start of the search: its score, and the one reached from it."""
+
+    name: str
+    start_score: OrNan
+    score: OrNan
+    evaluations: Whole
+    seconds: NotNegative
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StoredClairvoyant:
+    """The non-causal optimum of a motion: command of each interval [A or V], shape (n_intervals, n_devices)."""
+
+    motion: str
+    score: OrNan
+    ratios: dict[str, OrNan]
+    statement: str
+    starts: tuple[StoredStart, ...]
+    interval: Positive
+    command: tuple[tuple[float, ...], ...]
+
+
+def _store_clairvoyant(found: Clairvoyant) -> StoredClairvoyant:
+    """The optimum in the form of the results file."""
+    return StoredClairvoyant(
+        motion=found.motion,
+        score=found.score,
+        ratios=dict(found.ratios),
+        statement=found.statement,
+        starts=tuple(
+            StoredStart(**{entry.name: getattr(each, entry.name) for entry in fields(StoredStart)})
+            for each in found.starts
+        ),
+        interval=found.commands.interval,
+        command=tuple(map(tuple, found.commands.command.tolist())),
+    )
+
 
 # Every criterion by name; NaN if the run has none, `null` in the file.
 _Criteria = dict[str, OrNan]
@@ -82,7 +214,7 @@ class StoredStudyRun(RunEnd, Related):
     outside_tested_range: tuple[str, ...] | None = None
     exceedances: tuple[Exceedance, ...] = ()
     demand: OperatingRange | None = None
-    bands: dict[str, Band] = field(default_factory=dict)
+    bands: dict[str, RealisationBand] = field(default_factory=dict)
 
     def disagreement(self) -> str:
         """Whether its tables have the criteria that there are, with numbers where it finished."""
@@ -125,7 +257,7 @@ class _Document(Related):
     changes: tuple[StoredChanges, ...] = ()
     clairvoyant: tuple[StoredClairvoyant, ...] = ()
     realisations: Whole = 0
-    score_bands: dict[str, Band] = field(default_factory=dict)
+    score_bands: dict[str, RealisationBand] = field(default_factory=dict)
 
     def disagreement(self) -> str:
         """Whether motions are named once, and each run is of one of them, of a row, and the only one of these."""
@@ -257,17 +389,11 @@ def write_study(
     journal: Path,
     histories: Histories,
 ) -> None:
-    """Write the folder of a study, in place of an earlier one.
-
-    Raises
-    ------
-    OutputError
-        If anything cannot be written, or something would be lost without leave; the folder is then as it was.
-    """
+    """Write the folder of a study, in place of an earlier one."""
     tables = {
         RESULTS: json_document(study_document(results)),
-        CRITERIA_TABLE: criteria_csv(results),
-        PROFILES_TABLE: profiles_csv(results),
+        CRITERIA_TABLE: _criteria_csv(results),
+        PROFILES_TABLE: _profiles_csv(results),
     }
     if page is not None:
         tables[REPORT] = page
@@ -295,14 +421,14 @@ def study_document(results: StudyResults) -> dict[str, Any]:
         warnings=tuple(results.warnings()),
         building_warnings=results.building_warnings,
         damper_warnings=results.damper_warnings,
-        results=tuple(_stored_run(results, *key, passive) for key in sorted(results.runs)),
+        results=tuple(_store_run(results, *key, passive) for key in sorted(results.runs)),
         best_passive=None if passive is None else results.rows[passive].label,
         judged_on=judged_in_words(results),
         chosen_on=results.chosen_on,
         spreads={row.label: results.spread(number) for number, row in enumerate(results.rows)},
-        groups=stored_groups(results),
-        changes=tuple(stored_changes(comparison)),
-        clairvoyant=tuple(stored_clairvoyant(each) for _, each in sorted(results.clairvoyants.items())),
+        groups=_store_groups(results),
+        changes=tuple(_store_changes(comparison)),
+        clairvoyant=tuple(_store_clairvoyant(each) for _, each in sorted(results.clairvoyants.items())),
         realisations=0 if results.varied is None else results.varied.count,
         score_bands={}
         if results.varied is None
@@ -314,7 +440,7 @@ def study_document(results: StudyResults) -> dict[str, Any]:
     return found
 
 
-def criteria_csv(results: StudyResults) -> str:
+def _criteria_csv(results: StudyResults) -> str:
     """The criteria as a table, a line for each controller and motion; the header has the units."""
     known = criteria()
     units = [results.command_unit if entry.unit == "A or V" else entry.unit for entry in known]
@@ -329,7 +455,7 @@ def criteria_csv(results: StudyResults) -> str:
     return _csv(lines)
 
 
-def profiles_csv(results: StudyResults) -> str:
+def _profiles_csv(results: StudyResults) -> str:
     """Peaks and root mean squares of every floor and storey as a table, a line for each."""
     lines: list[list[str]] = [["controller", "motion", "quantity", "where", "peak", "rms", "unit"]]
     for (row, motion), run in sorted(results.runs.items()):
@@ -346,7 +472,7 @@ def profiles_csv(results: StudyResults) -> str:
     return _csv(lines)
 
 
-def _stored_run(results: StudyResults, row: int, motion: int, passive: int | None) -> StoredStudyRun:
+def _store_run(results: StudyResults, row: int, motion: int, passive: int | None) -> StoredStudyRun:
     run, demands = results.runs[row, motion], results.demands(row, motion)
     return StoredStudyRun(
         controller=results.rows[row].label,
@@ -359,7 +485,7 @@ def _stored_run(results: StudyResults, row: int, motion: int, passive: int | Non
         over_best_passive=_every_criterion(results.ratios_to(row, motion, passive)),
         energy_error=run.energy_error,
         steps=run.steps,
-        step_check=_stored_step_check(results, row, motion),
+        step_check=_store_step_check(results, row, motion),
         outside_tested_range=names_outside(demands),
         exceedances=worst_by_quantity(demands),
         demand=largest_demand(demands),
@@ -367,7 +493,7 @@ def _stored_run(results: StudyResults, row: int, motion: int, passive: int | Non
     )
 
 
-def _stored_step_check(results: StudyResults, row: int, motion: int) -> StoredStepCheck | None:
+def _store_step_check(results: StudyResults, row: int, motion: int) -> StoredStepCheck | None:
     half = (results.halved or {}).get((row, motion))
     if half is None:
         return None

@@ -13,10 +13,11 @@ from pathlib import Path
 import numpy as np
 
 from mrwork.motions import GroundMotion
-from mrwork.motions.likeness import is_copy, likeness
-from mrwork.motions.processing import (
+from mrwork.motions.ground_motion import (
     baseline_corrected,
     check_samples,
+    is_copy,
+    likeness,
     resampled,
     scaled,
     scaled_to_peak,
@@ -47,14 +48,7 @@ class _Bare:
 def motions_of_study(
     tables: Sequence[MotionTable], folder: Path, seed: int, *, sample_time: float
 ) -> tuple[MotionOfStudy, ...]:
-    """The motions of all tables, one for each factor or peak of each record; files are relative to `folder`.
-
-    Raises
-    ------
-    SettingError
-        If a table contradicts itself, its file cannot be read, a motion is for training and for testing, or moves
-        nothing within a sample of the law, `sample_time` [s]; the message has the line.
-    """
+    """The motions of all tables, one for each factor or peak of each record; files are relative to `folder`."""
     bare = [each for table in tables for each in _bare_motions(table, folder, seed)]
     _refuse_both_uses(bare)
     found: list[MotionOfStudy] = []
@@ -63,7 +57,7 @@ def motions_of_study(
         with located(each.table.place):
             found += [
                 MotionOfStudy(ground=ground, use=each.table.use, synthetic=each.file is None)
-                for ground in _scaled(each.ground, each.table)
+                for ground in _scale(each.ground, each.table)
             ]
     return tuple(found)
 
@@ -81,7 +75,7 @@ def _bare_motions(table: MotionTable, folder: Path, seed: int) -> Iterator[_Bare
         found = _suite(table, table.suite, seed) if table.suite else _synthetic(table, seed)
     for ground, file in found:
         with located(place):
-            yield _Bare(ground=_processed(ground, table), table=table, file=file)
+            yield _Bare(ground=_process(ground, table), table=table, file=file)
 
 
 def _refuse_keys(table: MotionTable, names: Sequence[str], reason: str) -> None:
@@ -189,7 +183,7 @@ def _spectrum(table: MotionTable) -> SpectralDensity:
     )
 
 
-def _processed(motion: GroundMotion, table: MotionTable) -> GroundMotion:
+def _process(motion: GroundMotion, table: MotionTable) -> GroundMotion:
     if table.group:
         motion = replace(motion, groups=(table.group, *motion.groups))
     if table.start > 0.0 or table.end is not None:
@@ -211,7 +205,7 @@ def _processed(motion: GroundMotion, table: MotionTable) -> GroundMotion:
     return motion
 
 
-def _scaled(motion: GroundMotion, table: MotionTable) -> Iterator[GroundMotion]:
+def _scale(motion: GroundMotion, table: MotionTable) -> Iterator[GroundMotion]:
     factors, peaks = _several(table.factor), _several(table.pga)
     if not factors and not peaks:
         yield motion

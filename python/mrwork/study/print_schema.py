@@ -11,9 +11,9 @@ from dataclasses import Field, is_dataclass
 from typing import Any, Literal, Union, cast, get_args, get_origin, get_type_hints
 
 from mrwork.buildings import from_file
-from mrwork.control.design.wishes import WeightWishes
-from mrwork.control.law_settings import SETTINGS
+from mrwork.control.law_design import SETTINGS
 from mrwork.control.laws import control_laws
+from mrwork.control.weights import WeightWishes
 from mrwork.keys import is_required, keys_of, range_in_words
 from mrwork.study.arrangements import CONSTANT_LAWS
 from mrwork.study.schema import StudyTable

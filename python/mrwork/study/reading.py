@@ -1,38 +1,197 @@
-"""Read a study file into a study that is ready to run."""
+"""Read a study file into a study that is ready to run; its errors have the line of the key."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.arguments import Seed, checked
 from mrwork.buildings import Building
 from mrwork.buildings.devices import Device
 from mrwork.buildings.from_file import building_from_table
 from mrwork.closed_loop.hardware import Fault, Hardware
-from mrwork.keys import Place, suggestion
+from mrwork.errors import SettingError
+from mrwork.keys import KeyPath, Place, suggestion
 from mrwork.store.input_file import TOML, bytes_of, text_in
-from mrwork.study.arrangements import arrangements, held_settings, problem_of
-from mrwork.study.clairvoyant_row import clairvoyant_row
+from mrwork.store.parse import toml_table
+from mrwork.study.arrangements import (
+    arrangements,
+    clairvoyant_row,
+    problem_of,
+    resolve_settings,
+    running_in_words,
+)
 from mrwork.study.dampers import (
     ChosenDamper,
     Identified,
     IdentifiedDamper,
     chosen_damper,
-    equipped,
+    equip_building,
     identified_damper,
 )
 from mrwork.study.declared import located, read_table
-from mrwork.study.law_file import running_in_words
-from mrwork.study.lines import parse
 from mrwork.study.motions import motions_of_study
-from mrwork.study.realisations import Realisations, posterior_draws, realisations_of
 from mrwork.study.schema import DamperTable, HardwareTable, ReportTable, StudyTable
-from mrwork.study.study import MotionOfStudy, Study, StudyFile
+from mrwork.study.study import MotionOfStudy, Realisations, Study, StudyFile, posterior_draws, realisations_of
+from mrwork.values import Floats
+
+_BLANK = " \t\r\n"
+_BARE_ENDS = frozenset("=.]}, \t\r\n#")
+_VALUE_ENDS = frozenset(",]}\r\n#")
+
+
+def parse(text: str, origin: str) -> tuple[dict[str, Any], dict[KeyPath, int]]:
+    """A TOML document, and the line of every key, table and array element in it."""
+    try:
+        document = toml_table(text)
+    except ValueError as reason:
+        raise SettingError(f"{origin} is not TOML: {_with_small_first(str(reason))}") from None
+    return document, _Scanner(text).lines()
+
+
+def _with_small_first(text: str) -> str:
+    return text[:1].lower() + text[1:]
+
+
+class _Scanner:
+    def __init__(self, text: str) -> None:
+        self._text = text
+        self._at = 0
+        self._line = 1
+        self._found: dict[KeyPath, int] = {}
+        # Number of tables of each array of tables so far.
+        self._counts: dict[KeyPath, int] = {}
+
+    def lines(self) -> dict[KeyPath, int]:
+        table: KeyPath = ()
+        while self._skip_blank():
+            line = self._line
+            if self._text.startswith("[[", self._at):
+                self._forward(2)
+                *outer, last = self._key()
+                path = (*self._resolve(tuple(outer)), last)
+                self._forward(2)
+                number = self._counts.get(path, 0)
+                self._counts[path] = number + 1
+                self._found.setdefault(path, line)
+                table = (*path, number)
+            elif self._text[self._at] == "[":
+                self._forward(1)
+                table = self._resolve(self._key())
+                self._forward(1)
+            else:
+                self._pair(table)
+                continue
+            self._note(table, line)
+        return self._found
+
+    def _resolve(self, key: tuple[str, ...]) -> KeyPath:
+        """The key of a header, with the index of the last table of each array of tables in it."""
+        path: KeyPath = ()
+        for part in key:
+            path = (*path, part)
+            if path in self._counts:
+                path = (*path, self._counts[path] - 1)
+        return path
+
+    def _note(self, path: KeyPath, line: int) -> None:
+        for length in range(1, len(path) + 1):
+            self._found.setdefault(path[:length], line)
+
+    def _pair(self, table: KeyPath) -> None:
+        line = self._line
+        path = (*table, *self._key())
+        self._note(path, line)
+        self._forward(1)
+        self._skip_spaces()
+        self._value(path)
+
+    def _value(self, path: KeyPath) -> None:
+        opening = self._text[self._at]
+        if opening == "[":
+            self._forward(1)
+            number = 0
+            while self._skip_blank() and self._text[self._at] != "]":
+                self._found[*path, number] = self._line
+                self._value((*path, number))
+                number += 1
+                self._skip_comma()
+            self._forward(1)
+        elif opening == "{":
+            self._forward(1)
+            while self._skip_blank() and self._text[self._at] != "}":
+                self._pair(path)
+                self._skip_comma()
+            self._forward(1)
+        elif opening in "\"'":
+            self._string()
+        else:
+            while self._at < len(self._text) and self._text[self._at] not in _VALUE_ENDS:
+                self._forward(1)
+
+    def _key(self) -> tuple[str, ...]:
+        """A dotted key, up to the character that ends it."""
+        parts: list[str] = []
+        while True:
+            self._skip_spaces()
+            start = self._at
+            if self._text[start] in "\"'":
+                self._string()
+                # The parser resolves escapes.
+                parts.append(toml_table(f"k = {self._text[start : self._at]}")["k"])
+            else:
+                while self._text[self._at] not in _BARE_ENDS:
+                    self._forward(1)
+                parts.append(self._text[start : self._at])
+            self._skip_spaces()
+            if self._text[self._at] != ".":
+                return tuple(parts)
+            self._forward(1)
+
+    def _string(self) -> None:
+        quote = self._text[self._at]
+        if self._text.startswith(quote * 3, self._at):
+            end = self._at + 3
+            while not self._text.startswith(quote * 3, end):
+                end += 2 if quote == '"' and self._text[end] == "\\" else 1
+            end += 3
+            # Up to two more quotes belong to the string.
+            while self._text.startswith(quote, end):
+                end += 1
+        else:
+            end = self._at + 1
+            while self._text[end] != quote:
+                end += 2 if quote == '"' and self._text[end] == "\\" else 1
+            end += 1
+        self._forward(end - self._at)
+
+    def _skip_comma(self) -> None:
+        if self._skip_blank() and self._text[self._at] == ",":
+            self._forward(1)
+
+    def _skip_blank(self) -> bool:
+        """Skip blanks and comments; whether a character follows."""
+        while self._at < len(self._text):
+            if self._text[self._at] == "#":
+                end = self._text.find("\n", self._at)
+                self._at = len(self._text) if end < 0 else end
+            elif self._text[self._at] in _BLANK:
+                self._forward(1)
+            else:
+                return True
+        return False
+
+    def _skip_spaces(self) -> None:
+        while self._text[self._at] in " \t":
+            self._forward(1)
+
+    def _forward(self, count: int) -> None:
+        self._line += self._text.count("\n", self._at, self._at + count)
+        self._at += count
 
 
 @checked
@@ -72,8 +231,8 @@ def read_study(
             on_python(running_in_words(each.user, folder))
     with located(place.within("building")):
         bare = building_from_table(table.building, place.within("building"), folder=folder)
-    building, devices, chosen = equipped(bare, table.damper, folder, identified)
-    hardware = hardware_of(table.hardware, place.within("hardware"), seed)
+    building, devices, chosen = equip_building(bare, table.damper, folder, identified)
+    hardware = _make_hardware(table.hardware, place.within("hardware"), seed)
     motions = motions_of_study(table.motion, folder, seed, sample_time=hardware.sample_time)
     if not motions:
         place.refuse("the study has no motion; give a [[motion]]")
@@ -91,7 +250,7 @@ def read_study(
     labels = [each.row.label for each in compared] + ([clairvoyant.row.label] if clairvoyant else [])
     _refuse_same(labels, place.within("controller"), "arrangements", "label")
     first = chosen[0].spec.current if chosen else None
-    detailed, drawn = _drawn(table.report, motions, labels, place)
+    detailed, drawn = _choose_drawn(table.report, motions, labels, place)
     return Study(
         title=table.title or bare.name,
         file=file,
@@ -116,7 +275,7 @@ def read_study(
             table.report.histories
         ],
         problem=problem,
-        tunes=tuple(held_settings(each, folder) for each in table.tune),
+        tunes=tuple(resolve_settings(each, folder) for each in table.tune),
         realisations=_realisations(table, place, devices, folder, identified),
         clairvoyant=clairvoyant,
     )
@@ -130,7 +289,7 @@ def _realisations(
     if given is None:
         return None
     where = place.within("uncertainty")
-    drawn: list[NDArray[np.float64] | None] = []
+    drawn: list[Floats | None] = []
     for each in table.damper:
         rows = posterior_draws(each, folder) if given.damper else None
         if rows is not None:
@@ -148,9 +307,7 @@ def _realisations(
         return realisations_of(given, devices, drawn)
 
 
-def _with_parameters(
-    table: DamperTable, fit: IdentifiedDamper, theta: NDArray[np.float64], folder: Path
-) -> NDArray[np.float64]:
+def _with_parameters(table: DamperTable, fit: IdentifiedDamper, theta: Floats, folder: Path) -> Floats:
     """Parameters of the damper of a table whose fit has the parameters `theta`."""
     drawn = replace(fit, theta=tuple(theta.tolist()))
     return chosen_damper(table, folder, lambda run: drawn).theta
@@ -177,7 +334,7 @@ def _refuse_same(names: Sequence[str], place: Place, what: str, key: str) -> Non
         seen.add(name)
 
 
-def _drawn(
+def _choose_drawn(
     table: ReportTable, motions: Sequence[MotionOfStudy], labels: Sequence[str], place: Place
 ) -> tuple[int, tuple[int, ...]]:
     names = [motion.name for motion in motions]
@@ -221,14 +378,8 @@ def _facts(
     return tuple(facts)
 
 
-def hardware_of(table: HardwareTable, place: Place, seed: int) -> Hardware:
-    """The hardware of a table; `seed` is that of the sensor noise.
-
-    Raises
-    ------
-    SettingError
-        If its numbers contradict each other; the message has the line.
-    """
+def _make_hardware(table: HardwareTable, place: Place, seed: int) -> Hardware:
+    """The hardware of a table; `seed` is that of the sensor noise."""
     converted = ("fault", "measured_floors")
     plain = {entry.name: getattr(table, entry.name) for entry in fields(table) if entry.name not in converted}
     faults = []

@@ -14,13 +14,13 @@ from mrwork import arguments
 from mrwork.arguments import NotNegative
 from mrwork.buildings.devices import Device
 from mrwork.closed_loop.clairvoyant_search import Clairvoyant
-from mrwork.closed_loop.evaluation import Spread, criteria, ratio, score, values
+from mrwork.closed_loop.evaluation import Spread, criteria, criterion, ratio, score, values
 from mrwork.closed_loop.responses import ENERGY_TOLERANCE
 from mrwork.errors import SettingError
-from mrwork.study.demand import DeviceDemand, damper_warnings, demands_of
-from mrwork.study.run_result import RunEnd, RunResult
-from mrwork.study.study import Kind, Row, Use
-from mrwork.study.varied import VariedResults
+from mrwork.study.batches import VariedResults
+from mrwork.study.run_result import DeviceDemand, RunEnd, RunResult, damper_warnings, demands_of
+from mrwork.study.schema import Use
+from mrwork.study.study import Kind, Row
 from mrwork.summary import Summarised, Summary, listed, rounded
 from mrwork.units import STANDARD_GRAVITY
 
@@ -95,13 +95,7 @@ class StudyCriteria(Summarised, ABC):
         """Relative change of every criterion with half the step; `None` unless both runs finished."""
 
     def check_place(self, row: int, motion: int) -> None:
-        """Refuse a row or a motion that the study has not.
-
-        Raises
-        ------
-        SettingError
-            If there is no such row or motion.
-        """
+        """Refuse a row or a motion that the study has not."""
         if not (0 <= row < len(self.rows) and 0 <= motion < len(self.motions)):
             raise SettingError(
                 f"there are {len(self.rows)} rows and {len(self.motions)} motions, counted from 0; give one of each, "
@@ -317,3 +311,58 @@ def _relative_change(value: float, other: float) -> float:
     if value == other:
         return 0.0
     return abs(other - value) / abs(value) if value != 0.0 else math.inf
+
+
+ON_OFF = (
+    "On/off laws at a coarse step move most: quantities that jump with the command, such as accelerations, are "
+    "evaluated at the steps only."
+)
+"""Note on the check of the step."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StepChange:
+    """The largest relative change of a criterion of a row with half the step, and its motion.
+
+    `unfinished` are the motions under which one of the two runs did not finish; `criterion` is empty if these are all.
+    """
+
+    row: int
+    change: float = 0.0
+    criterion: str = ""
+    motion: int = 0
+    unfinished: tuple[int, ...] = ()
+
+    def in_words(self, results: StudyCriteria) -> str:
+        """The criterion and the motion, and the motions that are not compared."""
+        found = ""
+        if self.criterion:
+            found = f"{criterion(self.criterion).title}, {results.motions[self.motion].name}"
+        others = ", ".join(results.motions[motion].name for motion in self.unfinished)
+        return "; ".join(part for part in (found, f"not compared: {others}" if others else "") if part)
+
+
+def largest_step_changes(results: StudyCriteria) -> tuple[StepChange, ...]:
+    """The largest change of each row that was repeated with half the step."""
+    checked = results.checked or frozenset()
+    rows = sorted({row for row, _ in checked})
+    return tuple(
+        _largest(results, row, sorted(motion for each, motion in checked if each == row)) for row in rows
+    )
+
+
+def _largest(results: StudyCriteria, row: int, motions: list[int]) -> StepChange:
+    largest: tuple[float, str, int] | None = None
+    unfinished = []
+    for motion in motions:
+        changes = results.step_changes(row, motion)
+        if changes is None:
+            unfinished.append(motion)
+            continue
+        name = max(changes, key=lambda each: changes[each])
+        if largest is None or changes[name] > largest[0]:
+            largest = (changes[name], name, motion)
+    if largest is None:
+        return StepChange(row=row, unfinished=tuple(unfinished))
+    change, name, motion = largest
+    return StepChange(row=row, change=change, criterion=name, motion=motion, unfinished=tuple(unfinished))

@@ -1,39 +1,42 @@
-"""Run a study: every arrangement under every motion; a journal records each run."""
+"""Run a study: every arrangement under every motion, and the non-causal optimum; a journal records each run."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.arguments import Threads, checked
-from mrwork.closed_loop.clairvoyant_search import Clairvoyant
+from mrwork.closed_loop.clairvoyant_search import (
+    Clairvoyant,
+    ClairvoyantProgress,
+    ClairvoyantStart,
+    clairvoyant,
+)
 from mrwork.closed_loop.evaluation import score, values
 from mrwork.closed_loop.responses import Responses, history_signals
-from mrwork.closed_loop.simulate import simulate_loop
+from mrwork.closed_loop.simulate import PrescribedCommands, simulate_loop, simulate_prescribed
 from mrwork.errors import Interrupted, JournalError, SimulationError
 from mrwork.motions import GroundMotion
-from mrwork.store import Journal
+from mrwork.store import Journal, digest_of
 from mrwork.store.codec import plain
 from mrwork.study.arrangements import constant_command, constant_commands
-from mrwork.study.batches import RunCriteria, with_devices
-from mrwork.study.played_commands import PlayedCommands
+from mrwork.study.batches import RunCriteria, VariedResults, simulate_varied, with_devices
 from mrwork.study.results import Key, MotionFacts, StudyResults
 from mrwork.study.run_result import (
     RunHistory,
     RunResult,
     history_of,
-    recorded_result,
+    read_recorded,
     result_of,
 )
 from mrwork.study.study import Arrangement, Row, Study, digest_of_run, fingerprint_of
-from mrwork.study.varied import VariedResults, varied_criteria
 from mrwork.summary import listed
 from mrwork.units import STANDARD_GRAVITY
+from mrwork.values import Floats
 
 # Histories that need more memory than this are simulated one at a time.
 _MOST_HISTORY_BYTES = 2.0**28
@@ -126,7 +129,7 @@ def run_study(
             report(arrangement.row.label)
             known: Mapping[int, RunResult] = {}
             if arrangement.law is None:
-                arrangements[row], known = _with_best_constant(study, arrangement, journal, threads)
+                arrangements[row], known = _choose_best_constant(study, arrangement, journal, threads)
             fresh: dict[int, RunHistory | None] = {}
             for motion, result in runs_of(
                 study, arrangements[row], journal, threads, fresh=fresh, known=known
@@ -160,7 +163,7 @@ def run_study(
         if study.realisations is not None:
             for row, arrangement in enumerate(arrangements):
                 report(f"{arrangement.row.label}, realisations")
-                varied[row] = varied_criteria(
+                varied[row] = simulate_varied(
                     study, arrangement, study.realisations, journal, threads=threads
                 )
     except KeyboardInterrupt:
@@ -233,7 +236,7 @@ def runs_of(
         recalled = (
             None
             if journal is None
-            else journal.recall(step, inputs, lambda record: recorded_result(record, arrangement))
+            else journal.recall(step, inputs, lambda record: read_recorded(record, arrangement))
         )
         if recalled is not None:
             yield motion, recalled
@@ -246,7 +249,7 @@ def runs_of(
             stored = [
                 number for number in study.histories if step_factor == 1 and 0 <= number - motion < count
             ]
-            responses = simulated_by(
+            responses = _simulate(
                 arrangement,
                 study.grounds[motion : motion + count],
                 study,
@@ -268,7 +271,7 @@ def runs_of(
 
 
 def _history(study: Study, arrangement: Arrangement, motion: int, threads: int) -> RunHistory:
-    responses = simulated_by(
+    responses = _simulate(
         arrangement, study.grounds[motion : motion + 1], study, histories=True, threads=threads
     )
     assert responses.histories is not None
@@ -297,7 +300,7 @@ def _histories_together(study: Study, arrangement: Arrangement, first: int) -> i
     return max(1, int(np.sum(needed < _MOST_HISTORY_BYTES)))
 
 
-def simulated_by(
+def _simulate(
     arrangement: Arrangement,
     motions: Sequence[GroundMotion],
     study: Study,
@@ -321,7 +324,7 @@ def simulated_by(
     )
 
 
-def _with_best_constant(
+def _choose_best_constant(
     study: Study, arrangement: Arrangement, journal: Journal | None, threads: int
 ) -> tuple[Arrangement, Mapping[int, RunResult]]:
     """The arrangement with the constant command of the lowest score; and its known runs, unless it is recalled."""
@@ -332,7 +335,7 @@ def _with_best_constant(
 
     def search() -> BestConstant:
         tried = replace(arrangement, law=constant_commands(devices, commands))
-        responses = simulated_by(tried, study.chosen_on, study, threads=threads)
+        responses = _simulate(tried, study.chosen_on, study, threads=threads)
         n_motions = len(study.chosen_on)
         found = [result_of(responses, run, arrangement) for run in range(LEVELS * n_motions)]
         levels = [found[start : start + n_motions] for start in range(0, len(found), n_motions)]
@@ -374,6 +377,103 @@ def _with_best_constant(
     return with_command, known
 
 
-def _criteria(result: RunResult, weight: float) -> dict[str, NDArray[np.float64]]:
+def _criteria(result: RunResult, weight: float) -> dict[str, Floats]:
     found = values(result, weight=weight)
     return found if result.finished else {name: np.array(np.nan) for name in found}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlayedCommands:
+    """The non-causal optimum of a study that asks for it, under each of its motions."""
+
+    study: Study
+    threads: int
+
+    def searched(
+        self,
+        motion: int,
+        arrangements: Sequence[Arrangement],
+        results: StudyResults,
+        journal: Journal | None,
+        report: Callable[[str], None],
+    ) -> Clairvoyant:
+        """The optimum under a motion; one of the starts are the commands of the best law of `results`."""
+        asked, base = self.study.clairvoyant, self.study.at_zero
+        assert asked is not None
+        ground = self.study.grounds[motion]
+
+        def recall(name: str, start: Floats, search: Callable[[], ClairvoyantStart]) -> ClairvoyantStart:
+            report(f"{asked.row.label}, {ground.name}: {name}")
+            if journal is None:
+                return search()
+            inputs = digest_of(digest_of_run(base, ground), asdict(asked.settings), name, start)
+            return journal.once("clairvoyant", inputs, ClairvoyantStart, search)
+
+        def on_progress(progress: ClairvoyantProgress) -> None:
+            report(
+                f"{asked.row.label}, {ground.name}: {progress.start}, iteration {progress.iteration} of "
+                f"{progress.iterations}, score about {progress.smooth_score:.3f}"
+            )
+
+        return clairvoyant(
+            base.building,
+            base.devices,
+            ground,
+            self.study.hardware,
+            settings=asked.settings,
+            starts=self._law_starts(motion, arrangements, results),
+            floors=base.floors,
+            storeys=base.storeys,
+            on_progress=on_progress,
+            recall=recall,
+            threads=self.threads,
+        )
+
+    def run(
+        self, motion: int, found: Clairvoyant, *, histories: bool = False, step_factor: int = 1
+    ) -> tuple[RunResult, RunHistory | None]:
+        """The run of the loop with the commands that were found, and its history."""
+        base = self.study.at_zero
+        responses = simulate_prescribed(
+            base.building,
+            base.devices,
+            found.commands,
+            self.study.grounds[motion],
+            self.study.hardware,
+            histories=histories,
+            step_factor=step_factor,
+            threads=self.threads,
+        )
+        kept = None if responses.histories is None else history_of(responses.histories[0], base)
+        return result_of(responses, 0, base), kept
+
+    def _law_starts(
+        self, motion: int, arrangements: Sequence[Arrangement], results: StudyResults
+    ) -> dict[str, PrescribedCommands]:
+        """Commands of the control law with the lowest score under a motion, if there is one."""
+        asked = self.study.clairvoyant
+        assert asked is not None
+        laws = [
+            (results.score_under(row, (motion,)), row)
+            for row, each in enumerate(arrangements)
+            if each.row.kind == "controller" and row in results.finished(motion)
+        ]
+        if not laws:
+            return {}
+        best = arrangements[min(laws)[1]]
+        assert best.law is not None
+        run = simulate_loop(
+            best.building,
+            best.devices,
+            best.law,
+            [self.study.grounds[motion]],
+            self.study.hardware,
+            histories=True,
+            threads=self.threads,
+        )
+        assert run.histories is not None
+        return {
+            best.row.label: PrescribedCommands.of_history(
+                run.histories[0].command, self.study.hardware.sample_time, asked.settings.interval
+            )
+        }

@@ -1,14 +1,14 @@
-"""Result and history of a run of a study: one arrangement under one ground motion."""
+"""A run of a study, one arrangement under one ground motion: its numbers, its history, its demand on the dampers."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Annotated, Any, get_type_hints
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mrwork.buildings.devices import Device
 from mrwork.closed_loop.responses import (
     ENERGY_TOLERANCE,
     History,
@@ -17,14 +17,20 @@ from mrwork.closed_loop.responses import (
     history_signals,
     run_quantities,
 )
-from mrwork.records.operating_range import least_stroke
+from mrwork.dampers.law_limits import worst_laws
+from mrwork.records.operating_range import (
+    Exceedance,
+    OperatingRange,
+    Outside,
+    covering,
+    least_stroke,
+    worst_of,
+)
 from mrwork.simulate import Outcome
 from mrwork.store.codec import rebuilt
 from mrwork.store.record import OneOf
 from mrwork.study.study import Arrangement
-from mrwork.values import holds_arrays
-
-Floats = NDArray[np.float64]
+from mrwork.values import Floats, holds_arrays
 
 _ENDS = {
     Outcome.FINISHED: "finished",
@@ -155,14 +161,8 @@ def result_of(responses: Responses, run: int, arrangement: Arrangement) -> RunRe
     )
 
 
-def recorded_result(record: Mapping[str, Any], arrangement: Arrangement) -> RunResult:
-    """The result of a run from its line of a journal.
-
-    Raises
-    ------
-    LookupError, TypeError, ValueError
-        Where the line does not have the result of a run of this arrangement.
-    """
+def read_recorded(record: Mapping[str, Any], arrangement: Arrangement) -> RunResult:
+    """The result of a run from its line of a journal."""
     result = rebuilt(RunResult, record)
     _ = Outcome[result.outcome.upper()]
     sizes = {
@@ -192,9 +192,7 @@ def recorded_result(record: Mapping[str, Any], arrangement: Arrangement) -> RunR
 
 def own_columns(responses: Responses, quantity: Quantity, arrangement: Arrangement) -> Floats:
     """A quantity of all runs, for the floors and storeys of the bare building and all that is built into it."""
-    values: Floats = getattr(responses, quantity.name)[
-        (slice(None), *selected_columns(quantity, arrangement))
-    ]
+    values: Floats = getattr(responses, quantity.name)[(slice(None), *_bare_columns(quantity, arrangement))]
     if quantity.name == "peak_stroke" and not arrangement.devices:
         # Added storeys without devices, such as isolators, have a stroke, too.
         others = [number for number in arrangement.strokes if number < responses.peak_drift.shape[1]]
@@ -205,7 +203,7 @@ def own_columns(responses: Responses, quantity: Quantity, arrangement: Arrangeme
     )
 
 
-def selected_columns(quantity: Quantity, arrangement: Arrangement) -> tuple[list[int] | slice, ...]:
+def _bare_columns(quantity: Quantity, arrangement: Arrangement) -> tuple[list[int] | slice, ...]:
     """Index of the columns of the bare building and of the devices of the arrangement."""
     match quantity.axis:
         case "floor":
@@ -228,8 +226,77 @@ def history_of(history: History, arrangement: Arrangement) -> RunHistory:
         history.device_energy[:, : len(arrangement.devices)].sum(axis=1) + history.element_energy.sum(axis=1),
     )
     kept = {
-        signal.name: getattr(history, signal.name)[(slice(None), *selected_columns(signal, arrangement))]
+        signal.name: getattr(history, signal.name)[(slice(None), *_bare_columns(signal, arrangement))]
         for signal in history_signals()
         if signal.name in _HISTORY
     }
     return RunHistory(time=history.time, energy=np.stack(energies, axis=1), **kept)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DeviceDemand:
+    """Demand of a run on one damper of a device, and what of it lies outside its tested ranges."""
+
+    device: str
+    demand: OperatingRange
+    outside: Outside
+
+
+def demands_of(run: RunResult, devices: Sequence[Device], seconds: float) -> tuple[DeviceDemand, ...]:
+    """The demand of a run that lasts `seconds` [s] on each device; none without dampers, or with actuators instead."""
+    # Actuators have forces but no currents; a run that did not finish has no peaks.
+    if not run.finished or len(run.peak_current) != len(devices):
+        return ()
+    found = []
+    for number, device in enumerate(devices):
+        demand = device.demand(
+            stroke=float(run.peak_stroke[number]),
+            velocity=float(run.peak_rate[number]),
+            force=float(run.peak_force[number]),
+            energy=float(run.device_energy[number]),
+            seconds=seconds,
+            peak_command=float(run.peak_current[number]),
+            mean_command=float(run.mean_current[number]),
+            least_stroke=float(run.least_stroke[number]) if run.least_stroke.size else None,
+        )
+        found.append(DeviceDemand(device=device.name, demand=demand, outside=device.outside(demand)))
+    return tuple(found)
+
+
+def names_outside(demands: Sequence[DeviceDemand]) -> tuple[str, ...] | None:
+    """Names of the quantities outside the tested ranges of any device; `None` if no device has tested ranges."""
+    if demands and not any(each.outside.known for each in demands):
+        return None
+    return tuple(dict.fromkeys(name for each in demands for name in each.outside.names))
+
+
+def worst_by_quantity(demands: Sequence[DeviceDemand]) -> tuple[Exceedance, ...]:
+    """The worst exceedance of each quantity over the devices."""
+    every = [(each.device, found) for each in demands for found in each.outside.exceedances]
+    return tuple(worst for worst, _, _ in worst_of(every))
+
+
+def largest_demand(demands: Sequence[DeviceDemand]) -> OperatingRange | None:
+    """The ranges that cover the demand on all devices; `None` without any."""
+    return covering([each.demand for each in demands]) if demands else None
+
+
+def damper_warnings(demands: Mapping[tuple[str, str], Sequence[DeviceDemand]]) -> tuple[str, ...]:
+    """A sentence for each quantity outside the tested ranges, its worst run, and for each law out of its range.
+
+    `demands` are those of each run by the labels of its row and its motion.
+    """
+    every, laws = [], []
+    for (row, motion), devices in demands.items():
+        for quantity in worst_by_quantity(devices):
+            names = [each.device for each in devices if quantity in each.outside.exceedances]
+            every.append((f"{names[0]} under {motion} with {row}", quantity))
+        laws += [limit for each in devices for limit in each.outside.laws]
+    n_runs = sum(1 for devices in demands.values() if devices)
+    return (
+        *(
+            f"{worst.in_words}: {label}; outside the tested range in {count} of {n_runs} runs with dampers."
+            for worst, label, count in worst_of(every)
+        ),
+        *(f"{each.in_words}." for each in worst_laws(laws)),
+    )

@@ -14,8 +14,9 @@ from mrwork.store.arrays_file import finite_numbers, read_arrays
 from mrwork.store.input_file import is_there, stored
 from mrwork.store.output_file import refuse_link, replacing
 from mrwork.store.run_folder import HISTORIES, part_of, real_place
-from mrwork.study.run_result import Floats, RunHistory
+from mrwork.study.run_result import RunHistory
 from mrwork.study.study import Study
+from mrwork.values import Floats
 
 # Hours of a tall building.
 _KIND = replace(stored("respond", name="the history of a run"), largest=4 << 30)
@@ -27,11 +28,6 @@ class Histories:
     """Histories of the study to be written to `path`, in single precision except for time.
 
     While the study runs, they are stored in a folder beside `path`; a resumed study also reads those in `path`.
-
-    Raises
-    ------
-    OutputError
-        Where one of these folders is a link.
     """
 
     def __init__(self, path: Path, study: Study, *, resume: bool) -> None:
@@ -64,13 +60,7 @@ class Histories:
         return False
 
     def keep(self, row: int, motion: int, history: RunHistory) -> None:
-        """Store the history of a run, whole or not at all.
-
-        Raises
-        ------
-        OutputError
-            Where it cannot be written.
-        """
+        """Store the history of a run, whole or not at all."""
         arrays = {
             entry.name: np.asarray(
                 getattr(history, entry.name), dtype=np.float64 if entry.name == "time" else np.float32
@@ -83,13 +73,7 @@ class Histories:
         self._damaged.discard(target)
 
     def read(self, row: int, motion: int) -> RunHistory | None:
-        """The history of a run, if it is stored.
-
-        Raises
-        ------
-        RecordError
-            Where it is damaged.
-        """
+        """The history of a run, if it is stored."""
         path = self._path(row, motion)
         return None if path is None else self._read(path, row, motion)
 
@@ -130,13 +114,7 @@ class Histories:
 
 
 def _check_time(time: Floats, duration: float, sample_time: float) -> None:
-    """Check that there is a sample at every step, from the start of a motion to its end [s].
-
-    Raises
-    ------
-    ValueError
-        If it is not so.
-    """
+    """Check that there is a sample at every step, from the start of a motion to its end [s]."""
     expected = np.arange(time.size) * sample_time
     if time.ndim != 1 or not np.array_equal(time, expected):
         raise ValueError(f"its times are not those of samples every {sample_time:g} s")

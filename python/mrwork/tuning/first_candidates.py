@@ -1,26 +1,29 @@
-"""Candidates that are tried before a search: weights of several origins, or the middle of the ranges."""
+"""Candidates that no search has touched: those tried before it, and the references it is compared with."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+import time
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mrwork.control.design.weights import design_weights
-from mrwork.control.law_settings import SETTINGS
+from mrwork.control.design.designer import design_weights
+from mrwork.control.design_problem import LawSettings, Magnitudes
+from mrwork.control.law_design import SETTINGS
 from mrwork.control.lqr import PUBLISHED_REGULATORS, PublishedRegulator
-from mrwork.control.regulator_settings import RegulatorSettings
-from mrwork.control.setting_base import Magnitudes
-from mrwork.control.weights import CostWeights
 from mrwork.errors import SettingError
 from mrwork.motions.spectral_density import KanaiTajimi
+from mrwork.store import digest_of
+from mrwork.study.run import LEVELS
+from mrwork.study.schema import TuneTable
 from mrwork.summary import Summarised
-from mrwork.tuning.problem import Bench
-from mrwork.tuning.space import Candidate, FreeSetting, SettingSpace
+from mrwork.tuning.problem import Bench, Benches, Scores, describe, recall_or_compute, score_candidates
+from mrwork.tuning.results import LawResult
+from mrwork.tuning.space import Candidate, FreeSetting, SettingSpace, TuningObjective, space_of
+from mrwork.values import Floats
 
 _STEPS = 12
 _WEIGHT = "control_weight"
@@ -75,15 +78,15 @@ def _convex(bench: Bench, magnitudes: Magnitudes) -> Iterator[Mapping[str, Any]]
                 budget=magnitudes.force / _PEAK,
                 spectrum=spectrum,
             )
-            yield {name: _digits(value) for name, value in designed.settings().items()}
+            yield {name: _round_all(value) for name, value in designed.settings().items()}
         except SettingError:
             # A building with an undamped mode has no such weights.
             continue
 
 
-def _digits(value: Any) -> Any:
+def _round_all(value: Any) -> Any:
     """The digits that a study file states, which do not depend on the last bits of a solver."""
-    return tuple(_digits(each) for each in value) if isinstance(value, tuple) else _rounded(float(value))
+    return tuple(_round_all(each) for each in value) if isinstance(value, tuple) else _round(float(value))
 
 
 def first_candidates(space: SettingSpace, basis: Basis) -> list[FirstCandidate]:
@@ -96,7 +99,7 @@ def first_candidates(space: SettingSpace, basis: Basis) -> list[FirstCandidate]:
     middle = {
         name: value
         for name, value in space.candidate(space.start).settings.items()
-        if not _is_weight(name) and name != _WEIGHT
+        if name not in kind.weight_names() and name != _WEIGHT
     }
     found: list[FirstCandidate] = []
 
@@ -109,7 +112,7 @@ def first_candidates(space: SettingSpace, basis: Basis) -> list[FirstCandidate]:
     for shape, origin in _shapes(space, basis):
         for R in _sizes(scanned, shape, space, basis.magnitudes):
             add({**shape, **middle, **R}, origin)
-    if not issubclass(kind, CostWeights):
+    if not kind.weight_names():
         add(middle, "middle of the ranges")
     return found
 
@@ -117,25 +120,22 @@ def first_candidates(space: SettingSpace, basis: Basis) -> list[FirstCandidate]:
 def _shapes(space: SettingSpace, basis: Basis) -> Iterator[tuple[dict[str, Any], str]]:
     """Weights by name, and where they are from; the first are those that the table holds."""
     kind = SETTINGS[space.law]
-    if not issubclass(kind, CostWeights):
+    weights, others = _part_weights(space.held, kind)
+    if not kind.weight_names():
         return
-    equal = _weights(space.held) == kind.weighed_by_default
+    equal = weights == kind.weighed_by_default
     yield dict(space.held), EQUAL if equal else "weights of the study"
     if not equal:
         return
-    others = {name: value for name, value in space.held.items() if not _is_weight(name)}
     yield others, "energy of the building"
-    if not issubclass(kind, RegulatorSettings):
+    if not kind.is_regulator:
         return
     yield {**others, "rates": 1.0}, DASHPOTS
     for convex in basis.convex:
         yield {**others, **convex}, CONVEX
     for published in basis.published:
-        weights = [0.0] * published.n_floors
-        for floor, weight in published.weighed:
-            weights[floor - 1] = weight
         yield (
-            {**others, "accelerations": tuple(weights), _WEIGHT: published.control_weight},
+            {**others, "accelerations": published.weights, _WEIGHT: published.control_weight},
             f"published weights {published.name}",
         )
 
@@ -145,27 +145,120 @@ def _sizes(
 ) -> list[dict[str, float]]:
     """Sizes of R of a shape of weights, logarithmically over its range; about that of the shape where it has one."""
     kind = SETTINGS[space.law]
-    if scanned is None or not issubclass(kind, CostWeights):
+    if scanned is None or not kind.weight_names():
         return [{}]
     if _WEIGHT in shape:
         given = np.asarray(shape[_WEIGHT], dtype=np.float64)
-        return [{_WEIGHT: _digits(_plain(factor * given))} for factor in np.geomspace(1e-5, 10.0, _STEPS + 1)]
+        return [
+            {_WEIGHT: _round_all(_plain(factor * given))} for factor in np.geomspace(1e-5, 10.0, _STEPS + 1)
+        ]
     # The range of R is that of the weights that are held; another shape costs more or less.
-    factor = kind.cost(_weights(shape), magnitudes) / kind.cost(_weights(space.held), magnitudes)
-    return [{_WEIGHT: _rounded(factor * scanned.value(step))} for step in np.linspace(0.0, 1.0, _STEPS + 1)]
+    costs = [kind.cost(_part_weights(each, kind)[0], magnitudes) for each in (shape, space.held)]
+    factor = costs[0] / costs[1]
+    return [{_WEIGHT: _round(factor * scanned.value(step))} for step in np.linspace(0.0, 1.0, _STEPS + 1)]
 
 
-def _plain(numbers: NDArray[np.float64]) -> Any:
+def _plain(numbers: Floats) -> Any:
     return tuple(numbers.tolist()) if numbers.ndim else float(numbers)
 
 
-def _weights(settings: Mapping[str, Any]) -> dict[str, Any]:
-    return {name: value for name, value in settings.items() if _is_weight(name)}
+def _part_weights(
+    settings: Mapping[str, Any], kind: type[LawSettings]
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The weights of outputs and states among settings of a law, and its other settings."""
+    names = kind.weight_names()
+    weights = {name: value for name, value in settings.items() if name in names}
+    return weights, {name: value for name, value in settings.items() if name not in names}
 
 
-def _rounded(value: float) -> float:
+def _round(value: float) -> float:
     return float(f"{value:.4g}")
 
 
-def _is_weight(name: str) -> bool:
-    return name in CostWeights.__dataclass_fields__
+BEST_CONSTANT = "Best constant command"
+"""Label of the best constant command among the references."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Reference:
+    label: str
+    law: str
+    candidates: tuple[Candidate, ...]
+    origin: str
+
+
+def references_of(benches: Benches, objective: TuningObjective, basis: Basis) -> Iterator[LawResult]:
+    """The references, each the best of its candidates on the training motions, in the nominal study.
+
+    They are compared to i = 0 also where the laws are to the best constant command, which is one of them.
+    """
+    objective = replace(objective, relative_to="passive_off")
+    for each in _declare_references(basis):
+        began = time.perf_counter()
+        best = each.candidates[0]
+        if len(each.candidates) > 1:
+            scores = recall_or_compute(
+                benches.journal,
+                "reference",
+                digest_of(each.law, each.candidates),
+                Scores,
+                (len(each.candidates),),
+                lambda each=each: score_candidates(benches.training, objective, each.law, each.candidates),  # type: ignore[misc]
+            )
+            best = each.candidates[scores.best]
+        train, test = benches.judgements(each.law, best, objective, robust=False)
+        yield LawResult(
+            law=each.law,
+            label=each.label,
+            settings=dict(describe(best)),
+            origin=each.origin,
+            train=train,
+            test=test,
+            candidates=len(each.candidates),
+            seconds=time.perf_counter() - began,
+            certificate=benches.training.certificate(each.law, best),
+        )
+
+
+def best_constant(references: Sequence[LawResult]) -> Candidate:
+    """The best constant command among references."""
+    return next(each.chosen for each in references if each.label == BEST_CONSTANT)
+
+
+def _declare_references(basis: Basis) -> Iterator[_Reference]:
+    largest = basis.magnitudes.command
+
+    def constant(share: float) -> Candidate:
+        return Candidate(settings={"command": float(f"{share * largest:.4g}")}, largest_command=largest)
+
+    yield _Reference(label="i = 0", law="passive", candidates=(constant(0.0),), origin="no command")
+    yield _Reference(
+        label=BEST_CONSTANT,
+        law="passive",
+        candidates=tuple(constant(share) for share in np.linspace(0.0, 1.0, LEVELS)),
+        origin=f"best of {LEVELS} on the training motions",
+    )
+    yield _Reference(
+        label="Largest command", law="passive", candidates=(constant(1.0),), origin="largest command"
+    )
+    space = space_of(TuneTable(laws=("clipped_optimal",)), "clipped_optimal", basis.magnitudes)
+    shapes: dict[str, list[Candidate]] = {}
+    for first in first_candidates(space, basis):
+        shapes.setdefault(first.origin, []).append(first.candidate)
+    for origin in (EQUAL, CONVEX, DASHPOTS):
+        if origin in shapes:
+            yield _Reference(
+                label=f"{origin[:1].upper()}{origin[1:]}, R scanned",
+                law="clipped_optimal",
+                candidates=distinct(shapes[origin]),
+                origin=f"{origin}, best of {len(shapes[origin])} sizes of R on the training motions",
+            )
+
+
+def distinct(candidates: Sequence[Candidate]) -> tuple[Candidate, ...]:
+    """Candidates without repetition, in order."""
+    kept: list[Candidate] = []
+    for each in candidates:
+        if each not in kept:
+            kept.append(each)
+    return tuple(kept)

@@ -1,4 +1,8 @@
-"""Tuning of one law: candidates that are tried first, then a search from the best of them."""
+"""Tuning of one law: first candidates, a search from the best, last steps by gradients; and its Pareto front.
+
+The twin gives the derivatives of the score of a smooth law in the gains, differences of designs those of the gains in
+the settings. What gradients reach is a candidate as any other: it is chosen if it is better in the loop itself.
+"""
 
 from __future__ import annotations
 
@@ -6,31 +10,238 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mrwork.control.law_design import design_law, settings_of
-from mrwork.control.law_settings import SETTINGS
+from mrwork.closed_loop.evaluation import criterion
+from mrwork.control.law_design import SETTINGS, design_law, settings_of
 from mrwork.control.laws import control_law
 from mrwork.errors import Interrupted, InvalidSettingError, SettingError
 from mrwork.search.loop import GenerationEvent, Optimiser, run_search
-from mrwork.search.peers import CMAEvolution
-from mrwork.search.registry import OPTIMISERS, PEERS
+from mrwork.search.nondominated import FrontResult, run_front
+from mrwork.search.registry import ALL_OPTIMISERS, PEERS
 from mrwork.search.result import SearchResult
 from mrwork.search.rules import EliteRule, StopRules
 from mrwork.store import digest_of
-from mrwork.study.tuning_schema import TuneTable
-from mrwork.tuning.benches import Benches, recorded
-from mrwork.tuning.first_candidates import Basis, FirstCandidate, first_candidates
-from mrwork.tuning.gradient_finish import Finish, gradient_finish
-from mrwork.tuning.objective import Objective
-from mrwork.tuning.problem import Bench, Scores, described, scored
-from mrwork.tuning.results import Judgement, LawResult, TracePoint, unjudged
-from mrwork.tuning.space import Candidate, SettingSpace
+from mrwork.study.batches import RunCriteria
+from mrwork.study.schema import TuneTable
+from mrwork.study.study import Study
+from mrwork.tuning.first_candidates import Basis, FirstCandidate, distinct, first_candidates
+from mrwork.tuning.problem import Bench, Benches, Scores, describe, recall_or_compute, score_candidates
+from mrwork.tuning.results import (
+    Front,
+    FrontPoint,
+    LawResult,
+    TracePoint,
+    TuningJudgement,
+    judgement_of_objective,
+)
+from mrwork.tuning.space import LARGEST, PENALTY, Candidate, SettingSpace, TuningObjective, refuse_within
+from mrwork.values import Floats, holds_arrays
 
-Floats = NDArray[np.float64]
+if TYPE_CHECKING:
+    from mrwork.twins.loop.tuned import TunedLoop
+
+
+# Difference of the unit coordinate of a setting for the derivative of the gains.
+_DIFFERENCE = 1e-4
+# Longest step of the twin [s].
+_LONGEST_STEP = 2e-3
+
+
+def check_finish(table: TuneTable, study: Study) -> None:
+    """Refuse gradient steps of a law without gradients, or of a loop that the twin does not have."""
+    if not table.gradient_steps:
+        return
+    # JAX is loaded only here.
+    from mrwork.twins.loop.tuned import SMOOTH
+
+    for law in table.laws:
+        if law not in SMOOTH:
+            refuse_within(
+                table,
+                f"{law} has no gradients: it switches, or the twin does not have it; gradient_steps is for "
+                f"{', '.join(SMOOTH)}, leave it out",
+                "gradient_steps",
+            )
+    if table.combine != "mean":
+        refuse_within(
+            table,
+            "gradients are those of a mean of criteria; leave gradient_steps out, or combine",
+            "gradient_steps",
+        )
+    if study.building.elements:
+        refuse_within(
+            table,
+            f"gradients are those of a building without passive elements, and this one has "
+            f"{study.building.elements[0].name}; leave gradient_steps out, or the element",
+            "gradient_steps",
+        )
+    hardware = study.hardware
+    noisy = any(number for pair in hardware.sensors for number in pair)
+    if hardware.feedback != "state" or noisy or hardware.faults or math.isfinite(hardware.command_rate):
+        refuse_within(
+            table,
+            "gradients are those of a loop with feedback of the state, without noise, faults and a rate limit; leave "
+            "gradient_steps out, or these",
+            "gradient_steps",
+        )
+
+
+@holds_arrays
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Finish:
+    """The point of the unit cube that the gradients have reached, shape (n_free,), and how many there were."""
+
+    unit: Floats
+    gradients: int
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """(n_free,)."""
+        return self.unit.shape
+
+
+def follow_gradients(
+    space: SettingSpace,
+    bench: Bench,
+    objective: TuningObjective,
+    start: Floats,
+    steps: int,
+) -> Finish:
+    """Follow the gradient from a point of the unit cube by L-BFGS-B; the largest command stays.
+
+    The score is that of the nominal study; limits are not part of it, since the loop decides on the candidate.
+    """
+    from scipy.optimize import minimize
+
+    largest = space.candidate(start).largest_command
+    loop = _twin(space.law, bench, objective, largest)
+    moved = [place for place, each in enumerate(space.free) if each.name != LARGEST]
+    count = 0
+
+    def value(places: Floats) -> tuple[float, Floats]:
+        nonlocal count
+        count += 1
+        unit = start.copy()
+        unit[moved] = places
+        gains = _gains(space, bench, unit)
+        scores, rates = loop.scores(gains, np.full(len(bench.problem.devices), largest))
+        shares = risk_weights(scores, objective)
+        slopes = []
+        for place in moved:
+            change = _gain_change(space, bench, unit, place)
+            slopes.append(
+                sum(
+                    share * float(np.sum(rate[name] * change[name]))
+                    for share, rate in zip(shares, rates, strict=True)
+                    for name in change
+                )
+            )
+        return float(shares @ scores), np.array(slopes)
+
+    found = minimize(
+        value,
+        start[moved],
+        jac=True,
+        method="L-BFGS-B",
+        bounds=[(0.0, 1.0)] * len(moved),
+        options={"maxiter": steps, "maxfun": 2 * steps},
+    )
+    unit = start.copy()
+    unit[moved] = found.x
+    return Finish(unit=unit, gradients=count)
+
+
+def risk_weights(scores: Floats, objective: TuningObjective) -> Floats:
+    """Weight of each score in the risk, its derivative in the scores, shape (n,)."""
+    n = len(scores)
+    if objective.risk == "mean":
+        return np.full(n, 1.0 / n)
+    worst = np.argsort(-scores, kind="stable")
+    tail = 1.0 if objective.risk == "max" else objective.tail * n
+    shares = np.clip(tail - np.arange(n), 0.0, 1.0)
+    weights = np.empty(n)
+    weights[worst] = shares / shares.sum()
+    return weights
+
+
+def _gains(space: SettingSpace, bench: Bench, unit: Floats) -> dict[str, Floats]:
+    design = settings_of(space.law, space.candidate(unit, exact=True).settings).design(bench.problem)
+    return {name: np.asarray(value, dtype=np.float64) for name, value in design.gains.items()}
+
+
+def _gain_change(space: SettingSpace, bench: Bench, unit: Floats, place: int) -> dict[str, Floats]:
+    """Derivative of the gains in one coordinate, by a central difference within the cube."""
+    ends = []
+    for sign in (-1.0, 1.0):
+        other = unit.copy()
+        other[place] = min(max(unit[place] + sign * _DIFFERENCE, 0.0), 1.0)
+        ends.append((other[place], _gains(space, bench, other)))
+    (below, lower), (above, upper) = ends
+    return {name: (upper[name] - lower[name]) / (above - below) for name in upper}
+
+
+def _twin(law: str, bench: Bench, objective: TuningObjective, largest: float) -> TunedLoop:
+    from mrwork.twins.loop.tuned import TunedLoop, TwinDamper
+
+    building, hardware = bench.arrangement.building, bench.study.hardware
+    if any(criterion(name).summed or criterion(name).over_weight for name in objective.weights):
+        raise SettingError(
+            "gradients are of peaks and rms values; leave gradient_steps out, or other criteria"
+        )
+    curve, theta = bench.problem.limited_to(largest).curve
+    devices = bench.problem.devices
+    dampers = [
+        TwinDamper(
+            spec=each.spec,
+            theta=each.draws[0],
+            row=np.asarray(each.row, dtype=np.float64),
+            count=float(each.count),
+            differential=each.differential,
+        )
+        for each in devices
+    ]
+    own = None
+    if curve != devices[0].spec:
+        own = [
+            TwinDamper(
+                spec=curve,
+                theta=np.asarray(theta),
+                row=each.row,
+                count=each.count,
+                differential=each.differential,
+            )
+            for each in dampers
+        ]
+    steps = max(
+        1, math.ceil(hardware.sample_time / min(_LONGEST_STEP, hardware.sample_time / hardware.steps))
+    )
+    floors, storeys = list(bench.arrangement.floors), list(bench.arrangement.storeys)
+    return TunedLoop(
+        law,
+        matrices={
+            "mass": building.mass,
+            "damping": building.damping,
+            "stiffness": building.stiffness,
+            "influence": building.influence,
+            "floors": building.floors[floors],
+            "storeys": building.storeys[storeys],
+        },
+        dampers=dampers,
+        believed=own,
+        motions=[(motion.dt, np.asarray(motion.acceleration)) for motion in bench.motions],
+        step=hardware.sample_time / steps,
+        steps_per_sample=steps,
+        delay=round(hardware.delay / (hardware.sample_time / steps)),
+        weights={criterion(name).quantity: weight for name, weight in objective.weights.items()},
+        baseline=np.stack(
+            [bench.baseline(objective).of(name)[0, :, 0] for name in objective.weights], axis=1
+        ),
+    )
+
+
 Report = Callable[[int, float], None]
 """Called with the number of candidates of the law so far, and their least penalised objective."""
 
@@ -60,24 +271,18 @@ class TuningProgress:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Plan:
+class LawPlan:
     """A law to be tuned."""
 
     table: TuneTable
     law: str
-    objective: Objective
+    objective: TuningObjective
     space: SettingSpace
     label: str
 
 
-def check_settings(plan: Plan, bench: Bench) -> None:
-    """Refuse settings of a table that no candidate can have, as weights of other floors than those of the building.
-
-    Raises
-    ------
-    InvalidSettingError
-        If the law cannot be designed with them; the message has the line.
-    """
+def check_settings(plan: LawPlan, bench: Bench) -> None:
+    """Refuse settings of a table that no candidate can have, as weights of other floors than those of the building."""
     candidate = plan.space.candidate(plan.space.start)
     try:
         design_law(plan.law, bench.problem, settings_of(plan.law, candidate.settings))
@@ -90,14 +295,8 @@ def check_settings(plan: Plan, bench: Bench) -> None:
         return
 
 
-def tuned_law(plan: Plan, benches: Benches, basis: Basis, *, rng: int, report: Report) -> LawResult:
-    """Tune a law and judge it.
-
-    Raises
-    ------
-    Interrupted
-        On Ctrl-C during the search, with the `LawResult` so far, which is not judged.
-    """
+def tune_law(plan: LawPlan, benches: Benches, basis: Basis, *, rng: int, report: Report) -> LawResult:
+    """Tune a law and judge it."""
     began = time.perf_counter()
     table = plan.table
     bench = benches.searched(robust=table.robust)
@@ -105,24 +304,24 @@ def tuned_law(plan: Plan, benches: Benches, basis: Basis, *, rng: int, report: R
     if not plan.space.continuous:
         firsts = [FirstCandidate(candidate=each, origin="all levels") for each in plan.space.every()]
     candidates = tuple(each.candidate for each in firsts)
-    scores = recorded(
+    scores = recall_or_compute(
         benches.journal,
         "first candidates",
         digest_of(plan.label, candidates),
         Scores,
         (len(candidates),),
-        lambda: scored(bench, plan.objective, plan.law, candidates),
+        lambda: score_candidates(bench, plan.objective, plan.law, candidates),
     )
     best, least = scores.best, float(scores.penalised[scores.best])
     chosen, origin = firsts[best].candidate, firsts[best].origin
     trace = [TracePoint(candidates=len(candidates), least=least)]
     report(len(candidates), least)
 
-    def result(train: Judgement, test: Judgement | None, certificate: str) -> LawResult:
+    def result(train: TuningJudgement, test: TuningJudgement | None, certificate: str) -> LawResult:
         return LawResult(
             law=plan.law,
             label=plan.label,
-            settings=dict(described(chosen)),
+            settings=dict(describe(chosen)),
             origin=origin,
             train=train,
             test=test,
@@ -148,15 +347,17 @@ def tuned_law(plan: Plan, benches: Benches, basis: Basis, *, rng: int, report: R
             report(trace[-1].candidates, trace[-1].least)
 
         try:
-            found = _searched(plan, bench, benches, candidates, scores, rng, on_generation)
+            found = _search(plan, bench, benches, candidates, scores, rng, on_generation)
         except Interrupted as interrupt:
             if interrupt.result.best_misfit < least:
                 chosen, origin = plan.space.candidate(interrupt.result.best_unit), "search, interrupted"
-            raise Interrupted(result(unjudged(trace[-1].least), None, ""), "tuning") from interrupt
+            raise Interrupted(
+                result(judgement_of_objective(trace[-1].least), None, ""), "tuning"
+            ) from interrupt
         if found.best_misfit < least:
             chosen, origin = plan.space.candidate(found.best_unit), _ENDS.get(found.stop_reason, "search")
         if table.gradient_steps:
-            last = _finished(plan, bench, benches, chosen)
+            last = _finish(plan, bench, benches, chosen)
             trace.append(
                 TracePoint(candidates=trace[-1].candidates + 1, least=min(trace[-1].least, last.misfit))
             )
@@ -167,41 +368,43 @@ def tuned_law(plan: Plan, benches: Benches, basis: Basis, *, rng: int, report: R
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Finished:
+class _FinishedCandidate:
     candidate: Candidate
     misfit: float
     gradients: int
 
 
-def _finished(plan: Plan, bench: Bench, benches: Benches, chosen: Candidate) -> _Finished:
+def _finish(plan: LawPlan, bench: Bench, benches: Benches, chosen: Candidate) -> _FinishedCandidate:
     """The candidate that gradients reach from the chosen one, with its misfit in the loop."""
     start = plan.space.unit(chosen)
     if start is None:
-        return _Finished(candidate=chosen, misfit=math.inf, gradients=0)
-    point = recorded(
+        return _FinishedCandidate(candidate=chosen, misfit=math.inf, gradients=0)
+    point = recall_or_compute(
         benches.journal,
         "gradients",
         digest_of(plan.label, chosen),
         Finish,
         start.shape,
-        lambda: gradient_finish(
+        lambda: follow_gradients(
             plan.space, benches.training, plan.objective, start, plan.table.gradient_steps
         ),
     )
     candidate = plan.space.candidate(point.unit)
-    scores = recorded(
+    scores = recall_or_compute(
         benches.journal,
         "finish",
         digest_of(plan.label, candidate),
         Scores,
         (1,),
-        lambda: scored(bench, plan.objective, plan.law, [candidate]),
+        lambda: score_candidates(bench, plan.objective, plan.law, [candidate]),
     )
-    return _Finished(candidate=candidate, misfit=float(scores.penalised[0]), gradients=point.gradients)
+    return _FinishedCandidate(
+        candidate=candidate, misfit=float(scores.penalised[0]), gradients=point.gradients
+    )
 
 
-def _searched(
-    plan: Plan,
+def _search(
+    plan: LawPlan,
     bench: Bench,
     benches: Benches,
     firsts: tuple[Candidate, ...],
@@ -218,7 +421,7 @@ def _searched(
         keys = [repr(each) for each in asked]
         fresh = {key: each for key, each in zip(keys, asked, strict=True) if key not in known}
         if fresh:
-            found = scored(bench, plan.objective, plan.law, list(fresh.values()))
+            found = score_candidates(bench, plan.objective, plan.law, list(fresh.values()))
             known.update(zip(fresh, found.penalised.tolist(), strict=True))
         return np.array([known[key] for key in keys])
 
@@ -246,11 +449,9 @@ def _searched(
 
 def _optimiser(table: TuneTable, n_params: int, best: Floats | None) -> Optimiser[Any]:
     """The search of a table, with its population and budget; one without a population begins at the best candidate."""
-    chosen: Any = {**OPTIMISERS, **PEERS}[table.search]
-    if isinstance(chosen, CMAEvolution) and best is not None:
-        # The boundary itself has no room for half of the first candidates.
-        inside = np.clip(best, _SPREAD, 1.0 - _SPREAD)
-        chosen = replace(chosen, begin=tuple(inside.tolist()), deviation=_SPREAD)
+    chosen: Any = ALL_OPTIMISERS[table.search]
+    if best is not None and table.search in PEERS:
+        chosen = PEERS[table.search].near(best, _SPREAD)
     return replace(  # type: ignore[no-any-return] # every optimiser is a dataclass with these settings
         chosen,
         population=table.population,
@@ -264,3 +465,69 @@ def _optimiser(table: TuneTable, n_params: int, best: Floats | None) -> Optimise
         ),
         elite=EliteRule(count=1),
     )
+
+
+def front_of(plan: LawPlan, benches: Benches, basis: Basis, *, rng: int, report: Report) -> Front:
+    """Search the front of a law on the training motions, and evaluate its points on the test motions."""
+    table, space = plan.table, plan.space
+    bench = benches.searched(robust=table.robust)
+    parts = [replace(plan.objective, weights={name: 1.0}) for name in table.objectives]
+
+    def objectives(units: Floats) -> Floats:
+        candidates = [space.candidate(unit) for unit in units]
+        found = bench.run(plan.law, candidates)
+        return _ratios(found, bench, parts) + PENALTY * parts[0].violation(found)[:, None]
+
+    firsts = [each.candidate for each in first_candidates(space, basis)]
+    starts = [unit for each in firsts if (unit := space.unit(each)) is not None]
+    found: FrontResult = run_front(
+        objectives,
+        n_params=len(space.free),
+        n_objectives=len(parts),
+        population=table.population,
+        budget=table.budget,
+        rng=rng + table.seed,
+        starts=np.array(starts).reshape(-1, len(space.free)),
+        journal=benches.journal,
+        on_generation=lambda evaluations: report(evaluations, float("nan")),
+    )
+    candidates = list(distinct([space.candidate(unit) for unit in found.units]))
+    train = _evaluate(benches, bench, plan, parts, candidates)
+    testing = benches.tested(robust=table.robust)
+    test = None if testing is None else _evaluate(benches, testing, plan, parts, candidates)
+    points = [
+        FrontPoint(
+            settings=dict(describe(candidate)),
+            train=dict(zip(table.objectives, train[place].tolist(), strict=True)),
+            test=None if test is None else dict(zip(table.objectives, test[place].tolist(), strict=True)),
+            certificate=bench.certificate(plan.law, candidate),
+        )
+        for place, candidate in enumerate(candidates)
+    ]
+    return Front(
+        law=plan.law,
+        label=plan.label,
+        objectives=table.objectives,
+        points=tuple(points),
+        candidates=found.evaluations,
+    )
+
+
+def _ratios(found: RunCriteria, bench: Bench, parts: list[TuningObjective]) -> Floats:
+    """The objectives of candidates over their baseline, shape (n_candidates, n_objectives)."""
+    return np.column_stack([part.value(part.run_scores(found, bench.baseline(part))) for part in parts])
+
+
+def _evaluate(
+    benches: Benches, bench: Bench, plan: LawPlan, parts: list[TuningObjective], candidates: list[Candidate]
+) -> Floats:
+    inputs = digest_of(plan.label, candidates, [motion.name for motion in bench.motions])
+    found = recall_or_compute(
+        benches.journal,
+        "front",
+        inputs,
+        RunCriteria,
+        bench.shape_of(len(candidates)),
+        lambda: bench.run(plan.law, candidates),
+    )
+    return _ratios(found, bench, parts)

@@ -1,31 +1,30 @@
-"""The problem of tuning one law: candidates in, scores out, in as few calls of the simulation as possible."""
+"""The benches of a tuning: candidates in, criteria and judgements out, by few calls of the simulation."""
 
 from __future__ import annotations
 
 import math
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Protocol, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mrwork.closed_loop.evaluation import criteria
-from mrwork.control.design_problem import DesignProblem
+from mrwork.closed_loop.evaluation import SCORE, Spread, criteria
+from mrwork.control.design_problem import NO_CERTIFICATE, DesignProblem, Magnitudes
 from mrwork.control.law_design import design_candidates, design_law, settings_of
 from mrwork.control.laws import control_law
-from mrwork.control.setting_base import NO_CERTIFICATE, Magnitudes
 from mrwork.errors import SettingError
 from mrwork.motions import GroundMotion
-from mrwork.study.batches import RunCriteria, simulated_criteria
-from mrwork.study.realisations import Realisations
-from mrwork.study.study import Arrangement, Row, Study
+from mrwork.store import Journal, digest_of
+from mrwork.study.batches import RealisationBand, RunCriteria, simulate_criteria
+from mrwork.study.run import runs_of
+from mrwork.study.run_result import DeviceDemand, demands_of
+from mrwork.study.study import Arrangement, Realisations, Row, Study, nominal
 from mrwork.summary import Summarised
-from mrwork.tuning.objective import PENALTY, Objective
-from mrwork.tuning.space import Candidate
-from mrwork.values import holds_arrays
-
-Floats = NDArray[np.float64]
+from mrwork.tuning.results import Better, MotionScore, TuningJudgement
+from mrwork.tuning.space import PENALTY, Candidate, TuningObjective, over
+from mrwork.values import Floats, holds_arrays
 
 
 @dataclass(slots=True, kw_only=True)
@@ -60,7 +59,7 @@ class Bench(Summarised):
     clock: Clock
     constant: RunCriteria | None = None
 
-    def baseline(self, objective: Objective) -> RunCriteria:
+    def baseline(self, objective: TuningObjective) -> RunCriteria:
         """What the criteria of an objective are divided by."""
         if objective.relative_to == "passive_off":
             return self.passive
@@ -76,13 +75,15 @@ class Bench(Summarised):
         shape = (len(criteria()), *self.shape_of(len(candidates)))
         numbers, error, seconds = np.full(shape, math.inf), np.full(shape[1:], math.inf), 0.0
         for members, together in self._batches(law, candidates):
-            problem = self.problem if together else self.limited(candidates[members[0]].largest_command)
+            problem = (
+                self.problem if together else self.problem.limited_to(candidates[members[0]].largest_command)
+            )
             known = [settings_of(law, candidates[n].settings) for n in members]
             designed = design_candidates(law, problem, known)
             if designed.law is None:
                 continue
             places = [members[index] for index in designed.designed]
-            found = simulated_criteria(
+            found = simulate_criteria(
                 replace(self.arrangement, devices=tuple(problem.devices), law=None),
                 designed.law,
                 self.motions,
@@ -117,17 +118,9 @@ class Bench(Summarised):
             for level in levels
         ]
 
-    def limited(self, largest: float) -> DesignProblem:
-        """The design problem with dampers that get a part of their largest command."""
-        devices = tuple(
-            replace(device, largest_command=min(largest, device.largest_command))
-            for device in self.problem.devices
-        )
-        return replace(self.problem, devices=devices)
-
     def arrangement_with(self, law: str, candidate: Candidate, label: str) -> Arrangement:
         """The dampers of the study under a law with these settings, as `mrwork respond` simulates it."""
-        problem = self.limited(candidate.largest_command)
+        problem = self.problem.limited_to(candidate.largest_command)
         return replace(
             self.arrangement,
             row=Row(label=label, kind="controller"),
@@ -138,19 +131,15 @@ class Bench(Summarised):
     def certificate(self, law: str, candidate: Candidate) -> str:
         """What is proved of a law with these settings."""
         try:
-            return settings_of(law, candidate.settings).certificate(self.limited(candidate.largest_command))
+            return settings_of(law, candidate.settings).certificate(
+                self.problem.limited_to(candidate.largest_command)
+            )
         except SettingError:
             return NO_CERTIFICATE
 
 
 def check_controllable(study: Study) -> None:
-    """Refuse a study of which no law can be tuned.
-
-    Raises
-    ------
-    SettingError
-        If the study has no dampers, or these follow no command.
-    """
+    """Refuse a study of which no law can be tuned."""
     if study.problem is None or not study.devices:
         raise SettingError(f"study {study.title!r} has no dampers to be controlled; give a [[damper]]")
     if not any(device.spec.follows_command for device in study.devices):
@@ -190,7 +179,9 @@ class Scores(Summarised):
         return int(np.argmin(self.penalised))
 
 
-def scored(bench: Bench, objective: Objective, law: str, candidates: Sequence[Candidate]) -> Scores:
+def score_candidates(
+    bench: Bench, objective: TuningObjective, law: str, candidates: Sequence[Candidate]
+) -> Scores:
     """The scores of candidates on a bench."""
     found = bench.run(law, candidates)
     value = objective.value(objective.run_scores(found, bench.baseline(objective)))
@@ -235,6 +226,270 @@ def _middle(values: Floats) -> float:
     return float(np.median(finite))
 
 
-def described(candidate: Candidate) -> Mapping[str, object]:
+def describe(candidate: Candidate) -> Mapping[str, object]:
     """The settings of a candidate with its largest command, as a study file states them."""
     return {**candidate.settings, "largest_command": candidate.largest_command}
+
+
+# That of a study, whatever a table minimises, so that all laws are compared by one number.
+_SCORE = TuningObjective(weights=dict.fromkeys(SCORE, 1.0))
+
+
+class Shaped(Protocol):
+    """A result with one number for each of its inputs."""
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """How many there are along each axis."""
+
+
+T = TypeVar("T", bound=Shaped)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Benches(Summarised):
+    """Benches with the training and the test motions; the varied ones have the realisations of the study, if any."""
+
+    training: Bench
+    testing: Bench | None
+    training_varied: Bench | None
+    testing_varied: Bench | None
+    journal: Journal | None
+
+    def searched(self, *, robust: bool) -> Bench:
+        """The bench on which candidates are scored."""
+        return self.training_varied if robust and self.training_varied is not None else self.training
+
+    def tested(self, *, robust: bool) -> Bench | None:
+        """The bench with the test motions on which points of a front are judged."""
+        return self.testing_varied if robust and self.testing_varied is not None else self.testing
+
+    def with_constant(self, constant: Candidate) -> Benches:
+        """With the criteria under the best constant command, a baseline of objectives."""
+
+        def beside(name: str, bench: Bench) -> Bench:
+            found = recall_or_compute(
+                self.journal,
+                "baseline",
+                digest_of(name, constant),
+                RunCriteria,
+                bench.shape_of(1),
+                lambda: bench.run("passive", [constant]),
+            )
+            return replace(bench, constant=found)
+
+        def beside_if(name: str, bench: Bench | None) -> Bench | None:
+            return None if bench is None else beside(name, bench)
+
+        return replace(
+            self,
+            training=beside("training", self.training),
+            testing=beside_if("testing", self.testing),
+            training_varied=beside_if("training_varied", self.training_varied),
+            testing_varied=beside_if("testing_varied", self.testing_varied),
+        )
+
+    def judgements(
+        self, law: str, candidate: Candidate, objective: TuningObjective, *, robust: bool
+    ) -> tuple[TuningJudgement, TuningJudgement | None]:
+        """A candidate on the training and on the test motions; bands are of the test motions, if there are any."""
+        wide = self.training_varied if robust or self.testing is None else None
+        train = self._judged(self.training, wide, law, candidate, objective, robust)
+        if self.testing is None:
+            return train, None
+        return train, self._judged(self.testing, self.testing_varied, law, candidate, objective, robust)
+
+    def demands(
+        self, law: str, candidate: Candidate, label: str
+    ) -> dict[tuple[str, str], tuple[DeviceDemand, ...]]:
+        """Demand of a law on each damper under every motion of the study, by label and motion; none without a law."""
+        bench = self.training
+        try:
+            arrangement = bench.arrangement_with(law, candidate, label)
+        except SettingError:
+            return {}
+        runs = runs_of(bench.study, arrangement, self.journal, bench.threads)
+        motions = bench.study.motions
+        return {
+            (label, motions[number].name): demands_of(
+                run, arrangement.devices, motions[number].ground.duration
+            )
+            for number, run in runs
+        }
+
+    def _judged(
+        self,
+        bench: Bench,
+        wide: Bench | None,
+        law: str,
+        candidate: Candidate,
+        objective: TuningObjective,
+        robust: bool,
+    ) -> TuningJudgement:
+        def on(each: Bench) -> RunCriteria:
+            inputs = digest_of(
+                law, candidate, [motion.name for motion in each.motions], len(each.realisations)
+            )
+            return recall_or_compute(
+                self.journal,
+                "judgement",
+                inputs,
+                RunCriteria,
+                each.shape_of(1),
+                lambda: each.run(law, [candidate]),
+            )
+
+        found = on(bench)
+        varied = None if wide is None else Varied(bench=wide, found=on(wide))
+        return judge(bench, objective, found, varied, robust=robust)
+
+
+def recall_or_compute(
+    journal: Journal | None,
+    step: str,
+    inputs: str,
+    kind: type[T],
+    shape: tuple[int, ...],
+    compute: Callable[[], T],
+) -> T:
+    """A step of this shape from the journal, or computed; without a journal always computed."""
+    if journal is None:
+        return compute()
+    return journal.once(step, inputs, kind, compute, agrees=lambda found: found.shape == shape)
+
+
+def benches_of(
+    study: Study, *, journal: Journal | None, threads: int, clock: Clock, robust: bool = True
+) -> Benches:
+    """The benches of a study; the dampers at i = 0 are simulated on each.
+
+    Unless a table is `robust`, training motions have no realisations where there are test motions.
+    """
+    check_controllable(study)
+    problem = study.problem
+    assert problem is not None
+    training = study.chosen_on
+    testing = tuple(each.ground for each in study.motions if each.use == "test")
+    separate = any(each.use == "training" for each in study.motions)
+    one = nominal(study.devices)
+
+    def bench(motions: Sequence[GroundMotion], realisations: Realisations) -> Bench:
+        arrangement = next(each for each in study.arrangements if each.row.kind == "passive_off")
+
+        def passive() -> RunCriteria:
+            assert arrangement.law is not None
+            found = simulate_criteria(
+                arrangement,
+                arrangement.law,
+                motions,
+                study.hardware,
+                realisations,
+                bare=study.building,
+                threads=threads,
+            )
+            clock.simulating += found.seconds
+            return found
+
+        inputs = digest_of([motion.name for motion in motions], len(realisations))
+        return Bench(
+            study=study,
+            arrangement=arrangement,
+            problem=problem,
+            motions=tuple(motions),
+            realisations=realisations,
+            passive=recall_or_compute(
+                journal, "passive", inputs, RunCriteria, (1, len(motions), len(realisations)), passive
+            ),
+            threads=threads,
+            clock=clock,
+        )
+
+    wide = study.realisations
+    return Benches(
+        training=bench(training, one),
+        testing=bench(testing, one) if separate else None,
+        training_varied=None if wide is None or (separate and not robust) else bench(training, wide),
+        testing_varied=bench(testing, wide) if separate and wide is not None else None,
+        journal=journal,
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Varied:
+    """A bench with realisations, and the criteria of a candidate on it."""
+
+    bench: Bench
+    found: RunCriteria
+
+
+def judge(
+    bench: Bench, objective: TuningObjective, found: RunCriteria, varied: Varied | None, *, robust: bool
+) -> TuningJudgement:
+    """The judgement of one candidate.
+
+    Parameters
+    ----------
+    found
+        Its criteria on the bench, of one realisation: the nominal study.
+    varied
+        The same with realisations, if the study has any.
+    robust
+        Whether the objective takes the realisations.
+    """
+    ratios = _ratios(found, bench.passive)
+    names = [motion.name for motion in bench.motions]
+    per_motion = {name: values[0, :, 0] for name, values in ratios.items()}
+    value_of, on = found, bench
+    if varied is not None and robust:
+        value_of, on = varied.found, varied.bench
+    scores = objective.run_scores(value_of, on.baseline(objective))
+    numbers = {name: float(values.mean()) for name, values in per_motion.items()}
+    return TuningJudgement(
+        score=numbers.pop("score"),
+        objective=float(objective.value(scores)[0]),
+        violation=_finite(float(objective.violation(value_of)[0])),
+        criteria=numbers,
+        largest={entry.name: float(found.of(entry.name)[0].max()) for entry in criteria() if not entry.ratio},
+        spread={name: Spread.of(values.tolist()) for name, values in per_motion.items()},
+        motions=tuple(
+            MotionScore(
+                motion=name,
+                score=float(per_motion["score"][number]),
+                criteria={each: float(v[number]) for each, v in per_motion.items() if each != "score"},
+            )
+            for number, name in enumerate(names)
+        ),
+        energy_error=float(found.energy_error.max()),
+        bands={} if varied is None else _bands(_ratios(varied.found, varied.bench.passive)),
+    )
+
+
+def _finite(value: float) -> float:
+    return value if math.isfinite(value) else math.inf
+
+
+def _ratios(found: RunCriteria, passive: RunCriteria) -> dict[str, Floats]:
+    """Score and ratios to i = 0 of each run, shape (n_candidates, n_motions, n_realisations)."""
+    ratios = {"score": _SCORE.run_scores(found, passive)}
+    return ratios | {
+        entry.name: over(found.of(entry.name), passive.of(entry.name)) for entry in criteria() if entry.ratio
+    }
+
+
+def _bands(ratios: Mapping[str, Floats]) -> dict[str, RealisationBand]:
+    """Bands of the means over motions."""
+    return {name: RealisationBand.of(values[0].mean(axis=0)) for name, values in ratios.items()}
+
+
+def count_better(law: TuningJudgement, constant: TuningJudgement) -> Better:
+    """How often a law is better than a constant command, motion by motion."""
+    pairs: Sequence[tuple[MotionScore, MotionScore]] = list(zip(law.motions, constant.motions, strict=True))
+
+    def lower(name: str) -> list[bool]:
+        return [one.criteria[name] < other.criteria[name] for one, other in pairs]
+
+    drift, acceleration = lower("peak_drift"), lower("peak_acceleration")
+    both = [one and other for one, other in zip(drift, acceleration, strict=True)]
+    return Better(
+        peak_drift=sum(drift), peak_acceleration=sum(acceleration), both=sum(both), motions=len(pairs)
+    )

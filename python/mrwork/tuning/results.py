@@ -1,31 +1,35 @@
-"""Results of a tuning: settings of each law and its scores on training and test motions; references alike."""
+"""Results of a tuning: settings of each law and its scores on training and test motions; and its folder."""
 
 from __future__ import annotations
 
+import csv
+import io
+import json
 import math
+import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
 from typing import Any, Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
-from mrwork.arguments import NotNegative, Whole
-from mrwork.closed_loop.evaluation import SCORE, Spread, criteria
-from mrwork.store.record import OrInfinite, OrNan, Related
-from mrwork.study.batches import Band, RunCriteria
+from mrwork.arguments import NotNegative, Whole, checked
+from mrwork.closed_loop.evaluation import Spread
+from mrwork.errors import RecordError
+from mrwork.store.codec import finite, json_document
+from mrwork.store.destination import Destination
+from mrwork.store.manifest import check_manifest, read_manifest
+from mrwork.store.output_folder import write_folder
+from mrwork.store.parse import toml_table
+from mrwork.store.record import OrInfinite, OrNan, Related, read_document
+from mrwork.store.run_folder import CHOSEN, JOURNAL, REPORT, RESULTS, SCORES_TABLE, STUDY, TUNING_RUN
+from mrwork.study.batches import RealisationBand
+from mrwork.study.study import StudyFile
 from mrwork.summary import Summarised, Summary, listed, rounded, with_decimals
-from mrwork.tuning.objective import Objective, over
-from mrwork.tuning.problem import Bench
 from mrwork.tuning.space import LARGEST, Candidate, FreeSetting
-
-Floats = NDArray[np.float64]
 
 _MARGIN = 0.01
 # Longest array whose numbers are shown in a line.
 _MOST_IN_WORDS = 8
-# That of a study, whatever a table minimises, so that all laws are compared by one number.
-_SCORE = Objective(weights=dict.fromkeys(SCORE, 1.0))
 TRAINING_ONLY = (
     "No motion of the study is for testing only: every score is of the motions that the settings were tuned on, and "
     'says nothing about others. Give some motions use = "training" and others use = "test".'
@@ -42,7 +46,7 @@ class MotionScore:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class Judgement(Summarised):
+class TuningJudgement(Summarised):
     """A law on some motions, in the nominal study.
 
     `score` is that of a study, whatever is minimised: the mean over motions of peak and rms drift and acceleration over
@@ -60,12 +64,16 @@ class Judgement(Summarised):
     spread: dict[str, Spread]
     motions: tuple[MotionScore, ...]
     energy_error: OrNan
-    bands: dict[str, Band] = field(default_factory=dict)
+    bands: dict[str, RealisationBand] = field(default_factory=dict)
 
 
-def unjudged(objective: float) -> Judgement:
+Judgement = TuningJudgement
+"""Its public name."""
+
+
+def judgement_of_objective(objective: float) -> TuningJudgement:
     """The judgement of an interrupted tuning, of which only the objective is known."""
-    return Judgement(
+    return TuningJudgement(
         score=math.nan,
         objective=objective,
         violation=0.0,
@@ -108,8 +116,8 @@ class LawResult(Summarised, Related):
     label: str
     settings: dict[str, Any]
     origin: str
-    train: Judgement
-    test: Judgement | None
+    train: TuningJudgement
+    test: TuningJudgement | None
     candidates: Whole
     seconds: NotNegative
     certificate: str
@@ -240,7 +248,7 @@ class TuningResults(Summarised):
         )
 
 
-def _judged(law: LawResult) -> Judgement:
+def _judged(law: LawResult) -> TuningJudgement:
     return law.train if law.test is None else law.test
 
 
@@ -277,82 +285,132 @@ def _value(value: Any) -> str:
     return f"[{', '.join(_value(each) for each in value)}]"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Varied:
-    """A bench with realisations, and the criteria of a candidate on it."""
-
-    bench: Bench
-    found: RunCriteria
-
-
-def judged(
-    bench: Bench, objective: Objective, found: RunCriteria, varied: Varied | None, *, robust: bool
-) -> Judgement:
-    """The judgement of one candidate.
-
-    Parameters
-    ----------
-    found
-        Its criteria on the bench, of one realisation: the nominal study.
-    varied
-        The same with realisations, if the study has any.
-    robust
-        Whether the objective takes the realisations.
-    """
-    ratios = _ratios(found, bench.passive)
-    names = [motion.name for motion in bench.motions]
-    per_motion = {name: values[0, :, 0] for name, values in ratios.items()}
-    value_of, on = found, bench
-    if varied is not None and robust:
-        value_of, on = varied.found, varied.bench
-    scores = objective.run_scores(value_of, on.baseline(objective))
-    numbers = {name: float(values.mean()) for name, values in per_motion.items()}
-    return Judgement(
-        score=numbers.pop("score"),
-        objective=float(objective.value(scores)[0]),
-        violation=_finite(float(objective.violation(value_of)[0])),
-        criteria=numbers,
-        largest={entry.name: float(found.of(entry.name)[0].max()) for entry in criteria() if not entry.ratio},
-        spread={name: Spread.of(values.tolist()) for name, values in per_motion.items()},
-        motions=tuple(
-            MotionScore(
-                motion=name,
-                score=float(per_motion["score"][number]),
-                criteria={each: float(v[number]) for each, v in per_motion.items() if each != "score"},
-            )
-            for number, name in enumerate(names)
-        ),
-        energy_error=float(found.energy_error.max()),
-        bands={} if varied is None else _bands(_ratios(varied.found, varied.bench.passive)),
-    )
-
-
-def _finite(value: float) -> float:
-    return value if math.isfinite(value) else math.inf
-
-
-def _ratios(found: RunCriteria, passive: RunCriteria) -> dict[str, Floats]:
-    """Score and ratios to i = 0 of each run, shape (n_candidates, n_motions, n_realisations)."""
-    ratios = {"score": _SCORE.run_scores(found, passive)}
-    return ratios | {
-        entry.name: over(found.of(entry.name), passive.of(entry.name)) for entry in criteria() if entry.ratio
+def write_tuning(
+    destination: Destination,
+    results: TuningResults,
+    *,
+    study_file: StudyFile,
+    page: str | None,
+    manifest: Mapping[str, object],
+    journal: Path,
+) -> None:
+    """Write the folder of a tuning, in place of an earlier one."""
+    contents = {
+        RESULTS: json_document(tuning_document(results)),
+        SCORES_TABLE: _scores_csv(results),
+        CHOSEN: chosen_study(results, study_file),
     }
-
-
-def _bands(ratios: Mapping[str, Floats]) -> dict[str, Band]:
-    """Bands of the means over motions."""
-    return {name: Band.of(values[0].mean(axis=0)) for name, values in ratios.items()}
-
-
-def compared_to(law: Judgement, constant: Judgement) -> Better:
-    """How often a law is better than a constant command, motion by motion."""
-    pairs: Sequence[tuple[MotionScore, MotionScore]] = list(zip(law.motions, constant.motions, strict=True))
-
-    def lower(name: str) -> list[bool]:
-        return [one.criteria[name] < other.criteria[name] for one, other in pairs]
-
-    drift, acceleration = lower("peak_drift"), lower("peak_acceleration")
-    both = [one and other for one, other in zip(drift, acceleration, strict=True)]
-    return Better(
-        peak_drift=sum(drift), peak_acceleration=sum(acceleration), both=sum(both), motions=len(pairs)
+    if page is not None:
+        contents[REPORT] = page
+    write_folder(
+        destination,
+        {STUDY: study_file.content} | {name: text.encode() for name, text in contents.items()},
+        manifest=manifest,
+        copied={JOURNAL: journal},
+        flush=results.status == "finished",
     )
+
+
+@checked
+def read_tuning(folder: str | Path) -> TuningResults:
+    """Read the results of a tuning back from its folder.
+
+    Raises
+    ------
+    RecordError
+        If it is not the folder of a tuning, or the file is damaged.
+
+    Examples
+    --------
+    >>> import mrwork as mr
+    >>> mr.tuning.read_tuning("out/study").laws[0].settings  # doctest: +SKIP
+    {'drifts': 1.0, 'control_weight': 1.2e-13, 'largest_command': 1.316}
+    """
+    place = Path(folder)
+    manifest = read_manifest(place, verb="tune")
+    is_tuning = manifest is not None and manifest.get("kind") == TUNING_RUN.kind
+    found = read_document(TuningResults, place / RESULTS, name="tuning", verb="tune") if is_tuning else None
+    if manifest is None or found is None:
+        raise RecordError(f"{place} is not the folder of a tuning; give one that `mrwork tune` has written")
+    facts = {"title": (found.title,), "status": (found.status,)}
+    check_manifest(place, manifest, facts, file=RESULTS, verb="tune")
+    return found
+
+
+def tuning_document(results: TuningResults) -> dict[str, Any]:
+    """The results as a JSON object; numbers that are not finite are `null`."""
+    found: dict[str, Any] = finite({**asdict(results), "warnings": results.warnings})
+    return found
+
+
+def chosen_study(results: TuningResults, study_file: StudyFile) -> str:
+    """The study file with the chosen settings of each law, and the best constant command, as further controllers.
+
+    The text of the study stays; names of files in it are relative to its own folder.
+    """
+    text = study_file.text
+    blocks = [_controller(each) for each in results.laws]
+    if not re.search(r'^\s*law\s*=\s*"best_passive"', text, flags=re.MULTILINE):
+        blocks.append('[[controller]]\nlaw = "best_passive"\n')
+    folder = study_file.path.parent / toml_table(text).get("folder", "")
+    head = (
+        f"# The study {study_file.path.name} with the settings that mrwork tune has chosen; for mrwork respond.\n"
+        f"folder = {_text(str(folder))} # of the files that the study names\n\n"
+    )
+    return head + _without_folder(text).rstrip() + "\n\n# Chosen by mrwork tune.\n\n" + "\n".join(blocks)
+
+
+def _without_folder(text: str) -> str:
+    """The study without a `folder` of its own, which stands before its first table."""
+    first = re.search(r"^\s*\[", text, flags=re.MULTILINE)
+    end = len(text) if first is None else first.start()
+    return re.sub(r"^[ \t]*folder[ \t]*=.*\n?", "", text[:end], flags=re.MULTILINE) + text[end:]
+
+
+def _controller(law: LawResult) -> str:
+    settings = {name: value for name, value in law.settings.items() if name != LARGEST}
+    lines = [
+        "[[controller]]",
+        f"law = {_text(law.law)}",
+        f"label = {_text(law.label)}",
+        *([f"settings = {_toml(settings)}"] if settings else []),
+        *([f"{LARGEST} = {_toml(law.settings[LARGEST])}"] if law.limited else []),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _toml(value: Any) -> str:
+    """A value as TOML: a number, a text, an array, or a table in braces."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        return _text(value)
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{name} = {_toml(each)}" for name, each in value.items()) + " }"
+    if isinstance(value, Sequence):
+        return "[" + ", ".join(_toml(each) for each in value) + "]"
+    return repr(value)
+
+
+def _text(value: str) -> str:
+    # The escapes of JSON are those of TOML.
+    return json.dumps(value, ensure_ascii=False)
+
+
+def _scores_csv(results: TuningResults) -> str:
+    """Score and ratios of every law and reference under every motion, a line for each."""
+    names = [name for each in results.references[:1] for name in each.train.criteria]
+    lines = [["law", "use", "motion", "score", *names]]
+    for law in (*results.laws, *results.references):
+        for use, found in (("training", law.train), ("test", law.test)):
+            lines += _lines(law, use, found, names)
+    target = io.StringIO()
+    csv.writer(target, lineterminator="\n").writerows(lines)
+    return target.getvalue()
+
+
+def _lines(law: LawResult, use: str, found: TuningJudgement | None, names: Sequence[str]) -> list[list[str]]:
+    return [
+        [law.label, use, each.motion, f"{each.score:.9g}", *(f"{each.criteria[name]:.9g}" for name in names)]
+        for each in (() if found is None else found.motions)
+    ]

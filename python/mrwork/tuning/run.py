@@ -8,26 +8,28 @@ from dataclasses import fields, replace
 from typing import Literal
 
 from mrwork.arguments import Seed, Threads, checked
+from mrwork.control.design_problem import Magnitudes
 from mrwork.control.laws import control_law, control_laws
-from mrwork.control.setting_base import Magnitudes
 from mrwork.errors import Interrupted, SettingError
 from mrwork.keys import suggestion
 from mrwork.search.peers import library
-from mrwork.search.registry import OPTIMISERS, PEERS
+from mrwork.search.registry import ALL_OPTIMISERS
 from mrwork.store import Journal
-from mrwork.study.demand import DeviceDemand, damper_warnings
+from mrwork.study.run_result import DeviceDemand, damper_warnings
+from mrwork.study.schema import Risk, TuneTable
 from mrwork.study.study import Study, fingerprint_of
-from mrwork.study.tuning_schema import Risk, TuneTable
-from mrwork.tuning.benches import benches_of
-from mrwork.tuning.first_candidates import basis_of
-from mrwork.tuning.front import front_of
-from mrwork.tuning.gradient_finish import check_finish
-from mrwork.tuning.law_tuning import Plan, TuningProgress, check_settings, tuned_law
-from mrwork.tuning.objective import Objective, objective_of, refuse_within, scored_criterion
-from mrwork.tuning.problem import Clock, check_controllable, magnitudes_of
-from mrwork.tuning.references import BEST_CONSTANT, best_constant, references_of
-from mrwork.tuning.results import Front, LawResult, TuningResults, compared_to
-from mrwork.tuning.space import space_of
+from mrwork.tuning.first_candidates import BEST_CONSTANT, basis_of, best_constant, references_of
+from mrwork.tuning.law_tuning import (
+    LawPlan,
+    TuningProgress,
+    check_finish,
+    check_settings,
+    front_of,
+    tune_law,
+)
+from mrwork.tuning.problem import Clock, benches_of, check_controllable, count_better, magnitudes_of
+from mrwork.tuning.results import Front, LawResult, TuningResults
+from mrwork.tuning.space import TuningObjective, check_scored_criterion, objective_of, refuse_within, space_of
 
 OnTuning = Callable[[TuningProgress], None]
 
@@ -83,7 +85,7 @@ def tune(
     """
     check_controllable(study)
     tables = _tables(study, tables, laws, risk, budget)
-    objectives = [_checked(table, study) for table in tables]
+    objectives = [_check_table(table, study) for table in tables]
     clock = Clock()
     if journal is not None:
         journal.agree("tuning", _fingerprint(study, tables, rng))
@@ -108,7 +110,7 @@ def tune(
             benches = benches.with_constant(best_constant(references))
         for number, plan in enumerate(plans):
 
-            def report(candidates: int, least: float, plan: Plan = plan, done: int = number) -> None:
+            def report(candidates: int, least: float, plan: LawPlan = plan, done: int = number) -> None:
                 on_progress(
                     TuningProgress(
                         label=plan.label,
@@ -121,7 +123,7 @@ def tune(
                     )
                 )
 
-            found.append(tuned_law(plan, benches, basis, rng=rng, report=report))
+            found.append(tune_law(plan, benches, basis, rng=rng, report=report))
             demands |= benches.demands(plan.law, found[-1].chosen, plan.label)
             if plan.table.objectives:
                 fronts.append(front_of(plan, benches, basis, rng=rng, report=report))
@@ -147,8 +149,8 @@ def _results(
     return TuningResults(
         title=study.title,
         status=status,
-        laws=tuple(_beside(each, constant) for each in laws),
-        references=tuple(_beside(each, constant) for each in references),
+        laws=tuple(_count_better(each, constant) for each in laws),
+        references=tuple(_count_better(each, constant) for each in references),
         training=tuple(motion.name for motion in study.chosen_on),
         testing=tuple(each.name for each in study.motions if separate and each.use == "test"),
         command_unit=study.command_unit,
@@ -162,21 +164,21 @@ def _results(
     )
 
 
-def _beside(law: LawResult, constant: LawResult | None) -> LawResult:
+def _count_better(law: LawResult, constant: LawResult | None) -> LawResult:
     """With the number of motions under which it is better than the best constant command."""
     if constant is None or law is constant:
         return law
     one, other = (law.train, constant.train) if law.test is None else (law.test, constant.test)
     if other is None or not one.motions:
         return law
-    return replace(law, better=compared_to(one, other))
+    return replace(law, better=count_better(one, other))
 
 
 def _plans(
-    study: Study, tables: Sequence[TuneTable], objectives: Sequence[Objective], magnitudes: Magnitudes
-) -> list[Plan]:
+    study: Study, tables: Sequence[TuneTable], objectives: Sequence[TuningObjective], magnitudes: Magnitudes
+) -> list[LawPlan]:
     plans = [
-        Plan(
+        LawPlan(
             table=table,
             law=law,
             objective=objective,
@@ -206,17 +208,18 @@ def _tables(
     return found
 
 
-def _checked(table: TuneTable, study: Study) -> Objective:
+def _check_table(table: TuneTable, study: Study) -> TuningObjective:
     """The objective of a table whose names exist."""
     if not table.laws:
         refuse_within(table, "laws is empty; name the laws to be tuned", "laws")
     for law in table.laws:
         if law not in (known := [spec.name for spec in control_laws()]):
             refuse_within(table, f"no control law is called {law!r}{suggestion(law, known)}", "laws")
-    known = [*OPTIMISERS, *PEERS]
-    if table.search not in known:
+    if table.search not in ALL_OPTIMISERS:
         refuse_within(
-            table, f"no search is called {table.search!r}{suggestion(table.search, known)}", "search"
+            table,
+            f"no search is called {table.search!r}{suggestion(table.search, list(ALL_OPTIMISERS))}",
+            "search",
         )
     if table.budget < table.population:
         refuse_within(
@@ -238,7 +241,7 @@ def _check_objectives(table: TuneTable) -> None:
     if not table.objectives:
         return
     for name in table.objectives:
-        scored_criterion(table, "objectives", name)
+        check_scored_criterion(table, "objectives", name)
     if len(set(table.objectives)) < max(2, len(table.objectives)):
         refuse_within(
             table,
@@ -256,7 +259,7 @@ def _label(table: TuneTable, law: str) -> str:
     return f"{title}, {table.label or 'tuned'}"
 
 
-def _check_labels(plans: Sequence[Plan], others: Sequence[str]) -> None:
+def _check_labels(plans: Sequence[LawPlan], others: Sequence[str]) -> None:
     """Refuse a label that another result or an arrangement of the study has, since `chosen.toml` has both."""
     seen = set(others)
     for plan in plans:

@@ -1,27 +1,199 @@
-"""The settings of a law that a search changes, as a unit cube; candidates; magnitudes of the response."""
+"""What a tuning searches and minimises: the free settings of a law as a unit cube, and the objective."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Literal, NoReturn
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.arguments import Share, Whole
-from mrwork.control.law_settings import SETTINGS
+from mrwork.closed_loop.evaluation import SCORE, criteria, criterion
+from mrwork.control.design_problem import LawSettings, Magnitudes, Span
+from mrwork.control.law_design import SETTINGS
 from mrwork.control.laws import control_law, control_laws
-from mrwork.control.setting_base import LawSettings, Magnitudes, Span
-from mrwork.control.weights import CostWeights
-from mrwork.keys import is_required, keys_of, suggestion
+from mrwork.errors import SettingError
+from mrwork.keys import Place, is_required, keys_of, suggestion
 from mrwork.store.record import Related
-from mrwork.study.tuning_schema import TuneTable
+from mrwork.study.batches import RunCriteria
+from mrwork.study.schema import Baseline, Combination, Risk, TuneTable
 from mrwork.summary import Summarised, of_unit
-from mrwork.tuning.objective import refuse_within
+from mrwork.units import number_in
+from mrwork.values import Floats
 
-Floats = NDArray[np.float64]
+COMMAND = "A or V"
+"""Unit of the criteria of the command."""
+_TAIL = 0.2
+PENALTY = 10.0
+"""What is added to the objective for a constraint that is exceeded by its own limit."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Limit:
+    """The largest admissible value of a criterion, in SI."""
+
+    criterion: str
+    limit: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class TuningObjective(Summarised):
+    """What a tuning minimises.
+
+    The score of a run is the mean (or the largest, by `combine`) of its criteria over those of the baseline
+    `relative_to` under the same motion and realisation, with `weights`. `risk` takes one number of the scores of all
+    motions and realisations: their mean, the largest, or the mean of the worst share `tail` (conditional value at risk;
+    Rockafellar & Uryasev, J. Risk 2, 2000, 21-41).
+    """
+
+    _made_by: ClassVar[str] = "mr.tune(study)"
+
+    weights: Mapping[str, float]
+    risk: Risk = "mean"
+    tail: float = _TAIL
+    limits: tuple[Limit, ...] = ()
+    relative_to: Baseline = "passive_off"
+    combine: Combination = "mean"
+
+    def run_scores(self, found: RunCriteria, baseline: RunCriteria) -> Floats:
+        """Score of each run, shape (n_candidates, n_motions, n_realisations); infinite where a run has none."""
+        ratios = {name: over(found.of(name), baseline.of(name)) for name in self.weights}
+        if self.combine == "largest":
+            return np.asarray(
+                np.max([weight * ratios[name] for name, weight in self.weights.items()], axis=0)
+            )
+        total = sum(self.weights.values())
+        parts = [weight / total * ratios[name] for name, weight in self.weights.items()]
+        return np.asarray(np.sum(parts, axis=0))
+
+    def value(self, scores: Floats) -> Floats:
+        """The risk of the scores of runs, shape (n_candidates,)."""
+        return risk_of(scores.reshape(len(scores), -1), self.risk, self.tail)
+
+    def violation(self, found: RunCriteria) -> Floats:
+        """By how much each candidate exceeds its limits, relative to these and summed, shape (n_candidates,)."""
+        violation = np.zeros(found.numbers.shape[1])
+        for each in self.limits:
+            largest = found.of(each.criterion).max(axis=(1, 2))
+            violation += np.maximum(largest / each.limit - 1.0, 0.0)
+        return violation
+
+    def in_words(self, *, robust: bool) -> str:
+        """What is minimised, as the end of a sentence; `robust` where the realisations belong to it."""
+        names = " and ".join(_weighted_name(name, weight) for name, weight in self.weights.items())
+        motions = "motions and realisations" if robust else "motions"
+        risk = {
+            "mean": f"mean over all {motions}",
+            "max": f"largest over all {motions}",
+            "cvar": f"mean of the worst {self.tail:.0%} of all {motions}",
+        }[self.risk]
+        taken = "mean" if self.combine == "mean" else "largest"
+        under = "at i = 0" if self.relative_to == "passive_off" else "under the best constant command"
+        return f"{risk} of the {taken} of {names}, each over its value {under}"
+
+
+Objective = TuningObjective
+"""Its public name."""
+
+
+def _weighted_name(name: str, weight: float) -> str:
+    text = criterion(name).title.lower().replace("rms", "RMS")
+    return text if weight == 1.0 else f"{weight:g} x {text}"
+
+
+def over(numbers: Floats, baseline: Floats) -> Floats:
+    """Ratios to the values of a baseline; infinite where a run has no value, 1 where both are zero."""
+    below = np.broadcast_to(baseline, numbers.shape)
+    ratios = np.full(numbers.shape, math.inf)
+    np.divide(numbers, below, out=ratios, where=np.isfinite(numbers) & (below > 0.0) & np.isfinite(below))
+    return np.where((numbers == 0.0) & (below == 0.0), 1.0, ratios)
+
+
+def risk_of(scores: Floats, risk: Risk, tail: float) -> Floats:
+    """The risk of each row of scores, shape (n_candidates,).
+
+    The worst share is weighted exactly: of 10 scores, a tail of 0.25 is the mean of the two largest and half the third.
+    """
+    if risk == "max":
+        return np.asarray(scores.max(axis=1))
+    if risk == "mean":
+        return np.asarray(scores.mean(axis=1))
+    n = scores.shape[1]
+    weights = np.clip(tail * n - np.arange(n), 0.0, 1.0)
+    worst = -np.sort(-scores, axis=1)
+    # Infinity times a weight of zero is no number.
+    parts = np.where(weights > 0.0, worst, 0.0) * weights
+    return np.asarray(parts.sum(axis=1) / weights.sum())
+
+
+def objective_of(table: TuneTable, command_unit: str) -> TuningObjective:
+    """The objective of a table."""
+    given = table.criteria or SCORE
+    weights = dict(given) if isinstance(given, Mapping) else dict.fromkeys(given, 1.0)
+    for name, weight in weights.items():
+        check_scored_criterion(table, "criteria", name)
+        if not (weight > 0.0 and math.isfinite(weight)):
+            _refuse(table, "criteria", f"the weight of {name} is {weight:g}; give a positive number")
+    if table.tail is not None and table.risk != "cvar":
+        _refuse(
+            table,
+            "tail",
+            f'tail has no effect on the risk {table.risk!r}; leave it out, or give risk = "cvar"',
+        )
+    limits = tuple(
+        Limit(criterion=name, limit=_limit(table, name, value, command_unit))
+        for name, value in (table.constraints or {}).items()
+    )
+    return TuningObjective(
+        weights=weights,
+        risk=table.risk,
+        tail=_TAIL if table.tail is None else table.tail,
+        limits=limits,
+        relative_to=table.relative_to,
+        combine=table.combine,
+    )
+
+
+def _check_criterion(table: TuneTable, key: str, name: str) -> None:
+    """Refuse a name that is no criterion."""
+    known = [entry.name for entry in criteria()]
+    if name not in known:
+        _refuse(table, key, f"no criterion is called {name!r}{suggestion(name, known)}")
+
+
+def check_scored_criterion(table: TuneTable, key: str, name: str) -> None:
+    """Refuse a name that is no criterion, or one that is zero at i = 0 and so has no ratio to it."""
+    _check_criterion(table, key, name)
+    if criterion(name).unit == COMMAND:
+        _refuse(table, key, f"{name} is 0 at i = 0, so no ratio to it exists; limit it among the constraints")
+
+
+def _limit(table: TuneTable, name: str, value: float | str, command_unit: str) -> float:
+    _check_criterion(table, "constraints", name)
+    unit = criterion(name).unit
+    if isinstance(value, str):
+        number = number_in(value, command_unit if unit == COMMAND else unit)
+        if isinstance(number, str):
+            _refuse(table, "constraints", f"{name} {number}")
+        value = number
+    if not (value > 0.0 and math.isfinite(value)):
+        _refuse(table, "constraints", f"{name} is {value:g}; give a positive limit [{unit}]")
+    return value
+
+
+def _refuse(table: TuneTable, key: str, sentence: str) -> NoReturn:
+    refuse_within(table, sentence, key)
+
+
+def refuse_within(table: TuneTable, sentence: str, *keys: str) -> NoReturn:
+    """Raise a SettingError with the place in the study file, where the table has one."""
+    place: Place | None = table.place
+    if place is None:
+        raise SettingError(sentence)
+    place.within(*keys).refuse(sentence)
+
 
 LARGEST = "largest_command"
 """Name of the largest command of a law among its settings."""
@@ -160,23 +332,15 @@ class SettingSpace(Summarised):
 
 
 def space_of(table: TuneTable, law: str, magnitudes: Magnitudes) -> SettingSpace:
-    """The free settings of a law with their ranges, from a table and from what the law declares.
-
-    Raises
-    ------
-    SettingError
-        If there is no such law, a setting does not exist or has no range, or none is free.
-    """
+    """The free settings of a law with their ranges, from a table and from what the law declares."""
     _check_law(table, law)
     kind = SETTINGS[law]
     spans: dict[str, Span] = {
         entry.name: entry.metadata["span"] for entry in keys_of(kind) if entry.metadata["span"] is not None
     }
-    held = _held(table, law, kind)
-    if issubclass(kind, CostWeights):
-        names = {entry.name for entry in fields(CostWeights)}
-        weights = {name: value for name, value in held.items() if name in names}
-        magnitudes = replace(magnitudes, cost=kind.cost(weights, magnitudes))
+    held = _held_settings(table, law, kind)
+    weights = {name: value for name, value in held.items() if name in kind.weight_names()}
+    magnitudes = replace(magnitudes, cost=kind.cost(weights, magnitudes))
     free = []
     for name in _free_names(table, law, kind, spans, held):
         given = (table.free or {}).get(name, ())
@@ -206,7 +370,7 @@ def _check_law(table: TuneTable, law: str) -> None:
         refuse_within(table, f"no control law is called {law!r}{suggestion(law, known)}", "laws")
 
 
-def _held(table: TuneTable, law: str, kind: type[LawSettings]) -> dict[str, Any]:
+def _held_settings(table: TuneTable, law: str, kind: type[LawSettings]) -> dict[str, Any]:
     known = [entry.name for entry in keys_of(kind)]
     held: dict[str, Any] = dict(table.settings or {})
     for name in held:
@@ -217,10 +381,8 @@ def _held(table: TuneTable, law: str, kind: type[LawSettings]) -> dict[str, Any]
                 "settings",
                 name,
             )
-    if issubclass(kind, CostWeights):
-        names = {entry.name for entry in fields(CostWeights)}
-        if not names & {*held, *(table.free or {})}:
-            held |= kind.weighed_by_default
+    if not kind.weight_names() & {*held, *(table.free or {})}:
+        held |= kind.weighed_by_default
     return held
 
 
@@ -251,13 +413,9 @@ def _free_names(
     names = [
         name
         for name, span in spans.items()
-        if span.free and name not in (table.settings or {}) and not (alone and _is_weight(name))
+        if span.free and name not in (table.settings or {}) and not (alone and name in kind.weight_names())
     ]
     return [*names, *([LARGEST] if commands else [])]
-
-
-def _is_weight(name: str) -> bool:
-    return name in {entry.name for entry in fields(CostWeights)}
 
 
 def _free(

@@ -1,4 +1,7 @@
-"""A weight design set up once and solved for any limits and budgets: program, Riccati equations, certificate."""
+"""LQR weights by convex design: the worst ratio of rms responses to their limits, under a budget of force.
+
+A `WeightDesigner` is set up once and solved for any limits and budgets: program, Riccati equations, certificate.
+"""
 
 from __future__ import annotations
 
@@ -7,16 +10,14 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from mrwork.arguments import Count, checked
 from mrwork.buildings.devices import Device, elongation_rows
 from mrwork.buildings.matrices import Building
-from mrwork.control.design.cases import DesignCase
-from mrwork.control.design.certificate import certificate_of
-from mrwork.control.design.designed import DesignedWeights, binding_in_words
-from mrwork.control.design.law_gain import riccati_law_gain, static_law_gain
+from mrwork.control.design.designed import DesignedWeights, binding_in_words, certificate_of
 from mrwork.control.design.limits import (
+    DesignCase,
     Limit,
     LimitedOutputs,
     LoopTiming,
@@ -24,18 +25,26 @@ from mrwork.control.design.limits import (
     SemiActiveCondition,
     as_forces,
 )
-from mrwork.control.design.riccati_dual import DualPoint, Rows, maximise, regulated, rows_of
+from mrwork.control.design.riccati_dual import (
+    DualPoint,
+    SquaredRows,
+    maximise,
+    regulated,
+    riccati_law_gain,
+    rows_of,
+    static_law_gain,
+)
 from mrwork.control.design.system import DesignSystem, system_of
+from mrwork.control.lqr import Weighed
 from mrwork.control.plant import Plant, deformation_rates, plant_of
 from mrwork.control.riccati import solve_riccati
-from mrwork.control.weights import Weighed
 from mrwork.errors import SettingError
 from mrwork.motions.spectral_density import KanaiTajimi, SpectralDensity
+from mrwork.values import Floats
 
 if TYPE_CHECKING:
     from mrwork.control.design.program import DualProgram
 
-Floats = NDArray[np.float64]
 
 # Modes of the first program of a tall building.
 _MODES = 8
@@ -107,7 +116,7 @@ class WeightDesigner:
             )
         budgets = self._budgets if budget is None else as_forces(budget, self.plant)
         start, program_value, engine = self._by_program(outputs.limits, budgets)
-        point, damping = self._refined(outputs.limits, budgets, start)
+        point, damping = self._refine(outputs.limits, budgets, start)
         of_nominal = self._rows_of(self._nominal, outputs.limits, budgets, damping)
         w = point.multipliers
         cost = self._cost(outputs, budgets, w, damping)
@@ -161,7 +170,7 @@ class WeightDesigner:
 
     def _rows_of(
         self, system: DesignSystem, limits: Floats, budgets: Floats, damping: Floats | None = None
-    ) -> Rows:
+    ) -> SquaredRows:
         if self._semi_active is None:
             return rows_of(system, limits, budgets)
         c = self._damping if damping is None else damping
@@ -213,12 +222,12 @@ class WeightDesigner:
         comparable = whole and (self._semi_active is None or self._semi_active.damping is not None)
         return found.multipliers, found.value if comparable else None, engine
 
-    def _refined(self, limits: Floats, budgets: Floats, start: Floats | None) -> tuple[DualPoint, Floats]:
+    def _refine(self, limits: Floats, budgets: Floats, start: Floats | None) -> tuple[DualPoint, Floats]:
         """The weights to rounding; with a semi-active condition of free damping, alternated with its c."""
         damping = self._damping
         free = self._semi_active is not None and self._semi_active.damping is None
         for _ in range(_ALTERNATIONS if free else 1):
-            point = self._solved(limits, budgets, damping, start)
+            point = self._solve(limits, budgets, damping, start)
             if not free:
                 break
             moved = self._like_a_damper(point)
@@ -227,7 +236,7 @@ class WeightDesigner:
             damping, start = moved, point.multipliers
         return point, damping
 
-    def _solved(self, limits: Floats, budgets: Floats, damping: Floats, start: Floats | None) -> DualPoint:
+    def _solve(self, limits: Floats, budgets: Floats, damping: Floats, start: Floats | None) -> DualPoint:
         """The dual by Riccati equations, with the limits scaled to those that are just met without control."""
         level = float(np.max([system.rms_without_control() / limits for system in self._systems]))
         scale = np.ones(0 if start is None else len(start))
@@ -252,7 +261,7 @@ class WeightDesigner:
             if high > np.log(_MOST_BUDGET):
                 return float("inf")
             try:
-                point = self._solved(limits, float(np.exp(high)) * budgets, damping, point.multipliers)
+                point = self._solve(limits, float(np.exp(high)) * budgets, damping, point.multipliers)
             except SettingError:
                 return float("inf")
             log_high = float(np.log(point.value))
@@ -264,7 +273,7 @@ class WeightDesigner:
         while high - low > 0.01:
             share = np.clip(log_low / (log_low - log_high), 0.1, 0.9)
             middle = low + float(share) * (high - low)
-            point = self._solved(limits, float(np.exp(middle)) * budgets, damping, point.multipliers)
+            point = self._solve(limits, float(np.exp(middle)) * budgets, damping, point.multipliers)
             found = float(np.log(point.value))
             low, log_low, high, log_high = (
                 (middle, found, high, log_high) if found > 0.0 else (low, log_low, middle, found)
@@ -287,7 +296,7 @@ class WeightDesigner:
 
 
 def _rows(building: Building, devices: Sequence[Device] | ArrayLike) -> tuple[Floats, tuple[str, ...]]:
-    """Rows of elongation and names of devices."""
+    """SquaredRows of elongation and names of devices."""
     if isinstance(devices, Sequence) and devices and all(isinstance(each, Device) for each in devices):
         found = [each for each in devices if isinstance(each, Device)]
         return elongation_rows(building, found), tuple(each.name for each in found)
@@ -306,3 +315,71 @@ def _plant_of_case(case: DesignCase, building: Building, rows: Floats, names: tu
             "design differ in mass, damping, stiffness and spectrum"
         )
     return plant_of(other, rows, names)
+
+
+@checked
+def design_weights(
+    building: Building,
+    devices: Sequence[Device] | ArrayLike,
+    *,
+    limits: RmsLimits | Mapping[str, Limit | str | Sequence[float | str]],
+    budget: float | str | Sequence[float | str],
+    spectrum: SpectralDensity | None = None,
+    cases: Sequence[DesignCase] = (),
+    timing: LoopTiming | None = None,
+    semi_active: SemiActiveCondition | None = None,
+) -> DesignedWeights:
+    """Weights of a regulator such that rms responses keep to limits with a budget of force.
+
+    Minimises t with `E y_i^2 <= t^2 l_i^2` for all limited outputs and `E f_j^2 <= budget_j^2`, over all linear laws,
+    under white noise filtered by a spectrum. The multipliers of the limits and budgets are the weights (S. Boyd et al.,
+    Linear Matrix Inequalities in System and Control Theory, 1994). Only ratios of limits matter, and only the budget
+    over the intensity of the ground.
+
+    Parameters
+    ----------
+    devices
+        Devices, or their rows of elongation, shape (n_devices, n).
+    limits
+        Limits on rms drift [m], absolute acceleration [m/s^2], displacement [m] and force [N], or as "2 mm"; see
+        `RmsLimits`.
+    budget
+        Largest rms wanted force of each device, of all its dampers together: one for all [N], or as "1.5 kN", or one
+        for each.
+    spectrum
+        `KanaiTajimi` or `CloughPenzien`, as given or by `mr.motions.fitted_spectrum` of a record; Kanai-Tajimi on firm
+        soil by default.
+    cases
+        Plants that share the weights, each with a spectrum of its own instead of `spectrum`: mean squares are averaged
+        over them; the gain is that of `building` under the spectrum of the first. Without any, `building` under
+        `spectrum`.
+    timing
+        Sample time, delay and driver for a design in discrete time.
+    semi_active
+        Condition that the wanted force be mostly that of a damper.
+
+    Raises
+    ------
+    SettingError
+        If a limit, budget or case cannot be, or the building has a mode without damping.
+
+    Examples
+    --------
+    >>> import mrwork as mr
+    >>> frame = mr.building("uts")
+    >>> designed = mr.control.design_weights(
+    ...     frame, frame.storeys[:1], limits={"rms_drift": 2e-3, "rms_acceleration": 1.0}, budget=500.0
+    ... )
+    >>> round(designed.reachable_ratio, 3)
+    4.659
+    """
+    return WeightDesigner(
+        building,
+        devices,
+        limits=limits,
+        budget=budget,
+        spectrum=spectrum,
+        cases=cases,
+        timing=timing,
+        semi_active=semi_active,
+    ).design()

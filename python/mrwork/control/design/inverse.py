@@ -7,20 +7,17 @@ from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from mrwork.arguments import Within, checked
 from mrwork.control.design.limits import LimitedOutputs, RmsLimits, as_forces
-from mrwork.control.design.lyapunov_equations import LyapunovEquations
-from mrwork.control.design.system import DesignSystem, system_of
+from mrwork.control.design.system import DesignSystem, LyapunovEquations, system_of
 from mrwork.control.plant import Plant
 from mrwork.control.riccati import solve_riccati
 from mrwork.errors import SettingError
 from mrwork.motions.spectral_density import KanaiTajimi, SpectralDensity
 from mrwork.summary import Summarised, Summary, rounded
-from mrwork.values import holds_arrays
-
-Floats = NDArray[np.float64]
+from mrwork.values import Floats, holds_arrays
 
 OPTIMAL = 1e-3
 """Distance up to which a gain counts as optimal for the weights found: about the accuracy of the program."""

@@ -8,13 +8,10 @@ from dataclasses import dataclass
 
 import cvxpy as cp
 import numpy as np
-from numpy.typing import NDArray
 
-from mrwork.control.design.riccati_dual import Rows, first_multipliers, regulated
+from mrwork.control.design.riccati_dual import SquaredRows, first_multipliers, regulated
 from mrwork.control.design.system import DesignSystem
-from mrwork.values import holds_arrays
-
-Floats = NDArray[np.float64]
+from mrwork.values import Floats, holds_arrays
 
 MOST_STATES = 26
 """States up to which Clarabel solves the program to four digits, that is about twelve storeys."""
@@ -48,7 +45,7 @@ class DualProgram:
     def __init__(
         self,
         systems: Sequence[DesignSystem],
-        rows_of: Callable[[DesignSystem, Floats, Floats], Rows],
+        rows_of: Callable[[DesignSystem, Floats, Floats], SquaredRows],
         budgets: Floats,
     ) -> None:
         self._without_control = np.max([system.rms_without_control() for system in systems], axis=0)

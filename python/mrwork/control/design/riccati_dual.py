@@ -13,16 +13,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mrwork.control.design.lyapunov_equations import LyapunovEquations
-from mrwork.control.design.sampled_riccati import SMALLER_BUDGET, sampled_gain
-from mrwork.control.design.system import DesignSystem
+from mrwork.control.design.system import SMALLER_BUDGET, DesignSystem, LyapunovEquations, sampled_gain
 from mrwork.control.riccati import solve_riccati
 from mrwork.errors import SettingError
-from mrwork.values import holds_arrays
-
-Floats = NDArray[np.float64]
+from mrwork.values import Floats, holds_arrays
 
 _STEPS = 80
 _GAP = 1e-10
@@ -31,8 +26,8 @@ _TO_BOUNDARY = 0.99
 
 @holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Rows:
-    """Rows `c x + d u` of one system and the forms that add up their squares, `forms @ squares`.
+class SquaredRows:
+    """SquaredRows `c x + d u` of one system and the forms that add up their squares, `forms @ squares`.
 
     The first rows are the limited outputs over their limits, then the wanted forces over their budgets, then
     `f - c v` of the semi-active conditions over the budgets; the forms are in the same order.
@@ -48,7 +43,7 @@ def rows_of(
     limits: Floats,
     budgets: Floats,
     semi_active: tuple[Floats, float] | None = None,
-) -> Rows:
+) -> SquaredRows:
     """The rows of a system; `semi_active` are c of each device [N s/m] and the share b."""
     n, m = system.B.shape
     C = [system.C / limits[:, None], np.zeros((m, n))]
@@ -61,7 +56,7 @@ def rows_of(
         D += [scaled * system.direct, scaled * system.direct]
         added = np.hstack([np.eye(m), -(share**2) * np.eye(m)])
         forms = np.block([[forms, np.zeros((len(forms), 2 * m))], [np.zeros((m, len(forms))), added]])
-    return Rows(C=np.vstack(C), D=np.vstack(D), forms=forms)
+    return SquaredRows(C=np.vstack(C), D=np.vstack(D), forms=forms)
 
 
 @holds_arrays
@@ -76,20 +71,14 @@ class Regulated:
     cost: float
 
 
-def regulated(system: DesignSystem, rows: Rows, multipliers: Floats) -> Regulated:
-    """The regulator of the multipliers, and the mean squares of the forms.
-
-    Raises
-    ------
-    SettingError
-        If the Riccati equation has no stabilising solution.
-    """
+def regulated(system: DesignSystem, rows: SquaredRows, multipliers: Floats) -> Regulated:
+    """The regulator of the multipliers, and the mean squares of the forms."""
     weights = multipliers @ rows.forms
     gain, P = _gain(system, rows, weights)
     return _under(system, rows, gain, P)
 
 
-def _under(system: DesignSystem, rows: Rows, gain: Floats, P: Floats) -> Regulated:
+def _under(system: DesignSystem, rows: SquaredRows, gain: Floats, P: Floats) -> Regulated:
     try:
         loop = LyapunovEquations(system.A - system.B @ gain, system.step)
     except SettingError as error:
@@ -107,7 +96,7 @@ def _under(system: DesignSystem, rows: Rows, gain: Floats, P: Floats) -> Regulat
     )
 
 
-def _gain(system: DesignSystem, rows: Rows, weights: Floats) -> tuple[Floats, Floats]:
+def _gain(system: DesignSystem, rows: SquaredRows, weights: Floats) -> tuple[Floats, Floats]:
     """Gain and Riccati matrix for weights of the rows, which may be negative."""
     A, B, step = system.A, system.B, system.step
     Q, N = (rows.C.T * weights) @ rows.C, (rows.C.T * weights) @ rows.D
@@ -118,7 +107,7 @@ def _gain(system: DesignSystem, rows: Rows, weights: Floats) -> tuple[Floats, Fl
     return solution.gain, solution.P
 
 
-def _curvature(system: DesignSystem, rows: Rows, weights: Floats, at: Regulated) -> Floats:
+def _curvature(system: DesignSystem, rows: SquaredRows, weights: Floats, at: Regulated) -> Floats:
     """Hessian of the cost by the multipliers: `-2 tr(R dK_a X dK_b')` with the derivatives dK of the gain."""
     A, B, step, gain = system.A, system.B, system.step, at.gain
     closed = LyapunovEquations(A - B @ gain, step)
@@ -150,23 +139,12 @@ class DualPoint:
 
 def maximise(
     systems: Sequence[DesignSystem],
-    rows: Sequence[Rows],
+    rows: Sequence[SquaredRows],
     n_limits: int,
     *,
     start: Floats | None = None,
 ) -> DualPoint:
-    """Maximise the mean of `h(w)` over the systems minus `sum r`, by a primal-dual interior-point method.
-
-    Parameters
-    ----------
-    start
-        Multipliers to start from; any positive ones.
-
-    Raises
-    ------
-    SettingError
-        If the iteration does not settle.
-    """
+    """Maximise the mean of `h(w)` over the systems minus `sum r`, by a primal-dual interior-point method."""
     n_forms = len(rows[0].forms)
     budgets = slice(n_limits, n_limits + systems[0].B.shape[1])
     bound = np.zeros(n_forms)
@@ -214,7 +192,7 @@ def maximise(
         d_w, d_level = move[:-1], float(move[-1])
         d_slack = (target - slack * d_w) / w - slack
         length = min(1.0, _TO_BOUNDARY * _longest(w, d_w), _TO_BOUNDARY * _longest(slack, d_slack))
-        at, length = _moved(systems, rows, w, d_w, length)
+        at, length = _move(systems, rows, w, d_w, length)
         w, slack, level = w + length * d_w, slack + length * d_slack, level + length * d_level
         squares = np.mean([each.squares for each in at], axis=0)
     value = float(np.mean([each.cost for each in at]) - w[budgets].sum())
@@ -227,8 +205,8 @@ def _longest(point: Floats, move: Floats) -> float:
     return float(np.min(-point[shrinking] / move[shrinking], initial=np.inf))
 
 
-def _moved(
-    systems: Sequence[DesignSystem], rows: Sequence[Rows], w: Floats, d_w: Floats, length: float
+def _move(
+    systems: Sequence[DesignSystem], rows: Sequence[SquaredRows], w: Floats, d_w: Floats, length: float
 ) -> tuple[list[Regulated], float]:
     """The regulators after a step, which is halved until every Riccati equation has a solution."""
     for _ in range(30):
@@ -247,7 +225,7 @@ def _inside(start: Floats, n_limits: int) -> Floats:
     return np.asarray(w / w[:n_limits].sum())
 
 
-def first_multipliers(systems: Sequence[DesignSystem], rows: Sequence[Rows], n_limits: int) -> Floats:
+def first_multipliers(systems: Sequence[DesignSystem], rows: Sequence[SquaredRows], n_limits: int) -> Floats:
     """Equal multipliers of the limits, and r such that the forces are near their budgets."""
     budgets = slice(n_limits, n_limits + systems[0].B.shape[1])
     w = np.zeros(len(rows[0].forms))
@@ -261,3 +239,72 @@ def first_multipliers(systems: Sequence[DesignSystem], rows: Sequence[Rows], n_l
         w[budgets] *= np.clip(squares, 1e-3, 1e3)
     w[budgets.stop :] = 1e-3 * w[budgets].min()
     return w
+
+
+_GAIN_STEPS = 200
+SENSOR_NOISE = 0.05
+"""Noise of each state that a sampled law knows, over its rms without control; keeps the gain from differences of states
+that the model alone tells apart."""
+
+
+def riccati_law_gain(system: DesignSystem, found: Regulated) -> Floats:
+    """Gain on the state s of the building of a design in continuous time, shape (n_devices, 2n).
+
+    It is the block of s, which is the Riccati gain of the building alone, for the soil is not controlled.
+    """
+    n = len(system.state)
+    return np.asarray(np.linalg.solve(system.state[:, :n].T, found.gain[:, :n].T).T)
+
+
+def static_law_gain(system: DesignSystem, rows: SquaredRows, multipliers: Floats, start: Floats) -> Floats:
+    """Gain on s of least cost in a sampled loop with driver and delay, shape (n_devices, 2n); a local minimum.
+
+    The gradient is that of static output feedback (W. S. Levine and M. Athans, IEEE Trans. Automatic Control 15(1),
+    1970, 44-48).
+    The gain to start from is halved until the loop is stable.
+    """
+    from scipy.optimize import minimize  # takes a quarter of a second to load
+
+    weights = multipliers @ rows.forms
+    spread = SENSOR_NOISE**2 * np.einsum("ij,jk,ik->i", system.state, system.uncontrolled, system.state)
+    for _ in range(60):
+        at_start = _cost(system, rows, weights, start, spread)[0]
+        if np.isfinite(at_start):
+            break
+        start = 0.5 * start
+    # Gains are measured by the force that the noise causes, that of the start being 1.
+    unit, shape = np.sqrt(spread), start.shape
+    unit = unit / np.linalg.norm(start * unit)
+
+    def cost_of(flat: Floats) -> tuple[float, Floats]:
+        cost, slope = _cost(system, rows, weights, flat.reshape(shape) / unit, spread)
+        return cost / at_start, (slope / unit).ravel() / at_start
+
+    found = minimize(
+        cost_of,
+        (start * unit).ravel(),
+        jac=True,
+        method="BFGS",
+        options={"maxiter": _GAIN_STEPS, "gtol": 1e-8},
+    )
+    return np.asarray(found.x.reshape(shape) / unit)
+
+
+def _cost(
+    system: DesignSystem, rows: SquaredRows, weights: Floats, gain: Floats, spread: Floats
+) -> tuple[float, Floats]:
+    """Cost of `u = -gain (s + noise)` and its gradient; infinite if the loop is not stable."""
+    K = gain @ system.state
+    closed = system.A - system.B @ K
+    try:
+        equations = LyapunovEquations(closed, system.step)
+    except SettingError:
+        return float("inf"), np.zeros_like(gain)
+    pushed = (gain * spread) @ gain.T
+    X = equations.covariance(system.noise + system.step * system.B @ pushed @ system.B.T)
+    own = rows.C - rows.D @ K
+    P = equations.cost((own.T * weights) @ own)
+    R = (rows.D.T * weights) @ rows.D + system.step * system.B.T @ P @ system.B
+    forward = np.eye(len(closed)) + system.step * closed
+    slope = R @ gain * spread - (system.B.T @ P @ forward + (rows.D.T * weights) @ own) @ X @ system.state.T
+    return float(np.sum(system.noise * P) + np.sum(R * pushed)), 2.0 * slope

@@ -18,7 +18,8 @@ from mrwork.dampers.design.magnetic_circuit import wire_diameter
 from mrwork.dampers.design.ranges import Current, Length, Speed, Voltage
 from mrwork.dampers.design.steels import Steel
 from mrwork.errors import Interrupted, SettingError, UnknownNameError
-from mrwork.search import OPTIMISERS, PEERS, SearchResult, StopRules, run_search
+from mrwork.search import SearchResult, StopRules, run_search
+from mrwork.search.registry import ALL_OPTIMISERS
 from mrwork.summary import Summarised, Summary
 
 Floats = NDArray[np.float64]
@@ -292,7 +293,7 @@ def smallest(
     UnknownNameError
         If there is no such search.
     """
-    optimisers = {**OPTIMISERS, **PEERS}
+    optimisers = ALL_OPTIMISERS
     if search not in optimisers:
         raise UnknownNameError(f"no search is called {search!r}; choose one of {', '.join(optimisers)}")
     # Any, because the protocol does not declare that the settings are a dataclass.

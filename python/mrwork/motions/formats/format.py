@@ -8,11 +8,11 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.errors import RecordError, SettingError
 from mrwork.motions.ground_motion import GroundMotion
 from mrwork.records.formats.delimited import decoded
+from mrwork.values import Floats
 
 _HEADER_SHOWN = 60
 # Characters of a line of a header: what searches it takes longer than in proportion.
@@ -41,14 +41,8 @@ def lines_of(data: bytes, path: Path) -> Lines:
     return Lines(path=path, texts=tuple(re.split(r"(?<!\r)\r*\n|\r", decoded(data))))
 
 
-def read_numbers(lines: Lines, first: int, end: int | None = None) -> NDArray[np.float64]:
-    """Read all numbers of the lines from `first` to before `end`, shape (n,).
-
-    Raises
-    ------
-    RecordError
-        An entry is not a finite number; the message names its line.
-    """
+def read_numbers(lines: Lines, first: int, end: int | None = None) -> Floats:
+    """Read all numbers of the lines from `first` to before `end`, shape (n,)."""
     texts = lines.texts[first:end]
     try:
         numbers = np.array(" ".join(texts).split(), dtype=np.float64)
@@ -112,13 +106,7 @@ class Format:
 
 
 def refuse_needless(stated: Stated, needs: frozenset[str], *, source: str, kind: str) -> None:
-    """Refuse an option that the format does not take, rather than ignore it.
-
-    Raises
-    ------
-    SettingError
-        Names the first option that the format does not take.
-    """
+    """Refuse an option that the format does not take, rather than ignore it."""
     for field in fields(stated):
         if getattr(stated, field.name) is not None and field.name not in needs:
             raise SettingError(f"{source}: {kind} takes no `{field.name}`; leave it out")
@@ -128,18 +116,12 @@ def recorded(
     path: Path,
     *,
     dt: float,
-    acceleration: NDArray[np.float64],
+    acceleration: Floats,
     source: str,
     name: str | None = None,
     changes: tuple[str, ...] = (),
 ) -> GroundMotion:
-    """Build the motion of a file, by default with the name of the file, which is also added to `source`.
-
-    Raises
-    ------
-    RecordError
-        The record has fewer than two samples, or no finite step or sample.
-    """
+    """Build the motion of a file, by default with the name of the file, which is also added to `source`."""
     if acceleration.size < 2:
         raise RecordError(
             f"{path}: the record has too few samples ({acceleration.size}); it needs two or more"
@@ -156,14 +138,8 @@ def recorded(
     )
 
 
-def refuse_absurd(acceleration: NDArray[np.float64], *, source: str) -> None:
-    """Refuse accelerations [m/s^2] beyond those of any earthquake.
-
-    Raises
-    ------
-    RecordError
-        The peak is above 20 g.
-    """
+def refuse_absurd(acceleration: Floats, *, source: str) -> None:
+    """Refuse accelerations [m/s^2] beyond those of any earthquake."""
     peak = float(np.abs(acceleration).max(initial=0.0))
     if not peak <= _LARGEST:
         raise RecordError(

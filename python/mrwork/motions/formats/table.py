@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.errors import RecordError, SettingError, UnitError
 from mrwork.keys import SMALLEST
@@ -23,15 +22,99 @@ from mrwork.motions.formats.format import (
     recorded,
     shown,
 )
-from mrwork.motions.formats.uniform import motion_of_columns
 from mrwork.motions.ground_motion import GroundMotion
 from mrwork.records.column_names import LONGEST_NAME
 from mrwork.records.formats.delimited import DelimitedTable, encoding_of
 from mrwork.records.formats.layout import DECIMAL_COMMA
 from mrwork.records.formats.matlab import open_matlab, read_matlab_matrices
 from mrwork.records.formats.regular import regular_table
+from mrwork.records.sampling import rounded_grid
 from mrwork.records.table import ColumnTable, VectorTable
 from mrwork.units import factor_of, factor_to_si, known_units
+from mrwork.values import Floats
+
+# Steps that differ by less, relative to their median, count as equal.
+_JITTER = 1e-3
+# A last sample of zero this long after the others [s], and in steps, is padding and not part of the record.
+_PADDING = 1.0
+_PADDING_STEPS = 20.0
+
+
+def motion_of_columns(
+    time: Floats, acceleration: Floats, *, name: str, source: str, where: Callable[[int], str]
+) -> GroundMotion:
+    """Build a motion from times [s] and accelerations [m/s^2], shape (n_time,); `where` names a row in messages.
+
+    `changes` lists what was done. Steps that are equal up to jitter or rounding are taken as uniform without changing
+    the samples; otherwise the record is resampled by linear interpolation.
+    """
+    changes: list[str] = []
+    for values, what in ((time, "time"), (acceleration, "acceleration")):
+        if not np.isfinite(values).all():
+            row = int(np.flatnonzero(~np.isfinite(values))[0])
+            raise RecordError(
+                f"{where(row)}: the {what} is no finite number; correct the value or delete the row"
+            )
+    if time.size < 2:
+        raise RecordError(f"{where(0)}: the record has {time.size} rows; give two or more")
+    wrong = np.flatnonzero(np.diff(time) <= 0.0)
+    if wrong.size:
+        row = int(wrong[0]) + 1
+        raise RecordError(
+            f"{where(row)}: time goes from {time[row - 1]:g} to {time[row]:g} s; sort the rows, and write times with "
+            "digits enough to differ"
+        )
+    if _ends_in_padding(time, acceleration):
+        changes.append(
+            f"last point dropped: zero at {time[-1]:g} s, {time[-1] - time[-2]:g} s behind the others, is padding"
+        )
+        time, acceleration = time[:-1], acceleration[:-1]
+    dt, acceleration, change = _on_one_step(time, acceleration, where)
+    if change:
+        changes.append(change)
+    return GroundMotion(name=name, dt=dt, acceleration=acceleration, source=source, changes=tuple(changes))
+
+
+def _ends_in_padding(time: Floats, acceleration: Floats) -> bool:
+    if time.size < 4 or acceleration[-1] != 0.0:
+        return False
+    last = float(time[-1] - time[-2])
+    return last > _PADDING and last > _PADDING_STEPS * float(np.diff(time[:-1]).max())
+
+
+def _on_one_step(
+    time: Floats, acceleration: Floats, where: Callable[[int], str]
+) -> tuple[float, Floats, str]:
+    """Step [s], samples, and a description of the change."""
+    steps = np.diff(time)
+    duration = float(time[-1] - time[0])
+    mean, median = duration / steps.size, float(np.median(steps))
+    # In a long record, times written with few digits differ in the last digit.
+    regular = np.abs(steps - median) <= _JITTER * median + 2.0 * np.spacing(np.abs(time).max())
+    if regular.all():
+        return mean, acceleration, ""
+    uniform = rounded_grid(time)
+    if uniform is not None:
+        dt = float(uniform[-1] - uniform[0]) / steps.size
+        return dt, acceleration, f"times written to {np.ptp(steps):.3g} s taken as uniform, every {dt:.6g} s"
+    if not regular.any():
+        raise RecordError(f"{where(0)}: no two times have a common step; check the column of times")
+    dt = float(steps[regular].mean())
+    # Regular steps are taken as equal, so that their samples are kept and not interpolated.
+    knots = np.concatenate(([0.0], np.cumsum(np.where(regular, dt, steps))))
+    n_time = int(np.floor(knots[-1] / dt + 1e-6)) + 1
+    if n_time > 2 * time.size:
+        row = int(np.argmax(steps)) + 1
+        raise RecordError(
+            f"{where(row)}: a gap of {steps[row - 1]:.4g} s before it, and steps of {dt:.4g} s elsewhere, leave most "
+            "of the record empty; cut out one continuous part"
+        )
+    odd = int(np.count_nonzero(~regular))
+    count = "one step differs" if odd == 1 else f"{odd} steps differ"
+    worst = steps[~regular][np.argmax(np.abs(steps[~regular] - dt))]
+    change = f"resampled every {dt:.6g} s, straight between: {count}, by up to {worst - dt:+.4g} s"
+    return dt, np.interp(dt * np.arange(n_time), knots, acceleration), change
+
 
 # "ground_accel_mps2", "Acc (g)", "a_mps2", "xg_ddot"; "t_s", "Time [ms]", "time".
 _ACCELERATION: Final = re.compile(r"(ground[\s_-]*)?(a|acc|accel|acceleration|ag|a_g|xg_ddot)", re.IGNORECASE)
@@ -51,17 +134,7 @@ class Column:
 
 
 def acceleration_column(names: Sequence[str], stated: Stated, *, source: str) -> Column:
-    """Find the column of the acceleration.
-
-    Raises
-    ------
-    RecordError
-        No column matches, or several do.
-    UnitError
-        Neither the name of the column nor the caller states the unit.
-    SettingError
-        The stated unit differs from that of the name.
-    """
+    """Find the column of the acceleration."""
     listed = ", ".join(f"'{name}'" for name in names)
     if stated.column is None:
         found = [name for name in names if _is_acceleration(name)]
@@ -88,14 +161,8 @@ def acceleration_column(names: Sequence[str], stated: Stated, *, source: str) ->
     return Column(name=name, factor=factor)
 
 
-def time_column(names: Sequence[str], *, source: str) -> Column | None:
-    """Find the column of time, `None` if there is none; a column without a unit is in seconds.
-
-    Raises
-    ------
-    RecordError
-        Several columns match.
-    """
+def _time_column(names: Sequence[str], *, source: str) -> Column | None:
+    """Find the column of time, `None` if there is none; a column without a unit is in seconds."""
     found = [(name, match[1] or "s") for name in names for match in [_TIME.fullmatch(name)] if match]
     if len(found) > 1:
         raise RecordError(
@@ -109,7 +176,7 @@ def time_column(names: Sequence[str], *, source: str) -> Column | None:
     return Column(name=name, factor=factor_to_si(unit, "time", context=context))
 
 
-def are_named(names: Sequence[str]) -> bool:
+def _are_named(names: Sequence[str]) -> bool:
     """Whether words are column names of a table of a ground motion."""
     return any(_is_acceleration(name) for name in names) and all(
         _is_acceleration(name) or _TIME.fullmatch(name) for name in names
@@ -145,22 +212,16 @@ def _unit_in(name: str) -> str | None:
 _NAMELESS = ("t_s", "acceleration")
 
 
-def motion_of_table(table: ColumnTable, stated: Stated, path: Path) -> GroundMotion:
-    """Build the motion from the columns of a table of any file format.
-
-    Raises
-    ------
-    RecordError, UnitError, SettingError
-        The columns are invalid, times are missing, or `dt` is given although there is a column of times.
-    """
+def _motion_of_table(table: ColumnTable, stated: Stated, path: Path) -> GroundMotion:
+    """Build the motion from the columns of a table of any file format."""
     acceleration = acceleration_column(table.names, stated, source=str(path))
-    time = time_column(table.names, source=str(path))
+    time = _time_column(table.names, source=str(path))
     needed = [acceleration] if time is None else [time, acceleration]
     columns = table.read([column.name for column in needed])
     samples = acceleration.factor * columns[acceleration.name]
     if time is not None and stated.dt is not None:
         raise SettingError(f"{path}: column '{time.name}' holds the times; leave out `dt`")
-    times: NDArray[np.float64]
+    times: Floats
     if time is not None:
         times = time.factor * columns[time.name]
     elif stated.dt is not None:
@@ -205,7 +266,7 @@ def read_regular_motion(
         return _table(lines, list(lines.texts))
 
     table = regular_table(data, encoding_of(data), source=str(path), sha256="", careful=line_by_line)
-    return None if table is None else motion_of_table(table, stated, path)
+    return None if table is None else _motion_of_table(table, stated, path)
 
 
 def _read(lines: Lines, stated: Stated) -> GroundMotion:
@@ -221,13 +282,13 @@ def _read(lines: Lines, stated: Stated) -> GroundMotion:
         texts = ["\t".join(text.split()) for text in texts]
     fields = [field for field in texts[first].split(delimiter) if field.strip()]
     if not all(is_number(field) or _has_comma(field) for field in fields):
-        return motion_of_table(_table(lines, texts), stated, lines.path)
+        return _motion_of_table(_table(lines, texts), stated, lines.path)
     if stated.dt is not None:
         return _series(lines, first, delimiter, stated)
     above = next((text.strip().lstrip("# \t") for text in reversed(texts[:first]) if text.strip()), "")
     names = tuple(name.strip() for name in above.split(delimiter))
-    if len(names) == len(fields) and are_named(names):
-        return motion_of_table(_table(lines, texts, names), stated, lines.path)
+    if len(names) == len(fields) and _are_named(names):
+        return _motion_of_table(_table(lines, texts, names), stated, lines.path)
     if len(fields) != 2:
         raise RecordError(
             f"{lines.where(first)} holds {len(fields)} numbers and no line above names columns; state the step "
@@ -238,7 +299,7 @@ def _read(lines: Lines, stated: Stated) -> GroundMotion:
             f"{lines.path}: does not state the unit of its second column; give it as `unit`, one of "
             f"{known_units('acceleration')}"
         )
-    return motion_of_table(_table(lines, texts, _NAMELESS), stated, lines.path)
+    return _motion_of_table(_table(lines, texts, _NAMELESS), stated, lines.path)
 
 
 def _table(lines: Lines, texts: list[str], names: tuple[str, ...] | None = None) -> DelimitedTable:
@@ -299,11 +360,6 @@ def read_matrix_motion(path: Path, stated: Stated) -> GroundMotion:
 
     A matrix of two rows or two columns holds times [s] and accelerations, as in the files of the structural control
     benchmarks; vectors are recognised by their names like the columns of a table.
-
-    Raises
-    ------
-    RecordError, UnitError, SettingError
-        The file is damaged, or does not hold exactly one ground motion.
     """
     matrices = read_matlab_matrices(path)
     pairs = {name: pair for name, matrix in matrices.items() for pair in _pair(matrix)}
@@ -312,13 +368,13 @@ def read_matrix_motion(path: Path, stated: Stated) -> GroundMotion:
         raise RecordError(f"{path}: variables {listed} may all be a ground motion; name one with `column`")
     name = next(iter(pairs), None) if stated.column is None else stated.column
     if name not in pairs:
-        return motion_of_table(open_matlab(path), stated, path)
+        return _motion_of_table(open_matlab(path), stated, path)
     time, acceleration = pairs[name]
     table = VectorTable(source=str(path), sha256="", vectors={"t_s": time, name: acceleration})
-    return motion_of_table(table, replace(stated, column=name), path)
+    return _motion_of_table(table, replace(stated, column=name), path)
 
 
-def _pair(matrix: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+def _pair(matrix: Floats) -> list[Floats]:
     """Rows of times and accelerations, shape (2, n_time), if the matrix has two rows or columns; otherwise none."""
     if matrix.ndim != 2 or 2 not in matrix.shape or matrix.size < 6:
         return []

@@ -8,11 +8,17 @@ from collections.abc import Collection
 from mrwork.closed_loop.evaluation import Criterion
 from mrwork.report.numbers import fixed
 from mrwork.report.section import NOTHING, Table
-from mrwork.study.comparison import LAWS, Change, Comparison, compared_quantities, rounds_to_increase
-from mrwork.study.over_motions import judged_in_words
+from mrwork.study.comparison import (
+    LAWS,
+    QuantityChange,
+    StudyComparison,
+    compared_quantities,
+    judged_in_words,
+    rounds_to_increase,
+)
 
 
-def leading_table(comparison: Comparison, row: int) -> Table:
+def leading_table(comparison: StudyComparison, row: int) -> Table:
     """The changes of one row, quantity by quantity, against each reference."""
     results = comparison.results
     references = [each for each in comparison.references if each != row]
@@ -46,7 +52,7 @@ def leading_table(comparison: Comparison, row: int) -> Table:
     )
 
 
-def change_table(comparison: Comparison, reference: int, shown: Collection[int]) -> Table:
+def change_table(comparison: StudyComparison, reference: int, shown: Collection[int]) -> Table:
     """The changes of the shown rows against a reference, the rows of each rank together."""
     results = comparison.results
     quantities = compared_quantities()
@@ -107,7 +113,9 @@ def signed_percent(change: float) -> str:
     return f"+{text}" if rounds_to_increase(change) else text
 
 
-def _largest(comparison: Comparison, changes: dict[str, Change], quantities: tuple[Criterion, ...]) -> str:
+def _largest(
+    comparison: StudyComparison, changes: dict[str, QuantityChange], quantities: tuple[Criterion, ...]
+) -> str:
     """The largest increase of a quantity under one motion; empty if none increases."""
     found = [(changes[entry.name], entry) for entry in quantities]
     known = [(change.largest, change.motion, entry) for change, entry in found if not math.isnan(change.mean)]
@@ -119,7 +127,7 @@ def _largest(comparison: Comparison, changes: dict[str, Change], quantities: tup
     return f"{entry.short} {signed_percent(largest)}, {comparison.results.motions[motion].name}"
 
 
-def _worse_laws(comparison: Comparison, reference: int, *, several: bool) -> tuple[str, ...]:
+def _worse_laws(comparison: StudyComparison, reference: int, *, several: bool) -> tuple[str, ...]:
     laws = sum(len(rows) for rank, rows in comparison.ranks if rank is LAWS)
     if laws < 2:
         return ()

@@ -11,8 +11,7 @@ import numpy as np
 from mrwork.closed_loop.evaluation import criterion
 from mrwork.report.numbers import fixed, significant
 from mrwork.report.section import Table
-from mrwork.study.comparison import RANKS, Comparison
-from mrwork.study.over_motions import judged_in_words
+from mrwork.study.comparison import RANKS, StudyComparison, judged_in_words
 from mrwork.study.results import StudyCriteria, StudyResults
 from mrwork.study.study import Kind
 
@@ -34,7 +33,7 @@ _AGAINST: tuple[Kind, ...] = ("uncontrolled", "passive_off")
 _DECIMALS = 3
 
 
-def overview_table(comparison: Comparison, shown: Collection[int]) -> Table:
+def overview_table(comparison: StudyComparison, shown: Collection[int]) -> Table:
     """The score, and the mean of each ratio over the motions, the rows of each rank together."""
     results = comparison.results
     ranks = [

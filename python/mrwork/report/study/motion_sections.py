@@ -13,8 +13,13 @@ from mrwork.report.numbers import fixed, significant
 from mrwork.report.section import NOTHING, Group, Section, Table, panel
 from mrwork.report.study.figures import short, strokes
 from mrwork.report.study.shown_rows import ShownRows
-from mrwork.study.comparison import Comparison
-from mrwork.study.over_motions import chosen_in_words, judged_in_words, motion_groups, times_better
+from mrwork.study.comparison import (
+    StudyComparison,
+    chosen_in_words,
+    judged_in_words,
+    motion_groups,
+    times_better,
+)
 from mrwork.study.results import StudyResults
 from mrwork.study.study import uses_in_words
 
@@ -22,7 +27,7 @@ _ROW = 0.26
 _NAME = 36
 
 
-def spread_section(comparison: Comparison, shown: ShownRows) -> Section | None:
+def spread_section(comparison: StudyComparison, shown: ShownRows) -> Section | None:
     """Least, quartiles and most of the scores under single motions, and scores of groups; `None` of a single motion."""
     results = comparison.results
     assert isinstance(results, StudyResults)
@@ -55,7 +60,7 @@ def spread_section(comparison: Comparison, shown: ShownRows) -> Section | None:
     )
 
 
-def _spread_in_words(comparison: Comparison) -> str:
+def _spread_in_words(comparison: StudyComparison) -> str:
     results, leading, passive = comparison.results, comparison.leading, comparison.passive
     parts = []
     if leading is not None and math.isfinite(results.score(leading)):
@@ -73,7 +78,7 @@ def _spread_in_words(comparison: Comparison) -> str:
     return f"{'; '.join(parts)}. {chosen_in_words(results)}".strip()
 
 
-def _spread_table(comparison: Comparison, rows: list[int]) -> Table:
+def _spread_table(comparison: StudyComparison, rows: list[int]) -> Table:
     results, passive = comparison.results, comparison.passive
     spreads = {row: results.spread(row) for row in rows}
 
@@ -114,7 +119,7 @@ def _spread_table(comparison: Comparison, rows: list[int]) -> Table:
     )
 
 
-def _headings(comparison: Comparison, rows: list[int]) -> dict[int, str]:
+def _headings(comparison: StudyComparison, rows: list[int]) -> dict[int, str]:
     return {
         rows.index(first): rank.title
         for rank, members in comparison.ranks

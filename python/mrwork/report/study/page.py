@@ -21,8 +21,13 @@ from mrwork.report.study.sections import (
     uncertainty_section,
 )
 from mrwork.report.study.shown_rows import ShownRows, shown_rows
-from mrwork.study.comparison import ADD_BEST_PASSIVE, Comparison, compared
-from mrwork.study.over_motions import MOST_IN_DETAIL, judged_in_words
+from mrwork.study.comparison import (
+    ADD_BEST_PASSIVE,
+    MOST_IN_DETAIL,
+    StudyComparison,
+    compared,
+    judged_in_words,
+)
 from mrwork.study.results import OFF_BALANCE, StudyResults
 
 # Quantities of the headline; the section of changes has all of them.
@@ -87,7 +92,7 @@ def study_page(
     )
 
 
-def _comparison_section(comparison: Comparison, shown: ShownRows) -> Section | None:
+def _comparison_section(comparison: StudyComparison, shown: ShownRows) -> Section | None:
     if comparison.leading is None:
         return None
     results, leading = comparison.results, comparison.leading
@@ -108,7 +113,7 @@ def _comparison_section(comparison: Comparison, shown: ShownRows) -> Section | N
     return Section(anchor="changes", title="Changes", summary=" ".join(words), groups=tuple(groups))
 
 
-def _criteria_section(comparison: Comparison, shown: ShownRows) -> Section:
+def _criteria_section(comparison: StudyComparison, shown: ShownRows) -> Section:
     results = comparison.results
     assert isinstance(results, StudyResults)
     groups = (
@@ -158,7 +163,7 @@ class _Number:
     note_worse: bool = False
 
 
-def _headline(comparison: Comparison) -> list[_Number]:
+def _headline(comparison: StudyComparison) -> list[_Number]:
     """Changes of the leading row against the building without dampers, and below against the best passive damper."""
     results, row = comparison.results, comparison.leading
     if row is None or comparison.uncontrolled is None:
@@ -183,7 +188,7 @@ def _headline(comparison: Comparison) -> list[_Number]:
     return numbers
 
 
-def _leading_in_words(comparison: Comparison) -> str:
+def _leading_in_words(comparison: StudyComparison) -> str:
     if comparison.leading is None or comparison.uncontrolled is None:
         return ""
     label = comparison.results.rows[comparison.uncontrolled].label

@@ -12,10 +12,9 @@ from mrwork.report.numbers import fixed, significant
 from mrwork.report.section import NOTHING, Group, Section, Table, panel
 from mrwork.report.study.figures import energy_figure, profile_figure
 from mrwork.report.study.shown_rows import ShownRows
-from mrwork.study.batches import BAND, Band
-from mrwork.study.over_motions import MOST_IN_DETAIL
-from mrwork.study.results import StudyResults
-from mrwork.study.step_check import ON_OFF, largest_step_changes
+from mrwork.study.batches import BAND, RealisationBand
+from mrwork.study.comparison import MOST_IN_DETAIL
+from mrwork.study.results import ON_OFF, StudyResults, largest_step_changes
 
 _QUANTITIES = (("peak_drift", "Peak drift"), ("peak_acceleration", "Peak acceleration"))
 
@@ -222,7 +221,7 @@ def uncertainty_section(results: StudyResults, shown: ShownRows) -> Section | No
     return Section(anchor="bands", title="Under uncertainty", summary=summary, groups=(Group(table=table),))
 
 
-def _band(band: Band | None) -> str:
+def _band(band: RealisationBand | None) -> str:
     return (
         NOTHING
         if band is None

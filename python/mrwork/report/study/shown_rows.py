@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import dataclass
 
-from mrwork.study.comparison import Comparison
+from mrwork.study.comparison import StudyComparison
 
 MOST_LISTED = 60
 """Most rows of a table."""
@@ -31,7 +31,7 @@ class ShownRows:
     in_words: str
 
 
-def shown_rows(comparison: Comparison, chosen: Collection[int]) -> ShownRows:
+def shown_rows(comparison: StudyComparison, chosen: Collection[int]) -> ShownRows:
     """The rows that a page shows; of the histories, those among the `chosen` ones."""
     total = len(comparison.results.rows)
     listed, drawn = _best(comparison, range(total), MOST_LISTED), _best(comparison, range(total), MOST_DRAWN)
@@ -56,7 +56,7 @@ def shown_rows(comparison: Comparison, chosen: Collection[int]) -> ShownRows:
     )
 
 
-def _best(comparison: Comparison, among: Collection[int], most: int) -> tuple[int, ...]:
+def _best(comparison: StudyComparison, among: Collection[int], most: int) -> tuple[int, ...]:
     """All of few rows; of more, the references, the first of each rank, and then the others from rank to rank."""
     if len(among) <= most:
         return tuple(among)

@@ -12,7 +12,7 @@ from mrwork.report.numbers import fixed, shortest, significant
 from mrwork.report.section import NOTHING, Group, Section, Table, panel
 from mrwork.report.tuning.figures import course_figure, front_figure, score_figure
 from mrwork.study.batches import BAND
-from mrwork.tuning.results import Front, Judgement, LawResult, TuningResults
+from mrwork.tuning.results import Front, LawResult, TuningJudgement, TuningResults
 
 _DECIMALS = 3
 _IN_UNITS = {"m": ("mm", 1e3), "N": ("kN", 1e-3), "J": ("J", 1.0)}
@@ -50,7 +50,7 @@ def tuning_page(results: TuningResults, *, command: str = "") -> str:
     )
 
 
-def _judged(law: LawResult) -> Judgement:
+def _judged(law: LawResult) -> TuningJudgement:
     return law.train if law.test is None else law.test
 
 
@@ -196,7 +196,7 @@ def _band_section(results: TuningResults) -> Section | None:
     )
 
 
-def _band(found: Judgement, name: str) -> str:
+def _band(found: TuningJudgement, name: str) -> str:
     band = found.bands.get(name)
     return (
         NOTHING
@@ -276,7 +276,7 @@ def _unit(unit: str, command_unit: str) -> str:
     return command_unit if unit == "A or V" else unit
 
 
-def _demand(found: Judgement, name: str, unit: str) -> str:
+def _demand(found: TuningJudgement, name: str, unit: str) -> str:
     _, factor = _IN_UNITS.get(unit, ("", 1.0))
     value = found.largest.get(name)
     return NOTHING if value is None else significant(factor * value, 3)
@@ -286,7 +286,7 @@ def _motion_section(results: TuningResults) -> Section | None:
     groups = []
     for use, chosen in (("Test", True), ("Training", False)):
         found = [(each, each.test if chosen else each.train) for each in results.ranked]
-        laws: Sequence[tuple[LawResult, Judgement]] = [
+        laws: Sequence[tuple[LawResult, TuningJudgement]] = [
             (law, judgement) for law, judgement in found if judgement is not None and judgement.motions
         ]
         if not laws:

@@ -1,0 +1,358 @@
+"""Text formats of strong-motion networks and archives: PEER AT2, COSMOS, ESM and ITACA, K-NET and KiK-net."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+import numpy as np
+
+from mrwork.errors import RecordError
+from mrwork.motions.formats.format import Format, Lines, Stated, read_numbers, recorded, shown
+from mrwork.motions.ground_motion import GroundMotion
+from mrwork.units import FACTORS, factor_to_si
+from mrwork.values import Floats, holds_arrays
+
+_HEADER = 4
+_CONTENT = re.compile(r"(ACCELERATION|VELOCITY|DISPLACEMENT)\b.*?\bIN UNITS OF\s+([^\s.,;]+)", re.IGNORECASE)
+_NUMBER_AT2 = r"((?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:E[+-]?[0-9]+)?)"
+_NAMED = re.compile(rf"NPTS\s*=\s*([0-9]{{1,9}})[\s,]+DT\s*=\s*{_NUMBER_AT2}", re.IGNORECASE)
+_BARE = re.compile(rf"\s*([0-9]{{1,9}})[\s,]+{_NUMBER_AT2}[\s,]+NPTS\b[\s,]+DT\b", re.IGNORECASE)
+
+
+def _recognises_at2(lines: Lines) -> bool:
+    return _CONTENT.search(lines.at(2)) is not None and "NPTS" in lines.at(3).upper()
+
+
+def _read_at2(lines: Lines, stated: Stated) -> GroundMotion:
+    """A PEER record: four header lines, then accelerations, several per line.
+
+    The header ends with NPTS and DT, before or after their numbers, in any case (peer.berkeley.edu/smcat/data.html).
+    """
+    content = _CONTENT.search(lines.at(2))
+    size = _NAMED.search(lines.at(3)) or _BARE.match(lines.at(3))
+    if content is None or size is None:
+        raise RecordError(
+            f"{lines.where(3)}: expected 'NPTS= ..., DT= ... SEC', found '{shown(lines.at(3))}'; "
+            "the header of this PEER record is damaged"
+        )
+    if content[1].upper() != "ACCELERATION":
+        raise RecordError(
+            f"{lines.where(2)}: the record holds {content[1].lower()}; give its acceleration, the .AT2 file"
+        )
+    factor = factor_to_si(content[2], "acceleration", context=lines.where(2))
+    n_time, dt = int(size[1]), float(size[2])
+    numbers = read_numbers(lines, _HEADER)
+    if numbers.size != n_time:
+        raise RecordError(
+            f"{lines.path}: line 4 announces {n_time} samples, {numbers.size} follow; the file is cut off or "
+            "damaged, fetch it again"
+        )
+    title = " ".join(lines.at(1).split())
+    return recorded(lines.path, dt=dt, acceleration=factor * numbers, source=title)
+
+
+PEER_AT2 = Format(name="a PEER AT2 record", recognises=_recognises_at2, read=_read_at2)
+
+
+def refuse_false_at2(lines: Lines) -> None:
+    """Refuse a file that has the extension .AT2 but not the header of the format; the message states the difference."""
+    if len(lines.texts) < _HEADER:
+        came = f"the file has {len(lines.texts)} lines"
+    elif _CONTENT.search(lines.at(2)) is None:
+        came = f"line 3 reads '{shown(lines.at(2))}'"
+    else:
+        came = f"line 4 reads '{shown(lines.at(3))}'"
+    raise RecordError(
+        f"{lines.path}: has the extension of a PEER AT2 record but not its header ('ACCELERATION TIME SERIES IN UNITS "
+        f"OF G' in line 3, 'NPTS= ..., DT= ... SEC' in line 4); {came}; save it as two columns, time and acceleration"
+    )
+
+
+_UNKNOWN = -999.0
+# Positions in the real header, from 1: step of a processed series [ms], and of the recorder [s].
+_PROCESSED_STEP = 62
+_RECORDER_STEP = 34
+_FIRST = re.compile(r"\(Format v\s*0*1\.[0-9]+ with\s+([0-9]{1,9}) text lines\)", re.IGNORECASE)
+_BLOCK = re.compile(
+    r"\s*([0-9]{1,9})\s.*Format\s*=\s*\((?:[0-9]+P,?)?([0-9]{1,9})[IFE]([0-9]{1,9})(?:\.[0-9]+)?",
+    re.IGNORECASE,
+)
+_COMMENTS = re.compile(r"\s*([0-9]{1,9})\s+Comment", re.IGNORECASE)
+_UNIT = re.compile(r"units\s*=\s*([^\s,()]+)", re.IGNORECASE)
+
+
+@holds_arrays
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Series:
+    """A channel: its title, first line, unit, step [s], and numbers in the unit of the file."""
+
+    title: str
+    head: int
+    unit: str
+    dt: float
+    numbers: Floats
+
+
+def _recognises_cosmos(lines: Lines) -> bool:
+    return _FIRST.search(lines.at(0)) is not None
+
+
+def _read_cosmos(lines: Lines, stated: Stated) -> GroundMotion:
+    """A channel of a record of version 1.x: text, integer and real header, comments, then a series.
+
+    A line before each header and series states how many numbers follow and in which Fortran format. A file holds one or
+    several channels in succession ("COSMOS Strong Motion Data Format", version 1.20, 2001).
+    """
+    channels: list[_Series] = []
+    place = 0
+    while place < len(lines.texts):
+        title = _FIRST.search(lines.at(place))
+        if title is None:
+            place += 1
+        else:
+            series, place = _series_cosmos(lines, place, title)
+            channels.append(series)
+    if stated.channel is None and len(channels) > 1:
+        listed = ", ".join(
+            f"{number} {shown(series.title)}" for number, series in enumerate(channels, start=1)
+        )
+        raise RecordError(
+            f"{lines.path}: holds {len(channels)} channels ({listed}); choose one with `channel`"
+        )
+    number = 1 if stated.channel is None else stated.channel
+    if not 1 <= number <= len(channels):
+        raise RecordError(f"{lines.path}: has no channel {number}; it holds {len(channels)}, counted from 1")
+    chosen = channels[number - 1]
+    if "acceleration" not in chosen.title.lower():
+        raise RecordError(
+            f"{lines.where(chosen.head)}: the series is '{shown(chosen.title)}'; give one of acceleration"
+        )
+    if chosen.unit.lower().startswith("c") and not chosen.unit.lower().startswith("cm"):
+        raise RecordError(
+            f"{lines.where(chosen.head)}: the series is in counts of the recorder; give the uncorrected or "
+            "corrected acceleration of the same record, which are in physical units"
+        )
+    factor = factor_to_si(chosen.unit, "acceleration", context=lines.where(chosen.head))
+    return recorded(
+        lines.path,
+        name=lines.path.stem if stated.channel is None else f"{lines.path.stem}_{number}",
+        dt=chosen.dt,
+        acceleration=factor * chosen.numbers,
+        source=f"{' '.join(lines.at(chosen.head + 4).split())}, {shown(chosen.title)}",
+    )
+
+
+def _series_cosmos(lines: Lines, head: int, title: re.Match[str]) -> tuple[_Series, int]:
+    """Series of the channel whose text header begins at `head` with its title, and the index of the line after it."""
+    place = head + int(title[1])
+    _, place = _block_cosmos(lines, place, "integer header")
+    real, place = _block_cosmos(lines, place, "real header")
+    comments = _COMMENTS.match(lines.at(place))
+    if comments is not None:
+        place += 1 + int(comments[1])
+    unit = _UNIT.search(lines.at(place))
+    numbers, end = _block_cosmos(lines, place, "series")
+    if unit is None:
+        raise RecordError(f"{lines.where(place)}: expected 'units=', found '{shown(lines.at(place))}'")
+    series = _Series(
+        title=lines.at(head)[: title.start()].strip(),
+        head=head,
+        unit=unit[1],
+        dt=_step_cosmos(lines, real),
+        numbers=numbers,
+    )
+    return series, end
+
+
+def _block_cosmos(lines: Lines, place: int, what: str) -> tuple[Floats, int]:
+    """Numbers announced by the line at `place`, and the index of the line after them.
+
+    Columns may touch, so they are split at the widths of the stated format.
+    """
+    announced = _BLOCK.match(lines.at(place))
+    if announced is None:
+        raise RecordError(
+            f"{lines.where(place)}: expected the line before the {what}, which states how many numbers follow and in "
+            f"which format, found '{shown(lines.at(place))}'; the file is cut off or damaged"
+        )
+    n_numbers, per_line, width = (int(announced[group]) for group in (1, 2, 3))
+    numbers: list[float] = []
+    end = place + 1 + -(-n_numbers // max(per_line, 1))
+    for index in range(place + 1, min(end, len(lines.texts))):
+        text = lines.texts[index]
+        words = [
+            text[start : start + width] for start in range(0, min(len(text), per_line * width), max(width, 1))
+        ]
+        for word in words:
+            try:
+                value = float(word)
+            except ValueError:
+                value = float("nan")
+            if np.isfinite(value):
+                numbers.append(value)
+            elif word.strip():
+                raise RecordError(
+                    f"{lines.where(index)} holds '{shown(word)}' where a number of the {what} was expected; the "
+                    "file is cut off or damaged"
+                )
+    if len(numbers) != n_numbers:
+        raise RecordError(
+            f"{lines.where(place)} announces {n_numbers} numbers of the {what}, {len(numbers)} follow; the file is "
+            "cut off or damaged, fetch it again"
+        )
+    return np.array(numbers), end
+
+
+def _step_cosmos(lines: Lines, real: Floats) -> float:
+    steps = []
+    if real.size >= _PROCESSED_STEP:
+        steps = [1e-3 * real[_PROCESSED_STEP - 1], real[_RECORDER_STEP - 1]]
+    for step in steps:
+        if step > 0.0:
+            return float(step)
+    raise RecordError(
+        f"{lines.path}: the real header states no step between samples (values {_PROCESSED_STEP} and "
+        f"{_RECORDER_STEP}, {_UNKNOWN:g} where unknown); save the series as two columns, time and acceleration"
+    )
+
+
+COSMOS = Format(
+    name="a COSMOS record", recognises=_recognises_cosmos, read=_read_cosmos, needs=frozenset({"channel"})
+)
+
+
+_KEY = re.compile(r"([A-Z][A-Z0-9_/^]*):\s*(.*?)\s*")
+
+
+def _recognises_esm(lines: Lines) -> bool:
+    return lines.at(0).startswith("EVENT_") and any(
+        text.startswith("SAMPLING_INTERVAL_S:") for text in lines.texts[:100]
+    )
+
+
+def _read_esm(lines: Lines, stated: Stated) -> GroundMotion:
+    """A record in DYNA 1.x ASCII: about 64 lines `KEY: value`, then one acceleration per line."""
+    header: dict[str, tuple[int, str]] = {}
+    first = 0
+    while match := _KEY.fullmatch(lines.at(first)):
+        header[match[1]] = (first, match[2])
+        first += 1
+    # Old files do not state the type; their unit decides.
+    kind_line, kind = header.get("DATA_TYPE", (0, "ACCELERATION"))
+    if kind.upper() != "ACCELERATION":
+        raise RecordError(
+            f"{lines.where(kind_line)}: the record holds {shown(kind).lower()}; give the file of its acceleration"
+        )
+    unit_line, unit = _entry_esm(lines, header, "UNITS")
+    factor = factor_to_si(unit, "acceleration", context=lines.where(unit_line))
+    dt = _number_esm(lines, header, "SAMPLING_INTERVAL_S")
+    n_time = _number_esm(lines, header, "NDATA")
+    numbers = read_numbers(lines, first)
+    if numbers.size != n_time:
+        raise RecordError(
+            f"{lines.path}: the header announces {n_time:g} samples, {numbers.size} follow; the file is cut off or "
+            "damaged, fetch it again"
+        )
+    parts = [
+        header.get(key, (0, ""))[1] for key in ("EVENT_NAME", "EVENT_DATE_YYYYMMDD", "STATION_CODE", "STREAM")
+    ]
+    title = ", ".join(part for part in parts if part)
+    return recorded(lines.path, dt=dt, acceleration=factor * numbers, source=title)
+
+
+def _entry_esm(lines: Lines, header: dict[str, tuple[int, str]], key: str) -> tuple[int, str]:
+    if key not in header:
+        raise RecordError(f"{lines.path}: the header of this ESM record has no '{key}'; fetch the file again")
+    return header[key]
+
+
+def _number_esm(lines: Lines, header: dict[str, tuple[int, str]], key: str) -> float:
+    index, text = _entry_esm(lines, header, key)
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 0.0 < value < float("inf"):
+        raise RecordError(
+            f"{lines.where(index)}: {key} is '{shown(text)}' where a positive number was expected; the header "
+            "of this ESM record is damaged"
+        )
+    return value
+
+
+ESM = Format(name="an ESM record", recognises=_recognises_esm, read=_read_esm)
+
+
+_LONGEST_HEADER = 20
+_LABEL = 18
+_NUMBER_KNET = r"([0-9]+(?:\.[0-9]*)?(?:[eE][+-]?[0-9]+)?)"
+_RATE = re.compile(rf"{_NUMBER_KNET}\s*Hz", re.IGNORECASE)
+_DURATION = re.compile(_NUMBER_KNET)
+_SCALE = re.compile(rf"{_NUMBER_KNET}\s*\(gal\)\s*/\s*{_NUMBER_KNET}", re.IGNORECASE)
+
+
+def _recognises_knet(lines: Lines) -> bool:
+    return lines.at(0).startswith("Origin Time") and any(
+        lines.at(index).startswith("Scale Factor") for index in range(_LONGEST_HEADER)
+    )
+
+
+def _read_knet(lines: Lines, stated: Stated) -> GroundMotion:
+    """A record of 17 header lines, then counts of the recorder.
+
+    Acceleration in gal is a count times the scale factor of line 14, such as `3920(gal)/6182761`, plus an offset of the
+    recorder; the published peak refers to the mean (National Research Institute for Earth Science and Disaster
+    Resilience, "About K-NET ASCII format").
+    """
+    rate = float(_field_knet(lines, "Sampling Freq", _RATE, "100Hz")[1])
+    duration = float(_field_knet(lines, "Duration Time", _DURATION, "108")[1])
+    scale = _field_knet(lines, "Scale Factor", _SCALE, "3920(gal)/6182761")
+    if rate <= 0.0 or float(scale[2]) <= 0.0:
+        raise RecordError(f"{lines.path}: sampling frequency or scale factor is zero; the header is damaged")
+    counts = read_numbers(lines, _line_knet(lines, "Memo") + 1)
+    announced = duration * rate
+    if not abs(counts.size - announced) < 0.5:
+        raise RecordError(
+            f"{lines.path}: the header announces {announced:g} samples ({duration:g} s at {rate:g} Hz), {counts.size} "
+            "follow; the file is cut off or damaged, fetch it again"
+        )
+    acceleration = FACTORS["acceleration"]["gal"] * float(scale[1]) / float(scale[2]) * counts
+    mean = float(np.mean(acceleration)) if acceleration.size else 0.0
+    station, origin, direction = (
+        lines.at(_line_knet(lines, label))[_LABEL:].strip()
+        for label in ("Station Code", "Origin Time", "Dir.")
+    )
+    return recorded(
+        lines.path,
+        # The extension states the direction of the record.
+        name=lines.path.name.replace(".", "_"),
+        dt=1.0 / rate,
+        acceleration=acceleration - mean,
+        source=f"K-NET or KiK-net, {origin}, station {station}, {direction}",
+        changes=(f"mean of {mean:.4g} m/s2 taken out, the offset of the recorder",),
+    )
+
+
+def _line_knet(lines: Lines, label: str) -> int:
+    for index in range(_LONGEST_HEADER):
+        if lines.at(index).startswith(label):
+            return index
+    raise RecordError(
+        f"{lines.path}: the header of this K-NET record has no line '{label}'; fetch the file again"
+    )
+
+
+def _field_knet(lines: Lines, label: str, pattern: re.Pattern[str], example: str) -> re.Match[str]:
+    index = _line_knet(lines, label)
+    text = lines.at(index)[_LABEL:]
+    match = pattern.search(text)
+    if match is None:
+        raise RecordError(
+            f"{lines.where(index)}: expected '{label}' such as '{example}', found '{shown(text)}'; the header "
+            "of this K-NET record is damaged"
+        )
+    return match
+
+
+K_NET = Format(name="a K-NET record", recognises=_recognises_knet, read=_read_knet)
