@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-import mrwork.twins._base  # noqa: F401  (sets double precision)
+import mrwork.twins.equations  # noqa: F401  (sets double precision)
 from mrwork.dampers import conversions
 from mrwork.dampers.conversions import (
     OpenSeesBoucWen,

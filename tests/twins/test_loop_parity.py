@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from loop_twin_samples import LAG, STEP
+from twin_laws import ClippedOptimal, LyapunovBangBang, ModifiedClippedOptimal, Passive
 
 import mrwork as mr
 from mrwork.buildings.devices import Device
@@ -19,14 +20,7 @@ from mrwork.closed_loop.simulate import simulate_loop
 from mrwork.control.laws import ControlLaw
 from mrwork.dampers.spec import DamperSpec
 from mrwork.motions.ground_motion import GroundMotion
-from mrwork.twins.loop.laws import (
-    ClippedOptimal,
-    LyapunovBangBang,
-    LyapunovDirect,
-    ModifiedClippedOptimal,
-    Passive,
-    SignalNetwork,
-)
+from mrwork.twins.loop.laws import LyapunovDirect, SignalNetwork
 from mrwork.twins.loop.plant import LoopDevice, LoopPlant
 from mrwork.twins.loop.run import half_steps, run_loop
 

@@ -5,10 +5,8 @@ from __future__ import annotations
 import os
 import platform
 from collections import namedtuple
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
-from importlib import import_module
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -21,9 +19,7 @@ from mrwork.arguments import checked
 from mrwork.dampers.parameters import CurrentLaws, interpolated, law_named
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import LibraryError, SettingError, UnknownNameError
-from mrwork.twins._base import Parameters  # also sets double precision
-
-Equation = Callable[[Parameters, Array, Array, Array], Array]
+from mrwork.twins.equations import EQUATIONS, Equation  # also sets double precision
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,7 +38,7 @@ class Twin:
 @checked
 @cache
 def twin_of(spec: DamperSpec) -> Twin:
-    """Return the twin of a model: its module in this package, with the parameters of the spec.
+    """Return the twin of a model: its equations, with the parameters of the spec.
 
     Raises
     ------
@@ -51,13 +47,12 @@ def twin_of(spec: DamperSpec) -> Twin:
     """
     if spec.current is not None:
         return twin_of(damper(spec.name))
-    try:
-        module: Any = import_module(f"mrwork.twins.{spec.name}")
-    except ModuleNotFoundError as error:
-        raise UnknownNameError(f"{spec.name} has no JAX twin; write mrwork/twins/{spec.name}.py") from error
-    # A model without states needs no rate.
-    rate = module.rate if spec.n_states else lambda p, state, x, v: state
-    return Twin(Theta=namedtuple("Theta", spec.names), rate=rate, force=module.force)
+    if spec.name not in EQUATIONS:
+        raise UnknownNameError(
+            f"{spec.name} has no JAX twin; write its equations in mrwork/twins/equations.py"
+        )
+    rate, force = EQUATIONS[spec.name]
+    return Twin(Theta=namedtuple("Theta", spec.names), rate=rate, force=force)
 
 
 def parameters_at(spec: DamperSpec, theta: Array, received: Array) -> Any:
