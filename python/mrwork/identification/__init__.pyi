@@ -9,7 +9,6 @@ from .level_search import levels_of as levels_of
 from .levenberg_marquardt import find_minima as find_minima
 from .levenberg_marquardt import find_minimum as find_minimum
 from .levenberg_marquardt_twin import find_minimum_on_twin as find_minimum_on_twin
-from .multistart import Multistart as Multistart
 from .multistart import MultistartResult as MultistartResult
 from .multistart import search_starts as search_starts
 from .objective import Objective as Objective
@@ -17,4 +16,5 @@ from .problem import start_from as start_from
 from .progress import Progress as Progress
 from .result import free_run as free_run
 from .search_ranges import search_box as search_box
+from .searches import Multistart as Multistart
 from .settings import FitSettings as FitSettings

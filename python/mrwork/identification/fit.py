@@ -148,7 +148,7 @@ class Fit(Summarised, Related):
     """An identified damper: estimates in the order of the model's spec, quality per test, provenance.
 
     `n_effective` is the effective number of samples that the standard errors assume, see `effective_samples`; `None`
-    where there are no standard errors, or, in files of earlier versions, those of `n_time` independent residuals.
+    where there are no standard errors.
     `intervals` are those of `profile` or `sample`; where there are any, tables show them and not the standard errors.
     `evaluations` counts the simulated candidates of the search and of the selection of starting points;
     `refinement_steps` counts those of the final fit, one simulation with its derivatives each. `identifiability` is
@@ -156,7 +156,7 @@ class Fit(Summarised, Related):
     runs, one for each test, [N], shape (n_time,); `warnings` are sentences on what could mislead in the result, and
     `status_reason` says why it has not converged, or what a converged fit costs in a building; `motions` recognise the
     tests of the fit and others of the same motion and command; `tested` are the ranges of motion, command and load of
-    the tests, `None` for a fit of an earlier version whose tests cannot be read; `live_settings` are the settings with
+    the tests; `live_settings` are the settings with
     the search that ran. A fit that was read from its file has neither forces nor live settings.
     """
 
@@ -244,10 +244,7 @@ class Fit(Summarised, Related):
 
     @checked
     def seen(self, test: DamperTest) -> Likeness | None:
-        """The test of the fit that a test is, or whose motion, command and force it has; `None` where it is like none.
-
-        A fit of an earlier version recognises identical files only.
-        """
+        """The test of the fit that a test is, or whose motion, command and force it has; `None` if there is none."""
         found = likest_of_same_force(RecordedMotion.of(test), self.motions)
         if found is None and test.sha256:
             same = (label for label, digest in self.provenance.inputs.items() if digest == test.sha256)
@@ -333,6 +330,7 @@ class Fit(Summarised, Related):
         return replace(
             self,
             identifiability=own.with_intervals(self.intervals),
+            n_effective=own.n_effective if self.n_effective is None else self.n_effective,
             estimates=tuple(each.judged(own.verdict_on(each.name)) for each in self.estimates),
         )
 

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
-from math import sqrt
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from mrwork.errors import MrworkError, RecordError
+from mrwork.errors import RecordError
 from mrwork.identification.fit import Fit
-from mrwork.records import DamperTest, RecordedMotion
-from mrwork.records.operating_range import OperatingRange
+from mrwork.records import DamperTest
 from mrwork.store.codec import json_document
 from mrwork.store.destination import Destination
 from mrwork.store.input_file import exists, is_folder, is_there, stored, text_of
@@ -109,8 +107,12 @@ def read_fit(path: str | Path) -> Fit:
     if fit is None:
         raise RecordError(f"{place / FIT} cannot be read (it does not exist); run `mrwork identify` again")
     check_manifest(place, manifest, _facts(fit), file=FIT, verb="identify")
-    fit = _in_terms_of_now(fit)
-    return fit if fit.tested is not None and fit.motions else _with_ranges(fit)
+    if fit.tested is None or not fit.motions:
+        raise RecordError(
+            f"{place / FIT} does not state the tested ranges and motions, as those of development versions; "
+            "run `mrwork identify` again"
+        )
+    return _with_one_verdict(fit)
 
 
 def manifest_of(fit: Fit, status: str) -> dict[str, object]:
@@ -130,21 +132,6 @@ def _facts(fit: Fit) -> dict[str, tuple[object, ...]]:
         "laws": (None if fit.current is None else fit.current.laws,),
         **{name: (value,) for name, value in asdict(fit.provenance).items()},
     }
-
-
-def _with_ranges(fit: Fit) -> Fit:
-    """A fit of an earlier version with the tested ranges and motions of its tests, where they are read as they were."""
-    try:
-        tests = fit.reading().tests()
-    except MrworkError:
-        return fit
-    if not {test.sha256 for test in tests} <= set(fit.provenance.inputs.values()):
-        return fit
-    return replace(
-        fit,
-        tested=OperatingRange.of_tests(tests, None if fit.current is None else fit.current.unit),
-        motions=tuple(RecordedMotion.of(test) for test in tests),
-    )
 
 
 def addition_content(document: Mapping[str, object], fit: Fit) -> bytes:
@@ -181,30 +168,12 @@ def fit_from_json(text: str, *, origin: str) -> Fit:
     RecordError
         If the text is not JSON or not a fit; the message names the field.
     """
-    return _in_terms_of_now(record_from_json(Fit, text, origin=origin, name="fit", verb="identify"))
+    return _with_one_verdict(record_from_json(Fit, text, origin=origin, name="fit", verb="identify"))
 
 
-def _in_terms_of_now(fit: Fit) -> Fit:
-    """The fit with one standard error and one verdict for each parameter; earlier versions could state two."""
-    fit = _with_effective_samples(fit)
+def _with_one_verdict(fit: Fit) -> Fit:
+    """The fit with one standard error and one verdict for each parameter; a file may state two."""
     return fit if fit.identifiability is None else fit.with_identifiability(fit.identifiability)
-
-
-def _with_effective_samples(fit: Fit) -> Fit:
-    """The fit with standard errors of effective samples; those of earlier versions took residuals as independent."""
-    if fit.n_effective is not None or fit.identifiability is None:
-        return fit
-    widening = sqrt(fit.identifiability.n_time / fit.identifiability.n_effective)
-    return replace(
-        fit,
-        n_effective=fit.identifiability.n_effective,
-        estimates=tuple(
-            each
-            if each.standard_error is None
-            else replace(each, standard_error=widening * each.standard_error)
-            for each in fit.estimates
-        ),
-    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec
-from mrwork.identification.nuisance import NuisanceName
-from mrwork.identification.objective import EQUAL_SHARES, shares_of
+from mrwork.identification.objective import shares_of
 from mrwork.identification.residual import ObservedTest
+from mrwork.identification.settings import FitSettings
 from mrwork.identification.stiffness_limit import within_stiffness
 from mrwork.identification.threads import on_every_test
 from mrwork.records import DamperTest
@@ -76,14 +76,14 @@ class FoldedTests:
         spec: DamperSpec,
         tests: Sequence[DamperTest],
         folds: Sequence[Sequence[int]],
+        settings: FitSettings | None = None,
         *,
-        nuisances: tuple[NuisanceName, ...] = (),
-        force_exponent: float = EQUAL_SHARES,
         threads: int = 0,
     ) -> FoldedTests:
         """Row 0 has all tests, row k all but those with the indices of fold k - 1."""
-        observed = tuple(ObservedTest.of(spec, test, nuisances) for test in tests)
-        shares = shares_of([each.deviation for each in observed], force_exponent)
+        settings = settings or FitSettings()
+        observed = tuple(ObservedTest.of(spec, test, settings.nuisances) for test in tests)
+        shares = shares_of([each.deviation for each in observed], settings.force_exponent)
         included = np.tile(shares, (1 + len(folds), 1))
         for row, members in enumerate(folds, start=1):
             included[row, list(members)] = 0.0

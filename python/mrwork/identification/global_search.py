@@ -15,16 +15,12 @@ from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import Interrupted, SimulationError
 from mrwork.identification.equivalent import Form
 from mrwork.identification.fit import SearchTrace
-from mrwork.identification.multistart import (
-    Multistart,
-    MultistartResult,
-    distinct_minima,
-    search_starts,
-)
+from mrwork.identification.multistart import MultistartResult, distinct_minima, search_starts
 from mrwork.identification.nested import NestedFit, halves, nested_fit
 from mrwork.identification.objective import Objective
 from mrwork.identification.problem import Problem
 from mrwork.identification.search_ranges import search_box
+from mrwork.identification.searches import Multistart
 from mrwork.identification.settings import Start
 from mrwork.identification.suspicion import LINEAR_SHARE, linear_misfit
 from mrwork.records.window import excerpt

@@ -25,12 +25,11 @@ from mrwork.identification.global_search import (
 )
 from mrwork.identification.lag_choice import polish_with_wanted_lag
 from mrwork.identification.levenberg_marquardt import LocalMinimum
-from mrwork.identification.multistart import Multistart
 from mrwork.identification.nuisance import NuisanceName
 from mrwork.identification.problem import Problem, fingerprint_of
 from mrwork.identification.progress import Progress, Reporter, interruptible
 from mrwork.identification.result import fit_at
-from mrwork.identification.searches import Search, UnregisteredSearch
+from mrwork.identification.searches import Multistart, Search, UnregisteredSearch
 from mrwork.identification.settings import Engine, FitSettings, Start
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests

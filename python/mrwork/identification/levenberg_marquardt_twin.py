@@ -65,8 +65,8 @@ class TwinResiduals:
         return cls(
             spec=objective.spec,
             counted=tuple(_counted(test) for test in objective.tests),
-            nuisances=objective.nuisances,
-            power=objective.power,
+            nuisances=objective.settings.nuisances,
+            power=objective.settings.power,
         )
 
     def __call__(self, theta: jax.Array, tests: tuple[RecordArrays, ...]) -> jax.Array:

@@ -74,10 +74,12 @@ def _apply_power(
         [np.einsum("bt,bpt->bp", residuals[:, part], jacobian[..., part]) for part in slices]
     )
     change /= np.maximum(squared, tiny)[..., None]
-    share = squared ** (objective.power / 2.0)
+    share = squared ** (objective.settings.power / 2.0)
     share /= np.maximum(share.sum(axis=0), tiny)
     change -= np.einsum("nb,nbp->bp", share, change)
     for part, factor, each in zip(slices, factors, change, strict=True):
-        jacobian[..., part] += (objective.power / 2.0 - 1.0) * each[..., None] * residuals[:, None, part]
+        jacobian[..., part] += (
+            (objective.settings.power / 2.0 - 1.0) * each[..., None] * residuals[:, None, part]
+        )
         jacobian[..., part] *= factor[:, None, None]
         residuals[:, part] *= factor[:, None]

@@ -17,11 +17,12 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.arguments import Count, Level, Seed, Shape, Within, checked
+from mrwork.arguments import Seed, Shape, Within, checked
 from mrwork.dampers.coordinates import ON_BOUND, Box
 from mrwork.errors import Interrupted, SettingError
 from mrwork.identification.levenberg_marquardt import Hopeless, LocalMinima, find_minima
 from mrwork.identification.objective import Objective
+from mrwork.identification.searches import Multistart
 from mrwork.search.unit_cube import Streams, latin_hypercube
 from mrwork.summary import Summarised
 from mrwork.values import holds_arrays
@@ -39,42 +40,6 @@ _HOPELESS = 4.0
 # In later rounds, starts from the best minimum, and the share of its parameters that are replaced.
 _CROSSED = 3
 _REPLACED = 0.3
-
-
-@checked
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Multistart:
-    """Settings of the search.
-
-    Parameters
-    ----------
-    samples
-        Points of the Latin hypercube per free parameter; local minimisations start from the best of them.
-    starts
-        Local minimisations of a round, which run in one batch.
-    least_rounds, most_rounds
-        Least and largest number of rounds. The least ones run together.
-    found
-        Number of minimisations that must have reached the least misfit before the search may end early.
-    closeness
-        Misfits that differ by less than this share belong to the same minimum.
-    most_iterations
-        Largest number of iterations of a local minimisation.
-    """
-
-    samples: Count = 20
-    starts: Count = 8
-    least_rounds: Count = 2
-    most_rounds: Count = 6
-    found: Count = 3
-    closeness: Level = 0.02
-    most_iterations: Count = 60
-
-    def __post_init__(self) -> None:
-        if self.most_rounds < self.least_rounds:
-            raise SettingError(
-                f"`most_rounds` is {self.most_rounds}, below `least_rounds`, {self.least_rounds}; give as many or more"
-            )
 
 
 @holds_arrays

@@ -14,9 +14,10 @@ from mrwork.dampers.nesting import nesting_of
 from mrwork.dampers.spec import damper
 from mrwork.errors import Interrupted
 from mrwork.identification.equivalent import identifiable_form
-from mrwork.identification.multistart import Multistart, MultistartResult, search_starts
+from mrwork.identification.multistart import MultistartResult, search_starts
 from mrwork.identification.objective import Objective
 from mrwork.identification.search_ranges import half_ranges, search_box
+from mrwork.identification.searches import Multistart
 from mrwork.values import holds_arrays
 
 # Called after an iteration with the result so far and the share of the allowed iterations that is used up.

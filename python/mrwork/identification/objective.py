@@ -13,9 +13,9 @@ from mrwork import _rust
 from mrwork.arguments import AnyNumbers, Shape, Threads, checked
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import RecordError, SettingError
-from mrwork.identification.nuisance import NuisanceName
 from mrwork.identification.progress import Tally
 from mrwork.identification.residual import ObservedTest
+from mrwork.identification.settings import EQUAL_SHARES, ROOT_MEAN_SQUARE, FitSettings
 from mrwork.identification.threads import on_every_test
 from mrwork.records import AS_IT_IS, DamperTest
 from mrwork.simulate import Misfits, Outcome, simulate_misfits
@@ -28,11 +28,6 @@ _ROWS = 64
 _MARGIN = 1.0 + 1e-9
 # Parts in which tests are simulated one after the other where candidates have thresholds.
 _STAGES = 8
-# Power of the root mean square, that of least squares.
-ROOT_MEAN_SQUARE = 2.0
-
-# Exponent with which every test has the same weight: errors that grow in proportion to the force.
-EQUAL_SHARES = 1.0
 
 T = TypeVar("T")
 _Rows = Annotated[AnyNumbers, Shape(("n_batch", "n_params"))]
@@ -51,24 +46,33 @@ def shares_of(deviations: Sequence[float], force_exponent: float) -> list[float]
     return [float(weight) for weight in weights / weights.mean()]
 
 
+def _compared(
+    spec: DamperSpec, tests: Sequence[DamperTest], settings: FitSettings
+) -> tuple[ObservedTest, ...]:
+    """The tests as the model is compared with them, each with its share among them."""
+    if not tests:
+        raise RecordError("no test was given to identify from; name at least one file")
+    compared = [ObservedTest.of(spec, test, settings.nuisances) for test in tests]
+    shares = shares_of([each.deviation for each in compared], settings.force_exponent)
+    return tuple(replace(each, share=share) for each, share in zip(compared, shares, strict=True))
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Objective(Summarised):
     """Free-run misfit of a model against one or several tests.
 
     The misfit is the power mean over tests of the NRMSE, (mean NRMSE^power)^(1/power). With power 2 all tests have the
     same weight, independent of length and force; a higher power gives more weight to the worst, a `force_exponent`
-    below 1 to tests of large force, see `shares_of`. The observation model
-    of the test and the nuisance parameters are applied to the simulated force before the comparison. Costly steps are
-    recorded in the `journal`, if any.
+    below 1 to tests of large force, see `shares_of`. The observation model of the test and the nuisance parameters are
+    applied to the simulated force before the comparison. Of the `settings` it has the power, the exponent and the
+    nuisance parameters. Costly steps are recorded in the `journal`, if any.
     """
 
     _made_by: ClassVar[str] = "mr.identification.Objective.of(spec, tests)"
 
     spec: DamperSpec
     compared: tuple[ObservedTest, ...]
-    nuisances: tuple[NuisanceName, ...] = ()
-    power: float = ROOT_MEAN_SQUARE
-    force_exponent: float = EQUAL_SHARES
+    settings: FitSettings = field(default_factory=FitSettings)
     threads: Threads = 0
     tally: Tally = field(default_factory=Tally)
     journal: Journal | None = None
@@ -79,43 +83,25 @@ class Objective(Summarised):
         cls,
         spec: DamperSpec,
         tests: tuple[DamperTest, ...],
+        settings: FitSettings | None = None,
         *,
-        nuisances: tuple[NuisanceName, ...] = (),
-        power: float = ROOT_MEAN_SQUARE,
-        force_exponent: float = EQUAL_SHARES,
         threads: Threads = 0,
-        tally: Tally | None = None,
         journal: Journal | None = None,
     ) -> Objective:
         """Objective on these tests; the splines of their motions are computed here, once for all candidates."""
-        if not tests:
-            raise RecordError("no test was given to identify from; name at least one file")
-        compared = tuple(ObservedTest.of(spec, test, nuisances) for test in tests)
-        shares = shares_of([each.deviation for each in compared], force_exponent)
+        settings = settings or FitSettings()
         return cls(
             spec=spec,
-            compared=tuple(replace(each, share=share) for each, share in zip(compared, shares, strict=True)),
-            nuisances=nuisances,
-            power=power,
-            force_exponent=force_exponent,
+            compared=_compared(spec, tests, settings),
+            settings=settings,
             threads=threads,
-            tally=tally or Tally(),
             journal=journal,
         )
 
     @checked
     def on(self, spec: DamperSpec, tests: tuple[DamperTest, ...]) -> Objective:
         """The same misfit for another model on other tests, with the same tally and journal."""
-        return Objective.of(
-            spec,
-            tests,
-            nuisances=self.nuisances,
-            power=self.power,
-            force_exponent=self.force_exponent,
-            threads=self.threads,
-            tally=self.tally,
-            journal=self.journal,
-        )
+        return replace(self, spec=spec, compared=_compared(spec, tests, self.settings))
 
     @checked
     def once(self, step: str, kind: type[T], compute: Callable[[], T], *inputs: object) -> T:
@@ -138,12 +124,14 @@ class Objective(Summarised):
     @property
     def is_plain(self) -> bool:
         """Whether the misfit is the root mean square of the NRMSE."""
-        return self.power == ROOT_MEAN_SQUARE
+        return self.settings.power == ROOT_MEAN_SQUARE
 
     @property
     def plain(self) -> Objective:
         """The objective with the root mean square of the NRMSE."""
-        return replace(self, power=ROOT_MEAN_SQUARE)
+        if self.is_plain:
+            return self
+        return replace(self, settings=replace(self.settings, power=ROOT_MEAN_SQUARE))
 
     @property
     def is_direct(self) -> bool:
@@ -151,7 +139,7 @@ class Objective(Summarised):
 
         There are no observation models, nuisance parameters or spans that are not compared.
         """
-        return not self.nuisances and all(
+        return not self.settings.nuisances and all(
             test.observation == AS_IT_IS and not test.uncompared for test in self.tests
         )
 
@@ -207,11 +195,11 @@ class Objective(Summarised):
         remaining = np.arange(len(theta))
         substeps = np.ones(len(theta), dtype=np.int64)
         # Amount that the remaining tests may still add to the sum of powers of the NRMSE.
-        allowance = n_tests * thresholds**self.power
+        allowance = n_tests * thresholds**self.settings.power
         order = sorted(range(n_tests), key=lambda index: -self.tally.added_per_step.get(index, np.inf))
         at_once = -(-n_tests // _STAGES)
         for some in (order[first : first + at_once] for first in range(0, n_tests, at_once)):
-            allowed = np.maximum(allowance[remaining], 0.0) ** (2.0 / self.power)
+            allowed = np.maximum(allowance[remaining], 0.0) ** (2.0 / self.settings.power)
             runs = self._with_limits(some, theta[remaining], allowed)
             finite = np.ones(remaining.size, dtype=np.bool_)
             for index, run in zip(some, runs, strict=True):
@@ -230,7 +218,7 @@ class Objective(Summarised):
                 squared[index, remaining] = reached
                 finite &= np.isfinite(run.squared_error)
                 with np.errstate(invalid="ignore"):
-                    allowance[remaining] -= reached ** (self.power / 2.0)
+                    allowance[remaining] -= reached ** (self.settings.power / 2.0)
             remaining = remaining[finite]
         misfit = np.full(len(theta), np.inf)
         misfit[remaining] = self._mean(squared[:, remaining])
@@ -279,9 +267,9 @@ class Objective(Summarised):
         """Power mean of the NRMSE, shape (n_batch,), from its squares, shape (n_tests, n_batch)."""
         total = np.zeros(squared.shape[1])
         # One test after the other: NumPy sums a single column in another order than several.
-        for each in squared ** (self.power / 2.0):
+        for each in squared ** (self.settings.power / 2.0):
             total += each
-        return np.asarray((total / len(squared)) ** (1.0 / self.power))
+        return np.asarray((total / len(squared)) ** (1.0 / self.settings.power))
 
     @checked
     def misfits(self, theta: _Rows) -> tuple[Misfits, ...]:
@@ -336,7 +324,7 @@ class Objective(Summarised):
     ) -> NDArray[np.float64]:
         """(NRMSE/misfit)^(power/2 - 1), shape (n_tests, n_batch), from squared NRMSE of the same shape."""
         ratio = np.sqrt(squared) / np.maximum(self._mean(squared), np.finfo(float).tiny)
-        return np.asarray(ratio ** (self.power / 2.0 - 1.0))
+        return np.asarray(ratio ** (self.settings.power / 2.0 - 1.0))
 
     def _part(
         self, index: int, theta: NDArray[np.float64], *, failure: float, threads: int

@@ -19,11 +19,10 @@ from mrwork.errors import SettingError, UnknownNameError
 from mrwork.identification.driver_lag import rate_warning
 from mrwork.identification.equivalent import Form, identifiable_form
 from mrwork.identification.fit import Fit, Provenance
-from mrwork.identification.multistart import Multistart
 from mrwork.identification.nuisance import bounds_without_offsets, offset_warning
-from mrwork.identification.objective import ROOT_MEAN_SQUARE, Objective
-from mrwork.identification.searches import Search, method_of
-from mrwork.identification.settings import FitSettings, Start
+from mrwork.identification.objective import Objective
+from mrwork.identification.searches import Multistart, Search, method_of
+from mrwork.identification.settings import ROOT_MEAN_SQUARE, FitSettings, Start
 from mrwork.records import DamperTest, observed
 from mrwork.records.command_signal import Command, command_in_words, command_level
 from mrwork.store import Journal, digest_of
@@ -103,9 +102,7 @@ class Problem:
         objective = Objective.of(
             form.spec,
             tuple(observed(test, settings.observe) for test in tests),
-            nuisances=settings.nuisances,
-            power=settings.power,
-            force_exponent=settings.force_exponent,
+            settings,
             threads=threads,
             journal=journal,
         )

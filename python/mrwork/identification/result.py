@@ -220,7 +220,7 @@ def fit_at(
     spec, objective = problem.spec, problem.objective
     values = np.asarray(problem.form.to_model(theta))
     tested = OperatingRange.of_tests(objective.tests, None if spec.current is None else spec.current.unit)
-    runs = [free_run(spec, values, test, nuisances=objective.nuisances) for test in objective.tests]
+    runs = [free_run(spec, values, test, nuisances=objective.settings.nuisances) for test in objective.tests]
     quality = tuple(each for _, each in runs)
     nrmse = _rms([each.nrmse for each in quality])
     return Fit(
@@ -244,7 +244,7 @@ def fit_at(
         n_time=sum(each.n_time for each in quality),
         provenance=provenance_of(problem),
         current=spec.current,
-        nuisances=objective.nuisances,
+        nuisances=objective.settings.nuisances,
         motions=tuple(RecordedMotion.of(test) for test in objective.tests),
         n_effective=n_effective,
         forces=tuple(force for force, _ in runs),

@@ -7,12 +7,48 @@ from dataclasses import asdict, dataclass, is_dataclass, replace
 from functools import cache
 from typing import Any, Protocol, TypeAlias, get_type_hints
 
+from mrwork.arguments import Count, Level, checked
 from mrwork.errors import SettingError, UnknownNameError
-from mrwork.identification.multistart import Multistart
 from mrwork.search.loop import Optimiser
 from mrwork.store.record import built
 
 _MULTISTART = "multistart"
+
+
+@checked
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Multistart:
+    """Settings of the multistart search: local minimisations from the best of many samples, in rounds.
+
+    Parameters
+    ----------
+    samples
+        Points of the Latin hypercube per free parameter; local minimisations start from the best of them.
+    starts
+        Local minimisations of a round, which run in one batch.
+    least_rounds, most_rounds
+        Least and largest number of rounds. The least ones run together.
+    found
+        Number of minimisations that must have reached the least misfit before the search may end early.
+    closeness
+        Misfits that differ by less than this share belong to the same minimum.
+    most_iterations
+        Largest number of iterations of a local minimisation.
+    """
+
+    samples: Count = 20
+    starts: Count = 8
+    least_rounds: Count = 2
+    most_rounds: Count = 6
+    found: Count = 3
+    closeness: Level = 0.02
+    most_iterations: Count = 60
+
+    def __post_init__(self) -> None:
+        if self.most_rounds < self.least_rounds:
+            raise SettingError(
+                f"`most_rounds` is {self.most_rounds}, below `least_rounds`, {self.least_rounds}; give as many or more"
+            )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -172,7 +208,7 @@ def search_of_record(record: Mapping[str, Any]) -> Search:
     TypeError, ValueError, AttributeError
         Where the record is damaged.
     """
-    kind = record["kind"] if "kind" in record else _kind_of_development_version(record)
+    kind = record.get("kind")
     if not isinstance(kind, str):
         raise ValueError(f"the kind of search {kind!r} is no name")
     if kind == _MULTISTART:
@@ -181,14 +217,6 @@ def search_of_record(record: Mapping[str, Any]) -> Search:
         settings = {name: value for name, value in record.items() if name != "kind"}
         return UnregisteredSearch(kind=kind, settings=settings)
     return _built(type(searches()[kind]), record)  # type: ignore[no-any-return] # as above
-
-
-def _kind_of_development_version(record: Mapping[str, Any]) -> str:
-    """The kind of search of a record without one, as development versions before 0.1.0 wrote it.
-
-    They had two searches, of which only one had a population.
-    """
-    return "genetic" if "population" in record else _MULTISTART
 
 
 def _built(kind: type, record: Mapping[str, Any]) -> Any:

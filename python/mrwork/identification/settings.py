@@ -11,7 +11,6 @@ from typing import Any, Literal, get_args, get_type_hints
 from mrwork.arguments import Count, Seed, checked
 from mrwork.errors import RecordError, SettingError
 from mrwork.identification.nuisance import NuisanceName
-from mrwork.identification.objective import EQUAL_SHARES, ROOT_MEAN_SQUARE
 from mrwork.identification.searches import Search, record_of_search, search_named, search_of_record
 from mrwork.records import DamperTest, read_damper_test, repair
 from mrwork.records.observing import DETECT, NONE, as_words
@@ -31,6 +30,10 @@ Start = Mapping[str, float]
 OnRead = Callable[[int, int], None]
 
 _SYNTHETIC = "synthetic:"
+# Power of the root mean square, that of least squares.
+ROOT_MEAN_SQUARE = 2.0
+# Exponent with which every test has the same weight: errors that grow in proportion to the force.
+EQUAL_SHARES = 1.0
 
 # With a higher power the better tests are lost in rounding errors, and local minimisations no longer converge.
 LARGEST_POWER = 16.0

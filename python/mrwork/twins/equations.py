@@ -38,7 +38,7 @@ def _twin(*, rate: Equation = _without_states) -> Callable[[Equation], Equation]
     """Enter the decorated force and its rate in `EQUATIONS`, under the name of the function."""
 
     def enter(force: Equation) -> Equation:
-        EQUATIONS[force.__name__] = (rate, force)  # type: ignore[attr-defined] # a function has a name
+        EQUATIONS[force.__name__] = (rate, force)
         return force
 
     return enter

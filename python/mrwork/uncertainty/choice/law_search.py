@@ -388,14 +388,7 @@ def prepared(
         commands=np.array(sorted(levels)),
         leave_out=leave_out,
         folds=folds,
-        folded=FoldedTests.of(
-            spec,
-            short,
-            folds,
-            nuisances=settings.nuisances,
-            force_exponent=settings.force_exponent,
-            threads=threads,
-        ),
+        folded=FoldedTests.of(spec, short, folds, settings, threads=threads),
         # The excerpts have the observation models of their whole records.
         settings=replace(settings, observe=(NONE,)),
         unit=unit,

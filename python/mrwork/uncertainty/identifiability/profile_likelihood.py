@@ -17,8 +17,8 @@ from mrwork.errors import Interrupted, SettingError, UnknownNameError
 from mrwork.identification.autocorrelation import effective_samples, residuals_by_test
 from mrwork.identification.fit import Fit
 from mrwork.identification.linearisation import linearised
-from mrwork.identification.objective import ROOT_MEAN_SQUARE
 from mrwork.identification.problem import Problem
+from mrwork.identification.settings import ROOT_MEAN_SQUARE
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
 from mrwork.uncertainty.identifiability.curvature import Scale, Scaled, curvature, linearise

@@ -116,7 +116,7 @@ class SamplingProblem:
                 name: {"kind": type(self.priors[name]).__name__} | _fields(self.priors[name])
                 for name in sorted(self.priors)
             },
-            "nuisances": list(objective.nuisances),
+            "nuisances": list(objective.settings.nuisances),
             "temper": self.target.temper,
             "start": digest_of(self.start),
             "walkers": self.walkers,
