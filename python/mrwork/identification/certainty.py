@@ -82,7 +82,7 @@ class Verdict:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Change:
+class ParameterChange:
     """Component of a direction along one parameter: percent of its value, or of its range where `of_range`."""
 
     name: str
@@ -107,7 +107,7 @@ class Direction:
     `effect` is the root mean square of the resulting change of force, per standard deviation of the force.
     """
 
-    changes: tuple[Change, ...]
+    changes: tuple[ParameterChange, ...]
     effect: NotNegative
     seen: bool
     sentence: str

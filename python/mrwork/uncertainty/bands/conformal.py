@@ -21,7 +21,7 @@ from mrwork.store.record import OrNan, Related
 from mrwork.summary import Summarised, Summary, rounded
 from mrwork.uncertainty.bands.band import Band, BandScore, next_test_quantile, score
 from mrwork.uncertainty.bands.cycle import cycle_band, cycles_of, errors_over_cycles
-from mrwork.uncertainty.bands.error_table import ErrorTable, Shape
+from mrwork.uncertainty.bands.error_table import ErrorShape, ErrorTable
 from mrwork.uncertainty.bands.prediction import Prediction
 from mrwork.values import holds_arrays
 
@@ -44,7 +44,7 @@ class Calibration(Summarised, Related):
 
     _made_by: ClassVar[str] = "mr.calibrate(predictions, held_out=...)"
 
-    shape: Shape
+    shape: ErrorShape
     scores: tuple[NDArray[np.float64], ...]
     tests: tuple[str, ...]
     held_out: str

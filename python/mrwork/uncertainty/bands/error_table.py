@@ -30,7 +30,7 @@ _SAMPLES = 1000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Shape(Related):
+class ErrorShape(Related):
     """Scale and bias of the errors over a test.
 
     The scale of an error is `deviation (level + slope steepness) + floor` [N], with the standard deviation of the
@@ -162,7 +162,7 @@ class ErrorTable:
         """Number of groups."""
         return len(self._slices)
 
-    def calibrated(self, variant: Variant, without: Sequence[int] = ()) -> tuple[Shape, list[Array]]:
+    def calibrated(self, variant: Variant, without: Sequence[int] = ()) -> tuple[ErrorShape, list[Array]]:
         """Shape fitted without some groups, and the absolute errors of each other group in its scale.
 
         The mean error by which a group is judged excludes its own errors, as it will for the next test.
@@ -217,7 +217,7 @@ class ErrorTable:
             weights[self._slices[index]] = 0.0
         return weights
 
-    def _fitted(self, variant: Variant, without: Sequence[int]) -> tuple[Shape, Array, Array]:
+    def _fitted(self, variant: Variant, without: Sequence[int]) -> tuple[ErrorShape, Array, Array]:
         """Shape fitted without some groups; absolute errors in its scale, and the scale [N], of all samples."""
         inside = np.ones(self.n_groups, dtype=bool)
         inside[list(without)] = False
@@ -227,7 +227,7 @@ class ErrorTable:
         about = self.error
         if variant.biased:
             total = self._curves[inside].sum(axis=0)
-            shape = Shape(
+            shape = ErrorShape(
                 level=shape.level, slope=shape.slope, floor=shape.floor, bias=tuple(total / n_inside)
             )
             others = np.where(
@@ -238,18 +238,18 @@ class ErrorTable:
             about = about - self.deviation * bias
         return shape, np.abs(about) / scale, scale
 
-    def _scale(self, variant: Variant, inside: NDArray[np.bool_]) -> Shape:
+    def _scale(self, variant: Variant, inside: NDArray[np.bool_]) -> ErrorShape:
         """Shape by non-negative least squares on the absolute errors, relative to each test's force."""
         if not (variant.steep or variant.floored):
-            return Shape()
+            return ErrorShape()
         chosen = np.flatnonzero([True, variant.steep, variant.floored])
         normal = self._normal[inside].sum(axis=0)[np.ix_(chosen, chosen)]
         right = self._right[inside].sum(axis=0)[chosen]
         values = np.zeros(3)
         values[chosen] = _non_negative(normal, right)
-        shape = Shape(level=float(values[0]), slope=float(values[1]), floor=float(values[2]))
+        shape = ErrorShape(level=float(values[0]), slope=float(values[1]), floor=float(values[2]))
         # With steepness alone the band would have no width where the force is constant.
-        return shape if shape.level + shape.floor > 0.0 else Shape()
+        return shape if shape.level + shape.floor > 0.0 else ErrorShape()
 
 
 def _non_negative(normal: Array, right: Array) -> Array:

@@ -82,7 +82,7 @@ class _Move:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Candidate:
+class FittedLaws:
     """A set of laws with its fits to all tests and without each fold, and its row of the table."""
 
     spec: DamperSpec
@@ -118,7 +118,7 @@ class LawSearch:
     leave_out: Fold
     journal: Journal | None = None
     report: Callable[[str], None] = lambda task: None
-    found: list[Candidate] = field(default_factory=list)
+    found: list[FittedLaws] = field(default_factory=list)
 
     @property
     def first_laws(self) -> Laws:
@@ -137,15 +137,15 @@ class LawSearch:
         self._simplify(self._fitted(self.first_laws, starts))
         self._enrich()
 
-    def distinct(self) -> list[Candidate]:
+    def distinct(self) -> list[FittedLaws]:
         """The candidates without those whose force is that of one with fewer parameters."""
-        kept = list[Candidate]()
+        kept = list[FittedLaws]()
         for each in sorted(self.found, key=lambda each: each.tried.n_params):
             if not any(self._is_same_force(each, other) for other in kept):
                 kept.append(each)
         return kept
 
-    def _is_same_force(self, one: Candidate, other: Candidate) -> bool:
+    def _is_same_force(self, one: FittedLaws, other: FittedLaws) -> bool:
         if not np.allclose(one.fit.squared[0], other.fit.squared[0], rtol=_SAME_MISFIT):
             return False
         for observed in self.folded.observed:
@@ -155,12 +155,12 @@ class LawSearch:
                 return False
         return True
 
-    def started_from(self, tried: TriedLaws) -> tuple[Candidate, Start]:
+    def started_from(self, tried: TriedLaws) -> tuple[FittedLaws, Start]:
         """The candidate of these laws, and the start that its fit to all tests is."""
         candidate = next(each for each in self.found if each.tried.laws == tried.laws)
         return candidate, dict(zip(candidate.spec.names, candidate.fit.theta[0].tolist(), strict=True))
 
-    def _simplify(self, current: Candidate) -> None:
+    def _simplify(self, current: FittedLaws) -> None:
         """Lower degrees one by one while the laws stay as good as the best, the least loss of fit first."""
         worse = 0
         while worse < _SIMPLER and len(self.found) < _MOST_TRIED:
@@ -184,7 +184,7 @@ class LawSearch:
                 return
             worse = 0 if self._moved(best, moves[0].laws).score < best.score else worse + 1
 
-    def _moves(self, current: Candidate, change: int) -> list[_Move]:
+    def _moves(self, current: FittedLaws, change: int) -> list[_Move]:
         """Laws not tried yet of which one differs by a degree, the best promise of the linearised fit first."""
         done = [each.laws for each in self.found]
         moves = [
@@ -204,7 +204,7 @@ class LawSearch:
         ]
         return sorted(found, key=lambda move: -move.fit_percent)
 
-    def _promised(self, current: Candidate, moves: Sequence[tuple[str, int]]) -> _Promise:
+    def _promised(self, current: FittedLaws, moves: Sequence[tuple[str, int]]) -> _Promise:
         """All tests are linearised once, with every law as high as any move makes it; a move spans a subspace there."""
         higher = dict(current.laws)
         for name, degree in moves:
@@ -234,11 +234,11 @@ class LawSearch:
             promised.append(100.0 * (1.0 - np.sqrt(max(after, 0.0))))
         return _Promise(fit_percent=np.array(promised))
 
-    def _moved(self, current: Candidate, laws: Laws) -> Candidate:
+    def _moved(self, current: FittedLaws, laws: Laws) -> FittedLaws:
         spec, box = self.model(laws)
         return self._fitted(laws, self._transferred(current, spec, box))
 
-    def _fitted(self, laws: Laws, starts: Array) -> Candidate:
+    def _fitted(self, laws: Laws, starts: Array) -> FittedLaws:
         spec, box = self.model(laws)
         self.report(
             f"fitting {', '.join(f'{name} {law}' for name, law in laws.items()) or 'constant parameters'}"
@@ -265,7 +265,7 @@ class LawSearch:
                 if not np.isfinite(predicted[index])
             ],
         )
-        self.found.append(Candidate(spec=spec, box=box, laws=laws, fit=fit, tried=tried))
+        self.found.append(FittedLaws(spec=spec, box=box, laws=laws, fit=fit, tried=tried))
         return self.found[-1]
 
     def _fit(self, spec: DamperSpec, box: Box, starts: Array) -> FoldedFit:
@@ -295,7 +295,7 @@ class LawSearch:
         spec = spec_by_values(self.plain.with_current_laws(self.given | laws, unit=self.unit), self.commands)
         return spec, joint_box(identifiable_form(spec, self.settings.bounds), self.tests, self.commands)
 
-    def _transferred(self, current: Candidate, spec: DamperSpec, box: Box) -> Array:
+    def _transferred(self, current: FittedLaws, spec: DamperSpec, box: Box) -> Array:
         """Parameters of each row of the present laws as a start of other laws, on the curves of the present ones."""
         rows = [with_other_laws(current.spec, theta, spec, self.commands) for theta in current.fit.theta]
         return np.asarray(box.inside(np.clip(rows, box.lower, box.upper)))

@@ -24,7 +24,7 @@ from mrwork.store import Journal
 from mrwork.summary import Summarised, Summary
 from mrwork.uncertainty.bands.prediction import held_out_words
 from mrwork.uncertainty.choice.choose import JournalOf
-from mrwork.uncertainty.choice.law_search import Candidate, LawSearch
+from mrwork.uncertainty.choice.law_search import FittedLaws, LawSearch
 from mrwork.uncertainty.choice.law_table import LawTable, law_table
 
 T = TypeVar("T")
@@ -89,7 +89,7 @@ class RunningLawChoice:
     _began: float = field(default_factory=time.perf_counter, init=False)
 
     @property
-    def found(self) -> list[tuple[ComparedModel, Candidate]]:
+    def found(self) -> list[tuple[ComparedModel, FittedLaws]]:
         """The sets of laws that were fitted, with their models."""
         return [(own, each) for own in self.compared for each in own.search.found]
 
@@ -176,7 +176,7 @@ class RunningLawChoice:
         search.run(self.firsts[own.name])
 
     def _final_fit(
-        self, own: ComparedModel, candidate: Candidate, settings: FitSettings, journal: Journal | None
+        self, own: ComparedModel, candidate: FittedLaws, settings: FitSettings, journal: Journal | None
     ) -> Fit:
         return identify_from(
             candidate.spec,
@@ -206,7 +206,7 @@ class RunningLawChoice:
             remarks=(*self.remarks, *same),
         )
 
-    def _chosen(self, table: LawTable) -> tuple[ComparedModel, Candidate, FitSettings]:
+    def _chosen(self, table: LawTable) -> tuple[ComparedModel, FittedLaws, FitSettings]:
         """The model of the chosen laws, their candidate, and the settings of the fit that starts there."""
         own = next(each for each in self.compared if each.name == table.model)
         candidate, start = own.search.started_from(table.chosen)

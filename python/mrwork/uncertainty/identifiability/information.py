@@ -8,7 +8,7 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.identification.certainty import Change, Direction, Identifiability, Verdict
+from mrwork.identification.certainty import Direction, Identifiability, ParameterChange, Verdict
 from mrwork.identification.covariance import INSENSITIVE
 from mrwork.uncertainty.identifiability.judgement import WEAK, ParameterScale, judge_error
 
@@ -24,7 +24,7 @@ def changes_along(
     direction: NDArray[np.float64],
     scales: Sequence[ParameterScale],
     effects: NDArray[np.float64] | None = None,
-) -> tuple[Change, ...]:
+) -> tuple[ParameterChange, ...]:
     """Changes of the parameters along a direction, shape (n_params,), in shares of their scales.
 
     The first one increases by 1 %; parameters that hardly change are left out, or those that hardly change the force
@@ -34,7 +34,7 @@ def changes_along(
     named = np.flatnonzero(weight > _NEGLIGIBLE * np.max(weight))
     unit = direction / direction[named[0]]
     return tuple(
-        Change(
+        ParameterChange(
             name=scales[index].name,
             percent=float(unit[index]),
             of_range=scales[index].of_range,
@@ -62,7 +62,7 @@ def sparse_basis(null: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.where(np.abs(rows) > _NEGLIGIBLE * np.max(np.abs(rows), axis=1, keepdims=True), rows, 0.0)
 
 
-def simple_combinations(changes: Sequence[Change], *, within: float = _SIMPLE) -> tuple[str, ...]:
+def simple_combinations(changes: Sequence[ParameterChange], *, within: float = _SIMPLE) -> tuple[str, ...]:
     """Products and ratios of two parameters with simple exponents that are constant along a direction.
 
     Along `d ln p_i = v_i` the product `p_i^a p_j^b` is constant if `a v_i + b v_j = 0`. Each parameter is combined with
@@ -77,7 +77,7 @@ def simple_combinations(changes: Sequence[Change], *, within: float = _SIMPLE) -
     return tuple(found)
 
 
-def _combination(first: Change, second: Change, within: float) -> str:
+def _combination(first: ParameterChange, second: ParameterChange, within: float) -> str:
     """Combination such as "alpha A", "gamma/beta", "alpha^2 A"; empty without simple exponents."""
     ratio = first.percent / second.percent
     simple = Fraction(ratio).limit_denominator(_LARGEST_DENOMINATOR)
@@ -228,13 +228,13 @@ def _weak_directions(
     return tuple(found)
 
 
-def _joint_change(changes: Sequence[Change]) -> str:
+def _joint_change(changes: Sequence[ParameterChange]) -> str:
     first, *rest = [each.in_words for each in changes]
     return f"{first} with {listed(rest)}" if rest else first
 
 
 def _effect(
-    changes: Sequence[Change], jacobian: NDArray[np.float64], scales: Sequence[ParameterScale]
+    changes: Sequence[ParameterChange], jacobian: NDArray[np.float64], scales: Sequence[ParameterScale]
 ) -> float:
     column = {each.name: number for number, each in enumerate(scales)}
     moved = sum(0.01 * each.percent * jacobian[:, column[each.name]] for each in changes)

@@ -47,14 +47,14 @@ class ParameterScale:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Judgement:
+class ReasonedVerdict:
     """Verdict on a parameter, with the reason."""
 
     verdict: VerdictName
     reason: str
 
 
-def judge_error(error: float, scale: ParameterScale) -> Judgement:
+def judge_error(error: float, scale: ParameterScale) -> ReasonedVerdict:
     """Judge a parameter by its standard error, in its unit."""
     half = DEVIATIONS * error
     ends = scale.value - half, scale.value + half
@@ -65,7 +65,7 @@ def judge_error(error: float, scale: ParameterScale) -> Judgement:
 
 def judge_interval(
     ends: tuple[float | None, float | None], deviations: float, scale: ParameterScale, *, opened: str
-) -> Judgement:
+) -> ReasonedVerdict:
     """Judge a parameter by its interval, in its unit; an end at which the data do not bound it is `None`.
 
     Parameters
@@ -90,10 +90,10 @@ def judge_interval(
 
 def _judge(
     scale: ParameterScale, ends: tuple[float | None, float | None], share: float, width: str
-) -> Judgement:
+) -> ReasonedVerdict:
     """Judge by the standard deviation, as a `share` of the value, and by the interval about it."""
     if share <= WEAK:
-        return Judgement(verdict="identifiable", reason="")
+        return ReasonedVerdict(verdict="identifiable", reason="")
     lower, upper = scale.bounds
     low = lower if ends[0] is None else max(ends[0], lower)
     high = upper if ends[1] is None else min(ends[1], upper)
@@ -103,15 +103,15 @@ def _judge(
         reason = (
             f"its whole interval changes the force by at most {100.0 * effect:.2g} % of the force's deviation"
         )
-        return Judgement(verdict="negligible", reason=reason)
+        return ReasonedVerdict(verdict="negligible", reason=reason)
     if ends == (None, None):
-        return Judgement(verdict="not identifiable", reason=width)
+        return ReasonedVerdict(verdict="not identifiable", reason=width)
     if low < 0.0 < high:
-        return Judgement(
+        return ReasonedVerdict(
             verdict="sign unknown",
             reason=f"{width}; the interval, {low:.4g} to {of_unit(high, scale.unit)}, includes zero",
         )
-    return Judgement(verdict="weakly identifiable", reason=width)
+    return ReasonedVerdict(verdict="weakly identifiable", reason=width)
 
 
 def _times(share: float, whole: str) -> str:

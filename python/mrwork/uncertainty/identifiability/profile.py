@@ -15,7 +15,7 @@ from mrwork.identification.certainty import Interval, Intervals, VerdictName
 from mrwork.store.record import OrInfinite, Related
 from mrwork.summary import Summarised, Summary, of_unit, rounded
 from mrwork.uncertainty.identifiability.curvature import Scaled
-from mrwork.uncertainty.identifiability.judgement import Judgement, ParameterScale, judge_interval
+from mrwork.uncertainty.identifiability.judgement import ParameterScale, ReasonedVerdict, judge_interval
 from mrwork.uncertainty.identifiability.walk import (
     End,
     Side,
@@ -203,7 +203,7 @@ def _value(scaled: Scaled, index: int, position: float) -> float:
     return float(np.exp(position) if scaled.log[index] else position * scaled.size[index])
 
 
-def _judged(profile: Profile, limit: float, scale: ParameterScale) -> Judgement:
+def _judged(profile: Profile, limit: float, scale: ParameterScale) -> ReasonedVerdict:
     """Judged by the ends of the interval; the reason names those that are open."""
     open_ends = [
         f"{side}: {_IN_WORDS[end]}"
