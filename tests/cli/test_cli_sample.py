@@ -156,7 +156,7 @@ def test_what_cannot_be_is_one_sentence(
 
 
 def test_the_line_tells_rate_agreement_and_time_left() -> None:
-    from mrwork.uncertainty.posterior.diagnostics import Diagnosis
+    from mrwork.uncertainty.posterior.draws import Diagnosis
 
     told = np.array([1.0])
     diagnosis = Diagnosis(

@@ -13,9 +13,8 @@ from mrwork.identification.fit import Fit
 from mrwork.identification.identify import identify
 from mrwork.identification.searches import Multistart
 from mrwork.records import DamperTest
-from mrwork.uncertainty.choice.collapse import Collapse, collapsed
 from mrwork.uncertainty.choice.leave_one_out import free_parameters, residuals_of, variance_of
-from mrwork.uncertainty.choice.ranking import Evidence, rank
+from mrwork.uncertainty.choice.ranking import Collapse, Evidence, collapsed, rank
 
 FEW = Multistart(samples=10, starts=4, most_rounds=2, found=2)
 SIMPLE, RICH = "normalised_bouc_wen", "non_symmetric_bouc_wen"

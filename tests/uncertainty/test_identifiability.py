@@ -16,14 +16,14 @@ from mrwork.identification.fit import Estimate, Fit
 from mrwork.identification.identify import identify
 from mrwork.records import DamperTest
 from mrwork.synthetic import synthetic_test
-from mrwork.uncertainty.identifiability.information import (
+from mrwork.uncertainty.identifiability.judgement import WEAK, ParameterScale
+from mrwork.uncertainty.identifiability.verdicts import (
     changes_along,
     identifiability_from,
+    identifiability_of,
     simple_combinations,
     sparse_basis,
 )
-from mrwork.uncertainty.identifiability.judgement import WEAK, ParameterScale
-from mrwork.uncertainty.identifiability.verdicts import identifiability_of
 
 TEST = synthetic_test("spencer1997_fast")
 

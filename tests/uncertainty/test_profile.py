@@ -21,8 +21,7 @@ from mrwork.records.window import cut
 from mrwork.simulate import Loading, simulate_force
 from mrwork.synthetic import synthetic_test
 from mrwork.uncertainty.identifiability.curvature import Scaled, curvature
-from mrwork.uncertainty.identifiability.profile import Profile, Profiles
-from mrwork.uncertainty.identifiability.profile_likelihood import ProfileProgress
+from mrwork.uncertainty.identifiability.profile import Profile, ProfileProgress, Profiles
 from mrwork.uncertainty.identifiability.verdicts import identifiability_of
 from mrwork.uncertainty.identifiability.walk import Point, points_of, signed_root, walk
 

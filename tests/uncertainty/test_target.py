@@ -19,9 +19,8 @@ from mrwork.records import Observation
 from mrwork.simulate import Loading, simulate_force
 from mrwork.uncertainty.noise import NOISES, noise_model
 from mrwork.uncertainty.posterior.laplace import first_walkers, mode_near
-from mrwork.uncertainty.posterior.prior import Lognormal, Normal
-from mrwork.uncertainty.posterior.problem import SamplingProblem
-from mrwork.uncertainty.posterior.space import Space
+from mrwork.uncertainty.posterior.sample import SamplingProblem
+from mrwork.uncertainty.posterior.target import Lognormal, Normal, Space
 
 SPENCER = damper("normalised_bouc_wen")
 

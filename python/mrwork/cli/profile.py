@@ -57,7 +57,7 @@ def run(options: argparse.Namespace) -> int:
 def _profile(opened: OpenedRun, options: argparse.Namespace) -> int:
     # SciPy's optimisers are slow to load, and the help does not need them.
     from mrwork.stored import judged_by_additions
-    from mrwork.uncertainty.identifiability.profile_likelihood import profile
+    from mrwork.uncertainty.identifiability.profile import profile
     from mrwork.uncertainty.identifiability.verdicts import identifiability_of
     from mrwork.uncertainty.posterior.draws_file import read_draws
 

@@ -20,7 +20,7 @@ from mrwork.store.output_file import write_files
 from mrwork.store.run_folder import CHAIN, DRAWS, FIT, FORMER_CHAIN, begun_of
 from mrwork.store.unfinished import addition_journal, keep_addition
 from mrwork.uncertainty.noise import NOISES, names_in_words
-from mrwork.uncertainty.posterior.prior import Prior, parse_prior
+from mrwork.uncertainty.posterior.target import Prior, parse_prior
 
 if TYPE_CHECKING:
     from mrwork.store import Journal

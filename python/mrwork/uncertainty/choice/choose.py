@@ -32,11 +32,9 @@ from mrwork.uncertainty.bands.prediction import (
     held_out_errors,
     held_out_words,
 )
-from mrwork.uncertainty.choice.collapse import collapsed
-from mrwork.uncertainty.choice.conclusion import cost_remark, ranking_of
 from mrwork.uncertainty.choice.families import ALL, Family, families
 from mrwork.uncertainty.choice.leave_one_out import Likelihood, free_parameters, residuals_of, variance_of
-from mrwork.uncertainty.choice.ranking import Evidence, Ranking, rank
+from mrwork.uncertainty.choice.ranking import Evidence, Ranking, collapsed, cost_remark, rank, ranking_of
 from mrwork.uncertainty.noise import noise_model
 from mrwork.units import CommandUnit
 

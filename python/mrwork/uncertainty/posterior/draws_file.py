@@ -21,7 +21,7 @@ from mrwork.store.record import Related, record_of
 from mrwork.store.run_folder import DRAWS
 from mrwork.uncertainty.noise import noise_model
 from mrwork.uncertainty.posterior.draws import Draws, DrawsStatus, DrawSummary, summary_of
-from mrwork.uncertainty.posterior.space import NOISE
+from mrwork.uncertainty.posterior.target import NOISE
 
 Array = NDArray[np.float64]
 _OF_FIT = "of_fit"
