@@ -8,9 +8,8 @@ from pathlib import Path
 from mrwork.arguments import checked
 from mrwork.errors import RecordError
 from mrwork.escaping import escaped
-from mrwork.identification.certainty import Intervals
 from mrwork.identification.equivalent import identifiable_form
-from mrwork.identification.fit import Fit
+from mrwork.identification.fit import Fit, Intervals
 from mrwork.identification.fit_file import read_addition, read_fit
 from mrwork.store.input_file import exists, is_file
 from mrwork.store.record import read_document

@@ -13,7 +13,7 @@ from mrwork.dampers.spec import damper
 from mrwork.identification.identify import identify
 from mrwork.identification.multistart import scaled_to_force
 from mrwork.identification.objective import Objective
-from mrwork.identification.searches import Multistart
+from mrwork.identification.settings import Multistart
 from mrwork.identification.suspicion import linear_misfit
 from mrwork.records import DamperTest, read_damper_test
 from mrwork.records.window import cut

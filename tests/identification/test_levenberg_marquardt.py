@@ -22,9 +22,8 @@ from mrwork.identification.equivalent import Form, identifiable_form
 from mrwork.identification.identify import identify
 from mrwork.identification.levenberg_marquardt import find_minima, find_minimum
 from mrwork.identification.levenberg_marquardt_twin import TwinResiduals, arrays_of, find_minimum_on_twin
-from mrwork.identification.linearisation import linearised
 from mrwork.identification.nuisance import NuisanceName, bounds_without_offsets
-from mrwork.identification.objective import Objective
+from mrwork.identification.objective import Objective, linearised
 from mrwork.identification.result import remark_of
 from mrwork.identification.settings import FitSettings
 from mrwork.records import DamperTest, Observation

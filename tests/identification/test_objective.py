@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from mrwork.dampers.spec import damper
-from mrwork.identification.linearisation import linearised
 from mrwork.identification.nuisance import NuisanceName
-from mrwork.identification.objective import Objective
+from mrwork.identification.objective import Objective, linearised
 from mrwork.identification.settings import FitSettings
 from mrwork.records import DamperTest, Observation
 from mrwork.records.window import cut

@@ -12,7 +12,7 @@ from mrwork.dampers.spec import damper
 from mrwork.errors import SettingError
 from mrwork.identification import FitSettings, Objective
 from mrwork.identification.nuisance import NuisanceName
-from mrwork.identification.threads import on_every_test
+from mrwork.identification.progress import on_every_test
 from mrwork.records import DamperTest
 from mrwork.records.window import cut
 from mrwork.synthetic import synthetic_test

@@ -11,7 +11,7 @@ from sinusoidal_tests import sinusoidal_test
 from mrwork.dampers.spec import damper
 from mrwork.identification.fit import Fit
 from mrwork.identification.identify import identify
-from mrwork.identification.searches import Multistart
+from mrwork.identification.settings import Multistart
 from mrwork.records import DamperTest
 from mrwork.uncertainty.choice.leave_one_out import free_parameters, residuals_of, variance_of
 from mrwork.uncertainty.choice.ranking import Collapse, Evidence, collapsed, rank

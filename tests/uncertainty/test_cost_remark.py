@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from mrwork.identification.building_cost import BuildingCost
+from mrwork.identification.result import BuildingCost
 from mrwork.uncertainty.choice.ranking import Evidence, cost_remark, rank
 
 FOLDS = (0.070, 0.071, 0.072, 0.073)

@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 
 from mrwork.dampers.conversions import bouc_wen_from_normalised
 from mrwork.dampers.spec import damper
-from mrwork.identification.certainty import Identifiability, ParameterChange
 from mrwork.identification.covariance import covariance
-from mrwork.identification.fit import Estimate, Fit
+from mrwork.identification.fit import Estimate, Fit, Identifiability, ParameterChange
 from mrwork.identification.identify import identify
 from mrwork.records import DamperTest
 from mrwork.synthetic import synthetic_test

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mrwork.identification.certainty import (
+from mrwork.identification.fit import (
     Identifiability,
     Interval,
     Intervals,

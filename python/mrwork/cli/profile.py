@@ -14,8 +14,7 @@ from mrwork.cli.output import print_json, renew_page, result_lines, told_finding
 from mrwork.cli.progress import PATIENCE, ProgressLine, profile_described
 from mrwork.cli.terminal import note, show
 from mrwork.errors import Interrupted, RecordError
-from mrwork.identification.certainty import Direction
-from mrwork.identification.fit import Fit
+from mrwork.identification.fit import Direction, Fit
 from mrwork.identification.fit_file import OpenedRun, addition_content, fit_content
 from mrwork.store.output_file import write_files
 from mrwork.store.run_folder import FIT, PROFILES, REPORT

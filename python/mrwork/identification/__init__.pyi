@@ -16,5 +16,5 @@ from .problem import start_from as start_from
 from .progress import Progress as Progress
 from .result import free_run as free_run
 from .search_ranges import search_box as search_box
-from .searches import Multistart as Multistart
 from .settings import FitSettings as FitSettings
+from .settings import Multistart as Multistart

@@ -7,8 +7,7 @@ from numpy.typing import NDArray
 
 from mrwork.identification.autocorrelation import effective_samples, residuals_by_test
 from mrwork.identification.equivalent import Form
-from mrwork.identification.linearisation import linearised
-from mrwork.identification.objective import Objective
+from mrwork.identification.objective import Objective, linearised
 from mrwork.identification.result import remark_of
 
 # A combination of parameters (each scaled to unit sensitivity) that changes the residuals less than this, relative to

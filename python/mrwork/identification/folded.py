@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec
+from mrwork.identification.levenberg_marquardt import within_stiffness
 from mrwork.identification.objective import shares_of
+from mrwork.identification.progress import on_every_test
 from mrwork.identification.residual import ObservedTest
 from mrwork.identification.settings import FitSettings
-from mrwork.identification.stiffness_limit import within_stiffness
-from mrwork.identification.threads import on_every_test
 from mrwork.records import DamperTest
 from mrwork.values import holds_arrays
 

@@ -14,8 +14,8 @@ from mrwork.arguments import Seed, Threads, checked
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec, damper, damper_models
 from mrwork.errors import Interrupted, MrworkError, MrworkWarning, SimulationError
-from mrwork.identification.building_cost import BuildingCost, cost_warning
 from mrwork.identification.doubts import doubts_on_fit
+from mrwork.identification.driver_lag import polish_with_wanted_lag
 from mrwork.identification.fit import Fit, FitStatus, SearchTrace
 from mrwork.identification.global_search import (
     OnSearch,
@@ -23,14 +23,12 @@ from mrwork.identification.global_search import (
     points_from_multistart,
     points_from_optimiser,
 )
-from mrwork.identification.lag_choice import polish_with_wanted_lag
 from mrwork.identification.levenberg_marquardt import LocalMinimum
 from mrwork.identification.nuisance import NuisanceName
 from mrwork.identification.problem import Problem, fingerprint_of
 from mrwork.identification.progress import Progress, Reporter, interruptible
-from mrwork.identification.result import fit_at
-from mrwork.identification.searches import Multistart, Search, UnregisteredSearch
-from mrwork.identification.settings import Engine, FitSettings, Start
+from mrwork.identification.result import BuildingCost, cost_warning, fit_at
+from mrwork.identification.settings import Engine, FitSettings, Multistart, Search, Start, UnregisteredSearch
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
 from mrwork.records.observing import DETECT, as_words

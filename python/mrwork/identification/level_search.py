@@ -26,6 +26,7 @@ from mrwork.identification.global_search import (
     doubts_about,
     generation_reporter,
     interrupted_at,
+    nested_fit,
     no_simulation,
     optimise_in_box,
     refuse_empty_elite,
@@ -42,11 +43,10 @@ from mrwork.identification.law_coefficients import (
 )
 from mrwork.identification.levenberg_marquardt import find_minima
 from mrwork.identification.multistart import MultistartResult, distinct_minima, search_starts
-from mrwork.identification.nested import nested_fit
 from mrwork.identification.objective import Objective
 from mrwork.identification.problem import Problem
 from mrwork.identification.search_ranges import search_box
-from mrwork.identification.searches import Multistart
+from mrwork.identification.settings import Multistart
 from mrwork.identification.suspicion import far_worse, far_worse_sentence
 from mrwork.records import DamperTest
 from mrwork.records.command_signal import command_level, levels_of_command

@@ -4,6 +4,10 @@ Residuals and Jacobian come from one simulation, which takes a quarter longer th
 A few candidates take as long to simulate as about fifty, because the time steps of a record are sequential. The batch
 therefore simulates the Jacobians of all starts together, and likewise all trial steps, several of different damping
 for each start.
+
+Steps follow the limit of stiffness, above which a candidate is not simulated. A hysteresis loop that wants to be
+sharper than the step of the tests resolves would otherwise stop a minimisation where it meets that limit, far from the
+minimum of all its other parameters.
 """
 
 from __future__ import annotations
@@ -18,10 +22,86 @@ from numpy.typing import NDArray
 from mrwork.arguments import Count, Shape, Within, checked
 from mrwork.dampers.coordinates import Box
 from mrwork.errors import JournalError
-from mrwork.identification.linearisation import linearised
-from mrwork.identification.objective import Objective
-from mrwork.identification.stiffness_limit import within_stiffness
+from mrwork.identification.objective import Objective, linearised
+from mrwork.identification.residual import ObservedTest
 from mrwork.values import holds_arrays
+
+Array = NDArray[np.float64]
+
+# Distance from the limit that a step along it keeps, in the logarithm of the stiffness: the limit is curved.
+_MARGIN = 0.02
+# Step in latent coordinates of the differences.
+_SMALL = 1e-4
+# Most tests whose limits a step may meet at once.
+_MOST_MET = 8
+
+
+def within_stiffness(
+    tests: Sequence[ObservedTest],
+    box: Box,
+    latent: Array,
+    step: Array,
+    damped: Array,
+    gradient: Array,
+) -> Array:
+    """Damped least-squares steps, those that end above the limit of stiffness replaced by the best ones below it.
+
+    Parameters
+    ----------
+    latent
+        Points, shape (n_rows, n_free).
+    step
+        Steps from them, shape (n_rows, n_dampings, n_free), that minimise the quadratic functions of `damped`, shape
+        (n_rows, n_dampings, n_free, n_free), and `gradient`, shape (n_rows, n_free).
+    """
+    ends = np.asarray(box.theta_from_latent(latent[:, None] + step))
+    stiffness = _log_stiffness(tests, ends.reshape(-1, ends.shape[-1])).reshape(*ends.shape[:2], -1)
+    beyond = np.any(stiffness > 0.0, axis=2)
+    if not beyond.any():
+        return step
+    step = step.copy()
+    for row in np.flatnonzero(np.any(beyond, axis=1)):
+        nearby = np.concatenate([latent[row, None], latent[row] + _SMALL * np.eye(latent.shape[1])])
+        value, *moved = _log_stiffness(tests, np.asarray(box.theta_from_latent(nearby)))
+        slope = (np.array(moved) - value).T / _SMALL
+        if not (np.isfinite(value).all() and np.isfinite(slope).all()):
+            continue
+        room = np.maximum(-_MARGIN - value, 0.0)
+        for factor in np.flatnonzero(beyond[row]):
+            step[row, factor] = _limited(damped[row, factor], gradient[row], slope, room)
+    return step
+
+
+def _log_stiffness(tests: Sequence[ObservedTest], theta: Array) -> Array:
+    """Logarithm of the stiffness as a share of the limit, shape (n_batch, n_tests); infinite where it has none."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        stiffness = np.log(np.stack([each.stiffness_share(theta) for each in tests], axis=1))
+    return np.where(np.isnan(stiffness), np.inf, stiffness)
+
+
+def _limited(matrix: Array, gradient: Array, slope: Array, room: Array) -> Array:
+    """Minimum of gradient @ s + s @ matrix @ s / 2 with slope @ s <= room, shape (n_free,), by an active set."""
+    free = -np.linalg.solve(matrix, gradient)
+    towards = np.linalg.solve(matrix, slope.T)
+    met: list[int] = []
+    step = free
+    for _ in range(2 * _MOST_MET):
+        excess = slope @ step - room
+        excess[met] = -np.inf
+        worst = int(np.argmax(excess))
+        if excess[worst] <= 1e-9 or len(met) == _MOST_MET:
+            break
+        met.append(worst)
+        while True:
+            force = np.linalg.lstsq(slope[met] @ towards[:, met], slope[met] @ free - room[met], rcond=1e-10)[
+                0
+            ]
+            if (force >= 0.0).all():
+                break
+            met.pop(int(np.argmin(force)))
+        step = free - towards[:, met] @ force
+    return np.asarray(step)
+
 
 # Convergence: relative decrease of the squared misfit in a step; for SciPy also the relative length of the step.
 TOLERANCE = 1e-7

@@ -11,11 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.identification.equivalent import Form
-from mrwork.identification.linearisation import linearised
-from mrwork.identification.objective import Objective
-from mrwork.identification.progress import Tally
+from mrwork.identification.objective import Objective, linearised
+from mrwork.identification.progress import Tally, on_every_test
 from mrwork.identification.result import remark_of
-from mrwork.identification.threads import on_every_test
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import frozen
 from mrwork.records.motion import Smoother, motion_of

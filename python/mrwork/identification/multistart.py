@@ -22,7 +22,7 @@ from mrwork.dampers.coordinates import ON_BOUND, Box
 from mrwork.errors import Interrupted, SettingError
 from mrwork.identification.levenberg_marquardt import Hopeless, LocalMinima, find_minima
 from mrwork.identification.objective import Objective
-from mrwork.identification.searches import Multistart
+from mrwork.identification.settings import Multistart
 from mrwork.search.unit_cube import Streams, latin_hypercube
 from mrwork.summary import Summarised
 from mrwork.values import holds_arrays

@@ -16,13 +16,11 @@ from mrwork.arguments import checked
 from mrwork.dampers.parameters import CurrentLaw, LawName, ParamSpec, law_named
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import SettingError, UnknownNameError
-from mrwork.identification.driver_lag import rate_warning
 from mrwork.identification.equivalent import Form, identifiable_form
 from mrwork.identification.fit import Fit, Provenance
 from mrwork.identification.nuisance import bounds_without_offsets, offset_warning
 from mrwork.identification.objective import Objective
-from mrwork.identification.searches import Multistart, Search, method_of
-from mrwork.identification.settings import ROOT_MEAN_SQUARE, FitSettings, Start
+from mrwork.identification.settings import ROOT_MEAN_SQUARE, FitSettings, Multistart, Search, Start, method_of
 from mrwork.records import DamperTest, observed
 from mrwork.records.command_signal import Command, command_in_words, command_level
 from mrwork.store import Journal, digest_of
@@ -115,7 +113,7 @@ class Problem:
         settings = self.settings
         return (
             *command_warning(tests, (self.spec,)),
-            *rate_warning(self.spec, self.form, tests),
+            *_rate_warning(self.spec, self.form, tests),
             *offset_warning(settings.nuisances, self.spec, settings.bounds, tests),
         )
 
@@ -308,6 +306,25 @@ def _law_of(spec: DamperSpec, name: str) -> LawName:
     if spec.current is None:
         return "constant"
     return spec.current.laws[damper(spec.name).names.index(name)]
+
+
+def rate_is_shown(spec: DamperSpec, form: Form, tests: Sequence[DamperTest]) -> bool | None:
+    """Whether a command that varies shows the rate of the driver's lag; `None` where no rate is estimated."""
+    if spec.current is None or not spec.current.lagged:
+        return None
+    if form.spec.names.index(spec.names[-1]) not in form.box.free:
+        return None
+    return any(test.has_varying_command for test in tests)
+
+
+def _rate_warning(spec: DamperSpec, form: Form, tests: Sequence[DamperTest]) -> tuple[str, ...]:
+    """A sentence where the rate of the driver's lag is to be estimated from tests at constant commands."""
+    if rate_is_shown(spec, form, tests) is not False:
+        return ()
+    return (
+        "the command is constant in every test, so nothing shows the rate eta of the driver's lag; add a test with "
+        "a command that varies, fix it with --fix eta=VALUE, or leave the lag out",
+    )
 
 
 def check_starts(spec: DamperSpec, form: Form, starts: Sequence[Start]) -> None:

@@ -14,11 +14,11 @@ from mrwork.dampers.parameters import LawName
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import Interrupted, JournalError, MrworkError, MrworkWarning, OutputError, SettingError
 from mrwork.identification.autocorrelation import effective_samples
-from mrwork.identification.building_cost import BuildingCost
 from mrwork.identification.fit import Fit
 from mrwork.identification.identify import identify_with
 from mrwork.identification.problem import command_warning
 from mrwork.identification.progress import Progress
+from mrwork.identification.result import BuildingCost
 from mrwork.identification.settings import FitSettings
 from mrwork.records import DamperTest, observed
 from mrwork.records.damper_test import as_tests

@@ -18,10 +18,9 @@ from mrwork.identification.fit import Fit
 from mrwork.identification.folded import FoldedFit, FoldedTests
 from mrwork.identification.law_coefficients import joint_box, with_other_laws
 from mrwork.identification.level_search import PER_CYCLE, command_is_constant, levels_of, spec_by_values
-from mrwork.identification.progress import interruptible
+from mrwork.identification.progress import interruptible, on_every_test
 from mrwork.identification.residual import ObservedTest
 from mrwork.identification.settings import FitSettings, Start
-from mrwork.identification.threads import on_every_test
 from mrwork.records import DamperTest
 from mrwork.records.observing import NONE
 from mrwork.records.window import middle_excerpt

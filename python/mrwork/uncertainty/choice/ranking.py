@@ -16,8 +16,8 @@ from mrwork.arguments import NotNegative, Positive, Whole
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import damper
 from mrwork.errors import SettingError
-from mrwork.identification.building_cost import MANY, BuildingCost
 from mrwork.identification.fit import NEGLIGIBLE, Fit
+from mrwork.identification.result import MANY, BuildingCost
 from mrwork.records import DamperTest
 from mrwork.store.record import Related
 from mrwork.summary import Summarised, Summary, listed, rounded

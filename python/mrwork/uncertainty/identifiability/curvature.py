@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec
-from mrwork.identification.linearisation import linearised
-from mrwork.identification.objective import Objective
+from mrwork.identification.objective import Objective, linearised
 from mrwork.identification.search_ranges import search_box
 from mrwork.records import DamperTest
 from mrwork.uncertainty.identifiability.judgement import ParameterScale

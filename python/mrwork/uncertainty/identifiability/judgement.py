@@ -7,7 +7,7 @@ from statistics import NormalDist
 
 import numpy as np
 
-from mrwork.identification.certainty import VerdictName
+from mrwork.identification.fit import VerdictName
 from mrwork.summary import of_unit
 
 # A standard deviation above this share of the value, or of 1 in the logarithm, is no determination.

@@ -20,9 +20,8 @@ from mrwork.dampers.coordinates import Box
 from mrwork.dampers.parameters import ParamSpec
 from mrwork.errors import Interrupted, SettingError, UnknownNameError
 from mrwork.identification.autocorrelation import effective_samples, residuals_by_test
-from mrwork.identification.certainty import Interval, Intervals, VerdictName
-from mrwork.identification.fit import Fit
-from mrwork.identification.linearisation import linearised
+from mrwork.identification.fit import Fit, Interval, Intervals, VerdictName
+from mrwork.identification.objective import linearised
 from mrwork.identification.problem import Problem
 from mrwork.identification.settings import ROOT_MEAN_SQUARE
 from mrwork.records import DamperTest

@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 
 from mrwork.arguments import Threads, checked
 from mrwork.dampers.coordinates import Box
-from mrwork.identification.certainty import Direction, Identifiability, ParameterChange, Verdict
 from mrwork.identification.covariance import INSENSITIVE, covariance_at, derivatives_by_model
-from mrwork.identification.fit import Fit
+from mrwork.identification.fit import Direction, Fit, Identifiability, ParameterChange, Verdict
 from mrwork.identification.problem import Problem
 from mrwork.identification.result import remarks_of
 from mrwork.records import DamperTest

@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.arguments import Shape, Within, checked
-from mrwork.identification.certainty import Interval, Intervals, VerdictName
-from mrwork.identification.fit import Provenance
+from mrwork.identification.fit import Interval, Intervals, Provenance, VerdictName
 from mrwork.summary import Summarised, Summary, rounded, with_decimals
 from mrwork.uncertainty.identifiability.judgement import ParameterScale, judge_interval
 from mrwork.values import holds_arrays

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from mrwork.arguments import Count, NotNegative, Positive
 from mrwork.errors import RecordError
-from mrwork.identification.certainty import VerdictName
-from mrwork.identification.fit import Fit
+from mrwork.identification.fit import Fit, VerdictName
 from mrwork.store.child_reader import Member, UnreadableError, read_members
 from mrwork.store.input_file import bytes_of, is_there, stored
 from mrwork.store.record import Related, record_of

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from mrwork.arguments import Shape, Within, checked
 from mrwork.errors import SettingError
-from mrwork.identification.linearisation import linearised
+from mrwork.identification.objective import linearised
 from mrwork.uncertainty.posterior.target import Target
 from mrwork.values import holds_arrays
 
