@@ -9,8 +9,7 @@ import pytest
 from sinusoidal_tests import sinusoidal_test
 
 import mrwork as mr
-from mrwork.dampers.law_limits import law_limits
-from mrwork.dampers.spec import damper
+from mrwork.dampers.spec import damper, law_limits
 from mrwork.identification.fit import Fit
 from mrwork.identification.law_coefficients import leaves_range, within_range
 from mrwork.identification.settings import Multistart

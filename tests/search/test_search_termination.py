@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mrwork.search import expected_termination
-from mrwork.search.termination import first_improvement, hypothesis_test, stalled, statistic, threshold
+from mrwork.search.rules import first_improvement, hypothesis_test, stalled, statistic, threshold
 
 
 def test_thresholds_are_those_of_the_source():

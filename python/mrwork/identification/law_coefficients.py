@@ -6,9 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.dampers.coordinates import Box
-from mrwork.dampers.law_limits import law_limits
 from mrwork.dampers.parameters import CurrentLaw, LawName, ParamSpec, law_named
-from mrwork.dampers.spec import DamperSpec, damper
+from mrwork.dampers.spec import DamperSpec, damper, law_limits
 from mrwork.identification.equivalent import Form
 from mrwork.identification.search_ranges import search_box
 from mrwork.records import DamperTest

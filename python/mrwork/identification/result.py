@@ -13,8 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mrwork.arguments import checked
 from mrwork.dampers.coordinates import ON_BOUND, Box
-from mrwork.dampers.law_limits import law_limits
-from mrwork.dampers.spec import DamperSpec
+from mrwork.dampers.spec import DamperSpec, law_limits
 from mrwork.errors import SimulationError
 from mrwork.identification.equivalent import Form
 from mrwork.identification.fit import (

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from mrwork.buildings.devices import Device
-from mrwork.dampers.law_limits import worst_laws
+from mrwork.dampers.spec import worst_laws
 from mrwork.records.operating_range import Exceedance, OperatingRange, Outside, covering, worst_of
 from mrwork.study.run_result import RunResult
 

@@ -15,10 +15,9 @@ from mrwork.control.law_design import design_law, settings_of
 from mrwork.control.law_settings import SETTINGS
 from mrwork.control.laws import control_law
 from mrwork.errors import Interrupted, InvalidSettingError, SettingError
-from mrwork.search.loop import GenerationEvent, Optimiser, run_search
+from mrwork.search.loop import GenerationEvent, Optimiser, SearchResult, run_search
 from mrwork.search.peers import CMAEvolution
 from mrwork.search.registry import OPTIMISERS, PEERS
-from mrwork.search.result import SearchResult
 from mrwork.search.rules import EliteRule, StopRules
 from mrwork.store import digest_of
 from mrwork.study.tuning_schema import TuneTable

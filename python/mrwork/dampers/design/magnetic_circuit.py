@@ -11,10 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.arguments import Share, Within, checked
-from mrwork.dampers.design.fluids import MRFluid
-from mrwork.dampers.design.ranges import Current, Currents, Fields, Length, Turns, Voltage
-from mrwork.dampers.design.roots import roots_between
-from mrwork.dampers.design.steels import Steel
+from mrwork.dampers.design.materials import MRFluid, Steel
+from mrwork.dampers.design.ranges import Current, Currents, Fields, Length, Turns, Voltage, roots_between
 from mrwork.errors import SettingError
 from mrwork.summary import Summarised
 
