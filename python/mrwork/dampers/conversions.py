@@ -253,13 +253,7 @@ def solver_remarks(material: OpenSeesBoucWen) -> tuple[str, ...]:
 
 
 def require_bounded_loop(theta: NDArray[np.float64]) -> None:
-    """Check that a `bouc_wen`, shape (8,), has a normalised form.
-
-    Raises
-    ------
-    SettingError
-        If z has no bound z_max for the normalisation, or the loop would not dissipate.
-    """
+    """Check that a `bouc_wen`, shape (8,), has a normalised form."""
     alpha, gamma, beta, A, n = map(float, theta[3:])
     if not (alpha > 0.0 and A > 0.0 and n >= 1.0):
         raise SettingError(

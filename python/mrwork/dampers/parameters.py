@@ -94,13 +94,7 @@ class CurrentLaws:
 def laws_in_order(
     plain: tuple[ParamSpec, ...], laws: Mapping[str, LawName], model: str
 ) -> tuple[LawName, ...]:
-    """Return one law per parameter of the plain model; those not named are constant.
-
-    Raises
-    ------
-    UnknownNameError
-        If `model` has no such parameter, or there is no such law.
-    """
+    """Return one law per parameter of the plain model; those not named are constant."""
     names = [parameter.name for parameter in plain]
     for name in laws:
         if name not in names:
@@ -238,13 +232,7 @@ def law_at(law: LawName, commands: Iterable[float]) -> LawName:
 
 @cache
 def law_named(name: LawName) -> CurrentLaw:
-    """The law of a name, such as "quadratic", "quadratic:0,0.5,1" or "values:0,0.5,1".
-
-    Raises
-    ------
-    UnknownChoiceError
-        If there is no such law.
-    """
+    """The law of a name, such as "quadratic", "quadratic:0,0.5,1" or "values:0,0.5,1"."""
     if name in current_laws():
         return current_laws()[name]
     law, _, commands = name.partition(":")

@@ -28,11 +28,6 @@ def autocorrelation_time(residual: ArrayLike) -> float:
 
     The sum for a residual that repeats with the excitation ends at its first change of sign, so that repeated cycles
     count as independent: the time is a lower limit there.
-
-    Raises
-    ------
-    SettingError
-        Where the series is not one row of finite numbers.
     """
     series = np.asarray(residual, dtype=np.float64)
     if series.ndim != 1 or series.size == 0 or not np.all(np.isfinite(series)):

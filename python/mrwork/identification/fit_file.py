@@ -58,12 +58,6 @@ def write_run(
         Further JSON documents, by path inside the folder.
     flush
         Wait until the files are on the disk, unless the fit was interrupted.
-
-    Raises
-    ------
-    OutputError
-        If the destination is a file or a folder that is no run folder, if something would be lost there without
-        leave, or if a file cannot be written. What was there is then unchanged.
     """
     contents = {name: json_document(document).encode() for name, document in (documents or {}).items()}
     write_folder(
@@ -82,13 +76,7 @@ def fit_content(fit: Fit) -> bytes:
 
 
 def read_fit(path: str | Path) -> Fit:
-    """The `Fit` of the run folder at `path`.
-
-    Raises
-    ------
-    RecordError
-        If there is no such folder, it is not a run folder, or its fit cannot be understood.
-    """
+    """The `Fit` of the run folder at `path`."""
     place = Path(path)
     if not is_folder(place):
         what = "is a file" if exists(place) else "does not exist"
@@ -143,11 +131,6 @@ def read_addition(kind: type[T], path: Path, fit: Fit | None, *, name: str, verb
     """Read a file with an `addition_content`; `None` if there is no such file.
 
     Files of earlier versions do not name their fit; without a `fit` that is not asked.
-
-    Raises
-    ------
-    RecordError
-        Where the file is damaged, or of another fit.
     """
     file = stored(verb, name=f"a {name}")
     if not is_there(path, file):
@@ -161,13 +144,7 @@ def read_addition(kind: type[T], path: Path, fit: Fit | None, *, name: str, verb
 
 
 def fit_from_json(text: str, *, origin: str) -> Fit:
-    """Undo `json_document(fit.as_dict())`; `origin` names the document in messages.
-
-    Raises
-    ------
-    RecordError
-        If the text is not JSON or not a fit; the message names the field.
-    """
+    """Undo `json_document(fit.as_dict())`; `origin` names the document in messages."""
     return _with_one_verdict(record_from_json(Fit, text, origin=origin, name="fit", verb="identify"))
 
 
@@ -186,13 +163,7 @@ class OpenedRun:
 
 
 def reopen(path: str | Path, *, on_read: OnRead | None = None) -> OpenedRun:
-    """Open the run folder at `path`, with the tests it was identified from; `on_read` is called before each.
-
-    Raises
-    ------
-    RecordError
-        Where it is no run folder, has no record of how its tests were read, or a file is missing or has changed.
-    """
+    """Open the run folder at `path`, with the tests it was identified from; `on_read` is called before each."""
     place = Path(path)
     fit = read_fit(place)
     tests = fit.reading(origin=str(place / FIT)).tests(on_read=on_read)

@@ -70,11 +70,6 @@ def nested_fit(
     """Search the simpler model that the searched one contains; `None` where there is none.
 
     It is searched in the same way, with the bounds of the parameters that both models share.
-
-    Raises
-    ------
-    Interrupted
-        On Ctrl-C, carrying the result so far as one of the searched model, `None` where there is none.
     """
     nesting = nesting_of(objective.spec)
     if nesting is None:
@@ -174,15 +169,7 @@ class StartingPoints:
 
 
 def points_from_multistart(problem: Problem, search: Multistart, *, on_search: OnSearch) -> StartingPoints:
-    """The best minima of a multistart search.
-
-    Raises
-    ------
-    SimulationError
-        Where no candidate could be simulated.
-    Interrupted
-        On Ctrl-C, carrying `StartingPoints` with only the best point so far, `None` where there is none.
-    """
+    """The best minima of a multistart search."""
     form, rng = problem.form, problem.settings.rng
     # The loops of a few cycles are sufficient to find the minima; the final fit compares all samples.
     objective = problem.objective.on(form.spec, tuple(excerpt(test) for test in problem.objective.tests))
@@ -260,15 +247,7 @@ def trace_of(found: MultistartResult) -> SearchTrace:
 
 
 def points_from_optimiser(problem: Problem, search: Optimiser[Any], *, on_search: OnSearch) -> StartingPoints:
-    """The elite of an optimiser (its best points that are far apart), for a model without current laws.
-
-    Raises
-    ------
-    SimulationError
-        Where no candidate could be simulated.
-    Interrupted
-        On Ctrl-C, carrying `StartingPoints` with only the best point so far, `None` where there is none.
-    """
+    """The elite of an optimiser (its best points that are far apart), for a model without current laws."""
     objective, form, rng = problem.objective, problem.form, problem.settings.rng
     box = search_box(form.spec, form.box, objective.tests)
     try:
@@ -342,13 +321,7 @@ def joined_trace(searches: Sequence[SearchResult[Any]]) -> SearchTrace:
 
 
 def refuse_empty_elite(spec: DamperSpec, found: SearchResult[Any]) -> None:
-    """Refuse a search in which every simulation failed.
-
-    Raises
-    ------
-    SimulationError
-        Where the search has no elite.
-    """
+    """Refuse a search in which every simulation failed."""
     if len(found.elite) == 0:
         raise no_simulation(spec, found.evaluations)
 

@@ -54,13 +54,7 @@ class TwinResiduals:
 
     @classmethod
     def of(cls, objective: Objective) -> TwinResiduals:
-        """The twin's form of `objective.residuals`.
-
-        Raises
-        ------
-        SettingError
-            Where a test has an observation model, which the twin does not have.
-        """
+        """The twin's form of `objective.residuals`."""
         objective.refuse_observation()
         return cls(
             spec=objective.spec,

@@ -55,18 +55,7 @@ class Problem:
         threads: int = 0,
         journal: Journal | None = None,
     ) -> Problem:
-        """Complete the settings, check them against the model and the tests, and prepare the simulation.
-
-        Raises
-        ------
-        SettingError
-            Where a bound is impossible, nothing is free, a start cannot be used, the search was read from a file and is
-            not registered, or the engine is the twin and a test has an observation model.
-        UnknownNameError
-            Where a start or a bound names a parameter that the model does not have.
-        RecordError
-            Where there is no test.
-        """
+        """Complete the settings, check them against the model and the tests, and prepare the simulation."""
         settings = _completed(settings, spec)
         method_of(_search_of(settings)).check_runs()
         check_starts(spec, identifiable_form(spec, settings.bounds), settings.starts)
@@ -283,13 +272,7 @@ def start_from(fit: Fit, model: DamperSpec) -> dict[str, float]:
 def _transferred(
     own: Sequence[ParamSpec], law: CurrentLaw, values: NDArray[np.float64], earlier: CurrentLaw, *, log: bool
 ) -> dict[str, float]:
-    """Start of the coefficients `own` of a law from the values of an earlier law of the same parameter.
-
-    Raises
-    ------
-    SettingError
-        Where the earlier law is not a special case of this one, which has no values at commands to take either.
-    """
+    """Start of the coefficients `own` of a law from the values of an earlier law of the same parameter."""
     names = [parameter.name for parameter in own]
     if law.nodes:
         return dict(zip(names, earlier.values(values, np.array(law.nodes), log=log).tolist(), strict=True))
@@ -328,15 +311,7 @@ def _rate_warning(spec: DamperSpec, form: Form, tests: Sequence[DamperTest]) -> 
 
 
 def check_starts(spec: DamperSpec, form: Form, starts: Sequence[Start]) -> None:
-    """Refuse starts that cannot be used, before the search.
-
-    Raises
-    ------
-    UnknownNameError
-        Where the model has no such parameter.
-    SettingError
-        Where a value is not finite, or the model is identified in a form that needs all of its parameters.
-    """
+    """Refuse starts that cannot be used, before the search."""
     for start in starts:
         for name, value in start.items():
             if name not in spec.names:

@@ -163,13 +163,7 @@ class Reporter:
         generation: int = 0,
         median: float = np.nan,
     ) -> None:
-        """Call the callback.
-
-        Raises
-        ------
-        Interrupted
-            Where it returns true: the run ends as on Ctrl-C, but returns its result.
-        """
+        """Call the callback."""
         if self.on_progress is None or (self.journal is not None and self.journal.recalling):
             return
         progress = Progress(

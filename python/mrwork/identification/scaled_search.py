@@ -113,15 +113,6 @@ def points_from_scaled_forces(
 
     The search and local minimisations from its elite, in one batch, compare the shortest parts of the tests that show
     every level of the command, see `varied_excerpt`.
-
-    Raises
-    ------
-    SettingError
-        Where the commands of the tests take fewer values than a law has coefficients.
-    SimulationError
-        Where no candidate could be simulated.
-    Interrupted
-        On Ctrl-C, carrying `StartingPoints` with only the best point so far, `None` where there is none.
     """
     form, rng = problem.form, problem.settings.rng
     tests = problem.objective.tests

@@ -86,13 +86,7 @@ class SearchMethod(Protocol):
         """The search with another population or largest number of generations; `None` keeps the present one."""
 
     def check_runs(self) -> None:
-        """Refuse a search that cannot run.
-
-        Raises
-        ------
-        SettingError
-            Where that is so; the message says what to do.
-        """
+        """Refuse a search that cannot run."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,13 +162,7 @@ def searches() -> Mapping[str, Search]:
 
 
 def search_named(name: str) -> Search:
-    """The search called `name`, with its default settings.
-
-    Raises
-    ------
-    UnknownNameError
-        Where there is none; the message lists the names.
-    """
+    """The search called `name`, with its default settings."""
     if name not in searches():
         raise UnknownNameError(f"there is no search called {name!r}; choose one of {', '.join(searches())}")
     return searches()[name]
@@ -210,13 +198,7 @@ def _kind_of(search: Any) -> str:
 
 
 def search_of_record(record: Mapping[str, Any]) -> Search:
-    """Undo `record_of_search`; a search that is not registered becomes an `UnregisteredSearch`.
-
-    Raises
-    ------
-    TypeError, ValueError, AttributeError
-        Where the record is damaged.
-    """
+    """Undo `record_of_search`; a search that is not registered becomes an `UnregisteredSearch`."""
     kind = record.get("kind")
     if not isinstance(kind, str):
         raise ValueError(f"the kind of search {kind!r} is no name")
@@ -293,28 +275,14 @@ class Reading:
 
     @classmethod
     def of_record(cls, record: object, *, origin: str) -> Reading:
-        """Undo `as_record`; `origin` names the record in messages.
-
-        Raises
-        ------
-        RecordError
-            Where the record cannot be read as a `Reading`.
-        """
+        """Undo `as_record`; `origin` names the record in messages."""
         if record is None:
             raise RecordError(f"{origin} does not say how its tests were read; run `mrwork identify` again")
         found: Reading = record_of(cls, record, origin=origin, name="reading of tests", verb="identify")
         return found
 
     def tests(self, *, on_read: OnRead | None = None) -> tuple[DamperTest, ...]:
-        """Read the files as tests; `on_read` is called before each.
-
-        Raises
-        ------
-        RecordError
-            Where a file cannot be read as a test.
-        SettingError
-            Where a window or a repair leaves too little of it.
-        """
+        """Read the files as tests; `on_read` is called before each."""
         tests = []
         for done, file in enumerate(self.files):
             if on_read is not None:

@@ -368,13 +368,7 @@ class Generation:
 
 
 def agree_on_search(journal: Journal, optimiser: object, state: SearchState) -> None:
-    """Record the settings of the search in a journal, or check that those of the journal are the same.
-
-    Raises
-    ------
-    JournalError
-        Where they differ; the message names the difference.
-    """
+    """Record the settings of the search in a journal, or check that those of the journal are the same."""
     course = state.course
     journal.agree(
         "search",

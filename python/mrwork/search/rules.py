@@ -399,11 +399,6 @@ def check_ranges(ranges: Mapping[str, tuple[float | None, float, float]]) -> Non
     ----------
     ranges
         Name to (value, lower, upper).
-
-    Raises
-    ------
-    SettingError
-        Naming the setting, its range and its value.
     """
     for name, (value, lower, upper) in ranges.items():
         # This form refuses NaN too.

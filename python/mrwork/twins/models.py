@@ -164,15 +164,7 @@ _process: int | None = None
 
 
 def begin() -> None:
-    """Prepare JAX in this process: called before every computation on a twin.
-
-    Raises
-    ------
-    SettingError
-        In a forked process whose parent has used JAX: its threads do not exist there, and a computation would not end.
-    LibraryError
-        If JAX finds no device, as where JAX_PLATFORMS names none of this machine.
-    """
+    """Prepare JAX in this process: called before every computation on a twin."""
     global _process  # one JAX for each process
     if _process is None:
         try:

@@ -28,13 +28,7 @@ Velocities = Annotated[ArrayLike, Within(least=-1e3, most=1e3)]
 
 
 def broadcast(function: str, **values: ArrayLike) -> tuple[NDArray[np.float64], ...]:
-    """Arguments of a function as arrays of the shape to which they broadcast.
-
-    Raises
-    ------
-    SettingError
-        If they do not; the message names them.
-    """
+    """Arguments of a function as arrays of the shape to which they broadcast."""
     arrays = [np.asarray(value, dtype=np.float64) for value in values.values()]
     try:
         return tuple(np.broadcast_arrays(*arrays))

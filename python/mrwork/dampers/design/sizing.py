@@ -287,13 +287,6 @@ def smallest(
     """The search of the smallest damper over the unit cube of `candidate`.
 
     The misfit is the volume over that of the envelope where all wishes are met, and above 1 elsewhere.
-
-    Raises
-    ------
-    Interrupted
-        On Ctrl-C, carrying the search so far.
-    UnknownNameError
-        If there is no such search.
     """
     optimisers = {**OPTIMISERS, **PEERS}
     if search not in optimisers:

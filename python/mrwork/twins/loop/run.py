@@ -307,11 +307,6 @@ def run_loop(
         default the devices themselves.
     counted
         Number of first steps of which peaks and sums are kept, all by default; energies are those of all steps.
-
-    Raises
-    ------
-    SettingError
-        If the steps are not a whole number of control samples.
     """
     n_steps = jnp.float64((ground.shape[0] - 1) // 2)
     counted = n_steps if counted is None else counted

@@ -133,11 +133,6 @@ def next_test_quantile(scores: Sequence[NDArray[np.float64]], level: float) -> f
     errors of the tests left out, on average. (The bound of hierarchical conformal prediction, Lee, Barber and Willett,
     JRSS B 87, 2025, holds for every distribution, but is infinite for fewer than nine tests at 90 %.) For a single test
     its own quantile is returned.
-
-    Raises
-    ------
-    SettingError
-        Where the level is not between 0 and 1.
     """
     if not 0.0 < level < 1.0:
         raise SettingError(f"the level of a band lies between 0 and 1, got {level:g}")
@@ -265,13 +260,7 @@ class Cycles:
 
 
 def cycles_of(test: DamperTest, force: NDArray[np.float64]) -> Cycles:
-    """Counted cycles of a test with this force [N], shape (n_time,).
-
-    Raises
-    ------
-    RecordError
-        Where the record has no whole cycle.
-    """
+    """Counted cycles of a test with this force [N], shape (n_time,)."""
     first = test.n_settle
     rows = [
         _cycle(test.displacement[samples], test.velocity[samples], force[samples], test.dt)

@@ -236,13 +236,7 @@ def predict_left_out(
 
 
 def folds_of(tests: Sequence[DamperTest], fold: Fold) -> list[list[int]]:
-    """Indices of the tests of each fold; tests that are alike, as versions of one record are, share their fold.
-
-    Raises
-    ------
-    SettingError
-        Where there are fewer than two.
-    """
+    """Indices of the tests of each fold; tests that are alike, as versions of one record are, share their fold."""
     folds: list[list[int]] = []
     for group in alike_groups([RecordedMotion.of(test) for test in tests]):
         for members in folds:
@@ -292,15 +286,7 @@ _TOGETHER: dict[Fold, Callable[[DamperTest, DamperTest], bool]] = {
 def held_out_errors(
     tests: tuple[DamperTest, ...], fold: Fold, identify_rest: IdentifyRest
 ) -> tuple[float, ...]:
-    """Mean NRMSE of each fold left out, or of each later cycle of a single test.
-
-    Raises
-    ------
-    SettingError
-        Where several tests make one fold only.
-    SimulationError
-        Where a fit cannot be simulated on the tests left out.
-    """
+    """Mean NRMSE of each fold left out, or of each later cycle of a single test."""
     if len(tests) == 1:
         return _later_cycles(tests[0], identify_rest)
     found = predict_left_out(tests, fold, identify_rest)

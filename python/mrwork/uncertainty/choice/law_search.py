@@ -334,13 +334,7 @@ def prepared(
     settings: FitSettings,
     threads: int,
 ) -> LawSearch:
-    """Check the settings and prepare the folds.
-
-    Raises
-    ------
-    SettingError
-        Where laws cannot be chosen from these tests, or with these settings.
-    """
+    """Check the settings and prepare the folds."""
     if plain.current is not None:
         raise SettingError(f"{plain.name} has current laws already; give the plain model to choose laws for")
     if settings.starts or settings.power != 2.0 or settings.engine != "lanes":

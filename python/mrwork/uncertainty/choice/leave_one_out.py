@@ -54,11 +54,6 @@ def leave_one_out(log_densities: Array, log_ratio: Array) -> LeaveOneOut:
         Log density of each block under each draw, shape (n_draws, n_blocks).
     log_ratio
         Logarithm of posterior over proposal density, shape (n_draws,); zero for draws from the posterior.
-
-    Raises
-    ------
-    SettingError
-        Where there are fewer than two blocks, or fewer than 100 draws.
     """
     n_draws, n_blocks = log_densities.shape
     if n_blocks < 2:
@@ -171,13 +166,7 @@ class SharedLikelihood:
         return sum(len(of_test) for of_test in self.blocks)
 
     def leave_one_out(self, fit: Fit, journal: Journal | None = None) -> LeaveOneOut:
-        """PSIS-LOO of a fitted family.
-
-        Raises
-        ------
-        SettingError
-            Where there are too few blocks or draws.
-        """
+        """PSIS-LOO of a fitted family."""
         if journal is None:
             return self._left_out(fit)
         facts = digest_of(

@@ -207,11 +207,6 @@ def rank(evidence: Sequence[Evidence], n_effective: float | None) -> tuple[Stand
     ----------
     n_effective
         Effective number of independent samples, the same for all families.
-
-    Raises
-    ------
-    SettingError
-        Where no family predicted the tests left out.
     """
     predicted = sorted(
         (each for each in evidence if each.left_out), key=lambda each: float(np.mean(each.left_out))

@@ -280,13 +280,7 @@ def band_matrix(
 
 
 def column_of(posterior: LinearisedPosterior, band: str) -> int:
-    """Index of a parameter among the free ones.
-
-    Raises
-    ------
-    UnknownNameError, SettingError
-        Where there is no such parameter, or it is fixed.
-    """
+    """Index of a parameter among the free ones."""
     free = [posterior.spec.names[index] for index in posterior.scaled.free]
     if band in free:
         return free.index(band)
@@ -366,11 +360,6 @@ def checked_with_draws(
     ----------
     draws
         Parameters of the model of `posterior`; rows that cannot be simulated are left out.
-
-    Raises
-    ------
-    SettingError
-        Where there are too few draws.
     """
     if len(draws) < 2 * _LEAST:
         raise SettingError(f"{len(draws)} draws are too few to weigh against each other; give some hundreds")

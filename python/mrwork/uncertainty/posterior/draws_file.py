@@ -74,11 +74,6 @@ def read_draws(place: Path, fit: Fit) -> Draws | None:
     """The draws of the run folder at `place`, `None` where there are none.
 
     Diagnostics are computed from the draws kept; autocorrelation times are NaN.
-
-    Raises
-    ------
-    RecordError
-        Where they are damaged, or of another fit.
     """
     path = place / DRAWS
     if not is_there(path, _KIND):

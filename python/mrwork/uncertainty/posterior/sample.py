@@ -194,15 +194,7 @@ class SamplingProblem:
         rng: int,
         threads: int,
     ) -> SamplingProblem:
-        """The problem that `sample` solves, from the same arguments.
-
-        Raises
-        ------
-        SettingError
-            Where the fit cannot be simulated on these tests, or a setting or a prior is impossible.
-        UnknownNameError
-            Where there is no such noise model, or a prior names an unknown parameter.
-        """
+        """The problem that `sample` solves, from the same arguments."""
         problem = Problem.of_fit(fit, tests, threads=threads)
         form, objective = problem.form, problem.objective
         theta = problem.inside(fit.theta)

@@ -112,11 +112,6 @@ _KINDS: dict[str, Callable[[float, float], Prior]] = {
 def parse_prior(text: str) -> tuple[str, Prior]:
     """Parse `NAME=KIND:NUMBER:NUMBER`, such as `k_w=normal:650:50`, into name and prior.
 
-    Raises
-    ------
-    SettingError
-        Where the text has another form, or its numbers define no density.
-
     Examples
     --------
     >>> parse_prior("k_w=normal:650:50")
@@ -163,15 +158,7 @@ class Space:
 
     @classmethod
     def of(cls, form: Form, noise: Noise, priors: Mapping[str, Prior]) -> Space:
-        """The space of a model in its identifiable form, with priors by name; those of the noise as `noise.sigma`.
-
-        Raises
-        ------
-        UnknownNameError
-            Where a prior names an unknown parameter.
-        SettingError
-            Where a prior names a parameter that is held fixed.
-        """
+        """The space of a model in its identifiable form, with priors by name; those of the noise as `noise.sigma`."""
         own = form.box
         box = Box(
             names=own.names + tuple(NOISE + each.name for each in noise.parameters),
