@@ -160,7 +160,7 @@ class CurrentLaw:
         """
         if self.nodes:
             return np.asarray(
-                interpolated(self.nodes, coefficients, command, log=log and self.takes_logarithms)
+                interpolate(self.nodes, coefficients, command, log=log and self.takes_logarithms)
             )
         if self.is_exponential:
             at_zero, factor, exponent = coefficients
@@ -188,7 +188,7 @@ class CurrentLaw:
         return self.degree == 0 if other.degree is None else self.degree < other.degree
 
 
-def interpolated(
+def interpolate(
     nodes: tuple[float, ...], values: Array, command: Array, *, log: bool, xp: ModuleType = np
 ) -> Array:
     """The curve through values at the nodes, shape (n_nodes,), at commands of any shape; `xp` is NumPy or JAX.

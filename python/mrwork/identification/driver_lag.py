@@ -128,7 +128,7 @@ def polish_with_wanted_lag(
         start = replace(points, theta=problem.inside([*polished.theta, missing.rate])[None], minima=True)
         again = polish(problem, start, on_start=on_start, on_step=on_step)
         lagged = Ended(problem=problem, polished=again)
-    return _preferred(lagged, without)
+    return _choose_fit(lagged, without)
 
 
 def _without_lag(problem: Problem) -> Problem:
@@ -156,7 +156,7 @@ def _without_lag(problem: Problem) -> Problem:
     )
 
 
-def _preferred(lagged: Ended, without: Ended) -> Ended:
+def _choose_fit(lagged: Ended, without: Ended) -> Ended:
     """The fit with the lag where it is better by more than chance, else that without it."""
     with_it, without_it, rate = lagged.misfit, without.misfit, float(lagged.polished.theta[-1])
     tiny = np.finfo(np.float64).tiny

@@ -62,7 +62,7 @@ def identifiable_form(spec: DamperSpec, bounds: Mapping[str, tuple[float, float]
     if equivalent is None:
         box = Box.of(spec).with_bounds(bounds)
         return Form(
-            spec=spec, box=box, to_model=_IDENTITY, from_model=_IDENTITY, mirrored=_mirrored(spec, box)
+            spec=spec, box=box, to_model=_IDENTITY, from_model=_IDENTITY, mirrored=_find_mirrored(spec, box)
         )
     bounded = Box.of(spec).with_bounds(bounds)
     index = spec.names.index("A")
@@ -86,11 +86,11 @@ def identifiable_form(spec: DamperSpec, bounds: Mapping[str, tuple[float, float]
         to_model=equivalent.to_model.at(scale),
         from_model=equivalent.from_model,
         fixed=("A",),
-        mirrored=_mirrored(normalised, box),
+        mirrored=_find_mirrored(normalised, box),
     )
 
 
-def _mirrored(spec: DamperSpec, box: Box) -> tuple[int, ...]:
+def _find_mirrored(spec: DamperSpec, box: Box) -> tuple[int, ...]:
     """Stiffness and free length of the model's spring, where both are free and may have either sign."""
     pair = spec.spring_indices or ()
     return pair if all(box.lower[index] < 0.0 < box.upper[index] for index in pair) else ()

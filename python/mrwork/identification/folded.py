@@ -93,7 +93,7 @@ class FoldedTests:
             threads=threads,
         )
 
-    def squared(self, spec: DamperSpec, theta: Array) -> Array:
+    def squared_nrmse(self, spec: DamperSpec, theta: Array) -> Array:
         """Squared NRMSE of each test, shape (n_batch, n_tests); infinite where a simulation failed."""
         squared = np.empty((len(theta), len(self.observed)))
 
@@ -106,7 +106,7 @@ class FoldedTests:
         on_every_test(len(self.observed), self.threads, fill)
         return squared
 
-    def linearised(self, spec: DamperSpec, box: Box, latent: Array) -> NormalEquations:
+    def linearise(self, spec: DamperSpec, box: Box, latent: Array) -> NormalEquations:
         """Normal equations of each test at latent coordinates, shape (n_batch, n_free)."""
         n_batch, n_free = latent.shape
         theta = np.asarray(box.theta_from_latent(latent))
@@ -140,7 +140,7 @@ class FoldedTests:
         """
         latent = np.asarray(box.latent_from_theta(box.inside(starts)))
         n_rows, n_free = latent.shape
-        squared = self.squared(spec, np.asarray(box.theta_from_latent(latent)))
+        squared = self.squared_nrmse(spec, np.asarray(box.theta_from_latent(latent)))
         misfit = self.misfit(squared, self.shares)
         damping = np.full(n_rows, _FIRST_DAMPING)
         sensitivity = np.zeros((n_rows, n_free))
@@ -152,7 +152,7 @@ class FoldedTests:
             if not rows.size:
                 break
             shares = self.shares[rows]
-            here = self.linearised(spec, box, latent[rows])
+            here = self.linearise(spec, box, latent[rows])
             normal = np.einsum("rt,rtpq->rpq", shares, here.matrix)
             gradient = np.einsum("rt,rtp->rp", shares, here.gradient)
             sensitivity[rows] = np.maximum(sensitivity[rows], np.sqrt(normal[:, diagonal, diagonal]))
@@ -165,7 +165,7 @@ class FoldedTests:
             step = within_stiffness(tests, box, latent[rows], step, damped, gradient)
             tried = np.moveaxis(latent[rows, None] + step, 1, 0)
             candidates = np.asarray(box.theta_from_latent(tried.reshape(-1, n_free)))
-            found = self.squared(spec, candidates).reshape(len(tried), rows.size, -1)
+            found = self.squared_nrmse(spec, candidates).reshape(len(tried), rows.size, -1)
             after = np.stack([self.misfit(each, shares) for each in found])
             best = np.argmin(after, axis=0)
             each = np.arange(rows.size)

@@ -141,7 +141,7 @@ def plain_of(form: Form) -> tuple[DamperSpec, Box]:
 def joint_box(form: Form, tests: tuple[DamperTest, ...], commands: NDArray[np.float64]) -> Box:
     """The box of a joint fit: ranges of coefficients follow from the stroke, speed, force and commands of the tests."""
     searched = search_box(*plain_of(form), tests)
-    return _limited(form, _law_box(form.spec, searched, commands, margin=_MARGIN))
+    return _limit_box(form, _law_box(form.spec, searched, commands, margin=_MARGIN))
 
 
 def _law_box(spec: DamperSpec, searched: Box, commands: NDArray[np.float64], *, margin: float = 1.0) -> Box:
@@ -169,7 +169,7 @@ def _law_box(spec: DamperSpec, searched: Box, commands: NDArray[np.float64], *, 
     return admissible.with_bounds(bounds)
 
 
-def _limited(form: Form, limits: Box) -> Box:
+def _limit_box(form: Form, limits: Box) -> Box:
     """The box of a form, where parameters that the user has not bounded have the range of `limits`.
 
     Local minimisations run in the logit of the range; for a range of +-1e9 the logit resolves useful values poorly.

@@ -68,7 +68,7 @@ def within_stiffness(
             continue
         room = np.maximum(-_MARGIN - value, 0.0)
         for factor in np.flatnonzero(beyond[row]):
-            step[row, factor] = _limited(damped[row, factor], gradient[row], slope, room)
+            step[row, factor] = _minimise_within(damped[row, factor], gradient[row], slope, room)
     return step
 
 
@@ -79,7 +79,7 @@ def _log_stiffness(tests: Sequence[ObservedTest], theta: Array) -> Array:
     return np.where(np.isnan(stiffness), np.inf, stiffness)
 
 
-def _limited(matrix: Array, gradient: Array, slope: Array, room: Array) -> Array:
+def _minimise_within(matrix: Array, gradient: Array, slope: Array, room: Array) -> Array:
     """Minimum of gradient @ s + s @ matrix @ s / 2 with slope @ s <= room, shape (n_free,), by an active set."""
     free = -np.linalg.solve(matrix, gradient)
     towards = np.linalg.solve(matrix, slope.T)
@@ -152,7 +152,7 @@ def find_minimum(
     found = objective.once(
         "descent",
         LocalMinimum,
-        lambda: _minimised(objective, box, start, max_evaluations, on_step),
+        lambda: _minimise_from(objective, box, start, max_evaluations, on_step),
         box,
         start,
         max_evaluations,
@@ -170,7 +170,7 @@ def check_recalled_minimum(theta: NDArray[np.float64], box: Box, start: NDArray[
         )
 
 
-def _minimised(
+def _minimise_from(
     objective: Objective,
     box: Box,
     start: NDArray[np.float64],
@@ -365,7 +365,7 @@ def _iteration(objective: Objective, box: Box, state: _State, tolerance: float) 
     found = objective.once(
         "iteration",
         _State,
-        lambda: _iterated(objective, box, state, tolerance),
+        lambda: _iterate_once(objective, box, state, tolerance),
         tolerance,
         box,
         state.latent,
@@ -386,13 +386,13 @@ def _check_recalled(found: NDArray[np.float64], expected: NDArray[np.float64]) -
         )
 
 
-def _iterated(objective: Objective, box: Box, state: _State, tolerance: float) -> _State:
+def _iterate_once(objective: Objective, box: Box, state: _State, tolerance: float) -> _State:
     """Linearise at the points that have moved, then try several dampings for every running start."""
     latent, misfit, damping = state.latent.copy(), state.misfit.copy(), state.damping.copy()
     sensitivity, normal, gradient = state.sensitivity.copy(), state.normal.copy(), state.gradient.copy()
     moved, arrived, running = state.moved.copy(), state.arrived.copy(), state.running.copy()
     fresh = np.flatnonzero(running & moved)
-    for index, residuals, jacobian in _linearised(objective, box, latent, fresh):
+    for index, residuals, jacobian in _linearise_rows(objective, box, latent, fresh):
         # The derivatives of a force that is nearly unstable overflow; no step can be computed from them.
         with np.errstate(over="ignore", invalid="ignore"):
             sensitivity[index] = np.maximum(sensitivity[index], np.linalg.norm(jacobian, axis=1))
@@ -451,7 +451,7 @@ def _minima(box: Box, state: _State, iterations: int) -> LocalMinima:
     )
 
 
-def _linearised(
+def _linearise_rows(
     objective: Objective, box: Box, latent: NDArray[np.float64], rows: NDArray[np.intp]
 ) -> Iterator[tuple[int, NDArray[np.float64], NDArray[np.float64]]]:
     """Residuals (n_residuals,) and their derivative (n_free, n_residuals) at these rows of `latent`, one at a time."""

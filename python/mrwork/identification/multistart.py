@@ -123,7 +123,7 @@ def search_starts(
             if on_iteration is not None:
                 on_iteration(rounds.found(""), min(len(rounds.best) / most, 1.0))
 
-        rounds.end(_descended(objective, box, starts, settings, earlier=rounds.misfits, on_iteration=advance))
+        rounds.end(_descend(objective, box, starts, settings, earlier=rounds.misfits, on_iteration=advance))
 
     reason = "max_rounds"
     left = list(order)
@@ -136,7 +136,7 @@ def search_starts(
             else:
                 given = samples[:0] if nested is None else nested
                 wanted = settings.starts * number
-            chosen = _taken(left, max(wanted - len(given), 0))
+            chosen = _take_samples(left, max(wanted - len(given), 0))
             starts = np.concatenate([given, samples[chosen]])
             if not len(starts):
                 break
@@ -164,7 +164,7 @@ def search_starts(
     return rounds.found(reason)
 
 
-def _taken(left: list[np.intp], count: int) -> list[np.intp]:
+def _take_samples(left: list[np.intp], count: int) -> list[np.intp]:
     """Take `count` samples from those that are left, best first: by turns the best one, and the first one drawn."""
     taken: list[np.intp] = []
     while left and len(taken) < count:
@@ -229,7 +229,7 @@ def distinct_minima(box: Box, theta: NDArray[np.float64], misfit: NDArray[np.flo
     return theta[chosen[:_MOST_DISTINCT]]
 
 
-def _descended(
+def _descend(
     objective: Objective,
     box: Box,
     starts: NDArray[np.float64],
@@ -274,12 +274,12 @@ def minima_from(
         As in `search_starts`: a further minimisation starts from the mirror image of the best minimum.
     """
     settings = Multistart()
-    found = _descended(objective, box, starts, settings, on_iteration=on_iteration)
+    found = _descend(objective, box, starts, settings, on_iteration=on_iteration)
     theta, misfit = found.theta, found.misfit
     if mirrored:
         image = theta[[int(np.argmin(misfit))]]
         image[:, list(mirrored)] *= -1.0
-        found = _descended(objective, box, image, settings, on_iteration=on_iteration)
+        found = _descend(objective, box, image, settings, on_iteration=on_iteration)
         theta, misfit = np.concatenate([theta, found.theta]), np.concatenate([misfit, found.misfit])
     order = np.argsort(misfit, kind="stable")
     return distinct_minima(box, theta[order], misfit[order])

@@ -45,7 +45,7 @@ def shares_of(deviations: Sequence[float], force_exponent: float) -> list[float]
     return [float(weight) for weight in weights / weights.mean()]
 
 
-def _compared(
+def _observe_tests(
     spec: DamperSpec, tests: Sequence[DamperTest], settings: FitSettings
 ) -> tuple[ObservedTest, ...]:
     """The tests as the model is compared with them, each with its share among them."""
@@ -91,7 +91,7 @@ class Objective(Summarised):
         settings = settings or FitSettings()
         return cls(
             spec=spec,
-            compared=_compared(spec, tests, settings),
+            compared=_observe_tests(spec, tests, settings),
             settings=settings,
             threads=threads,
             journal=journal,
@@ -100,7 +100,7 @@ class Objective(Summarised):
     @checked
     def on(self, spec: DamperSpec, tests: tuple[DamperTest, ...]) -> Objective:
         """The same misfit for another model on other tests, with the same tally and journal."""
-        return replace(self, spec=spec, compared=_compared(spec, tests, self.settings))
+        return replace(self, spec=spec, compared=_observe_tests(spec, tests, self.settings))
 
     @checked
     def once(self, step: str, kind: type[T], compute: Callable[[], T], *inputs: object) -> T:
@@ -177,12 +177,14 @@ class Objective(Summarised):
                 [self._indirect(rows) for rows in np.array_split(theta, -(-len(theta) // _ROWS) or 1)]
             )
         if thresholds is not None:
-            return self._limited(theta, thresholds)
+            return self._misfits_below(theta, thresholds)
         own = [each.weight(1) ** 2 for each in self.compared]
         squared = [run.squared_error * weight for run, weight in zip(self.misfits(theta), own, strict=True)]
         return self._mean(np.array(squared))
 
-    def _limited(self, theta: NDArray[np.float64], thresholds: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _misfits_below(
+        self, theta: NDArray[np.float64], thresholds: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
         """Misfits with thresholds.
 
         The tests are simulated in descending order of what they have added to the misfit per step, an eighth of them at
@@ -233,7 +235,7 @@ class Objective(Summarised):
         def run(number: int, threads: int) -> Misfits:
             index = tests[number]
             limits = allowed * (_MARGIN / self.compared[index].weight(1) ** 2)
-            return self._simulated(index, theta, limits=limits, threads=threads)
+            return self._simulate_test(index, theta, limits=limits, threads=threads)
 
         return on_every_test(len(tests), self.threads, run)
 
@@ -274,7 +276,7 @@ class Objective(Summarised):
     def misfits(self, theta: _Rows) -> tuple[Misfits, ...]:
         """Misfits of each row of `theta`, test by test."""
         self.tally.simulations += len(theta)
-        runs = self._on_every_test(lambda index, threads: self._simulated(index, theta, threads=threads))
+        runs = self._on_every_test(lambda index, threads: self._simulate_test(index, theta, threads=threads))
         self.tally.steps += sum(int(run.steps.sum()) for run in runs)
         return tuple(runs)
 
@@ -282,7 +284,7 @@ class Objective(Summarised):
         """Results of `work(index, threads)` in the order of the tests, several of which run at once."""
         return on_every_test(len(self.tests), self.threads, work)
 
-    def _simulated(
+    def _simulate_test(
         self,
         index: int,
         theta: NDArray[np.float64],

@@ -56,10 +56,10 @@ class Problem:
         journal: Journal | None = None,
     ) -> Problem:
         """Complete the settings, check them against the model and the tests, and prepare the simulation."""
-        settings = _completed(settings, spec)
+        settings = _complete_settings(settings, spec)
         method_of(_search_of(settings)).check_runs()
         check_starts(spec, identifiable_form(spec, settings.bounds), settings.starts)
-        problem = cls._prepared(spec, tests, settings, threads=threads, journal=journal)
+        problem = cls._prepare(spec, tests, settings, threads=threads, journal=journal)
         if not problem.form.box.free:
             raise SettingError(f"every parameter of {spec.name} is fixed; leave at least one free")
         if settings.engine == "twin":
@@ -72,11 +72,11 @@ class Problem:
 
         The power of the objective is always 2, because likelihoods are based on least squares.
         """
-        settings = replace(_completed(fit.settings, fit.spec), power=ROOT_MEAN_SQUARE)
-        return cls._prepared(fit.spec, tests, settings, threads=threads)
+        settings = replace(_complete_settings(fit.settings, fit.spec), power=ROOT_MEAN_SQUARE)
+        return cls._prepare(fit.spec, tests, settings, threads=threads)
 
     @classmethod
-    def _prepared(
+    def _prepare(
         cls,
         spec: DamperSpec,
         tests: tuple[DamperTest, ...],
@@ -125,7 +125,7 @@ def _search_of(settings: FitSettings) -> Search:
     return settings.search
 
 
-def _completed(settings: FitSettings, spec: DamperSpec) -> FitSettings:
+def _complete_settings(settings: FitSettings, spec: DamperSpec) -> FitSettings:
     """Settings with the default search of the model, where none is given, and the bounds that nuisances require."""
     return replace(
         settings,
@@ -175,9 +175,13 @@ def fingerprint_of(problem: Problem) -> dict[str, object]:
                 "sha256": test.sha256,
                 "samples": test.n_time,
                 "settle_samples": test.n_settle,
-                "current": _recorded(test.current),
-                "voltage": _recorded(test.voltage),
-                **({} if test.command is None else {"command": [_recorded(test.command), test.command_unit]}),
+                "current": _digest_command(test.current),
+                "voltage": _digest_command(test.voltage),
+                **(
+                    {}
+                    if test.command is None
+                    else {"command": [_digest_command(test.command), test.command_unit]}
+                ),
                 "observation": test.observation.in_words,
                 # Changes with windows, repairs and units of columns.
                 "signals": digest_of(test.dt, test.displacement, test.velocity, test.force, test.observation),
@@ -225,7 +229,7 @@ def prediction_warning(spec: DamperSpec, tests: Sequence[DamperTest]) -> tuple[s
     )
 
 
-def _recorded(command: Command | None) -> float | str | None:
+def _digest_command(command: Command | None) -> float | str | None:
     """A constant command, or the digest of one that varies."""
     return digest_of(command) if isinstance(command, np.ndarray) else command
 
@@ -256,7 +260,7 @@ def start_from(fit: Fit, model: DamperSpec) -> dict[str, float]:
         own = [parameter for parameter in model.parameters if parameter.plain_name == name]
         old = [values[parameter.name] for parameter in earlier.parameters if parameter.plain_name == name]
         log = plain.parameters[plain.names.index(name)].scale == "log"
-        start |= _transferred(
+        start |= _transfer_law(
             own, law_named(_law_of(model, name)), np.array(old), law_named(_law_of(earlier, name)), log=log
         )
     if not start:
@@ -269,7 +273,7 @@ def start_from(fit: Fit, model: DamperSpec) -> dict[str, float]:
     return start
 
 
-def _transferred(
+def _transfer_law(
     own: Sequence[ParamSpec], law: CurrentLaw, values: NDArray[np.float64], earlier: CurrentLaw, *, log: bool
 ) -> dict[str, float]:
     """Start of the coefficients `own` of a law from the values of an earlier law of the same parameter."""

@@ -203,14 +203,14 @@ def search_of_record(record: Mapping[str, Any]) -> Search:
     if not isinstance(kind, str):
         raise ValueError(f"the kind of search {kind!r} is no name")
     if kind == _MULTISTART:
-        return _built(Multistart, record)  # type: ignore[no-any-return] # the type is the one given
+        return _build_search(Multistart, record)  # type: ignore[no-any-return] # the type is the one given
     if kind not in searches():
         settings = {name: value for name, value in record.items() if name != "kind"}
         return UnregisteredSearch(kind=kind, settings=settings)
-    return _built(type(searches()[kind]), record)  # type: ignore[no-any-return] # as above
+    return _build_search(type(searches()[kind]), record)  # type: ignore[no-any-return] # as above
 
 
-def _built(kind: type, record: Mapping[str, Any]) -> Any:
+def _build_search(kind: type, record: Mapping[str, Any]) -> Any:
     """The settings of a search of this class, checked as those of a caller; those that are missing have defaults."""
     settings = {name: value for name, value in record.items() if name != "kind"}
     _refuse_unknown(kind, settings)

@@ -88,7 +88,7 @@ def run_front(
     while len(units) + population <= max(budget, population):
         asked = algorithm.ask()
         points = np.clip(np.asarray(asked.get("X"), dtype=np.float64), 0.0, 1.0)
-        found = _simulated(objectives, points, journal)
+        found = _simulate_points(objectives, points, journal)
         evaluator.eval(static(problem, F=np.where(np.isfinite(found), found, _FAILURE)), asked)
         algorithm.tell(infills=asked)
         units, values = np.vstack([units, points]), np.vstack([values, found])
@@ -99,7 +99,7 @@ def run_front(
     return FrontResult(units=units[order], objectives=values[order], evaluations=len(units))
 
 
-def _simulated(objectives: SeveralObjectives, points: Floats, journal: Journal | None) -> Floats:
+def _simulate_points(objectives: SeveralObjectives, points: Floats, journal: Journal | None) -> Floats:
     if journal is None:
         return objectives(points)
     recorded = journal.once(

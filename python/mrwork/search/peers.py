@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from mrwork.arguments import Seed, checked
 from mrwork.errors import SettingError
 from mrwork.search.course import Course, Dimension, Proposal, Replicate
-from mrwork.search.population import proposed, with_generation
+from mrwork.search.population import propose, with_generation
 from mrwork.search.rules import LARGEST_POPULATION, EliteRule, StopRules, check_ranges
 from mrwork.search.unit_cube import latin_hypercube
 from mrwork.values import holds_arrays
@@ -149,7 +149,7 @@ class PeerOptimiser(ABC):
             candidates = state.searches[row].ask(int(course.generation[row]))
             population[index, : len(candidates)] = candidates
             changed[index, : len(candidates)] = True
-        return proposed(course, population, known=state.misfit[rows], changed=changed)
+        return propose(course, population, known=state.misfit[rows], changed=changed)
 
     def tell(self, state: PeerState, proposal: Proposal, misfit: NDArray[np.float64]) -> PeerState:
         """State after the simulations of the proposal, `misfit` (n_ask,); the given state cannot be used again."""

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from mrwork.arguments import checked
 from mrwork.errors import ArgumentError, SettingError
-from mrwork.search.course import Course, Proposal, put
+from mrwork.search.course import Course, Proposal, with_rows
 from mrwork.search.rules import EliteRule, StopRules, check_ranges
 from mrwork.summary import Summarised
 from mrwork.values import holds_arrays
@@ -145,7 +145,7 @@ class PopulationState(Summarised):
         return cls(course=course, population=population, misfit=np.full(population.shape[:2], math.inf))
 
 
-def proposed(
+def propose(
     course: Course,
     population: NDArray[np.float64],
     *,
@@ -175,7 +175,7 @@ def with_generation(
     """State after a generation that replaces the old population; `misfit` (n_ask,) is that of `Proposal.unit`."""
     simulated = proposal.member_misfits(misfit)
     after = np.where(proposal.changed, simulated, proposal.known)
-    return _replaced(state, proposal, simulated, proposal.population, after, elite, stop)
+    return _replace_population(state, proposal, simulated, proposal.population, after, elite, stop)
 
 
 def with_better_members(
@@ -187,10 +187,10 @@ def with_better_members(
     better = simulated < state.misfit[rows]
     population = np.where(better[..., None], proposal.population, state.population[rows])
     after = np.where(better, simulated, state.misfit[rows])
-    return _replaced(state, proposal, simulated, population, after, elite, stop)
+    return _replace_population(state, proposal, simulated, population, after, elite, stop)
 
 
-def _replaced(
+def _replace_population(
     state: StateT,
     proposal: Proposal,
     simulated: NDArray[np.float64],
@@ -206,8 +206,8 @@ def _replaced(
         course=state.course.after(
             proposal, simulated, population=population, misfit=misfit, elite=elite, stop=stop
         ),
-        population=put(state.population, rows, population),
-        misfit=put(state.misfit, rows, misfit),
+        population=with_rows(state.population, rows, population),
+        misfit=with_rows(state.misfit, rows, misfit),
     )
 
 

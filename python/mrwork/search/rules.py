@@ -14,7 +14,7 @@ tends to `e_inf / e_g0`, which is above the threshold unless the initial error i
 one. The published test ended only one of 32 searches of 300 generations on measured damper tests (static and
 normalised Bouc-Wen, two tests each, eight seeds). There are two alternatives, both our definition:
 
-- `stalled`: the best misfit has not fallen by a given share for a given number of generations. By default the
+- `has_stalled`: the best misfit has not fallen by a given share for a given number of generations. By default the
   search uses it together with the published test and reports the first that applies. The same searches then ended
   after 127 to 300 generations (the limit) within 14 % of the best known error, 4 % in the median.
 - `floor`: the same statistic on `e_g - floor`. With the least misfit so far as floor it measures the share of the
@@ -97,7 +97,7 @@ def hypothesis_test(
     return np.asarray(statistic(best, floor=floor) <= threshold(confidence))
 
 
-def stalled(best: NDArray[np.float64], *, generations: int, tolerance: float) -> NDArray[np.bool_]:
+def has_stalled(best: NDArray[np.float64], *, generations: int, tolerance: float) -> NDArray[np.bool_]:
     """Whether the best misfit of each trace fell by less than the share `tolerance` in the last `generations`."""
     if best.shape[-1] <= generations:
         return np.zeros(best.shape[:-1], np.bool_)
@@ -319,7 +319,10 @@ class StopRules:
             floor = self.floor_share * np.where(found, best, 0.0)
             end(found & hypothesis_test(trace, confidence=self.confidence, floor=floor), "hypothesis_test")
         if self.stall_generations is not None:
-            end(stalled(trace, generations=self.stall_generations, tolerance=self.stall_tolerance), "stall")
+            end(
+                has_stalled(trace, generations=self.stall_generations, tolerance=self.stall_tolerance),
+                "stall",
+            )
         return ended
 
 

@@ -16,7 +16,7 @@ import jax.numpy as jnp
 from jax import Array
 
 from mrwork.arguments import checked
-from mrwork.dampers.parameters import CurrentLaws, interpolated, law_named
+from mrwork.dampers.parameters import CurrentLaws, interpolate, law_named
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import LibraryError, SettingError, UnknownNameError
 from mrwork.twins.equations import EQUATIONS, Equation  # also sets double precision
@@ -67,7 +67,7 @@ def parameters_at(spec: DamperSpec, theta: Array, received: Array) -> Any:
         if kind.nodes:
             at_nodes = jnp.stack([value, *further])
             log = parameter.scale == "log" and kind.takes_logarithms
-            value = interpolated(kind.nodes, at_nodes, received, log=log, xp=jnp)
+            value = interpolate(kind.nodes, at_nodes, received, log=log, xp=jnp)
         elif kind.is_exponential:
             factor, exponent = further
             value = value + factor * jnp.exp(exponent * received)
@@ -106,7 +106,7 @@ def simulate(
     command = jnp.asarray(command, dtype=jnp.float64)
     at_samples, at_steps = None, None
     if spec.current is not None and command.ndim > 0:
-        at_samples, at_steps = _received(spec.current, theta, command, dt, substeps)
+        at_samples, at_steps = _receive_command(spec.current, theta, command, dt, substeps)
     else:
         steady = parameters_at(spec, theta, command)
 
@@ -138,7 +138,7 @@ def simulate(
     return jax.vmap(force)(states, samples, at_samples)
 
 
-def _received(
+def _receive_command(
     current: CurrentLaws, theta: Array, command: Array, dt: Array | float, substeps: int
 ) -> tuple[Array, Array]:
     """Command received by the coil at the samples, shape (n_time,), and at three points of each step, (n_steps, 3)."""

@@ -217,7 +217,7 @@ def along(motion: LoopState, time: Array | float, rate: LoopState) -> LoopState:
     return later
 
 
-def reduced(
+def accumulate(
     plant: LoopPlant, kept: Reductions, motion: LoopState, at: Stage, current: Array, a_g: Array
 ) -> Reductions:
     """Accumulated signals with the start of one more step."""
@@ -310,7 +310,7 @@ def run_loop(
     """
     n_steps = jnp.float64((ground.shape[0] - 1) // 2)
     counted = n_steps if counted is None else counted
-    last, _ = _scanned(
+    last, _ = _scan_samples(
         plant,
         devices,
         law,
@@ -347,7 +347,7 @@ def loop_histories(
     believed: Devices | None = None,
 ) -> LoopHistories:
     """Return the histories of the same run; see `run_loop`."""
-    _, histories = _scanned(
+    _, histories = _scan_samples(
         plant,
         devices,
         law,
@@ -365,7 +365,7 @@ def loop_histories(
     return flat
 
 
-def _scanned(
+def _scan_samples(
     plant: LoopPlant,
     devices: Devices,
     law: Law,
@@ -407,7 +407,7 @@ def _scanned(
         # Without a lag, the coil current equals the command.
         current = jnp.where(lagged, carry.received, command)
         after, received, start = step(plant, devices, pulls, carry.motion, current, command, accelerations, h)
-        more = reduced(plant, carry.kept, carry.motion, start, current, accelerations.start)
+        more = accumulate(plant, carry.kept, carry.motion, start, current, accelerations.start)
         kept = jax.tree.map(lambda after, before: jnp.where(counts, after, before), more, carry.kept)
         history = (
             LoopHistories(carry.motion.q, carry.motion.v, start.force, current, command) if keep else None

@@ -180,12 +180,12 @@ class ErrorTable:
         """Number of groups."""
         return len(self._slices)
 
-    def calibrated(self, variant: Variant, without: Sequence[int] = ()) -> tuple[ErrorShape, list[Array]]:
+    def calibrate(self, variant: Variant, without: Sequence[int] = ()) -> tuple[ErrorShape, list[Array]]:
         """Shape fitted without some groups, and the absolute errors of each other group in its scale.
 
         The mean error by which a group is judged excludes its own errors, as it will for the next test.
         """
-        shape, scores, _ = self._fitted(variant, without)
+        shape, scores, _ = self._fit_shape(variant, without)
         return shape, [scores[own] for index, own in enumerate(self._slices) if index not in without]
 
     def best_variant(self) -> Variant:
@@ -219,7 +219,7 @@ class ErrorTable:
 
     def _scores_left_out(self, variant: Variant, without: tuple[int, ...]) -> list[float]:
         """Interval score of each group left out, per deviation of the force, by the calibration on the others."""
-        _, scores, scale = self._fitted(variant, without)
+        _, scores, scale = self._fit_shape(variant, without)
         half = weighted_quantile(scores, self._weights(without), _COMPARED_AT)
         result = []
         for index in without:
@@ -235,7 +235,7 @@ class ErrorTable:
             weights[self._slices[index]] = 0.0
         return weights
 
-    def _fitted(self, variant: Variant, without: Sequence[int]) -> tuple[ErrorShape, Array, Array]:
+    def _fit_shape(self, variant: Variant, without: Sequence[int]) -> tuple[ErrorShape, Array, Array]:
         """Shape fitted without some groups; absolute errors in its scale, and the scale [N], of all samples."""
         inside = np.ones(self.n_groups, dtype=bool)
         inside[list(without)] = False
@@ -415,7 +415,7 @@ def calibrate(predictions: Sequence[Prediction], *, held_out: str) -> Calibratio
             "give tests at other motions or commands"
         )
     table = ErrorTable.of(groups)
-    shape, scores = table.calibrated(table.best_variant())
+    shape, scores = table.calibrate(table.best_variant())
     return Calibration(
         shape=shape,
         scores=tuple(scores),
@@ -472,8 +472,8 @@ def measured_coverage(
     table = ErrorTable.of(groups)
     rows = []
     for index, (members, variant) in enumerate(zip(groups, table.best_variants_without_each(), strict=True)):
-        shape, scores = table.calibrated(variant, (index,))
-        others = [_joined(own) for number, own in enumerate(energy) if number != index]
+        shape, scores = table.calibrate(variant, (index,))
+        others = [_join_tests(own) for number, own in enumerate(energy) if number != index]
         others = [each for each in others if each.size]
         multiples = [next_test_quantile(scores, level) for level in levels]
         for prediction, own in zip(members, energy[index], strict=True):
@@ -496,7 +496,7 @@ def measured_coverage(
     return tuple(rows)
 
 
-def _joined(errors: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
+def _join_tests(errors: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
     return np.concatenate(errors) if errors else np.empty(0)
 
 

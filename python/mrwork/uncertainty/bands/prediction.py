@@ -157,10 +157,12 @@ def predict_tests(
     for sentence in prediction_warning(fit.spec, tests):
         # Of the line that calls `predict`.
         warn(sentence, MrworkWarning, stacklevel=4)
-    return tuple(_predicted(fit, test, nuisances) for test in tests)
+    return tuple(_predict_test(fit, test, nuisances) for test in tests)
 
 
-def _predicted(fit: Fit, test: DamperTest, nuisances: tuple[NuisanceName, ...] | None = None) -> Prediction:
+def _predict_test(
+    fit: Fit, test: DamperTest, nuisances: tuple[NuisanceName, ...] | None = None
+) -> Prediction:
     test = fit.observed(test)
     observed = ObservedTest.of(fit.spec, test, fit.nuisances if nuisances is None else nuisances)
     with explained_by(fit, test):
@@ -224,7 +226,7 @@ def predict_left_out(
         fits.append(fit)
         for index in members:
             try:
-                predictions[index] = _predicted(fit, tests[index])
+                predictions[index] = _predict_test(fit, tests[index])
             except SimulationError as reason:
                 failures.append(str(reason))
     return LeftOut(
@@ -315,7 +317,7 @@ def halves(test: DamperTest) -> tuple[DamperTest, DamperTest]:
 def _later_cycles(test: DamperTest, identify_rest: IdentifyRest) -> tuple[float, ...]:
     first, second = halves(test)
     fit = identify_rest((first,))
-    prediction = _predicted(fit, second)
+    prediction = _predict_test(fit, second)
     start = second.n_settle
     cycles = [
         slice(cycle.start - start, cycle.stop - start)

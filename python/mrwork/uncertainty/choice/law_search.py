@@ -133,7 +133,7 @@ class LawSearch:
     def run(self, first: Fit) -> None:
         """Try laws from the first ones on, whose fit is `first`: simpler ones, then richer ones than the best."""
         starts = np.repeat(np.array(first.theta)[None], 1 + len(self.folds), axis=0)
-        self._simplify(self._fitted(self.first_laws, starts))
+        self._simplify(self._fit_laws(self.first_laws, starts))
         self._enrich()
 
     def distinct(self) -> list[FittedLaws]:
@@ -167,7 +167,7 @@ class LawSearch:
             moves = self._moves(current, -1)
             if not moves:
                 return
-            candidate = self._moved(current, moves[0].laws)
+            candidate = self._move_to(current, moves[0].laws)
             if is_as_good(candidate.tried.left_out, best.tried.left_out):
                 current, worse = candidate, 0
             else:
@@ -181,7 +181,7 @@ class LawSearch:
             moves = self._moves(best, 1)
             if not moves or moves[0].fit_percent < best.tried.fit_percent + _WORTH_TRYING:
                 return
-            worse = 0 if self._moved(best, moves[0].laws).score < best.score else worse + 1
+            worse = 0 if self._move_to(best, moves[0].laws).score < best.score else worse + 1
 
     def _moves(self, current: FittedLaws, change: int) -> list[_Move]:
         """Laws not tried yet of which one differs by a degree, the best promise of the linearised fit first."""
@@ -195,7 +195,7 @@ class LawSearch:
         if not moves:
             return []
         promise = self._once(
-            "promise", _Promise, lambda: self._promised(current, moves), current.fit.theta[:1], moves
+            "promise", _Promise, lambda: self._evaluate_moves(current, moves), current.fit.theta[:1], moves
         )
         found = [
             _Move(laws=_with_degree(current.laws, name, degree), fit_percent=float(fit_percent))
@@ -203,14 +203,14 @@ class LawSearch:
         ]
         return sorted(found, key=lambda move: -move.fit_percent)
 
-    def _promised(self, current: FittedLaws, moves: Sequence[tuple[str, int]]) -> _Promise:
+    def _evaluate_moves(self, current: FittedLaws, moves: Sequence[tuple[str, int]]) -> _Promise:
         """All tests are linearised once, with every law as high as any move makes it; a move spans a subspace there."""
         higher = dict(current.laws)
         for name, degree in moves:
             higher = _with_degree(higher, name, max(degree, _degree(higher, name)))
         spec, box = self.model(higher)
-        latent = np.asarray(box.latent_from_theta(self._transferred(current, spec, box)[:1]))
-        here = self.folded.linearised(spec, box, latent)
+        latent = np.asarray(box.latent_from_theta(self._transfer_starts(current, spec, box)[:1]))
+        here = self.folded.linearise(spec, box, latent)
         gradient = np.einsum("t,tp->p", self.folded.shares[0], here.gradient[0])
         matrix = np.einsum("t,tpq->pq", self.folded.shares[0], here.matrix[0])
         squared = float(self.folded.misfit(here.squared, self.folded.shares[:1])[0])
@@ -218,7 +218,7 @@ class LawSearch:
         for name, degree in moves:
             move_spec, move_box = self.model(_with_degree(current.laws, name, degree))
             start = np.asarray(
-                move_box.latent_from_theta(self._transferred(current, move_spec, move_box)[:1])
+                move_box.latent_from_theta(self._transfer_starts(current, move_spec, move_box)[:1])
             )
 
             def lifted(rows: Array, move_spec: DamperSpec = move_spec, move_box: Box = move_box) -> Array:
@@ -233,11 +233,11 @@ class LawSearch:
             promised.append(100.0 * (1.0 - np.sqrt(max(after, 0.0))))
         return _Promise(fit_percent=np.array(promised))
 
-    def _moved(self, current: FittedLaws, laws: Laws) -> FittedLaws:
+    def _move_to(self, current: FittedLaws, laws: Laws) -> FittedLaws:
         spec, box = self.model(laws)
-        return self._fitted(laws, self._transferred(current, spec, box))
+        return self._fit_laws(laws, self._transfer_starts(current, spec, box))
 
-    def _fitted(self, laws: Laws, starts: Array) -> FittedLaws:
+    def _fit_laws(self, laws: Laws, starts: Array) -> FittedLaws:
         spec, box = self.model(laws)
         self.report(
             f"fitting {', '.join(f'{name} {law}' for name, law in laws.items()) or 'constant parameters'}"
@@ -248,7 +248,7 @@ class LawSearch:
         predicted = self._once(
             "predictions",
             _Predictions,
-            lambda: interruptible(lambda: self._predicted(spec, fit.theta)),
+            lambda: interruptible(lambda: self._predict_left_out(spec, fit.theta)),
             box,
             fit.theta,
         ).nrmse
@@ -276,7 +276,7 @@ class LawSearch:
             return fit
         return self.folded.fit(spec, box, np.where(failed[:, None], fit.theta[np.argmin(misfit)], fit.theta))
 
-    def _predicted(self, spec: DamperSpec, theta: Array) -> _Predictions:
+    def _predict_left_out(self, spec: DamperSpec, theta: Array) -> _Predictions:
         """Predict each whole test by the fit without its fold, a row of `theta`, shape (1 + n_folds, n_params)."""
         row_of = {index: row for row, members in enumerate(self.folds, start=1) for index in members}
         nrmse = np.empty(len(self.whole))
@@ -294,7 +294,7 @@ class LawSearch:
         spec = spec_by_values(self.plain.with_current_laws(self.given | laws, unit=self.unit), self.commands)
         return spec, joint_box(identifiable_form(spec, self.settings.bounds), self.tests, self.commands)
 
-    def _transferred(self, current: FittedLaws, spec: DamperSpec, box: Box) -> Array:
+    def _transfer_starts(self, current: FittedLaws, spec: DamperSpec, box: Box) -> Array:
         """Parameters of each row of the present laws as a start of other laws, on the curves of the present ones."""
         rows = [with_other_laws(current.spec, theta, spec, self.commands) for theta in current.fit.theta]
         return np.asarray(box.inside(np.clip(rows, box.lower, box.upper)))
@@ -325,7 +325,7 @@ def _with_degree(laws: Laws, name: str, degree: int) -> Laws:
     return {each: law for each, law in sorted(changed.items()) if law != polynomial_laws()[0]}
 
 
-def prepared(
+def prepare_search(
     plain: DamperSpec,
     tests: tuple[DamperTest, ...],
     given: Laws,

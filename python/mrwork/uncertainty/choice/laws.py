@@ -16,7 +16,7 @@ from mrwork.records.damper_test import as_tests
 from mrwork.uncertainty.bands.prediction import Fold
 from mrwork.uncertainty.choice.choose import JournalOf
 from mrwork.uncertainty.choice.families import compared_models, refuse_unknown
-from mrwork.uncertainty.choice.law_search import prepared
+from mrwork.uncertainty.choice.law_search import prepare_search
 from mrwork.uncertainty.choice.running_laws import ComparedModel, LawChoice, LawProgress, RunningLawChoice
 from mrwork.units import CommandUnit
 
@@ -96,7 +96,7 @@ def choose_laws(
         # A single model refuses what is given for parameters that it has not.
         own = replace(settings, bounds=_of_names(settings.bounds, spec)) if several else settings
         own_laws = _of_names(given, spec) if several else given
-        search = prepared(spec, tests, own_laws, unit, leave_out, own, threads)
+        search = prepare_search(spec, tests, own_laws, unit, leave_out, own, threads)
         compared.append(ComparedModel(search=search, settings=own))
     running = RunningLawChoice(
         tests=tests,

@@ -206,7 +206,7 @@ def profile_of(
         verdict="identifiable",
         reason="",
     )
-    found = _judged(profile, limit, scale)
+    found = _judge_profile(profile, limit, scale)
     return replace(profile, verdict=found.verdict, reason=found.reason)
 
 
@@ -224,7 +224,7 @@ def _value(scaled: Scaled, index: int, position: float) -> float:
     return float(np.exp(position) if scaled.log[index] else position * scaled.size[index])
 
 
-def _judged(profile: Profile, limit: float, scale: ParameterScale) -> ReasonedVerdict:
+def _judge_profile(profile: Profile, limit: float, scale: ParameterScale) -> ReasonedVerdict:
     """Judged by the ends of the interval; the reason names those that are open."""
     open_ends = [
         f"{side}: {_IN_WORDS[end]}"

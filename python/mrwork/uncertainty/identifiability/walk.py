@@ -94,7 +94,7 @@ def walk(
         target = here + way * step
         if way * (bound - target) <= 0.0:
             target = bound
-        point = yield from _minimised_at(scaled, index, last, target, dof)
+        point = yield from _minimise_held(scaled, index, last, target, dof)
         if not np.isfinite(point.squared):
             step = _SHORTEST * abs(target - here)
             if step < _LEAST_SHARE * first:
@@ -103,7 +103,7 @@ def walk(
         points.append(point)
         before, after = (signed_root(each.squared, origin.squared, dof) for each in points[-2:])
         if after > limit:
-            yield from _bracketed(scaled, index, points, limit, dof)
+            yield from _bracket_limit(scaled, index, points, limit, dof)
             return "closed"
         aimed = min(_RISE, limit + _BEYOND - after)
         rise = after - before
@@ -114,10 +114,10 @@ def walk(
 
 def minimise(scaled: Scaled, start: Point, dof: float) -> Minimisation:
     """Minimise the misfit in all free parameters from a simulated point."""
-    return _minimised(scaled, None, start, dof)
+    return _minimise(scaled, None, start, dof)
 
 
-def _bracketed(scaled: Scaled, index: int, points: list[Point], limit: float, dof: float) -> Minimisation:
+def _bracket_limit(scaled: Scaled, index: int, points: list[Point], limit: float, dof: float) -> Minimisation:
     """Insert points between the last two until they bracket `limit` closely."""
     for _ in range(_MOST_BETWEEN):
         low, high = points[-2:]
@@ -127,7 +127,7 @@ def _bracketed(scaled: Scaled, index: int, points: list[Point], limit: float, do
         ends = (float(low.position[index]), float(high.position[index]))
         # Away from the ends, so that the interval shrinks.
         share = float(np.clip((limit - roots[0]) / (roots[1] - roots[0]), 0.2, 0.8))
-        point = yield from _minimised_at(scaled, index, low, ends[0] + share * (ends[1] - ends[0]), dof)
+        point = yield from _minimise_held(scaled, index, low, ends[0] + share * (ends[1] - ends[0]), dof)
         if not np.isfinite(point.squared):
             break
         beyond = signed_root(point.squared, points[0].squared, dof) > limit
@@ -135,18 +135,18 @@ def _bracketed(scaled: Scaled, index: int, points: list[Point], limit: float, do
     return points[-1]
 
 
-def _minimised_at(scaled: Scaled, index: int, start: Point, target: float, dof: float) -> Minimisation:
+def _minimise_held(scaled: Scaled, index: int, start: Point, target: float, dof: float) -> Minimisation:
     """Minimise with the parameter held at `target`, from the prediction of the quadratic model at `start`."""
     step, _ = _step(scaled, start, index, dof, shift=target - float(start.position[index]))
     position = scaled.moved(start.position, step, index)
     position[index] = target
     point = yield position
     if np.isfinite(point.squared):
-        point = yield from _minimised(scaled, index, point, dof)
+        point = yield from _minimise(scaled, index, point, dof)
     return point
 
 
-def _minimised(scaled: Scaled, index: int | None, point: Point, dof: float) -> Minimisation:
+def _minimise(scaled: Scaled, index: int | None, point: Point, dof: float) -> Minimisation:
     """Levenberg-Marquardt with damping relative to each parameter's curvature, until the expected gain is small."""
     damping = 0.0
     for _ in range(_MOST_TRIALS):

@@ -216,7 +216,7 @@ class Space:
             [product if index == self.pair[1] else unit[..., index] for index in range(self.n_dim)], axis=-1
         )
 
-    def reflected(self, position: AnyArray) -> AnyArray:
+    def reflect(self, position: AnyArray) -> AnyArray:
         """Positions reflected at the faces of the box; the product k x0 has no faces of its own."""
         folded = np.abs(position)
         folded = np.where(folded > 1.0, 2.0 - folded, folded)
