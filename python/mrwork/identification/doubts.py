@@ -7,10 +7,10 @@ from mrwork.identification.fit import Fit
 from mrwork.identification.global_search import StartingPoints
 from mrwork.identification.law_shape import law_shape_warnings
 from mrwork.identification.motion_noise import motion_noise_warning
+from mrwork.identification.multistart import linear_warning
 from mrwork.identification.needless_average import needless_average_warnings
 from mrwork.identification.polish import Polished
 from mrwork.identification.problem import Problem
-from mrwork.identification.suspicion import linear_warning
 
 
 def doubts_on_fit(problem: Problem, points: StartingPoints, polished: Polished, fit: Fit) -> tuple[str, ...]:

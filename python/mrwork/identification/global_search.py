@@ -19,12 +19,17 @@ from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import Interrupted, SimulationError
 from mrwork.identification.equivalent import Form, identifiable_form
 from mrwork.identification.fit import SearchTrace
-from mrwork.identification.multistart import MultistartResult, distinct_minima, search_starts
+from mrwork.identification.multistart import (
+    LINEAR_SHARE,
+    MultistartResult,
+    distinct_minima,
+    linear_misfit,
+    search_starts,
+)
 from mrwork.identification.objective import Objective
 from mrwork.identification.problem import Problem
 from mrwork.identification.search_ranges import half_ranges, search_box
 from mrwork.identification.settings import Multistart, Start
-from mrwork.identification.suspicion import LINEAR_SHARE, linear_misfit
 from mrwork.records.window import excerpt
 from mrwork.values import holds_arrays
 

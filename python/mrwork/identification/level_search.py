@@ -42,12 +42,17 @@ from mrwork.identification.law_coefficients import (
     within_range,
 )
 from mrwork.identification.levenberg_marquardt import find_minima
-from mrwork.identification.multistart import MultistartResult, distinct_minima, search_starts
+from mrwork.identification.multistart import (
+    MultistartResult,
+    distinct_minima,
+    far_worse,
+    far_worse_sentence,
+    search_starts,
+)
 from mrwork.identification.objective import Objective
 from mrwork.identification.problem import Problem
 from mrwork.identification.search_ranges import search_box
 from mrwork.identification.settings import Multistart
-from mrwork.identification.suspicion import far_worse, far_worse_sentence
 from mrwork.records import DamperTest
 from mrwork.records.command_signal import command_level, levels_of_command
 from mrwork.records.window import middle_excerpt

@@ -6,8 +6,10 @@ In a step, building, dampers and energies advance by the classical Runge-Kutta r
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import jax
 import jax.numpy as jnp
@@ -17,8 +19,47 @@ from numpy.typing import NDArray
 
 from mrwork.arguments import Count, Positive, checked
 from mrwork.errors import SettingError
-from mrwork.twins.loop.laws import Law, Measurement
 from mrwork.twins.loop.plant import Devices, LoopPlant, pulls_of, rows_of
+from mrwork.values import holds_arrays
+
+
+@holds_arrays
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Measurement:
+    """Measurements available to a law at a control sample.
+
+    Attributes
+    ----------
+    state
+        s, shape (2n,).
+    deformation, rate
+        Elongation of each device [m] and its rate [m/s], shape (n_devices,).
+    force
+        Force of each device, shape (n_devices,) [N].
+    force_at
+        Forces for other coil currents, (n_devices,) to (n_devices,).
+    largest
+        Largest command of each device, shape (n_devices,).
+    """
+
+    state: Array
+    deformation: Array
+    rate: Array
+    force: Array
+    force_at: Callable[[Array], Array]
+    largest: Array
+
+    def slope(self) -> Array:
+        """G of f(i) = F0 + G i + H i^2 through the forces at 0, half and the largest command, shape (n_devices,)."""
+        none, middle, full = (self.force_at(share * self.largest) for share in (0.0, 0.5, 1.0))
+        return (4.0 * middle - full - 3.0 * none) / self.largest
+
+
+class Law(Protocol):
+    """A control law."""
+
+    def command(self, measured: Measurement) -> Array:
+        """Command of each device, shape (n_devices,); the loop holds it between 0 and the largest."""
 
 
 class Extent(NamedTuple):
@@ -291,7 +332,7 @@ def run_loop(
     Parameters
     ----------
     law
-        One of `mrwork.twins.loop.laws`.
+        One of `mrwork.twins.loop.tuned`, or any other with a `command`.
     ground
         Ground acceleration every half step [m/s^2], shape (2 n_steps + 1,), see `half_steps`.
     step_time

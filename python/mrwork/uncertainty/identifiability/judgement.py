@@ -1,4 +1,7 @@
-"""The verdict on a parameter: the one rule that standard errors, profiles and posterior draws are judged by."""
+"""The verdict on a parameter: the one rule that standard errors, profiles and posterior draws are judged by.
+
+It measures them by the size of a relevant change of the parameter.
+"""
 
 from __future__ import annotations
 
@@ -6,14 +9,22 @@ from dataclasses import dataclass
 from statistics import NormalDist
 
 import numpy as np
+from numpy.typing import NDArray
 
+from mrwork.dampers.coordinates import Box
+from mrwork.dampers.spec import DamperSpec
 from mrwork.identification.fit import VerdictName
+from mrwork.identification.search_ranges import search_box
+from mrwork.records import DamperTest
 from mrwork.summary import of_unit
+from mrwork.values import holds_arrays
 
 # A standard deviation above this share of the value, or of 1 in the logarithm, is no determination.
 WEAK = 0.25
 # A parameter that changes the force by no more than this share of its standard deviation is negligible.
 NEGLIGIBLE = 0.01
+# A value smaller than this share of the nominal one counts as zero.
+_AS_ZERO = 0.01
 # Standard deviations that the 95 % interval of a normal density reaches to either side.
 DEVIATIONS = NormalDist().inv_cdf(0.975)
 
@@ -44,6 +55,69 @@ class ParameterScale:
             limits = f"{self.lower:.3g} to {of_unit(self.upper, self.unit, 3)}"
             whole = f"half its range for these tests ({limits})"
         return _times(share, whole)
+
+
+@holds_arrays
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scale:
+    """Size of a relevant change of each parameter, shape (n_params,): its value, or half its range where `of_range`.
+
+    The size of a parameter with a logarithmic scale is its value. Other parameters may be zero; their size is half the
+    range derived from the scales of the records, where this is larger. `ranges` are the ranges so derived, within
+    the admissible ones of `box`; `theta` are the values, shape (n_params,).
+    """
+
+    box: Box
+    ranges: Box
+    theta: NDArray[np.float64]
+    size: NDArray[np.float64]
+    of_range: NDArray[np.bool_]
+
+    @classmethod
+    def of(
+        cls, spec: DamperSpec, box: Box, tests: tuple[DamperTest, ...], theta: NDArray[np.float64]
+    ) -> Scale:
+        """Scales at `theta`, shape (n_params,)."""
+        ranges = scaled_ranges(spec, box, tests, theta)
+        half = 0.5 * (np.array(ranges.upper) - np.array(ranges.lower))
+        size = np.abs(theta)
+        of_range = ~np.array(box.log) & (half > size)
+        return cls(
+            box=box, ranges=ranges, theta=theta, size=np.where(of_range, half, size), of_range=of_range
+        )
+
+    def of_parameter(self, spec: DamperSpec, index: int, derivative: NDArray[np.float64]) -> ParameterScale:
+        """Scale of one parameter of the model, with the derivative of the residuals by it, shape (n_residuals,)."""
+        return ParameterScale(
+            name=spec.names[index],
+            unit=spec.parameters[index].unit,
+            value=float(self.theta[index]),
+            size=float(self.size[index]),
+            of_range=bool(self.of_range[index]),
+            lower=self.ranges.lower[index],
+            upper=self.ranges.upper[index],
+            log=self.box.log[index],
+            bounds=(self.box.lower[index], self.box.upper[index]),
+            sensitivity=float(np.linalg.norm(derivative)),
+        )
+
+
+def scaled_ranges(
+    spec: DamperSpec, box: Box, tests: tuple[DamperTest, ...], theta: NDArray[np.float64]
+) -> Box:
+    """The box narrowed to the scales of the records; where these give no range, to the size of the value.
+
+    Where the value is negligible beside the nominal one, such as a share at its bound of zero, to the nominal size.
+    """
+    searched = search_box(spec, box, tests)
+    own = {}
+    for index, name in enumerate(box.names):
+        as_wide = searched.lower[index] == box.lower[index] and searched.upper[index] == box.upper[index]
+        size, typical = abs(float(theta[index])), abs(spec.parameters[index].nominal)
+        size = size if size > _AS_ZERO * typical else typical
+        if as_wide and not box.log[index] and size > 0.0:
+            own[name] = (max(box.lower[index], -size), min(box.upper[index], size))
+    return searched.with_bounds({name: pair for name, pair in own.items() if pair[0] < pair[1]})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

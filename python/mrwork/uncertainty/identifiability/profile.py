@@ -28,19 +28,26 @@ from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
 from mrwork.store.record import OrInfinite, Related
 from mrwork.summary import Summarised, Summary, of_unit, rounded
-from mrwork.uncertainty.identifiability.curvature import Scale, Scaled, curvature, linearise
-from mrwork.uncertainty.identifiability.judgement import ParameterScale, ReasonedVerdict, judge_interval
-from mrwork.uncertainty.identifiability.walk import (
+from mrwork.uncertainty.identifiability.curvature import (
     DIRECTIONS,
     End,
     Point,
+    Scaled,
     Side,
     Sides,
+    curvature,
+    linearise,
     minimise,
     points_of,
     run_alone,
     run_together,
     signed_root,
+)
+from mrwork.uncertainty.identifiability.judgement import (
+    ParameterScale,
+    ReasonedVerdict,
+    Scale,
+    judge_interval,
 )
 
 # Share by which an end may pass the estimate in a conversion from the scaled coordinate.

@@ -20,8 +20,7 @@ from mrwork.identification.problem import Problem
 from mrwork.identification.result import remarks_of
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
-from mrwork.uncertainty.identifiability.curvature import Scale
-from mrwork.uncertainty.identifiability.judgement import WEAK, ParameterScale, judge_error
+from mrwork.uncertainty.identifiability.judgement import WEAK, ParameterScale, Scale, judge_error
 
 # Components of a direction smaller than this share of the largest are not named.
 _NEGLIGIBLE = 0.03
