@@ -253,21 +253,53 @@ def trace_of(found: MultistartResult) -> SearchTrace:
 
 def points_from_optimiser(problem: Problem, search: Optimiser[Any], *, on_search: OnSearch) -> StartingPoints:
     """The elite of an optimiser (its best points that are far apart), for a model without current laws."""
-    objective, form, rng = problem.objective, problem.form, problem.settings.rng
+    objective, form = problem.objective, problem.form
     box = search_box(form.spec, form.box, objective.tests)
+
+    def theta_of(unit: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.asarray(box.theta_from_unit(unit))
+
+    found = search_elite(
+        problem, search, objective, form, theta_of, n_params=len(box.free), on_search=on_search
+    )
+    return StartingPoints(
+        objective=objective, form=form, theta=theta_of(found.elite[:_STARTS]), trace=joined_trace([found])
+    )
+
+
+def search_elite(
+    problem: Problem,
+    search: Optimiser[Any],
+    objective: Objective,
+    form: Form,
+    theta_of: Callable[[NDArray[np.float64]], NDArray[np.float64]],
+    *,
+    n_params: int,
+    on_search: OnSearch,
+) -> SearchResult[Any]:
+    """Run an optimiser on unit vectors of size `n_params`, of which `theta_of` makes rows of parameters of the form.
+
+    An interrupt carries the best point so far.
+    """
+    from mrwork.search import run_search
+
     try:
-        found = optimise_in_box(
-            search, objective, box, rng=rng, on_generation=generation_reporter(search, on_search)
+        found = run_search(
+            search,
+            lambda unit: objective(theta_of(unit)),
+            rng=problem.settings.rng,
+            n_params=n_params,
+            on_generation=generation_reporter(search, on_search),
+            journal=objective.journal,
         )
     except Interrupted as interrupt:
         result = interrupt.result
         if not np.isfinite(result.best_misfit):
             raise Interrupted(None, "search") from interrupt
-        theta = np.asarray(box.theta_from_unit(result.best_unit))
-        raise interrupted_at(theta, objective, form, joined_trace([result])) from interrupt
+        best = theta_of(result.best_unit[None])[0]
+        raise interrupted_at(best, objective, form, joined_trace([result])) from interrupt
     refuse_empty_elite(form.spec, found)
-    theta = np.asarray(box.theta_from_unit(found.elite[:_STARTS]))
-    return StartingPoints(objective=objective, form=form, theta=theta, trace=joined_trace([found]))
+    return found
 
 
 def optimise_in_box(
