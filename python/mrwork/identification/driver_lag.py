@@ -27,7 +27,7 @@ _TRIED_RATES = (10.0, 20.0, 40.0, 80.0, 160.0, 320.0)
 _SHARE = 0.98
 
 
-def with_lag(spec: DamperSpec, *, lagged: bool) -> DamperSpec:
+def _with_lag(spec: DamperSpec, *, lagged: bool) -> DamperSpec:
     """The model with its current laws, with the driver's lag or without; `spec` has current laws."""
     assert spec.current is not None
     laws = dict(zip(damper(spec.name).names, spec.current.laws, strict=True))
@@ -57,7 +57,7 @@ def missing_lag(spec: DamperSpec, objective: Objective, theta: NDArray[np.float6
     current = spec.current
     if current is None or current.lagged or not any(test.has_varying_command for test in objective.tests):
         return None
-    lagged = objective.on(with_lag(spec, lagged=True), objective.tests)
+    lagged = objective.on(_with_lag(spec, lagged=True), objective.tests)
     tried = lagged(np.array([[*theta, rate] for rate in _TRIED_RATES]))
     before = float(objective(theta[None])[0])
     best = int(np.argmin(tried))
@@ -133,7 +133,7 @@ def polish_with_wanted_lag(
 
 def _without_lag(problem: Problem) -> Problem:
     """The same problem for the model without the lag, in the same box."""
-    spec = with_lag(problem.spec, lagged=False)
+    spec = _with_lag(problem.spec, lagged=False)
     rate = problem.spec.names[-1]
 
     def kept(values: Mapping[str, T]) -> dict[str, T]:

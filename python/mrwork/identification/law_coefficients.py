@@ -44,7 +44,7 @@ def fitted_law(
         return [float(np.median(column))]
     if kind.nodes:
         return _values_at_nodes(kind, parameter, commands, column)
-    full = fitted_degree(law)
+    full = _fitted_degree(law)
     degree = min(full, len(commands) - 1)
     polynomial = [float(each) for each in np.polyfit(commands, column, degree)[::-1]] + [0.0] * (
         full - degree
@@ -185,10 +185,10 @@ def _limit_box(form: Form, limits: Box) -> Box:
 
 def levels_needed(spec: DamperSpec) -> int:
     """Number of commands that the laws of a model need."""
-    return 1 + max((fitted_degree(law) for law in spec.current.laws), default=0) if spec.current else 1
+    return 1 + max((_fitted_degree(law) for law in spec.current.laws), default=0) if spec.current else 1
 
 
-def fitted_degree(law: LawName) -> int:
+def _fitted_degree(law: LawName) -> int:
     """Degree of the polynomial that is fitted to values over the command; 1 for an exponential law."""
     kind = law_named(law)
     if kind.nodes:

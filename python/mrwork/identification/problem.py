@@ -58,7 +58,7 @@ class Problem:
         """Complete the settings, check them against the model and the tests, and prepare the simulation."""
         settings = _complete_settings(settings, spec)
         method_of(_search_of(settings)).check_runs()
-        check_starts(spec, identifiable_form(spec, settings.bounds), settings.starts)
+        _check_starts(spec, identifiable_form(spec, settings.bounds), settings.starts)
         problem = cls._prepare(spec, tests, settings, threads=threads, journal=journal)
         if not problem.form.box.free:
             raise SettingError(f"every parameter of {spec.name} is fixed; leave at least one free")
@@ -314,7 +314,7 @@ def _rate_warning(spec: DamperSpec, form: Form, tests: Sequence[DamperTest]) -> 
     )
 
 
-def check_starts(spec: DamperSpec, form: Form, starts: Sequence[Start]) -> None:
+def _check_starts(spec: DamperSpec, form: Form, starts: Sequence[Start]) -> None:
     """Refuse starts that cannot be used, before the search."""
     for start in starts:
         for name, value in start.items():

@@ -58,7 +58,7 @@ def on_every_test(n_tests: int, threads: int, work: Callable[[int, int], T]) -> 
         share()
         if not any(isinstance(error, KeyboardInterrupt) for error in failures.values()):
             for other in others:
-                wait_for(other)
+                _wait_for(other)
     except KeyboardInterrupt as interrupt:
         failures[-1] = interrupt
     if failures:
@@ -66,7 +66,7 @@ def on_every_test(n_tests: int, threads: int, work: Callable[[int, int], T]) -> 
     return [results[index] for index in range(n_tests)]
 
 
-def wait_for(thread: threading.Thread) -> None:
+def _wait_for(thread: threading.Thread) -> None:
     """Wait until a thread has ended, unless Ctrl-C comes first."""
     while thread.is_alive():
         thread.join(_POLL_SECONDS)
@@ -198,7 +198,7 @@ def interruptible(work: Callable[[], T]) -> T:
 
     thread = threading.Thread(target=body, name="mrwork-refinement", daemon=True)
     thread.start()
-    wait_for(thread)
+    _wait_for(thread)
     if failure:
         raise failure[0]
     return outcome[0]

@@ -145,7 +145,7 @@ class FitSpread:
 Remark = Literal["", "fixed", "at lower bound", "at upper bound", "not identifiable"]
 
 
-def estimates_of(
+def _estimates_of(
     spec: DamperSpec,
     form: Form,
     theta: NDArray[np.float64],
@@ -235,7 +235,7 @@ def fit_at(
     nrmse = _rms([each.nrmse for each in quality])
     return Fit(
         model=spec.name,
-        estimates=estimates_of(spec, problem.form, theta, errors, problem.settings.bounds),
+        estimates=_estimates_of(spec, problem.form, theta, errors, problem.settings.bounds),
         status=status,
         stop_reason=trace.stop_reason,
         nrmse=nrmse,

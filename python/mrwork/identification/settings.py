@@ -168,7 +168,7 @@ def search_named(name: str) -> Search:
     return searches()[name]
 
 
-def record_of_search(search: Search) -> dict[str, Any]:
+def _record_of_search(search: Search) -> dict[str, Any]:
     """Plain values of the settings of a search; `kind` is its registered name, otherwise its class name."""
     if isinstance(search, UnregisteredSearch):
         return {"kind": search.kind} | dict(search.settings)
@@ -197,8 +197,8 @@ def _kind_of(search: Any) -> str:
     return max(names, key=equal_settings, default=type(search).__name__)
 
 
-def search_of_record(record: Mapping[str, Any]) -> Search:
-    """Undo `record_of_search`; a search that is not registered becomes an `UnregisteredSearch`."""
+def _search_of_record(record: Mapping[str, Any]) -> Search:
+    """Undo `_record_of_search`; a search that is not registered becomes an `UnregisteredSearch`."""
     kind = record.get("kind")
     if not isinstance(kind, str):
         raise ValueError(f"the kind of search {kind!r} is no name")
@@ -361,7 +361,7 @@ class FitSettings:
         record = {
             each.name: _plain(getattr(self, each.name)) for each in fields(self) if each.name != "search"
         }
-        return {"search": None if search is None else _plain(record_of_search(search))} | record
+        return {"search": None if search is None else _plain(_record_of_search(search))} | record
 
     @classmethod
     @checked
@@ -383,7 +383,7 @@ class FitSettings:
             # Before there was this setting, observation models were those of the tests.
             known.setdefault("observe", (NONE,))
             return cls(
-                search=None if search is None else search_of_record(search),
+                search=None if search is None else _search_of_record(search),
                 **known,
             )
         except (TypeError, ValueError, KeyError, AttributeError) as reason:

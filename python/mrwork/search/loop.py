@@ -84,7 +84,7 @@ class ReplicatedSearch(Summarised, Generic[StateT]):
         return min(self.results, key=lambda result: result.best_misfit)
 
 
-def results_of(state: StateT, reason: str, seconds: float) -> ReplicatedSearch[StateT]:
+def _results_of(state: StateT, reason: str, seconds: float) -> ReplicatedSearch[StateT]:
     """Results of a search that ends in this state; `reason` is that of replicates that no rule has ended."""
     return ReplicatedSearch(
         results=tuple(
@@ -293,7 +293,7 @@ def run_replicates(
     else:
         _check_same_search(state, rng, n_params, replicates)
     if journal is not None:
-        agree_on_search(journal, optimiser, state)
+        _agree_on_search(journal, optimiser, state)
     reason = ""
     seconds = 0.0
     try:
@@ -302,7 +302,7 @@ def run_replicates(
                 reason = "max_seconds"
                 break
             proposal = optimiser.ask(state)
-            recalled = None if journal is None else recalled_generation(journal, proposal)
+            recalled = None if journal is None else _recalled_generation(journal, proposal)
             misfit = _misfits(objective, proposal) if recalled is None else recalled.misfit
             state = optimiser.tell(state, proposal, misfit)
             if recalled is not None:
@@ -310,15 +310,15 @@ def run_replicates(
                 began = time.perf_counter() - recalled.seconds
             seconds = time.perf_counter() - began if recalled is None else recalled.seconds
             if journal is not None and recalled is None:
-                record_generation(journal, proposal, state, Generation(misfit=misfit, seconds=seconds))
+                _record_generation(journal, proposal, state, Generation(misfit=misfit, seconds=seconds))
             if on_generation is not None and on_generation(_event(state, misfit, began)):
                 reason = "callback"
                 break
     except KeyboardInterrupt as interrupt:
         raise Interrupted(
-            results_of(state, "interrupted", time.perf_counter() - began), "search"
+            _results_of(state, "interrupted", time.perf_counter() - began), "search"
         ) from interrupt
-    return results_of(state, reason, time.perf_counter() - began)
+    return _results_of(state, reason, time.perf_counter() - began)
 
 
 def _misfits(objective: Objective | AbortableObjective, proposal: Proposal) -> NDArray[np.float64]:
@@ -367,7 +367,7 @@ class Generation:
     seconds: float
 
 
-def agree_on_search(journal: Journal, optimiser: object, state: SearchState) -> None:
+def _agree_on_search(journal: Journal, optimiser: object, state: SearchState) -> None:
     """Record the settings of the search in a journal, or check that those of the journal are the same."""
     course = state.course
     journal.agree(
@@ -383,7 +383,7 @@ def agree_on_search(journal: Journal, optimiser: object, state: SearchState) -> 
     )
 
 
-def recalled_generation(journal: Journal, proposal: Proposal) -> Generation | None:
+def _recalled_generation(journal: Journal, proposal: Proposal) -> Generation | None:
     """The generation that the journal has recorded for this proposal, `None` where there is none."""
     if not journal.recalling:
         return None
@@ -397,7 +397,7 @@ def recalled_generation(journal: Journal, proposal: Proposal) -> Generation | No
     return journal.recall(_STEP, _digest(proposal), read)
 
 
-def record_generation(
+def _record_generation(
     journal: Journal, proposal: Proposal, state: SearchState, generation: Generation
 ) -> None:
     """Record a generation: the data for a resumed search, and progress for readers of the journal."""

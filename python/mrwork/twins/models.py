@@ -156,7 +156,7 @@ def _receive_command(
 
 
 # Environment variable; "off" disables the cache.
-SWITCH = "MRWORK_COMPILATION_CACHE"
+_SWITCH = "MRWORK_COMPILATION_CACHE"
 # Shortest compilation time of a cached function [s].
 _WORTH_KEEPING = 0.1
 # The process that has used JAX: this one, or the one that it was forked from.
@@ -192,7 +192,7 @@ def keep_compiled() -> None:
     """
     if jax.config.values["jax_compilation_cache_dir"] is not None:
         return
-    if os.environ.get(SWITCH) == "off":
+    if os.environ.get(_SWITCH) == "off":
         return
     folder = _folder()
     if folder is None:

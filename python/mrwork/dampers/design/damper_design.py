@@ -81,7 +81,7 @@ class DesignedModel(Summarised):
         )
 
 
-def fitted_model(
+def _fitted_model(
     force: Callable[[Floats, Floats], Floats],
     *,
     velocity: float,
@@ -424,7 +424,7 @@ class DamperDesign(Summarised):
         SettingError
             If the supply cannot drive the largest current.
         """
-        return fitted_model(
+        return _fitted_model(
             self.force,
             velocity=self.velocity,
             largest_current=self.largest_current,

@@ -295,7 +295,7 @@ def smallest(
     optimiser: Any = optimisers[search]
     stop = StopRules(max_evaluations=max(budget, optimiser.population), confidence=None)
 
-    harder = harder_wishes(wishes)
+    harder = _harder_wishes(wishes)
 
     def objective(units: Floats) -> Floats:
         return np.array([_misfit(candidate(unit, wishes, fluid, steel), harder) for unit in units])
@@ -310,7 +310,7 @@ def smallest(
     return found
 
 
-def harder_wishes(wishes: DamperWishes) -> DamperWishes:
+def _harder_wishes(wishes: DamperWishes) -> DamperWishes:
     """Wishes that a design has to meet between parallel plates so that it meets the true ones in the annulus."""
     return replace(
         wishes,
@@ -320,8 +320,8 @@ def harder_wishes(wishes: DamperWishes) -> DamperWishes:
     )
 
 
-def shortfall(harder: DamperWishes, design: DamperDesign, forces: tuple[float, float]) -> float:
-    """What a design with these forces between parallel plates misses of `harder_wishes`, all together."""
+def _shortfall(harder: DamperWishes, design: DamperDesign, forces: tuple[float, float]) -> float:
+    """What a design with these forces between parallel plates misses of `_harder_wishes`, all together."""
     return sum(missed_with(harder, design, forces).values())
 
 
@@ -329,7 +329,7 @@ def _misfit(design: DamperDesign | None, harder: DamperWishes) -> float:
     """Volume over that of the envelope, at most 1; for a design that misses wishes, 1 and what it misses."""
     if design is None:
         return _IMPOSSIBLE
-    missed = shortfall(harder, design, rated_forces(design, "plates"))
+    missed = _shortfall(harder, design, rated_forces(design, "plates"))
     return 1.0 + missed if missed > 0.0 else design.envelope_volume / harder.volume
 
 
@@ -439,7 +439,7 @@ def size_front(
     SettingError
         If no candidate meets the wishes, or pymoo is not installed.
     """
-    harder = harder_wishes(wishes)
+    harder = _harder_wishes(wishes)
     reporter = SizingReporter(on_progress=on_progress, budget=budget, envelope=wishes.volume)
     # Points of which no other one was better in everything, with their objectives, and candidates so far.
     units, values, tried = np.empty((0, N_FREE)), np.empty((0, 3)), 0
@@ -524,5 +524,5 @@ def _objectives(design: DamperDesign | None, harder: DamperWishes) -> tuple[floa
     if design is None:
         return (_PENALTY**2,) * 3
     on, off = forces = rated_forces(design, "plates")
-    worse = _PENALTY * shortfall(harder, design, forces)
+    worse = _PENALTY * _shortfall(harder, design, forces)
     return design.envelope_volume / harder.volume + worse, off / on + worse, design.power + worse

@@ -277,7 +277,7 @@ def accumulate(
     )
 
 
-def no_samples(plant: LoopPlant, n_devices: int) -> Reductions:
+def _no_samples(plant: LoopPlant, n_devices: int) -> Reductions:
     """Accumulated signals before the first step."""
     n_floors, n_storeys = plant.floors.shape[0], plant.storeys.shape[0]
     return Reductions(
@@ -478,7 +478,7 @@ def _scan_samples(
         motion=at_rest(plant, devices),
         received=jnp.zeros(len(devices)),
         commands=jnp.zeros((1 + int(ages.max()), len(devices))),
-        kept=no_samples(plant, len(devices)),
+        kept=_no_samples(plant, len(devices)),
     )
     at_steps = StepGround(ground[:-1:2], ground[1::2], ground[2::2])
     at_samples = (

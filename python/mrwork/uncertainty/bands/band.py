@@ -278,7 +278,7 @@ def _is_interpolated(samples: slice, test: DamperTest) -> bool:
     return any(first < samples.stop and samples.start < last for first, last in test.uncompared)
 
 
-def scales_of(prediction: Prediction) -> dict[CycleQuantity, float]:
+def _scales_of(prediction: Prediction) -> dict[CycleQuantity, float]:
     """Scale of the error of each quantity, from the standard deviations of force and motion."""
     counted = prediction.test.counted
     x = float(np.std(prediction.test.displacement[counted]))
@@ -291,7 +291,7 @@ def errors_over_cycles(prediction: Prediction, name: CycleQuantity) -> NDArray[n
     """Absolute error of each cycle of a test in its scale, shape (n_cycles,)."""
     measured = cycles_of(prediction.test, prediction.test.force).quantity(name)
     model = cycles_of(prediction.test, prediction.model_force).quantity(name)
-    return np.asarray(np.abs(measured - model) / scales_of(prediction)[name])
+    return np.asarray(np.abs(measured - model) / _scales_of(prediction)[name])
 
 
 def cycle_band(
@@ -305,7 +305,7 @@ def cycle_band(
         `errors_over_cycles` of each test, none of which the fit has seen.
     """
     model = cycles_of(prediction.test, prediction.model_force).quantity(name)
-    half = next_test_quantile(scores, level) * scales_of(prediction)[name]
+    half = next_test_quantile(scores, level) * _scales_of(prediction)[name]
     basis = f"calibrated on the cycles of {len(scores)} tests"
     return Band.about(model, half, level=level, basis=basis)
 

@@ -33,7 +33,7 @@ Array = NDArray[np.float64]
 # Gelman and Gabry, Statistics and Computing 27, 2017, 1413-1432).
 UNRELIABLE = 0.7
 # Draws for each family.
-N_DRAWS = 2000
+_N_DRAWS = 2000
 
 
 @holds_arrays
@@ -182,7 +182,7 @@ class SharedLikelihood:
             theta, noise = self._chain(fit, target)
             log_ratio = np.zeros(len(theta))
         else:
-            draws = draw_about(target, start, N_DRAWS, np.random.default_rng(own.rng))
+            draws = draw_about(target, start, _N_DRAWS, np.random.default_rng(own.rng))
             theta, noise = np.split(np.asarray(target.space.values(draws.position)[0]), [start.size], axis=1)
             log_ratio = draws.log_ratio
         return leave_one_out(block_densities(target, theta, noise, self.blocks), log_ratio)
@@ -201,7 +201,7 @@ class SharedLikelihood:
             rng=own.rng,
             threads=own.threads,
         )
-        rows = np.linspace(0, len(draws.theta) - 1, min(N_DRAWS, len(draws.theta))).round().astype(int)
+        rows = np.linspace(0, len(draws.theta) - 1, min(_N_DRAWS, len(draws.theta))).round().astype(int)
         theta = np.stack([np.asarray(target.form.from_model(row)) for row in draws.theta[rows]])
         return theta, draws.noise[rows]
 

@@ -64,7 +64,7 @@ def collapsed(
     n_effective
         Effective number of samples, the same for all families.
     """
-    doubtful = {model: doubtful_parameters(fit, tests) for model, fit in fits.items()}
+    doubtful = {model: _doubtful_parameters(fit, tests) for model, fit in fits.items()}
     joined = {model: np.concatenate(residuals[model]) for model in fits}
     found: dict[str, Collapse] = {}
     for model in fits:
@@ -97,7 +97,7 @@ class Doubtful:
         return len(self.on_bound) + len(self.undetermined)
 
 
-def doubtful_parameters(fit: Fit, tests: tuple[DamperTest, ...]) -> Doubtful:
+def _doubtful_parameters(fit: Fit, tests: tuple[DamperTest, ...]) -> Doubtful:
     """Free parameters on a bound, and those with a standard error above their value or half their range, or none."""
     spec, theta = fit.spec, np.array(fit.theta)
     bounds = {name: pair for name, pair in fit.settings.bounds.items() if name in spec.names}

@@ -78,7 +78,7 @@ class Scale:
         cls, spec: DamperSpec, box: Box, tests: tuple[DamperTest, ...], theta: NDArray[np.float64]
     ) -> Scale:
         """Scales at `theta`, shape (n_params,)."""
-        ranges = scaled_ranges(spec, box, tests, theta)
+        ranges = _scaled_ranges(spec, box, tests, theta)
         half = 0.5 * (np.array(ranges.upper) - np.array(ranges.lower))
         size = np.abs(theta)
         of_range = ~np.array(box.log) & (half > size)
@@ -102,7 +102,7 @@ class Scale:
         )
 
 
-def scaled_ranges(
+def _scaled_ranges(
     spec: DamperSpec, box: Box, tests: tuple[DamperTest, ...], theta: NDArray[np.float64]
 ) -> Box:
     """The box narrowed to the scales of the records; where these give no range, to the size of the value.

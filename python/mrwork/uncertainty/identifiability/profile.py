@@ -167,7 +167,7 @@ class Profiles(Summarised):
         )
 
 
-def profile_of(
+def _profile_of(
     parameter: ParamSpec,
     scaled: Scaled,
     index: int,
@@ -341,7 +341,7 @@ def profile(
         least = min(each.squared for side in sides.values() for each in side.points)
         improvement = signed_root(start.squared, least, dof) ** 2
         made = tuple(
-            profile_of(
+            _profile_of(
                 spec.parameters[box.free[index]],
                 scaled,
                 index,

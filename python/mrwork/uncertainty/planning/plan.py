@@ -273,14 +273,14 @@ def band_matrix(
     if band == "energy":
         shares = [each.energy_derivative / each.energy for each in targets]
         return np.mean([np.outer(each, each) for each in shares], axis=0), "of the energy of a cycle"
-    index = column_of(posterior, band)
+    index = _column_of(posterior, band)
     unit = np.zeros(posterior.position.size)
     unit[index] = 1.0 if posterior.scaled.log[index] else posterior.scaled.size[index]
     parameter = posterior.spec.parameters[posterior.scaled.free[index]]
     return np.outer(unit, unit), "of its value" if posterior.scaled.log[index] else parameter.unit
 
 
-def column_of(posterior: LinearisedPosterior, band: str) -> int:
+def _column_of(posterior: LinearisedPosterior, band: str) -> int:
     """Index of a parameter among the free ones."""
     free = [posterior.spec.names[index] for index in posterior.scaled.free]
     if band in free:
@@ -438,7 +438,7 @@ def _band_gram(
         return np.asarray(np.mean([each.force @ each.force.T for each in of_targets], axis=0))
     if band == "energy":
         return np.asarray(np.mean([np.outer(each.energy, each.energy) for each in of_targets], axis=0))
-    index = column_of(posterior, band)
+    index = _column_of(posterior, band)
     value = posterior.scaled.position(draws)[:, index]
     return np.outer(value - value.mean(), value - value.mean())
 

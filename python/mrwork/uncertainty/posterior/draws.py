@@ -27,9 +27,9 @@ Array = NDArray[np.float64]
 # Limits on R-hat and effective sizes: Vehtari et al. (2021); on the length in autocorrelation times: emcee.
 LARGEST_RHAT = 1.01
 LEAST_ESS = 400.0
-LEAST_LENGTH = 50.0
+_LEAST_LENGTH = 50.0
 # Share of the chain that is discarded.
-BURN_IN = 0.25
+_BURN_IN = 0.25
 # Largest number of evenly spaced steps from which R-hat and effective sizes are computed.
 _MOST_DRAWS = 1000
 
@@ -59,9 +59,9 @@ class Diagnosis:
     def shortcomings(self) -> tuple[str, ...]:
         """Criteria that are not met, in words; empty where the chain has converged."""
         found = []
-        if not self.length >= LEAST_LENGTH:
+        if not self.length >= _LEAST_LENGTH:
             found.append(
-                f"the chain is {self.length:.0f} autocorrelation times long where {LEAST_LENGTH:.0f} are required"
+                f"the chain is {self.length:.0f} autocorrelation times long where {_LEAST_LENGTH:.0f} are required"
             )
         worst = int(np.argmax(np.where(np.isnan(self.rhat), np.inf, self.rhat)))
         if not self.rhat[worst] < LARGEST_RHAT:
@@ -129,7 +129,7 @@ def autocorrelation_times(values: Array) -> Array:
 @checked
 def kept(n_steps: Annotated[int, Within(least=1, most=2**53)]) -> slice:
     """Rows of a chain after the burn-in; its first row is the start."""
-    return slice(1 + int(BURN_IN * n_steps), n_steps + 1)
+    return slice(1 + int(_BURN_IN * n_steps), n_steps + 1)
 
 
 def next_check(n_steps: int, *, first: int = 200, growth: float = 1.25) -> int:
