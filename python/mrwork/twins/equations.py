@@ -2,7 +2,8 @@
 
 A model is its force as a function of parameters `p` (by their names in the spec), state, displacement and velocity,
 under the name of the model. Decorated with `@_twin(rate=...)` it has the rate of its states, a function of the same
-arguments; a model without states has none.
+arguments; a model without states has none. They stand apart from their simulation, so that this is the one place in
+Python that a new model touches.
 """
 
 from __future__ import annotations
