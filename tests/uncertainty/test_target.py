@@ -12,7 +12,7 @@ from scipy.stats import lognorm, norm
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import damper
 from mrwork.errors import SettingError, UnknownNameError
-from mrwork.identification.autocorrelation import effective_samples
+from mrwork.identification.covariance import effective_samples
 from mrwork.identification.equivalent import identifiable_form
 from mrwork.identification.identify import identify
 from mrwork.records import Observation

@@ -13,7 +13,7 @@ from mrwork.arguments import Threads, checked
 from mrwork.dampers.parameters import LawName
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import Interrupted, JournalError, MrworkError, MrworkWarning, OutputError, SettingError
-from mrwork.identification.autocorrelation import effective_samples
+from mrwork.identification.covariance import effective_samples
 from mrwork.identification.fit import Fit
 from mrwork.identification.identify import identify_with
 from mrwork.identification.problem import command_warning

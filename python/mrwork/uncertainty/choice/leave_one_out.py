@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.errors import SettingError
-from mrwork.identification.autocorrelation import autocorrelation_time, effective_samples
+from mrwork.identification.covariance import autocorrelation_time, effective_samples
 from mrwork.identification.equivalent import identifiable_form
 from mrwork.identification.fit import Fit
 from mrwork.identification.problem import Problem

@@ -19,7 +19,7 @@ from mrwork.arguments import Count, Level, NotNegative, Positive, Threads, Whole
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.parameters import ParamSpec
 from mrwork.errors import Interrupted, SettingError, UnknownNameError
-from mrwork.identification.autocorrelation import effective_samples, residuals_by_test
+from mrwork.identification.covariance import effective_samples, residuals_by_test
 from mrwork.identification.fit import Fit, Interval, Intervals, VerdictName
 from mrwork.identification.objective import linearised
 from mrwork.identification.problem import Problem

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from mrwork.arguments import NotNegative, Threads, checked
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError, SimulationError, UnknownNameError
-from mrwork.identification.autocorrelation import effective_samples, residuals_by_test
+from mrwork.identification.covariance import effective_samples, residuals_by_test
 from mrwork.identification.fit import Fit
 from mrwork.identification.nuisance import NuisanceName, without_nuisance
 from mrwork.identification.problem import Problem

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from mrwork.arguments import AnyNumbers, Shape, checked
 from mrwork.dampers.coordinates import Box
 from mrwork.errors import SettingError, UnknownNameError
-from mrwork.identification.autocorrelation import effective_samples
+from mrwork.identification.covariance import effective_samples
 from mrwork.identification.equivalent import Form
 from mrwork.identification.objective import Objective
 from mrwork.summary import Summarised
