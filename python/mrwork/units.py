@@ -211,18 +211,22 @@ def number_in(text: str, unit: str) -> float | str:
 
 def factor_of(unit: str, quantity: MeasuredQuantity) -> float | None:
     """Factor to SI of a unit in any case and common spelling; `None` where it is no unit of the quantity."""
-    symbol = (
-        _INCH.sub("in", unit.strip(), count=1) if _INCH.match(unit.strip()) else unit.strip().strip("'\"")
-    )
-    if len(symbol) > _LONGEST:
-        return None
+    symbol, spelled = _symbol_of(unit)
     factor = FACTORS[quantity].get(symbol)
-    return factor if factor is not None else _IN_ANY_CASE.get((quantity, _without_spelling(symbol)))
+    return factor if factor is not None else _IN_ANY_CASE.get((quantity, spelled))
 
 
 def quantity_of(unit: str) -> MeasuredQuantity | None:
     """Quantity that a unit measures, `None` for an unknown unit."""
-    return next((quantity for quantity in FACTORS if factor_of(unit, quantity) is not None), None)
+    symbol, spelled = _symbol_of(unit)
+    return next(
+        (
+            quantity
+            for quantity, factors in FACTORS.items()
+            if symbol in factors or (quantity, spelled) in _IN_ANY_CASE
+        ),
+        None,
+    )
 
 
 def command_unit_of(unit: str) -> CommandUnit | None:
@@ -258,6 +262,13 @@ def factor_to_si(unit: str, quantity: MeasuredQuantity, *, context: str) -> floa
     other = quantity_of(unit)
     says = f"is no unit of {quantity}" if other is None else f"is a unit of {other}, no unit of {quantity}"
     raise UnitError(f"{context}: '{unit}' {says}; give one of {known_units(quantity)}")
+
+
+def _symbol_of(unit: str) -> tuple[str, str]:
+    """Symbol of a unit as it is written, and without its case and spelling; empty where it is none."""
+    text = unit.strip()
+    symbol = _INCH.sub("in", text, count=1) if _INCH.match(text) else text.strip("'\"")
+    return (symbol, _without_spelling(symbol)) if len(symbol) <= _LONGEST else ("", "")
 
 
 def _without_spelling(symbol: str) -> str:

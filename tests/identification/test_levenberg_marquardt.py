@@ -17,7 +17,7 @@ import pytest
 
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import SettingError
-from mrwork.identification.covariance import covariance_at, standard_errors
+from mrwork.identification.covariance import Slopes, covariance_at, standard_errors
 from mrwork.identification.equivalent import Form, identifiable_form
 from mrwork.identification.identify import identify
 from mrwork.identification.levenberg_marquardt import find_minima, find_minimum
@@ -92,7 +92,7 @@ def assert_one_minimum(objective: Objective, form: Form, start: np.ndarray) -> N
     assert twin.converged
     assert twin.misfit == pytest.approx(lanes.misfit, rel=1e-6)
     assert beside.misfit[0] == pytest.approx(lanes.misfit, rel=1e-6)
-    errors = standard_errors(covariance_at(objective, form, lanes.theta)[0])
+    errors = standard_errors(covariance_at(Slopes.at(objective, form, lanes.theta))[0])
     known = np.isfinite(errors)
     assert np.count_nonzero(known) >= len(form.box.free) - 1
     for other in (twin.theta, beside.theta[0]):

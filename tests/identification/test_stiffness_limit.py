@@ -8,7 +8,7 @@ import numpy as np
 
 from mrwork.dampers.spec import damper
 from mrwork.identification.equivalent import identifiable_form
-from mrwork.identification.levenberg_marquardt import find_minima
+from mrwork.identification.levenberg_marquardt import find_minima, nearest_below_stiffness
 from mrwork.identification.objective import Objective
 from mrwork.records import DamperTest
 from mrwork.simulate import Loading, simulate_force, stiffness_shares
@@ -63,3 +63,15 @@ def test_a_minimisation_slides_along_the_limit_of_stiffness() -> None:
     assert 0.9 < share < 1.0
     assert found.misfit[0] < 5e-4
     np.testing.assert_allclose(found.theta[0, MODEL.names.index("c0")], TRUE["c0"], rtol=0.01)
+
+
+def test_a_point_beyond_the_limit_is_moved_just_below_it_and_others_stay() -> None:
+    form = identifiable_form(MODEL, {})
+    objective = Objective.of(form.spec, (slow_test(),))
+    points = np.array([parameters(rho=4e3, sigma=8.0), parameters(rho=4e5, sigma=800.0)])
+    assert objective(points)[1] == np.inf
+    moved = nearest_below_stiffness(objective.compared, form.box, points)
+    np.testing.assert_array_equal(moved[0], points[0])
+    assert np.isfinite(objective(moved)).all()
+    share = stiffness_shares(form.spec, moved[1:], objective.compared[0].history)
+    assert 0.9 < float(np.max(share)) <= 1.0

@@ -10,6 +10,7 @@ such sums in full, and estimated a third too few samples for nearly white residu
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -26,45 +27,60 @@ from mrwork.records import DamperTest
 INSENSITIVE = 1e-7
 
 
-def covariance_at(
-    objective: Objective, form: Form, theta: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], float]:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Slopes:
+    """Residuals of an objective at a minimum, shape (n_residuals,), and their derivatives, (n_free, n_residuals).
+
+    The derivatives are those by the parameters that the form varies, at its parameters `theta`. Covariance,
+    identifiability and the noise of the motion follow from them.
+    """
+
+    objective: Objective
+    form: Form
+    theta: NDArray[np.float64]
+    residuals: NDArray[np.float64]
+    by_free: NDArray[np.float64]
+
+    @classmethod
+    def at(cls, objective: Objective, form: Form, theta: NDArray[np.float64]) -> Slopes:
+        """Simulate the tests once with derivatives; they give the residuals where no parameter is free."""
+        (residuals,), (by_free,) = linearised(objective, theta[None], form.box.free)
+        return cls(objective=objective, form=form, theta=theta, residuals=residuals, by_free=by_free)
+
+    @property
+    def interior(self) -> list[int]:
+        """Parameters of the form that are free and not on a bound."""
+        return [i for i in self.form.box.free if remark_of(self.form.box, i, float(self.theta[i])) == ""]
+
+    def by_interior(self) -> NDArray[np.float64]:
+        """Derivatives by the parameters that are not on a bound, shape (n_interior, n_residuals)."""
+        interior, free = self.interior, list(self.form.box.free)
+        return self.by_free if interior == free else self.by_free[[free.index(each) for each in interior]]
+
+    def by_model(self) -> NDArray[np.float64]:
+        """Derivatives by the parameters of the requested model, shape (n_residuals, n_params).
+
+        By the chain rule through the form; zero for parameters that the form does not vary.
+        """
+        mapped = self.form.from_model.jacobian(np.asarray(self.form.to_model(self.theta)))
+        return np.asarray(self.by_free.T @ mapped[list(self.form.box.free)])
+
+
+def covariance_at(slopes: Slopes) -> tuple[NDArray[np.float64], float]:
     """Covariance of the parameters of the requested model, and the number of samples that it assumes.
 
     The covariance has shape (n_params, n_params), with zeros for parameters that do not vary and NaN for those that the
     residuals do not determine. The residuals of a record are correlated, so they count as `effective_samples`, and the
     covariance is that of independent residuals times `n_residuals/n_effective`. A parameter of the form on its bound is
     treated as known.
-
-    Parameters
-    ----------
-    objective
-        Sum of squares, in the parameters of the form.
-    theta
-        The minimum, in the parameters of the form, shape (n_params,).
     """
-    interior = [index for index in form.box.free if remark_of(form.box, index, theta[index]) == ""]
-    # A derivative is simulated also where every parameter is on a bound: it gives the residuals.
-    (residuals,), (slopes,) = linearised(objective, theta[None], interior or form.box.free)
-    n_effective = effective_samples(residuals_by_test(residuals, objective.tests))
-    cov = np.zeros((len(theta), len(theta)))
+    residuals, interior, n_params = slopes.residuals, slopes.interior, len(slopes.theta)
+    n_effective = effective_samples(residuals_by_test(residuals, slopes.objective.tests))
+    cov = np.zeros((n_params, n_params))
     if interior:
-        independent = covariance(slopes.T, float(np.linalg.norm(residuals)))
+        independent = covariance(slopes.by_interior().T, float(np.linalg.norm(residuals)))
         cov[np.ix_(interior, interior)] = independent * (residuals.size / n_effective)
-    return covariance_through(form.to_model.jacobian(theta), cov), n_effective
-
-
-def derivatives_by_model(
-    objective: Objective, form: Form, theta: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Residuals (n_residuals,), and their derivative by the parameters of the requested model, (n_residuals, n_params).
-
-    By the chain rule through the form, at its parameters `theta`; zero for parameters that the form does not vary.
-    """
-    free = list(form.box.free)
-    (residuals,), (slopes,) = linearised(objective, theta[None], free)
-    mapped = form.from_model.jacobian(np.asarray(form.to_model(theta)))
-    return residuals, np.asarray(slopes.T @ mapped[free])
+    return covariance_through(slopes.form.to_model.jacobian(slopes.theta), cov), n_effective
 
 
 def standard_errors(cov: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -40,7 +40,7 @@ def doubts_on_fit(problem: Problem, points: StartingPoints, polished: Polished, 
         *((missing.in_words,) if missing is not None else ()),
         *needless_average_warnings(objective, form.box, polished.theta),
         *law_shape_warnings(excerpts, form.box, polished.theta),
-        *motion_noise_warning(objective, form, polished.theta, polished.standard_errors, problem.spec.names),
+        *motion_noise_warning(polished.slopes, polished.standard_errors, problem.spec.names),
     )
 
 

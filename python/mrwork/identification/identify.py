@@ -159,10 +159,12 @@ def identify_with(
     on_progress: Callable[[Progress], bool | None] | None = None,
     journal: Journal | None = None,
     warns: bool = True,
+    examines: bool = True,
 ) -> Fit:
     """`identify` with its settings as one value.
 
     Without `warns` its warnings are with the fit only, and no cheaper model is fitted beside one that is costly.
+    Without `examines` nothing is looked for that speaks against a fit which has converged.
     """
     began = time.perf_counter() - (0.0 if journal is None else journal.seconds_before)
     problem = Problem.of(
@@ -176,7 +178,7 @@ def identify_with(
         # Of the line that calls `identify`.
         warn(sentence, MrworkWarning, stacklevel=4)
     reporter = _begun(problem, began, on_progress, journal)
-    ending = _Ending(problem=problem, reporter=reporter, journal=journal, compares=warns)
+    ending = _Ending(problem=problem, reporter=reporter, journal=journal, compares=warns, examines=examines)
 
     def on_search(generation: int, misfit: float, median: float, share: float) -> None:
         count = problem.objective.tally.simulations
@@ -245,13 +247,15 @@ def _begun(
 class _Ending:
     """The end of an identification: the final fit, or the fit so far after an interrupt.
 
-    With `compares` a fit that is costly in a building is compared with models without states.
+    With `examines` doubts about the fit are looked for; with `compares` too, a fit that is costly in a building is
+    compared with models without states.
     """
 
     problem: Problem
     reporter: Reporter
     journal: Journal | None
     compares: bool = False
+    examines: bool = True
 
     def at(self, interrupt: KeyboardInterrupt, theta: NDArray[np.float64], trace: SearchTrace) -> Fit:
         """The fit at the best point so far: returned where it was stopped by the callback, else raised."""
@@ -308,6 +312,8 @@ class _Ending:
                 status="not_converged" if reason else "converged",
                 seconds=reporter.seconds,
             )
+            if not self.examines:
+                return replace(fit, status_reason=reason, seconds=reporter.seconds)
             doubts = interruptible(lambda: doubts_on_fit(problem, points, polished, fit))
             cost = BuildingCost.of(fit.spec, fit.theta, problem.objective.tests)
             if cost.is_high:
@@ -332,7 +338,9 @@ class _Ending:
             own = replace(settings, bounds=bounds, starts=(), search=None, engine="lanes")
             try:
                 found.append(
-                    identify_with(model, objective.tests, own, threads=objective.threads, warns=False)
+                    identify_with(
+                        model, objective.tests, own, threads=objective.threads, warns=False, examines=False
+                    )
                 )
             except MrworkError:
                 # One that cannot be fitted is none to be named.

@@ -65,6 +65,8 @@ Array = NDArray[np.float64]
 
 # Samples of a cycle in the excerpts on which laws are searched: fits differ by 0.02 points from those with 400.
 PER_CYCLE = 100
+# Tests at a command on which starting points are searched: others refine what these have found.
+_PER_COMMAND = 4
 # Minima of the plain model that are kept at each command, rounds of their search, and iterations of the others.
 _MINIMA = 4
 _LEVEL_ROUNDS = 3
@@ -111,8 +113,13 @@ def points_from_levels(
     """
     objective, form, rng = problem.objective, problem.form, problem.settings.rng
     excerpts = tuple(middle_excerpt(test, per_cycle=PER_CYCLE) for test in objective.tests)
-    levels = levels_of(form.spec, [test for test in excerpts if command_is_constant(test, form.spec)])
-    commands = np.array(sorted(levels))
+    constant = levels_of(form.spec, [test for test in excerpts if command_is_constant(test, form.spec)])
+    commands = np.array(sorted(constant))
+    levels = {command: unlike_tests(tests, _PER_COMMAND) for command, tests in constant.items()}
+    left_out = {id(test) for tests in constant.values() for test in tests} - {
+        id(test) for tests in levels.values() for test in tests
+    }
+    searched = tuple(test for test in excerpts if id(test) not in left_out)
     own_form = replace(form, box=joint_box(form, excerpts, commands))
     joint = form_through_values(own_form, excerpts, commands)
     settings = search if isinstance(search, Multistart) else Multistart()
@@ -131,18 +138,28 @@ def points_from_levels(
         return _inside(own_form.box, np.array(rows))
 
     on_tests = objective.on(joint.spec, excerpts)
+    on_searched = objective.on(joint.spec, searched) if left_out else on_tests
 
     def search_joint(starts: Array, seed: int) -> MultistartResult:
         return search_starts(
-            on_tests,
+            on_searched,
             joint.box,
             search_box(joint.spec, joint.box, excerpts),
-            settings,
+            replace(settings, least_rounds=1),
             rng=seed,
             mirrored=joint.mirrored,
             nested=_inside(joint.box, starts),
             on_iteration=on_iteration,
         )
+
+    def on_all_tests(found: MultistartResult) -> tuple[Array, Array]:
+        """Minima and their misfits, best first: of the search, or refined where it was on some of the tests."""
+        if not left_out or not len(found.theta):
+            return found.theta, found.misfit
+        starts = distinct_minima(joint.box, found.theta, found.misfit)
+        minima = find_minima(on_tests, joint.box, starts, max_iterations=settings.most_iterations)
+        order = np.argsort(minima.misfit, kind="stable")
+        return minima.theta[order], minima.misfit[order]
 
     best: Array | None = None
     doubts: tuple[str, ...] = ()
@@ -168,22 +185,22 @@ def points_from_levels(
         best = starts[0]
         alone = _fit_each(problem, excerpts, fits)
         found = search_joint(starts, rng)
-        worse = alone.worse_in(on_tests, found)
-        is_limited = len(found.theta) > 0 and leaves_range(joint.spec, found.theta[0], commands)
-        if len(found.theta) and (worse.size or is_limited):
+        theta, misfit = on_all_tests(found)
+        worse = alone.worse_in(on_tests, theta)
+        is_limited = len(theta) > 0 and leaves_range(joint.spec, theta[0], commands)
+        if len(theta) and (worse.size or is_limited):
             # More starts: each command that has such tests takes the parameters of their own fits.
             more = _starts_of_levels(joint.spec, alone.at(worse, fits), relative, rng + 1)
             if is_limited:
                 # No local minimisation returns from a law that is limited to its range.
-                more = np.array(
-                    [within_range(joint.spec, each, commands) for each in (found.theta[0], *more)]
-                )
+                more = np.array([within_range(joint.spec, each, commands) for each in (theta[0], *more)])
             found = _merged(found, search_joint(more, rng + 1))
-            worse = alone.worse_in(on_tests, found)
+            theta, misfit = on_all_tests(found)
+            worse = alone.worse_in(on_tests, theta)
             if worse.size:
                 least = (1.0 + settings.closeness) * found.misfit[0]
                 found_again = int(np.count_nonzero(found.misfit <= least)) >= settings.found
-                nrmse = on_tests.nrmse_of_tests(found.theta[:1])[:, 0]
+                nrmse = on_tests.nrmse_of_tests(theta[:1])[:, 0]
                 doubts = (far_worse_sentence(excerpts, worse, nrmse, alone.nrmse, found_again=found_again),)
                 suspected = not found_again
     except KeyboardInterrupt as interrupt:
@@ -198,12 +215,12 @@ def points_from_levels(
         raise interrupted_at(
             in_own_laws(best[None])[0], objective.on(form.spec, excerpts), own_form, trace
         ) from interrupt
-    if not len(found.theta):
+    if not len(theta):
         raise no_simulation(form.spec, found.evaluations[-1])
     return StartingPoints(
         objective=objective.on(form.spec, excerpts),
         form=own_form,
-        theta=in_own_laws(distinct_minima(joint.box, found.theta, found.misfit)),
+        theta=in_own_laws(distinct_minima(joint.box, theta, misfit)),
         trace=trace_of(found),
         minima=True,
         warnings=(*doubts_about(found, None, settings), *doubts),
@@ -223,11 +240,11 @@ class _OwnFits:
     theta: Array
     nrmse: Array
 
-    def worse_in(self, objective: Objective, found: MultistartResult) -> NDArray[np.intp]:
-        """The tests that the best minimum describes far worse than their own fits do."""
-        if not len(found.theta):
+    def worse_in(self, objective: Objective, theta: Array) -> NDArray[np.intp]:
+        """The tests that the first of these minima describes far worse than their own fits do."""
+        if not len(theta):
             return np.empty(0, dtype=np.intp)
-        return far_worse(objective.nrmse_of_tests(found.theta[:1])[:, 0], self.nrmse)
+        return far_worse(objective.nrmse_of_tests(theta[:1])[:, 0], self.nrmse)
 
     def at(self, tests: NDArray[np.intp], fits: Sequence[LevelFit]) -> list[LevelFit]:
         """The fits at single commands, with the parameters of these tests first."""
@@ -260,6 +277,22 @@ def _fit_each(problem: Problem, tests: tuple[DamperTest, ...], fits: Sequence[Le
         least = int(np.argmin(minima.misfit))
         command[index], theta[index], nrmse[index] = fit.command, minima.theta[least], minima.misfit[least]
     return _OwnFits(command=command, theta=theta, nrmse=nrmse)
+
+
+def unlike_tests(tests: Sequence[DamperTest], most: int) -> tuple[DamperTest, ...]:
+    """At most this number of the tests, in their order, with strokes and velocities as far apart as can be.
+
+    The first is that of the largest velocity; each further one is that whose stroke and largest velocity, in their
+    logarithms, are farthest from those of all that were taken.
+    """
+    if len(tests) <= most:
+        return tuple(tests)
+    size = np.log([[np.ptp(test.displacement), np.abs(test.velocity).max()] for test in tests])
+    taken = [int(np.argmax(size[:, 1]))]
+    while len(taken) < most:
+        distance = np.linalg.norm(size[:, None] - size[taken], axis=2).min(axis=1)
+        taken.append(int(np.argmax(distance)))
+    return tuple(tests[index] for index in sorted(taken))
 
 
 def _merged(first: MultistartResult, second: MultistartResult) -> MultistartResult:

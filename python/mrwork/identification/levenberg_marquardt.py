@@ -5,9 +5,9 @@ A few candidates take as long to simulate as about fifty, because the time steps
 therefore simulates the Jacobians of all starts together, and likewise all trial steps, several of different damping
 for each start.
 
-Steps follow the limit of stiffness, above which a candidate is not simulated. A hysteresis loop that wants to be
-sharper than the step of the tests resolves would otherwise stop a minimisation where it meets that limit, far from the
-minimum of all its other parameters.
+Steps follow the limit of stiffness, above which a candidate is not simulated, and points above it are moved below. A
+hysteresis loop that wants to be sharper than the step of the tests resolves would otherwise stop a minimisation where
+it meets that limit, far from the minimum of all its other parameters.
 """
 
 from __future__ import annotations
@@ -34,6 +34,8 @@ _MARGIN = 0.02
 _SMALL = 1e-4
 # Most tests whose limits a step may meet at once.
 _MOST_MET = 8
+# Most steps to below the limit.
+_STEPS_BELOW = 10
 
 
 def within_stiffness(
@@ -61,15 +63,39 @@ def within_stiffness(
         return step
     step = step.copy()
     for row in np.flatnonzero(np.any(beyond, axis=1)):
-        nearby = np.concatenate([latent[row, None], latent[row] + _SMALL * np.eye(latent.shape[1])])
-        value, *moved = _log_stiffness(tests, np.asarray(box.theta_from_latent(nearby)))
-        slope = (np.array(moved) - value).T / _SMALL
+        value, slope = _stiffness_and_slope(tests, box, latent[row])
         if not (np.isfinite(value).all() and np.isfinite(slope).all()):
             continue
         room = np.maximum(-_MARGIN - value, 0.0)
         for factor in np.flatnonzero(beyond[row]):
             step[row, factor] = _minimise_within(damped[row, factor], gradient[row], slope, room)
     return step
+
+
+def nearest_below_stiffness(tests: Sequence[ObservedTest], box: Box, theta: Array) -> Array:
+    """Points, shape (n_points, n_params); those above the limit of stiffness moved below it, in latent coordinates.
+
+    A minimum on some tests, or on parts of them, may lie where others are not simulated.
+    """
+    found = theta.copy()
+    for row in np.flatnonzero(np.any(_log_stiffness(tests, theta) > 0.0, axis=1)):
+        latent = np.asarray(box.latent_from_theta(box.inside(theta[[row]])))[0]
+        for _ in range(_STEPS_BELOW):
+            value, slope = _stiffness_and_slope(tests, box, latent)
+            if not (np.isfinite(value).all() and np.isfinite(slope).all()) or value.max() <= 0.0:
+                break
+            latent = latent + _minimise_within(
+                np.eye(latent.size), np.zeros(latent.size), slope, -_MARGIN - value
+            )
+        found[row] = np.asarray(box.theta_from_latent(latent[None]))[0]
+    return found
+
+
+def _stiffness_and_slope(tests: Sequence[ObservedTest], box: Box, latent: Array) -> tuple[Array, Array]:
+    """Logarithm of the stiffness at a point, shape (n_tests,), and its derivative, shape (n_tests, n_free)."""
+    nearby = np.concatenate([latent[None], latent + _SMALL * np.eye(latent.size)])
+    value, *moved = _log_stiffness(tests, np.asarray(box.theta_from_latent(nearby)))
+    return value, (np.array(moved) - value).T / _SMALL
 
 
 def _log_stiffness(tests: Sequence[ObservedTest], theta: Array) -> Array:

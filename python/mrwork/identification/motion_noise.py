@@ -10,13 +10,11 @@ from math import erf, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.identification.equivalent import Form
-from mrwork.identification.objective import Objective, linearised
-from mrwork.identification.progress import Tally, on_every_test
-from mrwork.identification.result import remark_of
+from mrwork.identification.covariance import Slopes
+from mrwork.identification.progress import on_every_test
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import frozen
-from mrwork.records.motion import Smoother, motion_of
+from mrwork.records.motion import Smoother, spectrum
 
 Array = NDArray[np.float64]
 
@@ -31,9 +29,7 @@ _QUANTILE = 1.96
 _SURELY = 2.0
 
 
-def motion_noise_warning(
-    objective: Objective, form: Form, theta: Array, standard_errors: Array, names: Sequence[str]
-) -> tuple[str, ...]:
+def motion_noise_warning(slopes: Slopes, standard_errors: Array, names: Sequence[str]) -> tuple[str, ...]:
     """A sentence where hardly 90 % of the 95 % intervals are expected to hold, for the noise of the motion.
 
     A model is driven by the recorded motion, whose noise it integrates: its force is wrong at reversals, where the
@@ -46,10 +42,10 @@ def motion_noise_warning(
 
     Parameters
     ----------
-    objective
-        Sum of squares, in the parameters of the form.
-    theta, standard_errors
-        The minimum in the parameters of the form, and errors of those of the requested model, shape (n_params,).
+    slopes
+        Of the sum of squares at the minimum.
+    standard_errors
+        Of the parameters of the requested model, shape (n_params,).
     names
         Names of the parameters of the requested model.
     """
@@ -57,8 +53,8 @@ def motion_noise_warning(
     known = np.isfinite(errors) & (errors > 0.0)
     if not known.any():
         return ()
-    changes = np.empty((0, theta.size))
-    for changes in _changes_by_noise(objective, form, theta):
+    changes = np.empty((0, errors.size))
+    for changes in _changes_by_noise(slopes):
         shares = np.sqrt(np.mean(changes**2, axis=0))[known] / errors[known]
         # A mean square of n draws has a relative standard error of sqrt(2/n), a root of it half of that.
         if _held(shares * (1.0 + _SURELY / sqrt(2.0 * len(changes)))) >= _HELD:
@@ -66,7 +62,7 @@ def motion_noise_warning(
     if not len(changes) or _held(shares) >= _HELD:
         return ()
     worst = int(np.argmax(shares))
-    measured = any(test.velocity_source == "measured" for test in objective.tests)
+    measured = any(test.velocity_source == "measured" for test in slopes.objective.tests)
     remedy = "derive the velocity from the displacement by --repair velocity, or " if measured else ""
     return (
         f"noise of the motion dominates: it moves {np.array(names)[known][worst]} by about {shares[worst]:.2g} times "
@@ -80,18 +76,16 @@ def _held(shares: Array) -> float:
     return float(np.mean([erf(_QUANTILE / sqrt(2.0 * (1.0 + each**2))) for each in shares]))
 
 
-def _changes_by_noise(objective: Objective, form: Form, theta: Array) -> Iterator[Array]:
+def _changes_by_noise(slopes: Slopes) -> Iterator[Array]:
     """Changes of the parameters of the requested model by noise of the motion, more and more, (n_draws, n_params).
 
     Draws under which the model cannot be simulated are left out.
     """
-    # With a tally of its own, since these are no candidates.
-    objective = replace(objective.plain, tally=Tally(), journal=None)
-    free = [index for index in form.box.free if remark_of(form.box, index, float(theta[index])) == ""]
-    if not free:
+    objective, form, theta = slopes.objective, slopes.form, slopes.theta
+    interior = slopes.interior
+    if not interior:
         return
-    (residuals,), (slopes,) = linearised(objective, theta[None], free)
-    inverse = np.linalg.pinv(slopes.T)
+    inverse = np.linalg.pinv(slopes.by_interior().T)
     noises = [_MotionNoise.of(test) for test in objective.tests]
 
     def moved(first: int, index: int, threads: int) -> Array | None:
@@ -103,7 +97,7 @@ def _changes_by_noise(objective: Objective, form: Form, theta: Array) -> Iterato
                 return None
             parts.append(part * observed.weight(len(noises)))
         change = np.zeros(theta.size)
-        change[free] = inverse @ (np.concatenate(parts) - residuals)
+        change[interior] = inverse @ (np.concatenate(parts) - slopes.residuals)
         return form.to_model.jacobian(theta) @ change
 
     changes = list[Array]()
@@ -116,32 +110,38 @@ def _changes_by_noise(objective: Objective, form: Form, theta: Array) -> Iterato
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _MotionNoise:
-    """A test with the standard deviations of the noise of its displacement [m] and of a measured velocity [m/s]."""
+    """A test with the standard deviations of the noise of its displacement [m] and of a measured velocity [m/s].
+
+    The `velocity` is `None` where it is derived from the displacement.
+    """
 
     test: DamperTest
     smoother: Smoother
     displacement: float
-    velocity: float
+    velocity: float | None
 
     @classmethod
     def of(cls, test: DamperTest) -> _MotionNoise:
         """The noise that the smoother of the test removes."""
-        motion = motion_of(test.displacement, test.dt)
-        smoother = motion.smoother
+        band = spectrum(test.displacement, test.dt)
+        smoother = Smoother.for_band(band.band_edge, test.dt, test.n_time)
+        measured = test.velocity_source == "measured"
         return cls(
             test=test,
             smoother=smoother,
-            displacement=smoother.noise(test.displacement - motion.displacement),
-            velocity=smoother.noise(test.velocity - smoother.smooth(test.velocity)),
+            displacement=smoother.noise(test.displacement - smoother.smooth(test.displacement)),
+            velocity=smoother.noise(test.velocity - smoother.smooth(test.velocity)) if measured else None,
         )
 
     def again(self, seed: list[int]) -> DamperTest:
         """The test with such a noise added; that of a derived velocity is the noise of its derivation."""
         test = self.test
-        white = np.random.default_rng(seed).standard_normal((2, test.n_time))
-        displacement = self.displacement * white[0]
-        derived = test.velocity_source == "derived"
-        velocity = self.smoother.derivative(displacement) if derived else self.velocity * white[1]
+        rng = np.random.default_rng(seed)
+        displacement = self.displacement * rng.standard_normal(test.n_time)
+        if self.velocity is None:
+            velocity = self.smoother.derivative(displacement)
+        else:
+            velocity = self.velocity * rng.standard_normal(test.n_time)
         return replace(
             test,
             displacement=frozen(test.displacement + displacement),

@@ -160,7 +160,7 @@ class Objective(Summarised):
     @property
     def n_time(self) -> int:
         """Number of samples that are compared, of all tests together."""
-        return sum(test.n_counted for test in self.tests)
+        return sum(each.measured.size for each in self.compared)
 
     @checked
     def __call__(
@@ -371,7 +371,7 @@ def _block(
     objective.tally.simulations += len(theta)
     residuals = np.empty((len(theta), objective.n_time))
     jacobian = np.empty((len(theta), len(columns), objective.n_time))
-    lengths = [test.n_counted for test in objective.tests]
+    lengths = [each.measured.size for each in objective.compared]
     ends = np.cumsum(lengths)
     slices = [slice(end - length, end) for end, length in zip(ends, lengths, strict=True)]
 

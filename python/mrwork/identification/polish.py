@@ -9,10 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.dampers.coordinates import Box
-from mrwork.identification.covariance import covariance_at, standard_errors
+from mrwork.identification.covariance import Slopes, covariance_at, standard_errors
 from mrwork.identification.equivalent import Form
 from mrwork.identification.global_search import StartingPoints
-from mrwork.identification.levenberg_marquardt import LocalMinimum, find_minima, find_minimum
+from mrwork.identification.levenberg_marquardt import (
+    LocalMinimum,
+    find_minima,
+    find_minimum,
+    nearest_below_stiffness,
+)
 from mrwork.identification.multistart import distinct_minima
 from mrwork.identification.objective import Objective
 from mrwork.identification.problem import Problem
@@ -42,6 +47,7 @@ class Polished:
     theta: NDArray[np.float64]
     standard_errors: NDArray[np.float64]
     n_effective: float
+    slopes: Slopes
     steps: int
     converged: bool
 
@@ -75,7 +81,7 @@ def _in_a_batch(problem: Problem, starts: NDArray[np.float64], on_step: OnStep) 
     minima = find_minima(
         problem.objective,
         problem.form.box,
-        starts,
+        nearest_below_stiffness(problem.objective.compared, problem.form.box, starts),
         max_iterations=_FINAL_EVALUATIONS,
         on_iteration=lambda minima: on_step(minima.iterations, float(minima.misfit.min())),
     )
@@ -114,11 +120,13 @@ def _on_the_twin(problem: Problem, starts: NDArray[np.float64], on_step: OnStep)
 
 def _with_standard_errors(objective: Objective, form: Form, ended: LocalMinimum) -> Polished:
     """A minimum with its standard errors, which are those of least squares for every power of the objective."""
-    cov, n_effective = covariance_at(objective.plain, form, ended.theta)
+    slopes = Slopes.at(objective.plain, form, ended.theta)
+    cov, n_effective = covariance_at(slopes)
     return Polished(
         theta=ended.theta,
         standard_errors=standard_errors(cov),
         n_effective=n_effective,
+        slopes=slopes,
         steps=ended.evaluations,
         converged=ended.converged,
     )

@@ -6,7 +6,7 @@ Misfits, local minimisations, likelihoods and predictions all use them.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,7 +34,8 @@ class ObservedTest:
 
     `share` is the weight of its squared NRMSE among other tests. Residuals are the model's force minus the measured one
     [N], over the samples that are compared, with the nuisance parameters at their least-squares values for each
-    candidate.
+    candidate. `counted` are these samples, `measured` is the force there [N], shape (n_counted,), and `variance` its
+    variance [N^2]: found once, because every simulation needs them.
     """
 
     spec: DamperSpec
@@ -42,6 +43,16 @@ class ObservedTest:
     history: _rust.LoadingHistory
     nuisances: tuple[NuisanceName, ...] = ()
     share: float = 1.0
+    counted: slice | NDArray[np.intp] = field(init=False)
+    measured: Array = field(init=False)
+    variance: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        counted = self.test.counted
+        measured = self.test.force[counted]
+        object.__setattr__(self, "counted", counted)
+        object.__setattr__(self, "measured", measured)
+        object.__setattr__(self, "variance", float(np.var(measured)))
 
     @classmethod
     def of(cls, spec: DamperSpec, test: DamperTest, nuisances: tuple[NuisanceName, ...] = ()) -> ObservedTest:
@@ -66,19 +77,13 @@ class ObservedTest:
         return replace(ObservedTest.of(self.spec, test, self.nuisances), share=self.share)
 
     @property
-    def measured(self) -> Array:
-        """The measured force that is compared [N], shape (n_counted,)."""
-        return self.test.force[self.test.counted]
-
-    @property
     def deviation(self) -> float:
         """Standard deviation of the measured force that is compared [N]."""
-        return float(np.std(self.measured))
+        return float(np.sqrt(self.variance))
 
     def weight(self, n_tests: int) -> float:
         """Factor on residuals [N] with which the sum of their squares over all tests is the squared misfit."""
-        measured = self.measured
-        return float(np.sqrt(self.share) / np.sqrt(np.var(measured) * measured.size * n_tests))
+        return float(np.sqrt(self.share) / np.sqrt(self.variance * self.measured.size * n_tests))
 
     def forces(self, theta: Array, *, threads: int = 0) -> tuple[Array, NDArray[np.bool_]]:
         """Force of each row of `theta` as recorded [N], shape (n_batch, n_time), and which rows failed.
@@ -97,7 +102,7 @@ class ObservedTest:
     def residuals(self, theta: Array, *, threads: int = 0) -> tuple[Array, NDArray[np.bool_]]:
         """Residuals of each row of `theta` [N], shape (n_batch, n_counted), and which rows failed."""
         force, failed = self.forces(theta, threads=threads)
-        return without_nuisance(force[:, self.test.counted], self.measured, self.nuisances), failed
+        return without_nuisance(force[:, self.counted], self.measured, self.nuisances), failed
 
     def linearised(
         self, theta: Array, columns: Sequence[int], *, threads: int = 0
@@ -110,7 +115,7 @@ class ObservedTest:
         failed = run.outcome != Outcome.FINISHED
         run.force[failed] = 0.0
         run.jacobian[failed] = 0.0
-        observation, dt, counted = self.test.observation, self.test.dt, self.test.counted
+        observation, dt, counted = self.test.observation, self.test.dt, self.counted
         force, slope = run.force, run.jacobian
         if observation != AS_IT_IS:
             force = observation.observe(force, dt)
@@ -122,7 +127,7 @@ class ObservedTest:
 
     def with_nuisance(self, force: Array) -> tuple[Array, Nuisance]:
         """Apply the least-squares nuisance parameters to a recorded `force` [N], shape (n_time,); return them too."""
-        nuisance = nuisance_of(force[self.test.counted], self.measured, self.test.dt, self.nuisances)
+        nuisance = nuisance_of(force[self.counted], self.measured, self.test.dt, self.nuisances)
         return nuisance.applied(force, self.test.dt) if self.nuisances else force, nuisance
 
     def predicted(self, theta: Array, *, substep_factor: int = 1) -> tuple[Array, Nuisance, int]:

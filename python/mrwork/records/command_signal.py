@@ -80,7 +80,8 @@ def rings_below_zero(command: NDArray[np.float64], unit: CommandUnit) -> bool:
     It stays at no level below zero, is there for at most a tenth of the time, and goes no further than three quarters
     of its highest level; one or two samples are a glitch and may go further.
     """
-    if command.size <= _GLITCH or COMMAND_SCALES[unit].is_signed:
+    # Most commands are never below zero, and their levels take longer to find.
+    if command.size <= _GLITCH or COMMAND_SCALES[unit].is_signed or command.min() >= 0.0:
         return False
     levels = levels_of_command(command)
     noise = command_noise(levels[-1], unit)

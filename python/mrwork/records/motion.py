@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
 from math import factorial
 from typing import Final
@@ -15,6 +16,8 @@ from mrwork.values import holds_arrays
 Array = NDArray[np.float64]
 
 
+# Tests of one rig have few windows and steps, and each has several derivatives.
+@lru_cache(maxsize=16)
 def weights(window: int, order: int, *, derivative: int = 0, step: float = 1.0) -> Array:
     """Savitzky-Golay weights of a derivative at the centre of a window, shape (window,), to convolve with the signal.
 
@@ -25,7 +28,9 @@ def weights(window: int, order: int, *, derivative: int = 0, step: float = 1.0) 
     powers = np.arange(half, -half - 1.0, -1.0) ** np.arange(order + 1.0)[:, None]
     wanted = np.zeros(order + 1)
     wanted[derivative] = factorial(derivative) / step**derivative
-    return np.asarray(np.linalg.lstsq(powers, wanted, rcond=None)[0])
+    found = np.asarray(np.linalg.lstsq(powers, wanted, rcond=None)[0])
+    found.setflags(write=False)
+    return found
 
 
 def savitzky_golay(

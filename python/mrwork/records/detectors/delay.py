@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -26,6 +27,8 @@ _ALIKE: Final = 0.1
 _SHARPNESS: Final = 0.7
 # Largest rms residual relative to the half range of the force; the rest must be noise.
 _LARGEST_RESIDUAL: Final = 0.02
+# Far below the terms of a fit, above their rounding errors: for terms that a window cannot tell apart.
+_NEGLIGIBLE: Final = 1e-14
 _AGREEMENT: Final = 0.006
 _SIGNIFICANT: Final = 3.0
 # Fall of the force at the turn, in half ranges, required for a lead.
@@ -59,9 +62,14 @@ def force_delay(test: DamperTest, motion: SmoothMotion) -> Measured | None:
     branch = _folded(test.force, place, direction, period / test.dt)
     if branch is None:
         return None
-    corners = [_corner(*branch, before) for before in _BEFORE]
-    sharpness = float(np.mean([residual for _, residual in corners]))
-    delays = np.array([delay for delay, _ in corners])
+    corners = []
+    for before in _BEFORE:
+        corner = _corner(*branch, before)
+        if corner is None:
+            return None
+        corners.append(corner)
+    delays, ratios = np.array(corners).T
+    sharpness = float(ratios.mean())
     if not (sharpness < _SHARPNESS and np.ptp(delays) <= _AGREEMENT):
         return None
     # The windows may agree exactly, and a corner may lie anywhere between two samples.
@@ -123,43 +131,91 @@ def _folded(
 
 def _corner(
     time: NDArray[np.float64], force: NDArray[np.float64], count: NDArray[np.float64], before: float
-) -> tuple[float, float]:
-    """Delay of the corner [periods], and its mean square residual relative to that of a smooth curve."""
+) -> tuple[float, float] | None:
+    """Delay of the corner [periods], and its mean square residual relative to that of a smooth curve.
+
+    `None` where the best corner does not describe the force, or is the first or the last that is tried.
+    """
     delays = np.arange(-_LONGEST, _LONGEST + 0.5 * _STEP, _STEP)
-    windows = [_until_fallen(time, force, count, delay, before) for delay in delays]
+    first, end = _until_fallen(time, force, count, delays, before)
+    rows, weight = _windows(first, end, count)
+    terms = _with_corner((time[rows] - delays[:, np.newaxis]) / before)
     residual = np.full(delays.size, np.inf)
-    for trial, (delay, window) in enumerate(zip(delays, windows, strict=True)):
-        if np.count_nonzero(window) >= _FEWEST:
-            s = (time[window] - delay) / before
-            past = np.maximum(s, 0.0)
-            columns = np.stack([np.ones_like(s), s, s**2, past**2, past**3], axis=1)
-            residual[trial] = _mean_square(columns, force[window], count[window])
+    enough = end - first >= _FEWEST
+    least = _triangles(terms, force[rows], weight)[enough, -1, -1]
+    residual[enough] = least**2 / np.sum(weight[enough] ** 2, axis=1)
     best = int(np.argmin(residual))
     if not residual[best] < _LARGEST_RESIDUAL**2 or best in (0, delays.size - 1):
-        return float(delays[best]), np.inf
-    window = windows[best]
-    columns = np.vander((time[window] - delays[best]) / before, 6)
-    smooth = _mean_square(columns, force[window], count[window])
-    return float(delays[best]), float(residual[best] / smooth)
+        return None
+    window = slice(int(first[best]), int(end[best]))
+    s = (time[window] - delays[best]) / before
+    corner = _mean_square(np.stack(_with_corner(s), axis=1), force[window], count[window])
+    smooth = _mean_square(np.vander(s, 6), force[window], count[window])
+    return float(delays[best]), corner / smooth
 
 
 def _until_fallen(
     time: NDArray[np.float64],
     force: NDArray[np.float64],
     count: NDArray[np.float64],
-    delay: float,
+    delays: NDArray[np.float64],
     before: float,
-) -> NDArray[np.bool_]:
-    """Samples from `before` the corner until the force has fallen enough from its branch, a parabola."""
-    ahead = (time > delay - before) & (time <= delay)
-    if np.count_nonzero(ahead) < _FEWEST // 2:
-        return np.zeros_like(ahead)
-    weight = np.sqrt(count[ahead])[:, np.newaxis]
-    columns = np.vander(time - delay, 3)
-    branch = np.linalg.lstsq(columns[ahead] * weight, force[ahead] * weight[:, 0], rcond=None)[0]
-    fallen = (time > delay) & (np.abs(columns @ branch - force) > _FALL)
-    end = time[np.argmax(fallen)] if fallen.any() else time[-1]
-    return np.asarray((time > delay - before) & (time <= end))
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Windows from `before` each corner until the force has fallen enough from its branch, a parabola.
+
+    First sample and the one beyond the last, shape (n_delays,); windows without a branch are empty.
+    """
+    first = np.searchsorted(time, delays - before, side="right")
+    turned = np.searchsorted(time, delays, side="right")
+    rows, weight = _windows(first, turned, count)
+    since = time[rows] - delays[:, np.newaxis]
+    triangles = _triangles((since**2, since, np.ones_like(since)), force[rows], weight)
+    curved, steep, level = np.linalg.solve(triangles[:, :3, :3], triangles[:, :3, 3:])[..., 0].T[
+        ..., np.newaxis
+    ]
+    # In place, because fresh memory costs more than the sums.
+    after = time - delays[:, np.newaxis]
+    branch = curved * after
+    branch += steep
+    branch *= after
+    branch += level
+    branch -= force
+    fallen = np.abs(branch, out=branch) > _FALL
+    fallen &= np.arange(time.size) >= turned[:, np.newaxis]
+    end = np.where(fallen.any(axis=1), np.argmax(fallen, axis=1) + 1, time.size)
+    return first, np.where(turned - first >= _FEWEST // 2, end, first)
+
+
+def _windows(
+    first: NDArray[np.intp], end: NDArray[np.intp], count: NDArray[np.float64]
+) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+    """Samples of windows, filled up to the longest of them, and their weights, of which those filled up have none."""
+    rows = first[:, np.newaxis] + np.arange(max(int(np.max(end - first)), 1))
+    inside = rows < end[:, np.newaxis]
+    rows = np.minimum(rows, count.size - 1)
+    return rows, np.sqrt(count[rows] * inside)
+
+
+def _with_corner(s: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+    """Terms of a parabola and a corner at the time `s` since it."""
+    past = np.maximum(s, 0.0)
+    return np.ones_like(s), s, s**2, past**2, past**3
+
+
+def _triangles(
+    terms: Sequence[NDArray[np.float64]], force: NDArray[np.float64], weight: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Triangular factors of weighted least-squares problems, (n_windows, n_terms + 1, n_terms + 1).
+
+    All arguments have the shape (n_windows, n_rows). The force is the last column, so that the last diagonal element is
+    the norm of the residual. Terms that a window cannot tell apart are kept finite by rows of `_NEGLIGIBLE`.
+    """
+    n_windows, n_rows = weight.shape
+    problem = np.empty((n_windows, n_rows + len(terms), len(terms) + 1))
+    for place, column in enumerate((*terms, force)):
+        np.multiply(column, weight, out=problem[:, :n_rows, place])
+    problem[:, n_rows:] = _NEGLIGIBLE * np.eye(len(terms), len(terms) + 1)
+    return np.asarray(np.linalg.qr(problem, mode="r"))
 
 
 def _mean_square(

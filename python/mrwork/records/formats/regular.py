@@ -110,7 +110,12 @@ def regular_table(
     if first + np.count_nonzero(dropped < layout.data[0]) != layout.data[0]:
         # A blank line of other characters than those of ASCII.
         return None
-    fields = [split(lines[index], layout.delimiter) for index in layout.data]
+    rows = data[_after_lines(data, first) :]
+    del data
+    in_doubt = layout.delimiter != "," and b"," in rows
+    # Without texts and commas in doubt the first row tells what all others have.
+    sampled_rows = layout.data if with_texts or in_doubt else layout.data[:1]
+    fields = [split(lines[index], layout.delimiter) for index in sampled_rows]
     cells = Cells(source=source, names=layout.names, delimiter=layout.delimiter)
     form = Form(
         cells=cells,
@@ -119,9 +124,6 @@ def regular_table(
         n_empty=len(fields[0]) - len(layout.names),
         header=None if layout.header is None else lines[layout.header].strip().encode(encoding),
     )
-    rows = data[_after_lines(data, first) :]
-    del data
-    in_doubt = layout.delimiter != "," and b"," in rows
     read = read_rows(rows, form)
     if read is None:
         return None

@@ -126,6 +126,7 @@ class RunningComparison:
                 threads=self.threads,
                 on_progress=partial(self._report, number, task),
                 warns=False,
+                examines=not fold,
             )
             fit = self._journalled(f"{model}/{step}", lambda journal: identify(journal=journal))
             made.append(fit)

@@ -163,6 +163,7 @@ class RunningLawChoice:
             on_progress=partial(self._report, own, "first laws"),
             journal=journal,
             warns=False,
+            examines=False,
         )
 
     def _try_laws(self, own: ComparedModel, journal: Journal | None) -> None:

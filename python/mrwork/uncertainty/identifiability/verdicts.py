@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from mrwork.arguments import Threads, checked
 from mrwork.dampers.coordinates import Box
-from mrwork.identification.covariance import INSENSITIVE, covariance_at, derivatives_by_model
+from mrwork.identification.covariance import INSENSITIVE, Slopes, covariance_at
 from mrwork.identification.fit import Direction, Fit, Identifiability, ParameterChange, Verdict
 from mrwork.identification.problem import Problem
 from mrwork.identification.result import remarks_of
@@ -304,8 +304,9 @@ def identifiability_of(
     spec, form, theta = problem.spec, problem.form, np.array(fit.theta)
     at_form = np.clip(form.from_model(theta), form.box.lower, form.box.upper)
     box = Box.of(spec).with_bounds(problem.settings.bounds)
-    covariance, n_effective = covariance_at(problem.objective, form, at_form)
-    _, derivative = derivatives_by_model(problem.objective, form, at_form)
+    slopes = Slopes.at(problem.objective, form, at_form)
+    covariance, n_effective = covariance_at(slopes)
+    derivative = slopes.by_model()
     remarks = remarks_of(form, at_form)
     # Fixed by the form for the sake of a redundant scale, not by the user.
     held = {each.name for each in fit.estimates if each.remark == "fixed"} & set(form.fixed)

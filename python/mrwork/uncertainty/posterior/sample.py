@@ -25,7 +25,7 @@ from mrwork.arguments import Threads, Within, checked
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import Interrupted, JournalError, SettingError
-from mrwork.identification.covariance import derivatives_by_model
+from mrwork.identification.covariance import Slopes
 from mrwork.identification.fit import Fit, Provenance
 from mrwork.identification.problem import Problem
 from mrwork.records import DamperTest
@@ -319,7 +319,7 @@ class SamplingProblem:
         theta = np.asarray(self.target.form.to_model(self.start))
         objective = self.target.objective
         scale = Scale.of(self.spec, own, objective.tests, theta)
-        _, derivative = derivatives_by_model(objective.plain, self.target.form, self.start)
+        derivative = Slopes.at(objective.plain, self.target.form, self.start).by_model()
         judged = [
             each.judged(scale.of_parameter(self.spec, index, derivative[:, index]))
             for index, each in enumerate(found[: theta.size])
