@@ -27,8 +27,7 @@ from mrwork.store.destination import Destination
 from mrwork.store.run_folder import FIT_RUN
 from mrwork.store.unfinished import StepJournals
 from mrwork.uncertainty.choice.law_search import FoldedTests
-from mrwork.uncertainty.choice.laws import choose_laws
-from mrwork.uncertainty.choice.running_laws import LawChoice, LawProgress
+from mrwork.uncertainty.choice.laws import LawChoice, LawProgress, choose_laws
 
 COMMANDS = (0.0, 0.5, 1.0)
 

@@ -212,11 +212,6 @@ def identify_from(
     """The final fit of `identify` from the first of the starts in the settings, without a global search.
 
     Coefficients stay in `box`; `trace` is that of the search which led to the start.
-
-    Raises
-    ------
-    Interrupted
-        On Ctrl-C, carrying the `Fit` at the start.
     """
     began = time.perf_counter() - (0.0 if journal is None else journal.seconds_before)
     problem = Problem.of(model, as_tests(tests), settings, threads=threads, journal=journal)
@@ -349,15 +344,7 @@ class _Ending:
 
 
 def starting_points(problem: Problem, *, on_search: OnSearch) -> StartingPoints:
-    """Run the global search of a problem; with current laws that is one of the plain model at each constant command.
-
-    Raises
-    ------
-    SimulationError
-        Where no candidate could be simulated.
-    Interrupted
-        On Ctrl-C, carrying `StartingPoints` with only the best point so far, `None` where there is none.
-    """
+    """Run the global search of a problem; with current laws that is one of the plain model at each constant command."""
     search = problem.search
     assert not isinstance(search, UnregisteredSearch)  # `Problem.of` has refused it
     if problem.form.spec.current is None:

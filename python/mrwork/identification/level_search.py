@@ -103,13 +103,6 @@ def points_from_levels(
 
     Laws that are no polynomials are searched as they are; polynomials by as many values at tested commands, and fitted
     to the tests from there.
-
-    Raises
-    ------
-    SimulationError
-        Where no candidate could be simulated.
-    Interrupted
-        On Ctrl-C, carrying `StartingPoints` with one point, the best so far; `None` where there is none.
     """
     objective, form, rng = problem.objective, problem.form, problem.settings.rng
     excerpts = tuple(middle_excerpt(test, per_cycle=PER_CYCLE) for test in objective.tests)
@@ -390,13 +383,7 @@ def levels_of(spec: DamperSpec, tests: Sequence[DamperTest]) -> dict[float, tupl
 
 
 def refuse_few_levels(spec: DamperSpec, n_levels: int) -> None:
-    """Refuse laws with more coefficients than there are commands.
-
-    Raises
-    ------
-    SettingError
-        Where there are fewer commands than a law has coefficients.
-    """
+    """Refuse laws with more coefficients than there are commands."""
     if n_levels < levels_needed(spec):
         raise SettingError(
             f"the tests run at {n_levels} command(s), the current laws need {levels_needed(spec)}; "
@@ -418,11 +405,6 @@ def _fit_level(
     """Fit the plain model at one command by the search, and from the minima at the nearest command.
 
     `relative` has the magnitude of the measured force at each command.
-
-    Raises
-    ------
-    Interrupted
-        On Ctrl-C, carrying the `LevelFit` of the best point so far; `None` where there is none.
     """
     plain, box = plain_of(problem.form)
     objective = problem.objective.on(plain, tests)

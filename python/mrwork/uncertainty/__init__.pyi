@@ -18,9 +18,9 @@ from .choice.choose import Choice as Choice
 from .choice.choose import choose_model as choose_model
 from .choice.law_table import LawTable as LawTable
 from .choice.law_table import TriedLaws as TriedLaws
+from .choice.laws import LawChoice as LawChoice
 from .choice.laws import choose_laws as choose_laws
 from .choice.ranking import Ranking as Ranking
-from .choice.running_laws import LawChoice as LawChoice
 from .identifiability.profile import Profile as Profile
 from .identifiability.profile import Profiles as Profiles
 from .identifiability.profile import profile as profile

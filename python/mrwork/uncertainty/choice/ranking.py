@@ -39,7 +39,7 @@ class Collapse:
     reason: str
 
 
-def collapsed(
+def find_collapses(
     fits: Mapping[str, Fit],
     residuals: Mapping[str, Residuals],
     n_params: Mapping[str, int],
