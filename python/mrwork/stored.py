@@ -21,8 +21,7 @@ from mrwork.uncertainty.choice.law_table import LawTable
 from mrwork.uncertainty.choice.ranking import Ranking
 from mrwork.uncertainty.identifiability.profile import Profiles
 from mrwork.uncertainty.planning.plan import CheckedPlan
-from mrwork.uncertainty.posterior.draws import Draws
-from mrwork.uncertainty.posterior.draws_file import read_draws
+from mrwork.uncertainty.posterior.draws import Draws, read_draws
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)

@@ -17,7 +17,7 @@ from command_line import COMMAND, PATIENCE, mrwork, started, wait_until
 from mrwork.cli import main
 from mrwork.cli.progress import sampling_described
 from mrwork.identification.fit_file import read_fit
-from mrwork.uncertainty.posterior.draws_file import read_draws
+from mrwork.uncertainty.posterior.draws import read_draws
 from mrwork.uncertainty.posterior.sample import SamplingProgress
 
 

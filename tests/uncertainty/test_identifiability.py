@@ -15,8 +15,9 @@ from mrwork.identification.fit import Estimate, Fit, Identifiability, ParameterC
 from mrwork.identification.identify import identify
 from mrwork.records import DamperTest
 from mrwork.synthetic import synthetic_test
-from mrwork.uncertainty.identifiability.judgement import WEAK, ParameterScale
 from mrwork.uncertainty.identifiability.verdicts import (
+    WEAK,
+    ParameterScale,
     changes_along,
     identifiability_from,
     identifiability_of,

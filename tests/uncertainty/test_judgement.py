@@ -15,7 +15,7 @@ from mrwork.identification.fit import (
     Verdict,
     VerdictName,
 )
-from mrwork.uncertainty.identifiability.judgement import (
+from mrwork.uncertainty.identifiability.verdicts import (
     DEVIATIONS,
     NEGLIGIBLE,
     ParameterScale,

@@ -137,7 +137,7 @@ def _draws(
 ) -> tuple[NDArray[np.float64], str]:
     """Draws of the parameters in the order of `posterior`, and the name of their distribution."""
     from mrwork.uncertainty.planning.plan import normal_draws
-    from mrwork.uncertainty.posterior.draws_file import read_draws
+    from mrwork.uncertainty.posterior.draws import read_draws
 
     draws = read_draws(opened.place, opened.fit)
     if draws is None:

@@ -58,7 +58,7 @@ def _profile(opened: OpenedRun, options: argparse.Namespace) -> int:
     from mrwork.stored import judged_by_additions
     from mrwork.uncertainty.identifiability.profile import profile
     from mrwork.uncertainty.identifiability.verdicts import identifiability_of
-    from mrwork.uncertainty.posterior.draws_file import read_draws
+    from mrwork.uncertainty.posterior.draws import read_draws
 
     findings = told_findings("profile", opened.tests, options)
     # The file of the fit has the intervals of the draws: damaged ones are refused before the profiles are computed.

@@ -89,7 +89,7 @@ def run(options: argparse.Namespace) -> int:
         if draws is None:
             return status
         # ArviZ and HDF5 take seconds to load.
-        from mrwork.uncertainty.posterior.draws_file import draws_content
+        from mrwork.uncertainty.posterior.draws import draws_content
 
         fit = judged_by_additions(opened.place, opened.fit, draws=draws, profiles=profiles)
         contents = {DRAWS: draws_content(draws, opened.fit), FIT: fit_content(fit)}

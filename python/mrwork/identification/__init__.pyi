@@ -1,4 +1,5 @@
 from .equivalent import identifiable_form as identifiable_form
+from .equivalent import search_box as search_box
 from .fit import Estimate as Estimate
 from .fit import Fit as Fit
 from .fit import FitQuality as FitQuality
@@ -15,6 +16,5 @@ from .objective import Objective as Objective
 from .problem import start_from as start_from
 from .progress import Progress as Progress
 from .result import free_run as free_run
-from .search_ranges import search_box as search_box
 from .settings import FitSettings as FitSettings
 from .settings import Multistart as Multistart

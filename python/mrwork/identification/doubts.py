@@ -21,13 +21,12 @@ from mrwork.dampers.coordinates import Box
 from mrwork.dampers.parameters import LawName, law_at, law_named, polynomial_laws
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.identification.covariance import Slopes, autocorrelation_time
-from mrwork.identification.driver_lag import missing_lag
 from mrwork.identification.fit import Fit
 from mrwork.identification.global_search import StartingPoints
 from mrwork.identification.levenberg_marquardt import find_minima
 from mrwork.identification.multistart import linear_warning
 from mrwork.identification.objective import Objective
-from mrwork.identification.polish import Polished
+from mrwork.identification.polish import Polished, missing_lag
 from mrwork.identification.problem import Problem
 from mrwork.identification.progress import on_every_test
 from mrwork.records import DamperTest

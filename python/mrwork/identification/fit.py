@@ -23,7 +23,7 @@ from mrwork.store.record import LowerBound, OrInfinite, Related, UpperBound
 from mrwork.summary import Summarised, Summary, listed, of_unit, rounded
 from mrwork.values import holds_arrays
 
-# Decided in `uncertainty/identifiability/judgement.py` alone, and read from `Fit.verdict_on`.
+# Decided in `uncertainty/identifiability/verdicts.py` alone, and read from `Fit.verdict_on`.
 VerdictName = Literal["identifiable", "weakly identifiable", "sign unknown", "negligible", "not identifiable"]
 
 

@@ -17,7 +17,7 @@ from mrwork.dampers.coordinates import Box
 from mrwork.dampers.nesting import nesting_of
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import Interrupted, SimulationError
-from mrwork.identification.equivalent import Form, identifiable_form
+from mrwork.identification.equivalent import Form, half_ranges, identifiable_form, search_box
 from mrwork.identification.fit import SearchTrace
 from mrwork.identification.multistart import (
     LINEAR_SHARE,
@@ -28,7 +28,6 @@ from mrwork.identification.multistart import (
 )
 from mrwork.identification.objective import Objective
 from mrwork.identification.problem import Problem
-from mrwork.identification.search_ranges import half_ranges, search_box
 from mrwork.identification.settings import Multistart, Start
 from mrwork.records.window import excerpt
 from mrwork.values import holds_arrays

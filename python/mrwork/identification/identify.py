@@ -15,7 +15,6 @@ from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec, damper, damper_models
 from mrwork.errors import Interrupted, MrworkError, MrworkWarning, SimulationError
 from mrwork.identification.doubts import doubts_on_fit
-from mrwork.identification.driver_lag import polish_with_wanted_lag
 from mrwork.identification.fit import Fit, FitStatus, SearchTrace
 from mrwork.identification.global_search import (
     OnSearch,
@@ -25,6 +24,7 @@ from mrwork.identification.global_search import (
 )
 from mrwork.identification.levenberg_marquardt import LocalMinimum
 from mrwork.identification.nuisance import NuisanceName
+from mrwork.identification.polish import polish_with_wanted_lag
 from mrwork.identification.problem import Problem, fingerprint_of
 from mrwork.identification.progress import Progress, Reporter, interruptible
 from mrwork.identification.result import BuildingCost, cost_warning, fit_at

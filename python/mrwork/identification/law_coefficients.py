@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.parameters import CurrentLaw, LawName, ParamSpec, law_named
 from mrwork.dampers.spec import DamperSpec, damper, law_limits
-from mrwork.identification.equivalent import Form
-from mrwork.identification.search_ranges import search_box
+from mrwork.identification.equivalent import Form, search_box
 from mrwork.records import DamperTest
 
 # Largest exponent of a law [1/A or 1/V], either sign.

@@ -18,7 +18,7 @@ from mrwork.dampers.coordinates import Box
 from mrwork.dampers.parameters import LawName, law_by_values, law_through
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import Interrupted, SettingError
-from mrwork.identification.equivalent import Form, identifiable_form
+from mrwork.identification.equivalent import Form, identifiable_form, search_box
 from mrwork.identification.fit import SearchTrace
 from mrwork.identification.global_search import (
     OnSearch,
@@ -51,7 +51,6 @@ from mrwork.identification.multistart import (
 )
 from mrwork.identification.objective import Objective
 from mrwork.identification.problem import Problem
-from mrwork.identification.search_ranges import search_box
 from mrwork.identification.settings import Multistart
 from mrwork.records import DamperTest
 from mrwork.records.command_signal import command_level, levels_of_command

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec
+from mrwork.identification.equivalent import search_box
 from mrwork.identification.global_search import (
     OnSearch,
     StartingPoints,
@@ -22,7 +23,6 @@ from mrwork.identification.level_search import refuse_few_levels, tested_command
 from mrwork.identification.levenberg_marquardt import LocalMinima
 from mrwork.identification.multistart import minima_from
 from mrwork.identification.problem import Problem
-from mrwork.identification.search_ranges import search_box
 from mrwork.records import DamperTest
 from mrwork.records.window import varied_excerpt
 from mrwork.search import EfficientGA, Optimiser, StopRules

@@ -22,7 +22,7 @@ from mrwork.records import DamperTest
 from mrwork.store.record import Related
 from mrwork.summary import Summarised, Summary, listed, rounded
 from mrwork.uncertainty.choice.leave_one_out import UNRELIABLE, LeaveOneOut
-from mrwork.uncertainty.identifiability.judgement import Scale
+from mrwork.uncertainty.identifiability.verdicts import Scale
 
 # Residuals of each test, in deviations of its force, shape (n_counted,).
 Residuals = Sequence[NDArray[np.float64]]

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec
 from mrwork.identification.objective import Objective, linearised
-from mrwork.uncertainty.identifiability.judgement import Scale
+from mrwork.uncertainty.identifiability.verdicts import Scale
 from mrwork.values import holds_arrays
 
 # Largest number of residual entries in one batch.

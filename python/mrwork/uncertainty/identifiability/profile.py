@@ -43,7 +43,7 @@ from mrwork.uncertainty.identifiability.curvature import (
     run_together,
     signed_root,
 )
-from mrwork.uncertainty.identifiability.judgement import (
+from mrwork.uncertainty.identifiability.verdicts import (
     ParameterScale,
     ReasonedVerdict,
     Scale,

@@ -24,7 +24,7 @@ from mrwork.simulate import Outcome, simulate_forces
 from mrwork.store.record import Related
 from mrwork.summary import Summarised, Summary, of_unit, rounded
 from mrwork.uncertainty.identifiability.curvature import Scaled, curvature, linearise
-from mrwork.uncertainty.identifiability.judgement import Scale
+from mrwork.uncertainty.identifiability.verdicts import Scale
 from mrwork.uncertainty.planning.candidates import Candidate, check_possible, motion_of
 from mrwork.values import holds_arrays
 

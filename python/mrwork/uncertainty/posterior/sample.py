@@ -34,7 +34,7 @@ from mrwork.store.codec import array_of
 from mrwork.store.fingerprint import digest_of, package_version
 from mrwork.store.journal import Journal
 from mrwork.summary import Summarised
-from mrwork.uncertainty.identifiability.judgement import Scale
+from mrwork.uncertainty.identifiability.verdicts import Scale
 from mrwork.uncertainty.noise import noise_model
 from mrwork.uncertainty.posterior.draws import (
     LARGEST_RHAT,
