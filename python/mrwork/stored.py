@@ -8,9 +8,8 @@ from pathlib import Path
 from mrwork.arguments import checked
 from mrwork.errors import RecordError
 from mrwork.escaping import escaped
-from mrwork.identification.certainty import Intervals
 from mrwork.identification.equivalent import identifiable_form
-from mrwork.identification.fit import Fit
+from mrwork.identification.fit import Fit, Intervals
 from mrwork.identification.fit_file import read_addition, read_fit
 from mrwork.store.input_file import exists, is_file
 from mrwork.store.record import read_document
@@ -21,9 +20,8 @@ from mrwork.uncertainty.bands.conformal import Calibration
 from mrwork.uncertainty.choice.law_table import LawTable
 from mrwork.uncertainty.choice.ranking import Ranking
 from mrwork.uncertainty.identifiability.profile import Profiles
-from mrwork.uncertainty.planning.plan_draws import CheckedPlan
-from mrwork.uncertainty.posterior.draws import Draws
-from mrwork.uncertainty.posterior.draws_file import read_draws
+from mrwork.uncertainty.planning.plan import CheckedPlan
+from mrwork.uncertainty.posterior.draws import Draws, read_draws
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)

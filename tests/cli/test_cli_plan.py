@@ -13,7 +13,7 @@ from command_line import printed
 
 from mrwork.cli import main
 from mrwork.identification.fit_file import reopen
-from mrwork.uncertainty.posterior.draws_file import read_draws
+from mrwork.uncertainty.posterior.draws import read_draws
 
 
 @pytest.fixture(scope="module")

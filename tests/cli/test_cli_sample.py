@@ -17,7 +17,7 @@ from command_line import COMMAND, PATIENCE, mrwork, started, wait_until
 from mrwork.cli import main
 from mrwork.cli.progress import sampling_described
 from mrwork.identification.fit_file import read_fit
-from mrwork.uncertainty.posterior.draws_file import read_draws
+from mrwork.uncertainty.posterior.draws import read_draws
 from mrwork.uncertainty.posterior.sample import SamplingProgress
 
 
@@ -156,7 +156,7 @@ def test_what_cannot_be_is_one_sentence(
 
 
 def test_the_line_tells_rate_agreement_and_time_left() -> None:
-    from mrwork.uncertainty.posterior.diagnostics import Diagnosis
+    from mrwork.uncertainty.posterior.draws import Diagnosis
 
     told = np.array([1.0])
     diagnosis = Diagnosis(

@@ -10,7 +10,7 @@ import pytest
 from examples import examples
 from hypothesis import given
 
-import mrwork.twins._base  # noqa: F401  (sets double precision)
+import mrwork.twins.equations  # noqa: F401  (sets double precision)
 from mrwork.dampers.coordinates import Box
 from mrwork.errors import SettingError
 

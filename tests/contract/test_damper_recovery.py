@@ -9,8 +9,7 @@ from damper_samples import noise, noise_free_test
 
 from mrwork.dampers.coordinates import Box
 from mrwork.identification.levenberg_marquardt import find_minima
-from mrwork.identification.linearisation import linearised
-from mrwork.identification.objective import Objective
+from mrwork.identification.objective import Objective, linearised
 
 # 0.3 s of motion in a wide band feel every parameter.
 N_TIME = 301

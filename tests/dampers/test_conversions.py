@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-import mrwork.twins._base  # noqa: F401  (sets double precision)
+import mrwork.twins.equations  # noqa: F401  (sets double precision)
 from mrwork.dampers import conversions
 from mrwork.dampers.conversions import (
     OpenSeesBoucWen,
@@ -225,8 +225,8 @@ CONVERSIONS = {
 }
 
 
-@pytest.mark.parametrize("name", CONVERSIONS)
-def test_the_jacobian_of_every_conversion_is_its_derivative(name: str) -> None:
+@pytest.mark.parametrize("name", [name for name in CONVERSIONS if name != "rescaled_bouc_wen"])
+def test_the_jacobian_of_every_conversion_between_models_is_its_derivative(name: str) -> None:
     function: Callable[..., np.ndarray] = CONVERSIONS[name]
     jacobian: Callable[..., np.ndarray] = getattr(conversions, f"{name}_jacobian")
     theta = normalised(1000)

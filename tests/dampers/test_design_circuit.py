@@ -21,7 +21,7 @@ from mrwork.dampers.design import (
     steel,
     wire_diameter,
 )
-from mrwork.dampers.design.fluids import VACUUM_PERMEABILITY
+from mrwork.dampers.design.materials import VACUUM_PERMEABILITY
 from mrwork.errors import MrworkError, SettingError
 
 FLUID = fluid("MRF-132DG")

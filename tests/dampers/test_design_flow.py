@@ -19,7 +19,7 @@ from mrwork.dampers.design import (
     shear_force,
     summed_pressure,
 )
-from mrwork.dampers.design.roots import roots_between
+from mrwork.dampers.design.ranges import roots_between
 from mrwork.errors import SettingError
 
 Pressure = Callable[..., np.ndarray]

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import mrwork as mr
-from mrwork.identification.building_cost import BuildingCost
 from mrwork.identification.fit_file import fit_content, fit_from_json
+from mrwork.identification.result import BuildingCost
 from mrwork.records import DamperTest, build_damper_test
 from mrwork.simulate import Loading, simulate_force
 

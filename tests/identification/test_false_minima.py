@@ -11,9 +11,9 @@ import pytest
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import damper
 from mrwork.identification.identify import identify
-from mrwork.identification.multistart import Multistart, scaled_to_force
+from mrwork.identification.multistart import linear_misfit, scaled_to_force
 from mrwork.identification.objective import Objective
-from mrwork.identification.suspicion import linear_misfit
+from mrwork.identification.settings import Multistart
 from mrwork.records import DamperTest, read_damper_test
 from mrwork.records.window import cut
 from mrwork.synthetic import synthetic_test

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mrwork.identification.suspicion import far_worse, far_worse_sentence
+from mrwork.identification.multistart import far_worse, far_worse_sentence
 from mrwork.synthetic import synthetic_test
 
 

@@ -14,6 +14,7 @@ from mrwork.identification.nuisance import nuisance_of, without_nuisance
 from mrwork.identification.objective import Objective
 from mrwork.identification.progress import Progress
 from mrwork.identification.result import free_run
+from mrwork.identification.settings import FitSettings
 from mrwork.records import DamperTest, Observation
 from mrwork.records.window import excerpt
 from mrwork.search import EfficientGA, StopRules
@@ -139,10 +140,10 @@ def test_misfit_and_residuals_agree_for_every_observation_model(tests: tuple[Dam
     observed = tuple(replace(test, observation=Observation(average_seconds=0.03)) for test in tests)
     for case in (
         Objective.of(PRESET.spec, tests),
-        Objective.of(PRESET.spec, tests, nuisances=("offset",)),
-        Objective.of(PRESET.spec, observed, nuisances=("level", "delay")),
-        Objective.of(PRESET.spec, tests, power=4.0),
-        Objective.of(PRESET.spec, observed, power=3.0),
+        Objective.of(PRESET.spec, tests, FitSettings(nuisances=("offset",))),
+        Objective.of(PRESET.spec, observed, FitSettings(nuisances=("level", "delay"))),
+        Objective.of(PRESET.spec, tests, FitSettings(power=4.0)),
+        Objective.of(PRESET.spec, observed, FitSettings(power=3.0)),
     ):
         np.testing.assert_allclose(case(theta), np.linalg.norm(case.residuals(theta), axis=1), rtol=1e-10)
 
@@ -152,7 +153,9 @@ def test_the_power_of_the_mean_over_tests_is_what_is_minimised(tests: tuple[Damp
     each = np.array([Objective.of(PRESET.spec, (test,))(theta) for test in tests])
     for power in (2.0, 4.0, 7.5):
         mean = np.mean(each**power, axis=0) ** (1.0 / power)
-        np.testing.assert_allclose(Objective.of(PRESET.spec, tests, power=power)(theta), mean, rtol=1e-12)
+        np.testing.assert_allclose(
+            Objective.of(PRESET.spec, tests, FitSettings(power=power))(theta), mean, rtol=1e-12
+        )
     for power in (1.0, 1e3):
         with pytest.raises(SettingError, match="power of the mean over tests is"):
             identify(PRESET.spec, tests, power=power)

@@ -22,10 +22,10 @@ from mrwork.identification.equivalent import Form, identifiable_form
 from mrwork.identification.identify import identify
 from mrwork.identification.levenberg_marquardt import find_minima, find_minimum
 from mrwork.identification.levenberg_marquardt_twin import TwinResiduals, arrays_of, find_minimum_on_twin
-from mrwork.identification.linearisation import linearised
 from mrwork.identification.nuisance import NuisanceName, bounds_without_offsets
-from mrwork.identification.objective import Objective
+from mrwork.identification.objective import Objective, linearised
 from mrwork.identification.result import remark_of
+from mrwork.identification.settings import FitSettings
 from mrwork.records import DamperTest, Observation
 from mrwork.simulate import Loading, simulate_force
 from mrwork.synthetic import synthetic_test
@@ -142,7 +142,7 @@ def test_residuals_of_the_twin_and_their_derivatives_are_those_of_the_lanes(
     nuisances: tuple[NuisanceName, ...], power: float, uncompared: tuple[tuple[int, int], ...]
 ) -> None:
     tests = tuple(replace(test, uncompared=uncompared) for test in joint_tests())
-    objective = Objective.of(LAWS, tests, nuisances=nuisances, power=power)
+    objective = Objective.of(LAWS, tests, FitSettings(nuisances=nuisances, power=power))
     theta = joint_theta() * np.exp(0.1 * np.random.default_rng(2).standard_normal(len(LAWS.names)))
     # No sample is close enough to mid-stroke to feel x_s, and f0 is an offset.
     columns = identifiable_form(LAWS, SHARP | bounds_without_offsets(nuisances, LAWS)).box.free

@@ -13,17 +13,11 @@ from mrwork.cli import main
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import damper
 from mrwork.errors import Interrupted, SettingError
-from mrwork.identification.equivalent import identifiable_form
+from mrwork.identification.equivalent import identifiable_form, search_box
 from mrwork.identification.levenberg_marquardt import Hopeless, find_minima, find_minimum
-from mrwork.identification.linearisation import linearised
-from mrwork.identification.multistart import (
-    Multistart,
-    MultistartResult,
-    distinct_minima,
-    search_starts,
-)
-from mrwork.identification.objective import Objective
-from mrwork.identification.search_ranges import search_box
+from mrwork.identification.multistart import MultistartResult, distinct_minima, search_starts
+from mrwork.identification.objective import Objective, linearised
+from mrwork.identification.settings import Multistart
 from mrwork.synthetic import synthetic_test
 
 TEST = synthetic_test("spencer1997_fast")

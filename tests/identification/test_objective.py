@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from mrwork.dampers.spec import damper
-from mrwork.identification.linearisation import linearised
 from mrwork.identification.nuisance import NuisanceName
-from mrwork.identification.objective import Objective
+from mrwork.identification.objective import Objective, linearised
+from mrwork.identification.settings import FitSettings
 from mrwork.records import DamperTest, Observation
 from mrwork.records.window import cut
 from mrwork.simulate import Loading, simulate_force
@@ -57,7 +57,7 @@ def test_jacobian_is_the_difference_quotient(
     test: DamperTest, nuisances: tuple[NuisanceName, ...], power: float, n_tests: int
 ) -> None:
     tests = (test, other(test))[:n_tests]
-    assert_exact(Objective.of(SPEC, tests, nuisances=nuisances, power=power), rows(1))
+    assert_exact(Objective.of(SPEC, tests, FitSettings(nuisances=nuisances, power=power)), rows(1))
 
 
 def test_jacobian_goes_through_the_observation(test: DamperTest) -> None:
@@ -67,7 +67,7 @@ def test_jacobian_goes_through_the_observation(test: DamperTest) -> None:
             delay_seconds=1.3 * test.dt, lowpass_hz=40.0, average_seconds=5 * test.dt, gain=-0.9, offset=50.0
         ),
     )
-    assert_exact(Objective.of(SPEC, (observed,), nuisances=("offset",)), rows(2))
+    assert_exact(Objective.of(SPEC, (observed,), FitSettings(nuisances=("offset",))), rows(2))
 
 
 def test_jacobian_of_current_laws_over_several_tests(test: DamperTest) -> None:
@@ -101,7 +101,7 @@ def test_tests_side_by_side_give_the_bits_of_one_after_the_other(test: DamperTes
 def test_a_failed_row_has_residuals_of_one_and_no_slope(test: DamperTest) -> None:
     theta = rows(4)
     theta[1] = np.nan
-    objective = Objective.of(SPEC, (test,), nuisances=("offset",))
+    objective = Objective.of(SPEC, (test,), FitSettings(nuisances=("offset",)))
     residuals, jacobian = linearised(objective, theta, [0, 1])
     assert np.all(residuals[1] == 1.0)
     assert np.all(jacobian[1] == 0.0)
@@ -128,7 +128,7 @@ def test_a_force_exponent_of_zero_compares_errors_in_newtons(test: DamperTest) -
     for each in Objective.of(SPEC, tests).compared:
         residuals, _ = each.residuals(theta)
         in_newtons += np.mean(residuals**2, axis=1)
-    weighted = Objective.of(SPEC, tests, force_exponent=0.0)
+    weighted = Objective.of(SPEC, tests, FitSettings(force_exponent=0.0))
     ratio = weighted(theta) ** 2 / in_newtons
     np.testing.assert_allclose(ratio, ratio[0], rtol=1e-12)
     limits = 1.01 * weighted(theta)
@@ -138,4 +138,6 @@ def test_a_force_exponent_of_zero_compares_errors_in_newtons(test: DamperTest) -
 
 @pytest.mark.parametrize("power", [2.0, 6.0])
 def test_jacobian_has_the_weights_of_a_force_exponent(test: DamperTest, power: float) -> None:
-    assert_exact(Objective.of(SPEC, (test, other(test)), power=power, force_exponent=0.5), rows(1))
+    assert_exact(
+        Objective.of(SPEC, (test, other(test)), FitSettings(power=power, force_exponent=0.5)), rows(1)
+    )

@@ -13,10 +13,15 @@ from mrwork.dampers.spec import damper
 from mrwork.errors import RecordError, SettingError, UnknownNameError
 from mrwork.identification.fit_file import fit_from_json
 from mrwork.identification.identify import identify_again
-from mrwork.identification.multistart import Multistart
 from mrwork.identification.problem import Problem, fingerprint_of
-from mrwork.identification.searches import UnregisteredSearch, method_of, search_named, searches
-from mrwork.identification.settings import FitSettings
+from mrwork.identification.settings import (
+    FitSettings,
+    Multistart,
+    UnregisteredSearch,
+    method_of,
+    search_named,
+    searches,
+)
 from mrwork.search import DifferentialEvolution, EfficientGA, StopRules
 from mrwork.store.codec import json_document
 from mrwork.store.fingerprint import differences
@@ -77,15 +82,9 @@ def test_a_fit_has_the_settings_it_was_made_with() -> None:
     assert fit.settings == settings
 
 
-@pytest.mark.parametrize(
-    ("search", "kind"),
-    [({"samples": 5, "closeness": 0.01}, Multistart), ({"population": 9, "stop": {}}, EfficientGA)],
-)
-def test_a_record_of_the_first_version_still_tells_its_search(search: dict[str, Any], kind: type) -> None:
-    settings = FitSettings.of_record({"search": search, "bounds": {"alpha": [1, 2]}, "windows": {}})
-    assert type(settings.search) is kind
-    assert settings.bounds == {"alpha": (1, 2)}
-    assert settings.power == 2.0
+def test_a_record_whose_search_has_no_kind_is_refused() -> None:
+    with pytest.raises(RecordError, match="kind of search"):
+        FitSettings.of_record({"search": {"samples": 5}})
 
 
 @pytest.mark.parametrize("name", ["particle_swarm_constriction", "differential_evolution_random", "genetic"])

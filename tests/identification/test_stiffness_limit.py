@@ -8,9 +8,8 @@ import numpy as np
 
 from mrwork.dampers.spec import damper
 from mrwork.identification.equivalent import identifiable_form
-from mrwork.identification.levenberg_marquardt import find_minima
+from mrwork.identification.levenberg_marquardt import find_minima, nearest_below_stiffness
 from mrwork.identification.objective import Objective
-from mrwork.identification.stiffness_limit import nearest_below_stiffness
 from mrwork.records import DamperTest
 from mrwork.simulate import Loading, simulate_force, stiffness_shares
 from mrwork.synthetic import synthetic_test

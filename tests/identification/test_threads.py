@@ -10,9 +10,9 @@ import pytest
 
 from mrwork.dampers.spec import damper
 from mrwork.errors import SettingError
-from mrwork.identification import Objective
+from mrwork.identification import FitSettings, Objective
 from mrwork.identification.nuisance import NuisanceName
-from mrwork.identification.threads import on_every_test
+from mrwork.identification.progress import on_every_test
 from mrwork.records import DamperTest
 from mrwork.records.window import cut
 from mrwork.synthetic import synthetic_test
@@ -44,7 +44,7 @@ def rows() -> np.ndarray:
 def test_threads_change_no_bit_of_an_objective(n_tests: int, nuisances: tuple[NuisanceName, ...]) -> None:
     tests, theta = given_tests(n_tests), rows()
     alone, *several = (
-        Objective.of(SPEC, tests, nuisances=nuisances, power=4.0, threads=threads)
+        Objective.of(SPEC, tests, FitSettings(nuisances=nuisances, power=4.0), threads=threads)
         for threads in (1, 0, 2, 3, 8)
     )
     for objective in several:

@@ -23,9 +23,9 @@ from mrwork.errors import MrworkWarning, SettingError
 from mrwork.identification.fit import Fit, SearchTrace
 from mrwork.identification.global_search import StartingPoints
 from mrwork.identification.identify import identify_again
-from mrwork.identification.lag_choice import Ended, polish_with_wanted_lag
 from mrwork.identification.levenberg_marquardt_twin import TwinResiduals, arrays_of
 from mrwork.identification.objective import Objective
+from mrwork.identification.polish import Ended, polish_with_wanted_lag
 from mrwork.identification.problem import Problem, fingerprint_of
 from mrwork.identification.scaled_search import relative_force
 from mrwork.identification.settings import FitSettings

@@ -12,7 +12,7 @@ from mrwork.identification.identify import identify
 from mrwork.records import DamperTest, build_damper_test
 from mrwork.simulate import Loading, simulate_force
 from mrwork.uncertainty.noise import noise_model
-from mrwork.uncertainty.posterior.problem import SamplingProblem
+from mrwork.uncertainty.posterior.sample import SamplingProblem
 
 MODEL = "viscous_dahl"
 NOISE_N = 20.0

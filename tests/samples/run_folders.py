@@ -21,9 +21,8 @@ from mrwork.uncertainty.bands.prediction import predict_tests
 from mrwork.uncertainty.choice.law_table import LawTable, TriedLaws
 from mrwork.uncertainty.choice.ranking import Evidence, Ranking, rank
 from mrwork.uncertainty.planning.candidates import Candidate
-from mrwork.uncertainty.planning.plan import LinearisedPosterior
-from mrwork.uncertainty.planning.plan_draws import checked_with_draws, normal_draws
-from mrwork.uncertainty.posterior.draws_file import draws_content
+from mrwork.uncertainty.planning.plan import LinearisedPosterior, checked_with_draws, normal_draws
+from mrwork.uncertainty.posterior.draws import draws_content
 
 WALKERS = 12
 

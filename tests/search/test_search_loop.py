@@ -20,7 +20,7 @@ from mrwork.search import (
     run_replicates,
     run_search,
 )
-from mrwork.search.termination import hypothesis_test
+from mrwork.search.rules import hypothesis_test
 
 
 def only_capped(most):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mrwork.search import expected_termination
-from mrwork.search.termination import first_improvement, hypothesis_test, stalled, statistic, threshold
+from mrwork.search.rules import first_improvement, has_stalled, hypothesis_test, statistic, threshold
 
 
 def test_thresholds_are_those_of_the_source():
@@ -39,7 +39,7 @@ def test_traces_side_by_side_are_judged_each_on_its_own():
         statistic(traces, floor=floor),
         [float(statistic(t, floor=f)) for t, f in zip(traces, floor, strict=True)],
     )
-    assert np.array_equal(stalled(traces, generations=3, tolerance=0.1), [False, True, False])
+    assert np.array_equal(has_stalled(traces, generations=3, tolerance=0.1), [False, True, False])
 
 
 def test_statistic_does_not_depend_on_the_unit_of_the_misfit():
@@ -49,12 +49,12 @@ def test_statistic_does_not_depend_on_the_unit_of_the_misfit():
 
 def test_stall_is_relative_and_needs_its_generations():
     best = np.array([2.0, 1.0, 0.9995, 0.9995])
-    assert stalled(best, generations=2, tolerance=1e-3)
-    assert not stalled(best, generations=2, tolerance=1e-4)
-    assert not stalled(best, generations=3, tolerance=1e-3)
-    assert not stalled(best, generations=4, tolerance=1e-3)
-    assert stalled(np.zeros(5), generations=3, tolerance=1e-3)
-    assert stalled(np.full(5, np.inf), generations=3, tolerance=1e-3)
+    assert has_stalled(best, generations=2, tolerance=1e-3)
+    assert not has_stalled(best, generations=2, tolerance=1e-4)
+    assert not has_stalled(best, generations=3, tolerance=1e-3)
+    assert not has_stalled(best, generations=4, tolerance=1e-3)
+    assert has_stalled(np.zeros(5), generations=3, tolerance=1e-3)
+    assert has_stalled(np.full(5, np.inf), generations=3, tolerance=1e-3)
 
 
 @pytest.mark.parametrize("rate", [0.01, 0.07, 0.3, 1.0])

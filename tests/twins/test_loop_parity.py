@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from loop_twin_samples import LAG, STEP
+from twin_laws import ClippedOptimal, LyapunovBangBang, ModifiedClippedOptimal, Passive
 
 import mrwork as mr
 from mrwork.buildings.devices import Device
@@ -19,16 +20,9 @@ from mrwork.closed_loop.simulate import simulate_loop
 from mrwork.control.laws import ControlLaw
 from mrwork.dampers.spec import DamperSpec
 from mrwork.motions.ground_motion import GroundMotion
-from mrwork.twins.loop.laws import (
-    ClippedOptimal,
-    LyapunovBangBang,
-    LyapunovDirect,
-    ModifiedClippedOptimal,
-    Passive,
-    SignalNetwork,
-)
 from mrwork.twins.loop.plant import LoopDevice, LoopPlant
 from mrwork.twins.loop.run import half_steps, run_loop
+from mrwork.twins.loop.tuned import LyapunovDirect, SignalNetwork
 
 # Tolerance for two thousand steps with another order of summation, and powers accurate to some ulp. A switch that
 # close to its threshold would give a much larger difference.

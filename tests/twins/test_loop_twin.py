@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from jax import Array
 from loop_twin_samples import LARGEST, STEP, a_ground, five_storeys, two_storeys
+from twin_laws import ClippedOptimal, LqrDirect, Passive
 
 import mrwork as mr
 from mrwork.errors import SettingError
-from mrwork.twins.loop.laws import ClippedOptimal, LqrDirect, Passive
 from mrwork.twins.loop.plant import LoopDevice
 from mrwork.twins.loop.run import half_steps, loop_histories, run_loop
 from studies.speed.loop_plain import PlainLoop

@@ -9,22 +9,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-import scipy.linalg
 from jax import Array
 from loop_twin_samples import LARGEST, STEP, a_ground, two_storeys
+from twin_laws import ClippedOptimal, LyapunovBangBang, ModifiedClippedOptimal, switch
 
-from mrwork.twins.loop.laws import (
-    ClippedOptimal,
-    LqrDirect,
-    LyapunovBangBang,
-    LyapunovDirect,
-    Measurement,
-    ModifiedClippedOptimal,
-    switch,
-)
-from mrwork.twins.loop.plant import state_matrices
-from mrwork.twins.loop.riccati import lqr_gain
-from mrwork.twins.loop.run import run_loop
+from mrwork.twins.loop.run import Measurement, run_loop
+from mrwork.twins.loop.tuned import LyapunovDirect
 
 
 def measured(state: Any, force: float) -> Measurement:
@@ -88,19 +78,16 @@ def roughness(law: Any) -> Array:
     return result.worst("peak_drift") / 1e-3 + result.worst("rms_acceleration") + result.worst("mean_current")
 
 
-def lqr_direct(weights: Array) -> Any:
-    state, effect = state_matrices(*two_storeys())
-    strain, kinetic, cost = jnp.exp(weights)
-    weight = scipy.linalg.block_diag(np.full((2, 2), 1e4), np.zeros((2, 2)))
-    weight = strain * jnp.asarray(weight) + kinetic * jnp.diag(jnp.array([0.0, 0.0, 10.0, 10.0]))
-    return LqrDirect(lqr_gain(state, effect, weight, 1e-3 * cost * jnp.eye(1)))
+def lyapunov_direct(weights: Array) -> Any:
+    weight = jnp.concatenate([jnp.zeros(2), weights[:2]])[:, None]
+    return LyapunovDirect(10.0 * jnp.exp(weights[2]), -weight)
 
 
 def softened(weights: Array) -> Any:
     return ClippedOptimal(1e2 * weights[None, :2] @ jnp.eye(2, 4, k=2), width=jnp.exp(weights[2]) * 10.0)
 
 
-@pytest.mark.parametrize("law", [lqr_direct, softened])
+@pytest.mark.parametrize("law", [lyapunov_direct, softened])
 def test_derivatives_of_criteria_are_those_of_differences(law: Callable[[Array], Any]) -> None:
     at = jnp.array([0.4, 0.3, -0.2])
 

@@ -14,6 +14,8 @@ from mrwork.records.operating_range import OperatingRange, Outside
 from mrwork.synthetic import synthetic_test
 from mrwork.uncertainty.bands.band import (
     Band,
+    cycles_of,
+    errors_over_cycles,
     next_test_quantile,
     noise_band,
     parameter_band,
@@ -22,7 +24,6 @@ from mrwork.uncertainty.bands.band import (
     simulate_draws,
 )
 from mrwork.uncertainty.bands.conformal import calibrate, measured_coverage
-from mrwork.uncertainty.bands.cycle import cycles_of, errors_over_cycles
 from mrwork.uncertainty.bands.prediction import (
     Fold,
     Prediction,

@@ -15,8 +15,7 @@ from sinusoidal_tests import MOTIONS, PER_CYCLE, sinusoidal_test
 
 from mrwork.cli.door import parser
 from mrwork.errors import Interrupted, MrworkError, SettingError, UnknownNameError
-from mrwork.identification.multistart import Multistart
-from mrwork.identification.settings import FitSettings
+from mrwork.identification.settings import FitSettings, Multistart
 from mrwork.records import DamperTest
 from mrwork.store import Journal
 from mrwork.store.destination import Destination

@@ -11,11 +11,10 @@ from sinusoidal_tests import sinusoidal_test
 from mrwork.dampers.spec import damper
 from mrwork.identification.fit import Fit
 from mrwork.identification.identify import identify
-from mrwork.identification.multistart import Multistart
+from mrwork.identification.settings import Multistart
 from mrwork.records import DamperTest
-from mrwork.uncertainty.choice.collapse import Collapse, collapsed
 from mrwork.uncertainty.choice.leave_one_out import free_parameters, residuals_of, variance_of
-from mrwork.uncertainty.choice.ranking import Evidence, rank
+from mrwork.uncertainty.choice.ranking import Collapse, Evidence, find_collapses, rank
 
 FEW = Multistart(samples=10, starts=4, most_rounds=2, found=2)
 SIMPLE, RICH = "normalised_bouc_wen", "non_symmetric_bouc_wen"
@@ -27,7 +26,7 @@ def fits_of(test: DamperTest) -> dict[str, Fit]:
 
 
 def collapses(fits: dict[str, Fit], test: DamperTest) -> dict[str, Collapse]:
-    return collapsed(
+    return find_collapses(
         fits,
         {model: residuals_of(fit, (test,)) for model, fit in fits.items()},
         {model: free_parameters(fit) for model, fit in fits.items()},
@@ -97,7 +96,7 @@ def test_a_worse_fit_of_doubtful_parameters_to_another_force_is_no_collapse(
 ) -> None:
     residuals = {model: residuals_of(fit, (test,)) for model, fit in fits.items()}
     away = tuple(each + 0.1 * np.sin(np.arange(each.size)) for each in residuals[RICH])
-    found = collapsed(
+    found = find_collapses(
         fits,
         {SIMPLE: residuals[SIMPLE], RICH: away},
         {SIMPLE: 7, RICH: 10},

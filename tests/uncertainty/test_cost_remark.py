@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 
-from mrwork.identification.building_cost import BuildingCost
-from mrwork.uncertainty.choice.conclusion import cost_remark
-from mrwork.uncertainty.choice.ranking import Evidence, rank
+from mrwork.identification.result import BuildingCost
+from mrwork.uncertainty.choice.ranking import Evidence, cost_remark, rank
 
 FOLDS = (0.070, 0.071, 0.072, 0.073)
 

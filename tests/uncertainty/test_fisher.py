@@ -7,7 +7,7 @@ from posterior_samples import small_fit, small_test
 from mrwork.identification.identify import identify
 from mrwork.uncertainty.noise import NOISES
 from mrwork.uncertainty.posterior.laplace import fisher_information, residual_slope
-from mrwork.uncertainty.posterior.problem import SamplingProblem
+from mrwork.uncertainty.posterior.sample import SamplingProblem
 
 
 @pytest.mark.parametrize("model", ["viscous_dahl", "normalised_bouc_wen"])

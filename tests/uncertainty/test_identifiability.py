@@ -10,20 +10,20 @@ from numpy.typing import NDArray
 
 from mrwork.dampers.conversions import bouc_wen_from_normalised
 from mrwork.dampers.spec import damper
-from mrwork.identification.certainty import Change, Identifiability
 from mrwork.identification.covariance import covariance
-from mrwork.identification.fit import Estimate, Fit
+from mrwork.identification.fit import Estimate, Fit, Identifiability, ParameterChange
 from mrwork.identification.identify import identify
 from mrwork.records import DamperTest
 from mrwork.synthetic import synthetic_test
-from mrwork.uncertainty.identifiability.information import (
+from mrwork.uncertainty.identifiability.verdicts import (
+    WEAK,
+    ParameterScale,
     changes_along,
     identifiability_from,
+    identifiability_of,
     simple_combinations,
     sparse_basis,
 )
-from mrwork.uncertainty.identifiability.judgement import WEAK, ParameterScale
-from mrwork.uncertainty.identifiability.verdicts import identifiability_of
 
 TEST = synthetic_test("spencer1997_fast")
 
@@ -240,7 +240,7 @@ def test_products_and_ratios_have_simple_exponents() -> None:
     changes = changes_along(np.array([0.5, -1.0, 0.5, 0.137, 1e-4]), scales("abcde"))
     assert [each.name for each in changes] == ["a", "b", "c", "d"]
     assert simple_combinations(changes) == ("a^2 b", "a/c")
-    assert simple_combinations([*changes, Change(name="x0", percent=1.0, of_range=True)]) == ()
+    assert simple_combinations([*changes, ParameterChange(name="x0", percent=1.0, of_range=True)]) == ()
     assert [each.in_words for each in changes[:2]] == ["a up 1 %", "b down 2 %"]
 
 

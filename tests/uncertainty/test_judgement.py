@@ -8,14 +8,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mrwork.identification.certainty import (
+from mrwork.identification.fit import (
     Identifiability,
     Interval,
     Intervals,
     Verdict,
     VerdictName,
 )
-from mrwork.uncertainty.identifiability.judgement import (
+from mrwork.uncertainty.identifiability.verdicts import (
     DEVIATIONS,
     NEGLIGIBLE,
     ParameterScale,

@@ -16,7 +16,6 @@ import mrwork as mr
 from mrwork.dampers.spec import damper
 from mrwork.errors import Interrupted, SettingError
 from mrwork.identification.equivalent import identifiable_form
-from mrwork.identification.folded import FoldedTests
 from mrwork.identification.law_coefficients import joint_box, with_other_laws
 from mrwork.identification.levenberg_marquardt import find_minimum
 from mrwork.identification.objective import Objective
@@ -27,8 +26,8 @@ from mrwork.search import EfficientGA, StopRules
 from mrwork.store.destination import Destination
 from mrwork.store.run_folder import FIT_RUN
 from mrwork.store.unfinished import StepJournals
-from mrwork.uncertainty.choice.laws import choose_laws
-from mrwork.uncertainty.choice.running_laws import LawChoice, LawProgress
+from mrwork.uncertainty.choice.law_search import FoldedTests
+from mrwork.uncertainty.choice.laws import LawChoice, LawProgress, choose_laws
 
 COMMANDS = (0.0, 0.5, 1.0)
 

@@ -25,7 +25,7 @@ from mrwork.store.run_folder import FIT_RUN
 from mrwork.store.unfinished import StepJournals
 from mrwork.uncertainty import LawChoice, LawTable, TriedLaws
 from mrwork.uncertainty.choice.law_table import LAW_HEADINGS
-from mrwork.uncertainty.choice.running_laws import LawProgress
+from mrwork.uncertainty.choice.laws import LawProgress
 
 COMMANDS = (0.0, 1.0)
 # Contains dahl as its limit of no stiffness `k_x`; bingham has no hysteresis.

@@ -12,12 +12,11 @@ from scipy.stats import ks_2samp
 from mrwork.errors import SettingError
 from mrwork.identification.identify import identify
 from mrwork.synthetic import synthetic_test
-from mrwork.uncertainty.posterior.diagnostics import convergence
+from mrwork.uncertainty.posterior.draws import convergence
 from mrwork.uncertainty.posterior.laplace import first_walkers
 from mrwork.uncertainty.posterior.nuts import substeps_at, twin_log_posterior
-from mrwork.uncertainty.posterior.prior import Normal
-from mrwork.uncertainty.posterior.problem import SamplingProblem
-from mrwork.uncertainty.posterior.sample import sample
+from mrwork.uncertainty.posterior.sample import SamplingProblem, sample
+from mrwork.uncertainty.posterior.target import Normal
 
 pytest.importorskip("numpyro", reason="numpyro is not installed; pip install 'mrwork[nuts]'")
 

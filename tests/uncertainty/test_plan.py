@@ -26,8 +26,14 @@ from mrwork.uncertainty.planning.candidates import (
     motion_of,
     read_candidates,
 )
-from mrwork.uncertainty.planning.plan import LinearisedPosterior, band_matrix, information, responses
-from mrwork.uncertainty.planning.plan_draws import checked_with_draws, normal_draws
+from mrwork.uncertainty.planning.plan import (
+    LinearisedPosterior,
+    band_matrix,
+    checked_with_draws,
+    information,
+    normal_draws,
+    responses,
+)
 
 STATIC = damper("static_hysteretic")
 HELD = {

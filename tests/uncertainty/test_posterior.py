@@ -18,12 +18,16 @@ from mrwork.errors import Interrupted, JournalError, SettingError
 from mrwork.store import Journal
 from mrwork.store.codec import array_of
 from mrwork.store.journal_file import line_of, read_lines
-from mrwork.uncertainty.posterior.diagnostics import diagnose, next_check
-from mrwork.uncertainty.posterior.draws import Draws, summary_of
-from mrwork.uncertainty.posterior.draws_file import draws_content, read_draws
-from mrwork.uncertainty.posterior.ensemble import Ensemble
-from mrwork.uncertainty.posterior.prior import Normal, Uniform
-from mrwork.uncertainty.posterior.sample import SamplingProgress, sample
+from mrwork.uncertainty.posterior.draws import (
+    Draws,
+    diagnose,
+    draws_content,
+    next_check,
+    read_draws,
+    summary_of,
+)
+from mrwork.uncertainty.posterior.sample import Ensemble, SamplingProgress, sample
+from mrwork.uncertainty.posterior.target import Normal, Uniform
 
 
 def standard_normal(position: np.ndarray) -> np.ndarray:

@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import lognorm, norm, uniform
 
 from mrwork.errors import SettingError
-from mrwork.uncertainty.posterior.prior import parse_prior
+from mrwork.uncertainty.posterior.target import parse_prior
 
 VALUES = np.array([-1.0, 0.3, 2.0, 7.0])
 

@@ -20,11 +20,16 @@ from mrwork.records import DamperTest
 from mrwork.records.window import cut
 from mrwork.simulate import Loading, simulate_force
 from mrwork.synthetic import synthetic_test
-from mrwork.uncertainty.identifiability.curvature import Scaled, curvature
-from mrwork.uncertainty.identifiability.profile import Profile, Profiles
-from mrwork.uncertainty.identifiability.profile_likelihood import ProfileProgress
+from mrwork.uncertainty.identifiability.curvature import (
+    Point,
+    Scaled,
+    curvature,
+    points_of,
+    signed_root,
+    walk,
+)
+from mrwork.uncertainty.identifiability.profile import Profile, ProfileProgress, Profiles
 from mrwork.uncertainty.identifiability.verdicts import identifiability_of
-from mrwork.uncertainty.identifiability.walk import Point, points_of, signed_root, walk
 
 SPEC = damper("static_hysteretic")
 

@@ -12,16 +12,15 @@ from scipy.stats import lognorm, norm
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import damper
 from mrwork.errors import SettingError, UnknownNameError
-from mrwork.identification.autocorrelation import effective_samples
+from mrwork.identification.covariance import effective_samples
 from mrwork.identification.equivalent import identifiable_form
 from mrwork.identification.identify import identify
 from mrwork.records import Observation
 from mrwork.simulate import Loading, simulate_force
 from mrwork.uncertainty.noise import NOISES, noise_model
 from mrwork.uncertainty.posterior.laplace import first_walkers, mode_near
-from mrwork.uncertainty.posterior.prior import Lognormal, Normal
-from mrwork.uncertainty.posterior.problem import SamplingProblem
-from mrwork.uncertainty.posterior.space import Space
+from mrwork.uncertainty.posterior.sample import SamplingProblem
+from mrwork.uncertainty.posterior.target import Lognormal, Normal, Space
 
 SPENCER = damper("normalised_bouc_wen")
 

@@ -17,8 +17,7 @@ from study_texts import study_text
 import mrwork as mr
 from mrwork.errors import MrworkWarning
 from mrwork.identification.fit_file import manifest_of, write_run
-from mrwork.identification.searches import method_of, search_named
-from mrwork.identification.settings import FitSettings
+from mrwork.identification.settings import FitSettings, method_of, search_named
 from mrwork.store.codec import json_document
 from mrwork.store.destination import Destination
 from mrwork.store.journal_file import read_lines

@@ -135,7 +135,7 @@ def _read_here() -> None:
         "mrwork.records.formats.hdf5",
         "mrwork.records.formats.workbook",
         "mrwork.records.table",
-        "mrwork.uncertainty.posterior.draws_file",
+        "mrwork.uncertainty.posterior.draws",
     ):
         vars(importlib.import_module(module))["read_members"] = read_members
 

@@ -46,8 +46,7 @@ from mrwork.errors import SettingError
 from mrwork.identification.fit_file import read_fit
 from mrwork.identification.identify import identify_with
 from mrwork.identification.problem import start_from
-from mrwork.identification.searches import Search, method_of, search_named, searches
-from mrwork.identification.settings import Engine, FitSettings
+from mrwork.identification.settings import Engine, FitSettings, Search, method_of, search_named, searches
 from mrwork.records import DamperTest, observed
 from mrwork.store.unfinished import discard_journal, run_journal
 from mrwork.units import COMMAND_SCALES

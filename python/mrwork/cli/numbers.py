@@ -9,8 +9,7 @@ import argparse
 from dataclasses import dataclass
 from typing import Any
 
-from mrwork.identification.objective import EQUAL_SHARES, ROOT_MEAN_SQUARE
-from mrwork.identification.settings import LARGEST_POWER
+from mrwork.identification.settings import EQUAL_SHARES, LARGEST_POWER, ROOT_MEAN_SQUARE
 from mrwork.search.rules import LARGEST_POPULATION
 from mrwork.uncertainty.planning.candidates import AMPLITUDE_RANGE, COMMAND_RANGE, FREQUENCY_RANGE
 

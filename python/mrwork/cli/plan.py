@@ -25,8 +25,7 @@ from mrwork.uncertainty.planning.candidates import Candidate, Limits, candidate_
 from mrwork.units import CommandUnit
 
 if TYPE_CHECKING:
-    from mrwork.uncertainty.planning.plan import LinearisedPosterior
-    from mrwork.uncertainty.planning.plan_draws import CheckedPlan
+    from mrwork.uncertainty.planning.plan import CheckedPlan, LinearisedPosterior
 
 # Number of rows in the printed table; the document has all.
 _SHOWN = 15
@@ -88,8 +87,7 @@ def run(options: argparse.Namespace) -> int:
 
 def _plan(opened: OpenedRun, options: argparse.Namespace) -> int:
     # SciPy's optimisers are slow to load, and the help does not need them.
-    from mrwork.uncertainty.planning.plan import LinearisedPosterior, plan
-    from mrwork.uncertainty.planning.plan_draws import checked_with_draws
+    from mrwork.uncertainty.planning.plan import LinearisedPosterior, checked_with_draws, plan
 
     findings = told_findings("plan", opened.tests, options)
     spec = opened.fit.spec
@@ -138,8 +136,8 @@ def _draws(
     opened: OpenedRun, posterior: LinearisedPosterior, rng: np.random.Generator
 ) -> tuple[NDArray[np.float64], str]:
     """Draws of the parameters in the order of `posterior`, and the name of their distribution."""
-    from mrwork.uncertainty.planning.plan_draws import normal_draws
-    from mrwork.uncertainty.posterior.draws_file import read_draws
+    from mrwork.uncertainty.planning.plan import normal_draws
+    from mrwork.uncertainty.posterior.draws import read_draws
 
     draws = read_draws(opened.place, opened.fit)
     if draws is None:

@@ -20,7 +20,7 @@ from mrwork.cli.options import (
 )
 from mrwork.cli.output import print_json, told_findings
 from mrwork.cli.terminal import show
-from mrwork.dampers.law_limits import LawLimit, worst_laws
+from mrwork.dampers.spec import LawLimit, worst_laws
 from mrwork.identification.fit_file import read_fit
 from mrwork.identification.nuisance import estimated_in_words, missing_warnings
 from mrwork.identification.problem import prediction_warning

@@ -14,8 +14,7 @@ from mrwork.cli.output import print_json, renew_page, result_lines, told_finding
 from mrwork.cli.progress import PATIENCE, ProgressLine, profile_described
 from mrwork.cli.terminal import note, show
 from mrwork.errors import Interrupted, RecordError
-from mrwork.identification.certainty import Direction
-from mrwork.identification.fit import Fit
+from mrwork.identification.fit import Direction, Fit
 from mrwork.identification.fit_file import OpenedRun, addition_content, fit_content
 from mrwork.store.output_file import write_files
 from mrwork.store.run_folder import FIT, PROFILES, REPORT
@@ -57,9 +56,9 @@ def run(options: argparse.Namespace) -> int:
 def _profile(opened: OpenedRun, options: argparse.Namespace) -> int:
     # SciPy's optimisers are slow to load, and the help does not need them.
     from mrwork.stored import judged_by_additions
-    from mrwork.uncertainty.identifiability.profile_likelihood import profile
+    from mrwork.uncertainty.identifiability.profile import profile
     from mrwork.uncertainty.identifiability.verdicts import identifiability_of
-    from mrwork.uncertainty.posterior.draws_file import read_draws
+    from mrwork.uncertainty.posterior.draws import read_draws
 
     findings = told_findings("profile", opened.tests, options)
     # The file of the fit has the intervals of the draws: damaged ones are refused before the profiles are computed.

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from mrwork.study.run import StudyProgress
     from mrwork.tuning.law_tuning import TuningProgress
     from mrwork.uncertainty.choice.choose import ChoiceProgress
-    from mrwork.uncertainty.choice.running_laws import LawProgress
-    from mrwork.uncertainty.identifiability.profile_likelihood import ProfileProgress
+    from mrwork.uncertainty.choice.laws import LawProgress
+    from mrwork.uncertainty.identifiability.profile import ProfileProgress
     from mrwork.uncertainty.posterior.sample import SamplingProgress
 
 Report = TypeVar("Report")

@@ -20,7 +20,7 @@ from mrwork.store.output_file import write_files
 from mrwork.store.run_folder import CHAIN, DRAWS, FIT, FORMER_CHAIN, begun_of
 from mrwork.store.unfinished import addition_journal, keep_addition
 from mrwork.uncertainty.noise import NOISES, names_in_words
-from mrwork.uncertainty.posterior.prior import Prior, parse_prior
+from mrwork.uncertainty.posterior.target import Prior, parse_prior
 
 if TYPE_CHECKING:
     from mrwork.store import Journal
@@ -89,7 +89,7 @@ def run(options: argparse.Namespace) -> int:
         if draws is None:
             return status
         # ArviZ and HDF5 take seconds to load.
-        from mrwork.uncertainty.posterior.draws_file import draws_content
+        from mrwork.uncertainty.posterior.draws import draws_content
 
         fit = judged_by_additions(opened.place, opened.fit, draws=draws, profiles=profiles)
         contents = {DRAWS: draws_content(draws, opened.fit), FIT: fit_content(fit)}

@@ -14,7 +14,7 @@ from mrwork import _rust
 from mrwork.arguments import checked
 from mrwork.buildings.devices import Device
 from mrwork.buildings.matrices import Building
-from mrwork.dampers.law_limits import LawLimit, worst_laws
+from mrwork.dampers.spec import LawLimit, worst_laws
 from mrwork.errors import SettingError
 from mrwork.records.operating_range import Exceedance, OperatingRange, Outside, least_stroke, worst_of
 from mrwork.summary import Summarised, Summary, rounded

@@ -154,22 +154,6 @@ def rescaled_bouc_wen(theta: AnyArray, A: float) -> Array:
     )
 
 
-def rescaled_bouc_wen_jacobian(theta: Floats, A: float) -> Floats:
-    """Jacobian of `rescaled_bouc_wen`, shape (..., 8, 8): d ln s = -dA_old/A_old."""
-    _, _, _, alpha, gamma, beta, old, n = np.moveaxis(theta, -1, 0)
-    s = A / old
-    power = s ** (1.0 - n)
-    slopes = _unchanged(theta, 3, 8)
-    slopes[..., 3, 3] = 1.0 / s
-    slopes[..., 3, 6] = alpha / A
-    for row, factor in ((4, gamma), (5, beta)):
-        slopes[..., row, row] = power
-        slopes[..., row, 6] = factor * power * (n - 1.0) / old
-        slopes[..., row, 7] = -factor * power * np.log(s)
-    slopes[..., 7, 7] = 1.0
-    return slopes
-
-
 @checked
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OpenSeesBoucWen:
@@ -269,13 +253,7 @@ def solver_remarks(material: OpenSeesBoucWen) -> tuple[str, ...]:
 
 
 def require_bounded_loop(theta: NDArray[np.float64]) -> None:
-    """Check that a `bouc_wen`, shape (8,), has a normalised form.
-
-    Raises
-    ------
-    SettingError
-        If z has no bound z_max for the normalisation, or the loop would not dissipate.
-    """
+    """Check that a `bouc_wen`, shape (8,), has a normalised form."""
     alpha, gamma, beta, A, n = map(float, theta[3:])
     if not (alpha > 0.0 and A > 0.0 and n >= 1.0):
         raise SettingError(

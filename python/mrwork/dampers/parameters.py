@@ -94,13 +94,7 @@ class CurrentLaws:
 def laws_in_order(
     plain: tuple[ParamSpec, ...], laws: Mapping[str, LawName], model: str
 ) -> tuple[LawName, ...]:
-    """Return one law per parameter of the plain model; those not named are constant.
-
-    Raises
-    ------
-    UnknownNameError
-        If `model` has no such parameter, or there is no such law.
-    """
+    """Return one law per parameter of the plain model; those not named are constant."""
     names = [parameter.name for parameter in plain]
     for name in laws:
         if name not in names:
@@ -166,7 +160,7 @@ class CurrentLaw:
         """
         if self.nodes:
             return np.asarray(
-                interpolated(self.nodes, coefficients, command, log=log and self.takes_logarithms)
+                interpolate(self.nodes, coefficients, command, log=log and self.takes_logarithms)
             )
         if self.is_exponential:
             at_zero, factor, exponent = coefficients
@@ -194,7 +188,7 @@ class CurrentLaw:
         return self.degree == 0 if other.degree is None else self.degree < other.degree
 
 
-def interpolated(
+def interpolate(
     nodes: tuple[float, ...], values: Array, command: Array, *, log: bool, xp: ModuleType = np
 ) -> Array:
     """The curve through values at the nodes, shape (n_nodes,), at commands of any shape; `xp` is NumPy or JAX.
@@ -238,13 +232,7 @@ def law_at(law: LawName, commands: Iterable[float]) -> LawName:
 
 @cache
 def law_named(name: LawName) -> CurrentLaw:
-    """The law of a name, such as "quadratic", "quadratic:0,0.5,1" or "values:0,0.5,1".
-
-    Raises
-    ------
-    UnknownChoiceError
-        If there is no such law.
-    """
+    """The law of a name, such as "quadratic", "quadratic:0,0.5,1" or "values:0,0.5,1"."""
     if name in current_laws():
         return current_laws()[name]
     law, _, commands = name.partition(":")

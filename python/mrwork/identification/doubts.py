@@ -1,16 +1,37 @@
-"""What speaks against a fit that has converged: each doubt is a sentence, and they stand in one list."""
+"""What speaks against a fit that has converged: each doubt is a sentence, and they stand in one list.
+
+A moving average that was found in a record is applied also where the fit would be better without it: without it the
+parameters describe the smoothed loop and not the damper, and the fit to the same record says little about which is
+right (DECISIONS.md, 36). Laws through logarithms of values are the default because they predict measured forces between
+the commands better; a parameter that is nearly zero at one command and grows as a polynomial is the exception. Noise of
+the motion makes errors of the parameters that residuals of the force do not show.
+"""
 
 from __future__ import annotations
 
-from mrwork.identification.driver_lag import missing_lag
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from math import erf, sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.dampers.coordinates import Box
+from mrwork.dampers.parameters import LawName, law_at, law_named, polynomial_laws
+from mrwork.dampers.spec import DamperSpec, damper
+from mrwork.identification.covariance import Slopes, autocorrelation_time
 from mrwork.identification.fit import Fit
 from mrwork.identification.global_search import StartingPoints
-from mrwork.identification.law_shape import law_shape_warnings
-from mrwork.identification.motion_noise import motion_noise_warning
-from mrwork.identification.needless_average import needless_average_warnings
-from mrwork.identification.polish import Polished
+from mrwork.identification.levenberg_marquardt import find_minima
+from mrwork.identification.multistart import linear_warning
+from mrwork.identification.objective import Objective
+from mrwork.identification.polish import Polished, missing_lag
 from mrwork.identification.problem import Problem
-from mrwork.identification.suspicion import linear_warning
+from mrwork.identification.progress import on_every_test
+from mrwork.records import DamperTest
+from mrwork.records.damper_test import frozen
+from mrwork.records.motion import Smoother, spectrum
 
 
 def doubts_on_fit(problem: Problem, points: StartingPoints, polished: Polished, fit: Fit) -> tuple[str, ...]:
@@ -26,3 +47,257 @@ def doubts_on_fit(problem: Problem, points: StartingPoints, polished: Polished, 
         *law_shape_warnings(excerpts, form.box, polished.theta),
         *motion_noise_warning(polished.slopes, polished.standard_errors, problem.spec.names),
     )
+
+
+# The fit without the average is better if its misfit is below this share of that with it, and the mean difference of
+# the squared residuals is above this number of its standard errors.
+_BETTER = 0.98
+_SIGNIFICANT = 2.0
+_MOST_ITERATIONS = 30
+# Samples of a window below which the straight lines between them smooth the model's force too.
+_FEW_SAMPLES = 6.0
+
+
+def needless_average_warnings(objective: Objective, box: Box, theta: NDArray[np.float64]) -> tuple[str, ...]:
+    """A sentence for each test with a detected average whose fit would be better without it, by more than chance.
+
+    A single test is fitted again without its average, from the fit `theta`, shape (n_params,). Several tests are
+    compared at `theta`, which the others determine.
+    """
+    found = [index for index, test in enumerate(objective.tests) if _has_detected_average(test)]
+    if not found:
+        return ()
+    without = objective.on(
+        objective.spec,
+        tuple(
+            replace(test, observation=replace(test.observation, average_seconds=0.0))
+            if index in found
+            else test
+            for index, test in enumerate(objective.tests)
+        ),
+    )
+    refitted = theta
+    if len(objective.tests) == 1:
+        refitted = find_minima(without, box, theta[None], max_iterations=_MOST_ITERATIONS).theta[0]
+    sentences = []
+    for index in found:
+        test = objective.tests[index]
+        (averaged,), _ = objective.compared[index].residuals(theta[None])
+        (plain,), _ = without.compared[index].residuals(refitted[None])
+        samples = np.arange(test.n_time)
+        plain = plain[np.isin(samples[without.tests[index].counted], samples[test.counted])]
+        if _is_better(plain, averaged):
+            sentences.append(_sentence(test, _fit_percent(test, averaged), _fit_percent(test, plain)))
+    return tuple(sentences)
+
+
+def _has_detected_average(test: DamperTest) -> bool:
+    smoothing = test.smoothing
+    return (
+        smoothing is not None
+        and "force" in smoothing.channels
+        and test.observation.average_seconds == smoothing.window_seconds
+    )
+
+
+def _is_better(plain: NDArray[np.float64], averaged: NDArray[np.float64]) -> bool:
+    if np.linalg.norm(plain) >= _BETTER * np.linalg.norm(averaged):
+        return False
+    gain = averaged**2 - plain**2
+    n_effective = gain.size / autocorrelation_time(gain - gain.mean())
+    return bool(gain.mean() > _SIGNIFICANT * gain.std() / np.sqrt(n_effective))
+
+
+def _fit_percent(test: DamperTest, residual: NDArray[np.float64]) -> float:
+    return 100.0 * (1.0 - float(np.sqrt(np.mean(residual**2)) / np.std(test.force[test.counted])))
+
+
+def _sentence(test: DamperTest, averaged: float, plain: float) -> str:
+    window = test.observation.average_seconds
+    samples = window / test.dt
+    if samples < _FEW_SAMPLES:
+        reason = (
+            f"the window has only {samples:.2g} samples at the step that is used, too few to average the model's force "
+            "exactly: use every sample of the record, or --observe none"
+        )
+    else:
+        reason = (
+            "it is applied because it was found in the record, and without it the parameters describe the smoothed "
+            "loop and not the damper; try another model, or --observe none if the record was not smoothed"
+        )
+    return (
+        f"{test.label}: without the moving average over {1e3 * window:.4g} ms the fit would be {plain:.2f} % instead "
+        f"of {averaged:.2f} %; {reason}"
+    )
+
+
+# The other laws are named where their misfit is below this share: less is no reason to choose them by the same tests.
+_FAR_BETTER = 0.8
+
+
+def law_shape_warnings(objective: Objective, box: Box, theta: NDArray[np.float64]) -> tuple[str, ...]:
+    """A sentence where the laws through values themselves, fitted from `theta`, shape (n_params,), are far better."""
+    spec = objective.spec
+    through = _laws_through_values(spec)
+    if spec.current is None or not through:
+        return ()
+    plain = damper(spec.name)
+    laws = dict(zip(plain.names, spec.current.laws, strict=True)) | through
+    # Their coefficients have the same names and ranges, because they are the values at the same commands.
+    other = objective.on(
+        plain.with_current_laws(laws, unit=spec.current.unit, lagged=spec.current.lagged), objective.tests
+    )
+    minimum = find_minima(other, box, theta[None], max_iterations=_MOST_ITERATIONS)
+    own, found = float(objective.plain(theta[None])[0]), float(other.plain(minimum.theta)[0])
+    if not found < _FAR_BETTER * own:
+        return ()
+    named = ", ".join(f"{name}={law}" for name, law in through.items())
+    return (
+        "laws through the values themselves, not through their logarithms, describe the tests better: "
+        f"{100.0 * (1.0 - found):.2f} % against {100.0 * (1.0 - own):.2f} %; give {named} as laws",
+    )
+
+
+def _laws_through_values(spec: DamperSpec) -> dict[str, LawName]:
+    """Laws through values for the parameters whose laws take logarithms, by name."""
+    if spec.current is None:
+        return {}
+    polynomials = polynomial_laws()
+    return {
+        parameter.name: law_at(polynomials[len(law.nodes) - 1], law.nodes)
+        for parameter, law in zip(spec.plain, map(law_named, spec.current.laws), strict=True)
+        if law.takes_logarithms and parameter.scale == "log" and len(law.nodes) <= len(polynomials)
+    }
+
+
+Array = NDArray[np.float64]
+
+# Number of motions with more noise that are simulated at most, and in a round.
+_DRAWS = 24
+_ROUND = 4
+# Expected share of the 95 % intervals that hold the parameters, below which the noise of the motion dominates: 90 %,
+# and one for the error of the draws.
+_HELD = 0.91
+_QUANTILE = 1.96
+# Standard errors of the mean square of the draws so far by which it may be too small, when no more are drawn.
+_SURELY = 2.0
+
+
+def motion_noise_warning(slopes: Slopes, standard_errors: Array, names: Sequence[str]) -> tuple[str, ...]:
+    """A sentence where hardly 90 % of the 95 % intervals are expected to hold, for the noise of the motion.
+
+    A model is driven by the recorded motion, whose noise it integrates: its force is wrong at reversals, where the
+    hysteresis depends on it, by errors that the few samples there hardly show. The noise of displacement and velocity,
+    estimated from the records, is added once more, and the change of the force is projected on the parameters,
+
+        change of theta = (J'J)^-1 J' (change of the force),
+
+    as its own errors are. Its mean square over draws has the bias and the scatter.
+
+    Parameters
+    ----------
+    slopes
+        Of the sum of squares at the minimum.
+    standard_errors
+        Of the parameters of the requested model, shape (n_params,).
+    names
+        Names of the parameters of the requested model.
+    """
+    errors = standard_errors
+    known = np.isfinite(errors) & (errors > 0.0)
+    if not known.any():
+        return ()
+    changes = np.empty((0, errors.size))
+    for changes in _changes_by_noise(slopes):
+        shares = np.sqrt(np.mean(changes**2, axis=0))[known] / errors[known]
+        # A mean square of n draws has a relative standard error of sqrt(2/n), a root of it half of that.
+        if _held(shares * (1.0 + _SURELY / sqrt(2.0 * len(changes)))) >= _HELD:
+            return ()
+    if not len(changes) or _held(shares) >= _HELD:
+        return ()
+    worst = int(np.argmax(shares))
+    measured = any(test.velocity_source == "measured" for test in slopes.objective.tests)
+    remedy = "derive the velocity from the displacement by --repair velocity, or " if measured else ""
+    return (
+        f"noise of the motion dominates: it moves {np.array(names)[known][worst]} by about {shares[worst]:.2g} times "
+        f"the error that the residuals of the force give it, so that 95 % intervals hold about "
+        f"{100 * _held(shares):.0f} % of the parameters; {remedy}measure the motion with less noise",
+    )
+
+
+def _held(shares: Array) -> float:
+    """Expected share of the 95 % intervals that hold, where noise moves parameters by these shares of their errors."""
+    return float(np.mean([erf(_QUANTILE / sqrt(2.0 * (1.0 + each**2))) for each in shares]))
+
+
+def _changes_by_noise(slopes: Slopes) -> Iterator[Array]:
+    """Changes of the parameters of the requested model by noise of the motion, more and more, (n_draws, n_params).
+
+    Draws under which the model cannot be simulated are left out.
+    """
+    objective, form, theta = slopes.objective, slopes.form, slopes.theta
+    interior = slopes.interior
+    if not interior:
+        return
+    inverse = np.linalg.pinv(slopes.by_interior().T)
+    noises = [_MotionNoise.of(test) for test in objective.tests]
+
+    def moved(first: int, index: int, threads: int) -> Array | None:
+        parts = []
+        for number, each in enumerate(noises):
+            observed = objective.compared[number].of_test(each.again([first + index, number]))
+            (part,), (failed,) = observed.residuals(theta[None], threads=threads)
+            if failed:
+                return None
+            parts.append(part * observed.weight(len(noises)))
+        change = np.zeros(theta.size)
+        change[interior] = inverse @ (np.concatenate(parts) - slopes.residuals)
+        return form.to_model.jacobian(theta) @ change
+
+    changes = list[Array]()
+    for first in range(0, _DRAWS, _ROUND):
+        draws = on_every_test(_ROUND, objective.threads, partial(moved, first))
+        changes += [change for change in draws if change is not None]
+        if changes:
+            yield np.array(changes)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _MotionNoise:
+    """A test with the standard deviations of the noise of its displacement [m] and of a measured velocity [m/s].
+
+    The `velocity` is `None` where it is derived from the displacement.
+    """
+
+    test: DamperTest
+    smoother: Smoother
+    displacement: float
+    velocity: float | None
+
+    @classmethod
+    def of(cls, test: DamperTest) -> _MotionNoise:
+        """The noise that the smoother of the test removes."""
+        band = spectrum(test.displacement, test.dt)
+        smoother = Smoother.for_band(band.band_edge, test.dt, test.n_time)
+        measured = test.velocity_source == "measured"
+        return cls(
+            test=test,
+            smoother=smoother,
+            displacement=smoother.noise(test.displacement - smoother.smooth(test.displacement)),
+            velocity=smoother.noise(test.velocity - smoother.smooth(test.velocity)) if measured else None,
+        )
+
+    def again(self, seed: list[int]) -> DamperTest:
+        """The test with such a noise added; that of a derived velocity is the noise of its derivation."""
+        test = self.test
+        rng = np.random.default_rng(seed)
+        displacement = self.displacement * rng.standard_normal(test.n_time)
+        if self.velocity is None:
+            velocity = self.smoother.derivative(displacement)
+        else:
+            velocity = self.velocity * rng.standard_normal(test.n_time)
+        return replace(
+            test,
+            displacement=frozen(test.displacement + displacement),
+            velocity=frozen(test.velocity + velocity),
+        )

@@ -1,19 +1,18 @@
-"""The result of an identification: parameters, quality of the fit, identifiability, provenance."""
+"""The result of an identification: parameters and how certain they are, quality of the fit, provenance."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.arguments import Count, NotNegative, Positive, Samples, Whole, checked
+from mrwork.arguments import Count, Level, NotNegative, Positive, Samples, Whole, checked
 from mrwork.dampers.parameters import CurrentLaws
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import UnknownNameError
-from mrwork.identification.certainty import Identifiability, Intervals, Verdict
 from mrwork.identification.nuisance import NONE, Nuisance, NuisanceName
 from mrwork.identification.settings import FitSettings, Reading
 from mrwork.records import AS_IT_IS, DamperTest, Observation, observed
@@ -21,8 +20,166 @@ from mrwork.records.likeness import Likeness, RecordedMotion, likest_of_other_fo
 from mrwork.records.operating_range import OperatingRange, Outside, outside_of
 from mrwork.store.fingerprint import digest_of
 from mrwork.store.record import LowerBound, OrInfinite, Related, UpperBound
-from mrwork.summary import Summarised, Summary, listed, rounded
+from mrwork.summary import Summarised, Summary, listed, of_unit, rounded
 from mrwork.values import holds_arrays
+
+# Decided in `uncertainty/identifiability/verdicts.py` alone, and read from `Fit.verdict_on`.
+VerdictName = Literal["identifiable", "weakly identifiable", "sign unknown", "negligible", "not identifiable"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Interval(Related):
+    """Interval of one parameter in its unit; an end that the data do not bound is `None`.
+
+    `verdict` is `None` in draws of earlier versions.
+    """
+
+    name: str
+    lower: float | None
+    upper: float | None
+    verdict: VerdictName | None
+    reason: str
+
+    def disagreement(self) -> str:
+        """Whether the ends are in order."""
+        if self.lower is None or self.upper is None or self.lower <= self.upper:
+            return ""
+        return f"the interval of {self.name} is from {self.lower:g} to {self.upper:g}"
+
+    def in_words(self, shown: Callable[[float], str]) -> str:
+        """As in "6317 to 7278", or "above 835.8" where one end is open; `shown` writes a number."""
+        if self.lower is None:
+            return "open" if self.upper is None else f"below {shown(self.upper)}"
+        return (
+            f"above {shown(self.lower)}"
+            if self.upper is None
+            else f"{shown(self.lower)} to {shown(self.upper)}"
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Intervals:
+    """Intervals of all free parameters of a fit at one `level`, by profile likelihood or from posterior draws."""
+
+    kind: Literal["profile", "posterior"]
+    level: Level
+    intervals: tuple[Interval, ...]
+
+    @property
+    def heading(self) -> str:
+        """Heading of their column."""
+        return f"{100.0 * self.level:g} % {self.kind} interval"
+
+    def of(self, name: str) -> Interval | None:
+        """The interval of a parameter; `None` where it was not free."""
+        return next((each for each in self.intervals if each.name == name), None)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Verdict:
+    """Identifiability of one parameter, with the reason.
+
+    `standard_error` is in the parameter's unit, for the effective number of samples; `None` where there is none.
+    """
+
+    name: str
+    verdict: VerdictName
+    standard_error: NotNegative | None
+    reason: str
+
+    def by_interval(self, interval: Interval | None) -> Verdict:
+        """The verdict of an interval, where that has one."""
+        if interval is None or interval.verdict is None:
+            return self
+        return replace(self, verdict=interval.verdict, reason=interval.reason)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ParameterChange:
+    """Component of a direction along one parameter: percent of its value, or of its range where `of_range`."""
+
+    name: str
+    percent: float
+    of_range: bool = False
+    amount: float | None = None
+    unit: str = ""
+
+    @property
+    def in_words(self) -> str:
+        """As in "alpha up 1 %", or "x0 down 0.0002 m" where the value may be zero."""
+        way = "up" if self.percent > 0 else "down"
+        if self.of_range and self.amount is not None:
+            return f"{self.name} {way} {of_unit(abs(self.amount), self.unit, 2)}"
+        return f"{self.name} {way} {abs(self.percent):.2g} %"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Direction:
+    """A combined change of parameters that has little effect on the residuals, or none where `seen` is false.
+
+    `effect` is the root mean square of the resulting change of force, per standard deviation of the force.
+    """
+
+    changes: tuple[ParameterChange, ...]
+    effect: NotNegative
+    seen: bool
+    sentence: str
+
+    @property
+    def starts_with_name(self) -> bool:
+        """Whether the sentence starts with the name of a parameter, which is not capitalised.
+
+        It does not where a single parameter has no effect: "the residuals do not depend on it".
+        """
+        return self.seen or len(self.changes) > 1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Identifiability(Summarised):
+    """A verdict for each free parameter, and the directions that the data determine weakly or not at all.
+
+    `n_effective` is the effective number of samples; it is below `n_time` where residuals are correlated. In a fit with
+    intervals the `verdicts` are by these, and `by_derivatives` keeps those that they replaced.
+    """
+
+    verdicts: tuple[Verdict, ...]
+    directions: tuple[Direction, ...]
+    n_time: Count
+    n_effective: Positive
+    by_derivatives: tuple[Verdict, ...] = ()
+
+    def with_intervals(self, intervals: Intervals | None) -> Identifiability:
+        """With the verdicts of the intervals where there are any, else with those by the derivatives."""
+        own = self.by_derivatives or self.verdicts
+        if intervals is None:
+            return replace(self, verdicts=own, by_derivatives=())
+        return replace(
+            self,
+            verdicts=tuple(each.by_interval(intervals.of(each.name)) for each in own),
+            by_derivatives=own,
+        )
+
+    def verdict_on(self, name: str) -> Verdict | None:
+        """The verdict on a parameter; `None` where it was not free."""
+        return next((each for each in self.verdicts if each.name == name), None)
+
+    @property
+    def informative(self) -> tuple[Direction, ...]:
+        """The directions without those along which a parameter moves most whose verdict asks for no caution."""
+        settled = {each.name for each in self.verdicts if each.verdict in ("identifiable", "negligible")}
+        return tuple(each for each in self.directions if not each.seen or each.changes[0].name not in settled)
+
+    def _summary(self) -> Summary:
+        return Summary(
+            title=f"Identifiability from {self.n_time} samples, worth {self.n_effective:.0f} independent ones",
+            columns=("parameter", "standard error [SI]", "verdict", "reason"),
+            rows=[
+                (each.name, rounded(each.standard_error, 2), each.verdict, each.reason)
+                for each in self.verdicts
+            ],
+            notes=[each.sentence for each in self.informative],
+        )
+
 
 # Key of the record of settings that the command line adds to those of `FitSettings`.
 _READING = "reading"
@@ -148,7 +305,7 @@ class Fit(Summarised, Related):
     """An identified damper: estimates in the order of the model's spec, quality per test, provenance.
 
     `n_effective` is the effective number of samples that the standard errors assume, see `effective_samples`; `None`
-    where there are no standard errors, or, in files of earlier versions, those of `n_time` independent residuals.
+    where there are no standard errors.
     `intervals` are those of `profile` or `sample`; where there are any, tables show them and not the standard errors.
     `evaluations` counts the simulated candidates of the search and of the selection of starting points;
     `refinement_steps` counts those of the final fit, one simulation with its derivatives each. `identifiability` is
@@ -156,7 +313,7 @@ class Fit(Summarised, Related):
     runs, one for each test, [N], shape (n_time,); `warnings` are sentences on what could mislead in the result, and
     `status_reason` says why it has not converged, or what a converged fit costs in a building; `motions` recognise the
     tests of the fit and others of the same motion and command; `tested` are the ranges of motion, command and load of
-    the tests, `None` for a fit of an earlier version whose tests cannot be read; `live_settings` are the settings with
+    the tests; `live_settings` are the settings with
     the search that ran. A fit that was read from its file has neither forces nor live settings.
     """
 
@@ -244,10 +401,7 @@ class Fit(Summarised, Related):
 
     @checked
     def seen(self, test: DamperTest) -> Likeness | None:
-        """The test of the fit that a test is, or whose motion, command and force it has; `None` where it is like none.
-
-        A fit of an earlier version recognises identical files only.
-        """
+        """The test of the fit that a test is, or whose motion, command and force it has; `None` if there is none."""
         found = likest_of_same_force(RecordedMotion.of(test), self.motions)
         if found is None and test.sha256:
             same = (label for label, digest in self.provenance.inputs.items() if digest == test.sha256)
@@ -333,6 +487,7 @@ class Fit(Summarised, Related):
         return replace(
             self,
             identifiability=own.with_intervals(self.intervals),
+            n_effective=own.n_effective if self.n_effective is None else self.n_effective,
             estimates=tuple(each.judged(own.verdict_on(each.name)) for each in self.estimates),
         )
 

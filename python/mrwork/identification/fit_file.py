@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
-from math import sqrt
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from mrwork.errors import MrworkError, RecordError
+from mrwork.errors import RecordError
 from mrwork.identification.fit import Fit
-from mrwork.records import DamperTest, RecordedMotion
-from mrwork.records.operating_range import OperatingRange
+from mrwork.records import DamperTest
 from mrwork.store.codec import json_document
 from mrwork.store.destination import Destination
 from mrwork.store.input_file import exists, is_folder, is_there, stored, text_of
@@ -60,12 +58,6 @@ def write_run(
         Further JSON documents, by path inside the folder.
     flush
         Wait until the files are on the disk, unless the fit was interrupted.
-
-    Raises
-    ------
-    OutputError
-        If the destination is a file or a folder that is no run folder, if something would be lost there without
-        leave, or if a file cannot be written. What was there is then unchanged.
     """
     contents = {name: json_document(document).encode() for name, document in (documents or {}).items()}
     write_folder(
@@ -84,13 +76,7 @@ def fit_content(fit: Fit) -> bytes:
 
 
 def read_fit(path: str | Path) -> Fit:
-    """The `Fit` of the run folder at `path`.
-
-    Raises
-    ------
-    RecordError
-        If there is no such folder, it is not a run folder, or its fit cannot be understood.
-    """
+    """The `Fit` of the run folder at `path`."""
     place = Path(path)
     if not is_folder(place):
         what = "is a file" if exists(place) else "does not exist"
@@ -109,8 +95,12 @@ def read_fit(path: str | Path) -> Fit:
     if fit is None:
         raise RecordError(f"{place / FIT} cannot be read (it does not exist); run `mrwork identify` again")
     check_manifest(place, manifest, _facts(fit), file=FIT, verb="identify")
-    fit = _in_terms_of_now(fit)
-    return fit if fit.tested is not None and fit.motions else _with_ranges(fit)
+    if fit.tested is None or not fit.motions:
+        raise RecordError(
+            f"{place / FIT} does not state the tested ranges and motions, as those of development versions; "
+            "run `mrwork identify` again"
+        )
+    return _with_one_verdict(fit)
 
 
 def manifest_of(fit: Fit, status: str) -> dict[str, object]:
@@ -132,21 +122,6 @@ def _facts(fit: Fit) -> dict[str, tuple[object, ...]]:
     }
 
 
-def _with_ranges(fit: Fit) -> Fit:
-    """A fit of an earlier version with the tested ranges and motions of its tests, where they are read as they were."""
-    try:
-        tests = fit.reading().tests()
-    except MrworkError:
-        return fit
-    if not {test.sha256 for test in tests} <= set(fit.provenance.inputs.values()):
-        return fit
-    return replace(
-        fit,
-        tested=OperatingRange.of_tests(tests, None if fit.current is None else fit.current.unit),
-        motions=tuple(RecordedMotion.of(test) for test in tests),
-    )
-
-
 def addition_content(document: Mapping[str, object], fit: Fit) -> bytes:
     """The file of a document about a fit in its run folder; it names the fit, so that it is not taken for another's."""
     return json_document({_FIT_OF: fit.fingerprint, **document}).encode()
@@ -156,11 +131,6 @@ def read_addition(kind: type[T], path: Path, fit: Fit | None, *, name: str, verb
     """Read a file with an `addition_content`; `None` if there is no such file.
 
     Files of earlier versions do not name their fit; without a `fit` that is not asked.
-
-    Raises
-    ------
-    RecordError
-        Where the file is damaged, or of another fit.
     """
     file = stored(verb, name=f"a {name}")
     if not is_there(path, file):
@@ -174,37 +144,13 @@ def read_addition(kind: type[T], path: Path, fit: Fit | None, *, name: str, verb
 
 
 def fit_from_json(text: str, *, origin: str) -> Fit:
-    """Undo `json_document(fit.as_dict())`; `origin` names the document in messages.
-
-    Raises
-    ------
-    RecordError
-        If the text is not JSON or not a fit; the message names the field.
-    """
-    return _in_terms_of_now(record_from_json(Fit, text, origin=origin, name="fit", verb="identify"))
+    """Undo `json_document(fit.as_dict())`; `origin` names the document in messages."""
+    return _with_one_verdict(record_from_json(Fit, text, origin=origin, name="fit", verb="identify"))
 
 
-def _in_terms_of_now(fit: Fit) -> Fit:
-    """The fit with one standard error and one verdict for each parameter; earlier versions could state two."""
-    fit = _with_effective_samples(fit)
+def _with_one_verdict(fit: Fit) -> Fit:
+    """The fit with one standard error and one verdict for each parameter; a file may state two."""
     return fit if fit.identifiability is None else fit.with_identifiability(fit.identifiability)
-
-
-def _with_effective_samples(fit: Fit) -> Fit:
-    """The fit with standard errors of effective samples; those of earlier versions took residuals as independent."""
-    if fit.n_effective is not None or fit.identifiability is None:
-        return fit
-    widening = sqrt(fit.identifiability.n_time / fit.identifiability.n_effective)
-    return replace(
-        fit,
-        n_effective=fit.identifiability.n_effective,
-        estimates=tuple(
-            each
-            if each.standard_error is None
-            else replace(each, standard_error=widening * each.standard_error)
-            for each in fit.estimates
-        ),
-    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -217,13 +163,7 @@ class OpenedRun:
 
 
 def reopen(path: str | Path, *, on_read: OnRead | None = None) -> OpenedRun:
-    """Open the run folder at `path`, with the tests it was identified from; `on_read` is called before each.
-
-    Raises
-    ------
-    RecordError
-        Where it is no run folder, has no record of how its tests were read, or a file is missing or has changed.
-    """
+    """Open the run folder at `path`, with the tests it was identified from; `on_read` is called before each."""
     place = Path(path)
     fit = read_fit(place)
     tests = fit.reading(origin=str(place / FIT)).tests(on_read=on_read)

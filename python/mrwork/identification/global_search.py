@@ -1,4 +1,7 @@
-"""Global search: starting points of the final least-squares fits."""
+"""Global search: starting points of the final least-squares fits.
+
+The simpler model that a searched model contains is fitted first: starts near it, and the misfit to be reached.
+"""
 
 from __future__ import annotations
 
@@ -11,28 +14,121 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.dampers.coordinates import Box
-from mrwork.dampers.spec import DamperSpec
+from mrwork.dampers.nesting import nesting_of
+from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import Interrupted, SimulationError
-from mrwork.identification.equivalent import Form
+from mrwork.identification.equivalent import Form, half_ranges, identifiable_form, search_box
 from mrwork.identification.fit import SearchTrace
 from mrwork.identification.multistart import (
-    Multistart,
+    LINEAR_SHARE,
     MultistartResult,
     distinct_minima,
+    linear_misfit,
     search_starts,
 )
-from mrwork.identification.nested import NestedFit, halves, nested_fit
 from mrwork.identification.objective import Objective
 from mrwork.identification.problem import Problem
-from mrwork.identification.search_ranges import search_box
-from mrwork.identification.settings import Start
-from mrwork.identification.suspicion import LINEAR_SHARE, linear_misfit
+from mrwork.identification.settings import Multistart, Start
 from mrwork.records.window import excerpt
 from mrwork.values import holds_arrays
 
 if TYPE_CHECKING:
     from mrwork.search import Optimiser, SearchResult
     from mrwork.search.loop import GenerationEvent
+
+
+# Called after an iteration with the result so far and the share of the allowed iterations that is used up.
+OnIteration = Callable[[MultistartResult, float], None]
+
+# Nested starts are moved off the faces of the box, by this share of its ranges: on a face a parameter has no slope.
+_OFF_FACES = 5e-3
+# Rounds of the search of a simpler model, and iterations of its local minimisations: its fit is only a start.
+_NESTED_ROUNDS = 3
+_NESTED_ITERATIONS = 30
+# A point near the simpler model has its misfit plus this at most; where bounds exclude such points, it is further away.
+_NEAR = 0.1
+
+
+@holds_arrays
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NestedFit:
+    """Fit of a simpler `model` that the searched one contains.
+
+    `starts` are points of the searched model near it, shape (n_starts, n_params). `misfit` is that of the simpler
+    model, which the searched one can at least approach; infinite where bounds prevent that.
+    """
+
+    model: str
+    starts: NDArray[np.float64]
+    misfit: float
+
+
+def nested_fit(
+    objective: Objective,
+    box: Box,
+    search: Multistart,
+    *,
+    rng: int,
+    on_iteration: OnIteration,
+) -> NestedFit | None:
+    """Search the simpler model that the searched one contains; `None` where there is none.
+
+    It is searched in the same way, with the bounds of the parameters that both models share.
+    """
+    nesting = nesting_of(objective.spec)
+    if nesting is None:
+        return None
+    simpler = damper(nesting.model)
+    names = objective.spec.names
+    bounds = {name: (box.lower[names.index(name)], box.upper[names.index(name)]) for name in nesting.shared}
+    form = identifiable_form(simpler, bounds)
+    rough = objective.on(simpler, objective.tests)
+    search = replace(
+        search,
+        least_rounds=1,
+        most_rounds=min(search.most_rounds, _NESTED_ROUNDS),
+        most_iterations=min(search.most_iterations, _NESTED_ITERATIONS),
+    )
+
+    def lifted(theta: NDArray[np.float64]) -> NDArray[np.float64]:
+        values = dict(zip(simpler.names, theta.tolist(), strict=True))
+        points = nesting.points(values, half_ranges(objective.tests))
+        whole = np.array([[point[name] for name in names] for point in points])
+        unit = np.asarray(box.unit_from_theta(np.clip(whole, box.lower, box.upper)))
+        return np.asarray(box.theta_from_unit(np.clip(unit, _OFF_FACES, 1.0 - _OFF_FACES)))
+
+    first, second = halves(on_iteration)
+    try:
+        deeper = nested_fit(rough, form.box, search, rng=rng, on_iteration=first)
+        found = search_starts(
+            rough,
+            form.box,
+            search_box(simpler, form.box, objective.tests),
+            search,
+            rng=rng,
+            nested=None if deeper is None else deeper.starts,
+            suspicious=math.inf if deeper is None else deeper.misfit,
+            on_iteration=second,
+        )
+    except Interrupted as interrupt:
+        found = interrupt.result
+        if found is None or not len(found.theta):
+            raise Interrupted(None, "search") from interrupt
+        raise Interrupted(replace(found, theta=lifted(found.theta[0])[-1:]), "search") from interrupt
+    if not len(found.theta):
+        return None
+    starts, misfit = lifted(found.theta[0]), float(found.misfit[0])
+    near = float(np.min(objective(starts))) <= misfit + _NEAR
+    return NestedFit(model=simpler.name, starts=starts, misfit=misfit if near else math.inf)
+
+
+def halves(on_iteration: OnIteration) -> tuple[OnIteration, OnIteration]:
+    """Callbacks of two searches, of which each takes half of the work."""
+    return (
+        lambda found, share: on_iteration(found, 0.5 * share),
+        lambda found, share: on_iteration(found, 0.5 + 0.5 * share),
+    )
+
 
 # Largest number of starting points.
 _STARTS = 16
@@ -77,15 +173,7 @@ class StartingPoints:
 
 
 def points_from_multistart(problem: Problem, search: Multistart, *, on_search: OnSearch) -> StartingPoints:
-    """The best minima of a multistart search.
-
-    Raises
-    ------
-    SimulationError
-        Where no candidate could be simulated.
-    Interrupted
-        On Ctrl-C, carrying `StartingPoints` with only the best point so far, `None` where there is none.
-    """
+    """The best minima of a multistart search."""
     form, rng = problem.form, problem.settings.rng
     # The loops of a few cycles are sufficient to find the minima; the final fit compares all samples.
     objective = problem.objective.on(form.spec, tuple(excerpt(test) for test in problem.objective.tests))
@@ -163,30 +251,54 @@ def trace_of(found: MultistartResult) -> SearchTrace:
 
 
 def points_from_optimiser(problem: Problem, search: Optimiser[Any], *, on_search: OnSearch) -> StartingPoints:
-    """The elite of an optimiser (its best points that are far apart), for a model without current laws.
-
-    Raises
-    ------
-    SimulationError
-        Where no candidate could be simulated.
-    Interrupted
-        On Ctrl-C, carrying `StartingPoints` with only the best point so far, `None` where there is none.
-    """
-    objective, form, rng = problem.objective, problem.form, problem.settings.rng
+    """The elite of an optimiser (its best points that are far apart), for a model without current laws."""
+    objective, form = problem.objective, problem.form
     box = search_box(form.spec, form.box, objective.tests)
+
+    def theta_of(unit: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.asarray(box.theta_from_unit(unit))
+
+    found = search_elite(
+        problem, search, objective, form, theta_of, n_params=len(box.free), on_search=on_search
+    )
+    return StartingPoints(
+        objective=objective, form=form, theta=theta_of(found.elite[:_STARTS]), trace=joined_trace([found])
+    )
+
+
+def search_elite(
+    problem: Problem,
+    search: Optimiser[Any],
+    objective: Objective,
+    form: Form,
+    theta_of: Callable[[NDArray[np.float64]], NDArray[np.float64]],
+    *,
+    n_params: int,
+    on_search: OnSearch,
+) -> SearchResult[Any]:
+    """Run an optimiser on unit vectors of size `n_params`, of which `theta_of` makes rows of parameters of the form.
+
+    An interrupt carries the best point so far.
+    """
+    from mrwork.search import run_search
+
     try:
-        found = optimise_in_box(
-            search, objective, box, rng=rng, on_generation=generation_reporter(search, on_search)
+        found = run_search(
+            search,
+            lambda unit: objective(theta_of(unit)),
+            rng=problem.settings.rng,
+            n_params=n_params,
+            on_generation=generation_reporter(search, on_search),
+            journal=objective.journal,
         )
     except Interrupted as interrupt:
         result = interrupt.result
         if not np.isfinite(result.best_misfit):
             raise Interrupted(None, "search") from interrupt
-        theta = np.asarray(box.theta_from_unit(result.best_unit))
-        raise interrupted_at(theta, objective, form, joined_trace([result])) from interrupt
+        best = theta_of(result.best_unit[None])[0]
+        raise interrupted_at(best, objective, form, joined_trace([result])) from interrupt
     refuse_empty_elite(form.spec, found)
-    theta = np.asarray(box.theta_from_unit(found.elite[:_STARTS]))
-    return StartingPoints(objective=objective, form=form, theta=theta, trace=joined_trace([found]))
+    return found
 
 
 def optimise_in_box(
@@ -245,13 +357,7 @@ def joined_trace(searches: Sequence[SearchResult[Any]]) -> SearchTrace:
 
 
 def refuse_empty_elite(spec: DamperSpec, found: SearchResult[Any]) -> None:
-    """Refuse a search in which every simulation failed.
-
-    Raises
-    ------
-    SimulationError
-        Where the search has no elite.
-    """
+    """Refuse a search in which every simulation failed."""
     if len(found.elite) == 0:
         raise no_simulation(spec, found.evaluations)
 

@@ -14,7 +14,6 @@ from mrwork.arguments import Seed, Threads, checked
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec, damper, damper_models
 from mrwork.errors import Interrupted, MrworkError, MrworkWarning, SimulationError
-from mrwork.identification.building_cost import BuildingCost, cost_warning
 from mrwork.identification.doubts import doubts_on_fit
 from mrwork.identification.fit import Fit, FitStatus, SearchTrace
 from mrwork.identification.global_search import (
@@ -23,15 +22,13 @@ from mrwork.identification.global_search import (
     points_from_multistart,
     points_from_optimiser,
 )
-from mrwork.identification.lag_choice import polish_with_wanted_lag
 from mrwork.identification.levenberg_marquardt import LocalMinimum
-from mrwork.identification.multistart import Multistart
 from mrwork.identification.nuisance import NuisanceName
+from mrwork.identification.polish import polish_with_wanted_lag
 from mrwork.identification.problem import Problem, fingerprint_of
 from mrwork.identification.progress import Progress, Reporter, interruptible
-from mrwork.identification.result import fit_at
-from mrwork.identification.searches import Search, UnregisteredSearch
-from mrwork.identification.settings import Engine, FitSettings, Start
+from mrwork.identification.result import BuildingCost, cost_warning, fit_at
+from mrwork.identification.settings import Engine, FitSettings, Multistart, Search, Start, UnregisteredSearch
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
 from mrwork.records.observing import DETECT, as_words
@@ -215,11 +212,6 @@ def identify_from(
     """The final fit of `identify` from the first of the starts in the settings, without a global search.
 
     Coefficients stay in `box`; `trace` is that of the search which led to the start.
-
-    Raises
-    ------
-    Interrupted
-        On Ctrl-C, carrying the `Fit` at the start.
     """
     began = time.perf_counter() - (0.0 if journal is None else journal.seconds_before)
     problem = Problem.of(model, as_tests(tests), settings, threads=threads, journal=journal)
@@ -352,15 +344,7 @@ class _Ending:
 
 
 def starting_points(problem: Problem, *, on_search: OnSearch) -> StartingPoints:
-    """Run the global search of a problem; with current laws that is one of the plain model at each constant command.
-
-    Raises
-    ------
-    SimulationError
-        Where no candidate could be simulated.
-    Interrupted
-        On Ctrl-C, carrying `StartingPoints` with only the best point so far, `None` where there is none.
-    """
+    """Run the global search of a problem; with current laws that is one of the plain model at each constant command."""
     search = problem.search
     assert not isinstance(search, UnregisteredSearch)  # `Problem.of` has refused it
     if problem.form.spec.current is None:

@@ -6,11 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.dampers.coordinates import Box
-from mrwork.dampers.law_limits import law_limits
 from mrwork.dampers.parameters import CurrentLaw, LawName, ParamSpec, law_named
-from mrwork.dampers.spec import DamperSpec, damper
-from mrwork.identification.equivalent import Form
-from mrwork.identification.search_ranges import search_box
+from mrwork.dampers.spec import DamperSpec, damper, law_limits
+from mrwork.identification.equivalent import Form, search_box
 from mrwork.records import DamperTest
 
 # Largest exponent of a law [1/A or 1/V], either sign.
@@ -45,7 +43,7 @@ def fitted_law(
         return [float(np.median(column))]
     if kind.nodes:
         return _values_at_nodes(kind, parameter, commands, column)
-    full = fitted_degree(law)
+    full = _fitted_degree(law)
     degree = min(full, len(commands) - 1)
     polynomial = [float(each) for each in np.polyfit(commands, column, degree)[::-1]] + [0.0] * (
         full - degree
@@ -142,7 +140,7 @@ def plain_of(form: Form) -> tuple[DamperSpec, Box]:
 def joint_box(form: Form, tests: tuple[DamperTest, ...], commands: NDArray[np.float64]) -> Box:
     """The box of a joint fit: ranges of coefficients follow from the stroke, speed, force and commands of the tests."""
     searched = search_box(*plain_of(form), tests)
-    return _limited(form, _law_box(form.spec, searched, commands, margin=_MARGIN))
+    return _limit_box(form, _law_box(form.spec, searched, commands, margin=_MARGIN))
 
 
 def _law_box(spec: DamperSpec, searched: Box, commands: NDArray[np.float64], *, margin: float = 1.0) -> Box:
@@ -170,7 +168,7 @@ def _law_box(spec: DamperSpec, searched: Box, commands: NDArray[np.float64], *, 
     return admissible.with_bounds(bounds)
 
 
-def _limited(form: Form, limits: Box) -> Box:
+def _limit_box(form: Form, limits: Box) -> Box:
     """The box of a form, where parameters that the user has not bounded have the range of `limits`.
 
     Local minimisations run in the logit of the range; for a range of +-1e9 the logit resolves useful values poorly.
@@ -186,10 +184,10 @@ def _limited(form: Form, limits: Box) -> Box:
 
 def levels_needed(spec: DamperSpec) -> int:
     """Number of commands that the laws of a model need."""
-    return 1 + max((fitted_degree(law) for law in spec.current.laws), default=0) if spec.current else 1
+    return 1 + max((_fitted_degree(law) for law in spec.current.laws), default=0) if spec.current else 1
 
 
-def fitted_degree(law: LawName) -> int:
+def _fitted_degree(law: LawName) -> int:
     """Degree of the polynomial that is fitted to values over the command; 1 for an exponential law."""
     kind = law_named(law)
     if kind.nodes:

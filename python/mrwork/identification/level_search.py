@@ -18,7 +18,7 @@ from mrwork.dampers.coordinates import Box
 from mrwork.dampers.parameters import LawName, law_by_values, law_through
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import Interrupted, SettingError
-from mrwork.identification.equivalent import Form, identifiable_form
+from mrwork.identification.equivalent import Form, identifiable_form, search_box
 from mrwork.identification.fit import SearchTrace
 from mrwork.identification.global_search import (
     OnSearch,
@@ -26,6 +26,7 @@ from mrwork.identification.global_search import (
     doubts_about,
     generation_reporter,
     interrupted_at,
+    nested_fit,
     no_simulation,
     optimise_in_box,
     refuse_empty_elite,
@@ -42,16 +43,15 @@ from mrwork.identification.law_coefficients import (
 )
 from mrwork.identification.levenberg_marquardt import find_minima
 from mrwork.identification.multistart import (
-    Multistart,
     MultistartResult,
     distinct_minima,
+    far_worse,
+    far_worse_sentence,
     search_starts,
 )
-from mrwork.identification.nested import nested_fit
 from mrwork.identification.objective import Objective
 from mrwork.identification.problem import Problem
-from mrwork.identification.search_ranges import search_box
-from mrwork.identification.suspicion import far_worse, far_worse_sentence
+from mrwork.identification.settings import Multistart
 from mrwork.records import DamperTest
 from mrwork.records.command_signal import command_level, levels_of_command
 from mrwork.records.window import middle_excerpt
@@ -102,13 +102,6 @@ def points_from_levels(
 
     Laws that are no polynomials are searched as they are; polynomials by as many values at tested commands, and fitted
     to the tests from there.
-
-    Raises
-    ------
-    SimulationError
-        Where no candidate could be simulated.
-    Interrupted
-        On Ctrl-C, carrying `StartingPoints` with one point, the best so far; `None` where there is none.
     """
     objective, form, rng = problem.objective, problem.form, problem.settings.rng
     excerpts = tuple(middle_excerpt(test, per_cycle=PER_CYCLE) for test in objective.tests)
@@ -389,13 +382,7 @@ def levels_of(spec: DamperSpec, tests: Sequence[DamperTest]) -> dict[float, tupl
 
 
 def refuse_few_levels(spec: DamperSpec, n_levels: int) -> None:
-    """Refuse laws with more coefficients than there are commands.
-
-    Raises
-    ------
-    SettingError
-        Where there are fewer commands than a law has coefficients.
-    """
+    """Refuse laws with more coefficients than there are commands."""
     if n_levels < levels_needed(spec):
         raise SettingError(
             f"the tests run at {n_levels} command(s), the current laws need {levels_needed(spec)}; "
@@ -417,11 +404,6 @@ def _fit_level(
     """Fit the plain model at one command by the search, and from the minima at the nearest command.
 
     `relative` has the magnitude of the measured force at each command.
-
-    Raises
-    ------
-    Interrupted
-        On Ctrl-C, carrying the `LevelFit` of the best point so far; `None` where there is none.
     """
     plain, box = plain_of(problem.form)
     objective = problem.objective.on(plain, tests)

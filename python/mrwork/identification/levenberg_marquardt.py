@@ -4,6 +4,10 @@ Residuals and Jacobian come from one simulation, which takes a quarter longer th
 A few candidates take as long to simulate as about fifty, because the time steps of a record are sequential. The batch
 therefore simulates the Jacobians of all starts together, and likewise all trial steps, several of different damping
 for each start.
+
+Steps follow the limit of stiffness, above which a candidate is not simulated, and points above it are moved below. A
+hysteresis loop that wants to be sharper than the step of the tests resolves would otherwise stop a minimisation where
+it meets that limit, far from the minimum of all its other parameters.
 """
 
 from __future__ import annotations
@@ -18,10 +22,115 @@ from numpy.typing import NDArray
 from mrwork.arguments import Count, Shape, Within, checked
 from mrwork.dampers.coordinates import Box
 from mrwork.errors import JournalError
-from mrwork.identification.linearisation import linearised
-from mrwork.identification.objective import Objective
-from mrwork.identification.stiffness_limit import within_stiffness
+from mrwork.identification.objective import Objective, linearised
+from mrwork.identification.residual import ObservedTest
 from mrwork.values import holds_arrays
+
+Array = NDArray[np.float64]
+
+# Distance from the limit that a step along it keeps, in the logarithm of the stiffness: the limit is curved.
+_MARGIN = 0.02
+# Step in latent coordinates of the differences.
+_SMALL = 1e-4
+# Most tests whose limits a step may meet at once.
+_MOST_MET = 8
+# Most steps of a point to below the limit; points further above it, in the logarithm of the stiffness, stay.
+_STEPS_BELOW = 10
+_NOT_FAR_ABOVE = 0.7
+
+
+def within_stiffness(
+    tests: Sequence[ObservedTest],
+    box: Box,
+    latent: Array,
+    step: Array,
+    damped: Array,
+    gradient: Array,
+) -> Array:
+    """Damped least-squares steps, those that end above the limit of stiffness replaced by the best ones below it.
+
+    Parameters
+    ----------
+    latent
+        Points, shape (n_rows, n_free).
+    step
+        Steps from them, shape (n_rows, n_dampings, n_free), that minimise the quadratic functions of `damped`, shape
+        (n_rows, n_dampings, n_free, n_free), and `gradient`, shape (n_rows, n_free).
+    """
+    ends = np.asarray(box.theta_from_latent(latent[:, None] + step))
+    stiffness = _log_stiffness(tests, ends.reshape(-1, ends.shape[-1])).reshape(*ends.shape[:2], -1)
+    beyond = np.any(stiffness > 0.0, axis=2)
+    if not beyond.any():
+        return step
+    step = step.copy()
+    for row in np.flatnonzero(np.any(beyond, axis=1)):
+        value, slope = _stiffness_and_slope(tests, box, latent[row])
+        if not (np.isfinite(value).all() and np.isfinite(slope).all()):
+            continue
+        room = np.maximum(-_MARGIN - value, 0.0)
+        for factor in np.flatnonzero(beyond[row]):
+            step[row, factor] = _minimise_within(damped[row, factor], gradient[row], slope, room)
+    return step
+
+
+def nearest_below_stiffness(tests: Sequence[ObservedTest], box: Box, theta: Array) -> Array:
+    """Points, shape (n_points, n_params), those little above the limit of stiffness moved below it.
+
+    A minimum on some tests, or on parts of them, may lie where others are not simulated. The move is the shortest in
+    latent coordinates.
+    """
+    found = theta.copy()
+    excess = _log_stiffness(tests, theta).max(axis=1)
+    for row in np.flatnonzero((excess > 0.0) & (excess < _NOT_FAR_ABOVE)):
+        latent = np.asarray(box.latent_from_theta(box.inside(theta[[row]])))[0]
+        for _ in range(_STEPS_BELOW):
+            value, slope = _stiffness_and_slope(tests, box, latent)
+            if not (np.isfinite(value).all() and np.isfinite(slope).all()) or value.max() <= 0.0:
+                break
+            latent = latent + _minimise_within(
+                np.eye(latent.size), np.zeros(latent.size), slope, -_MARGIN - value
+            )
+        found[row] = np.asarray(box.theta_from_latent(latent[None]))[0]
+    return found
+
+
+def _stiffness_and_slope(tests: Sequence[ObservedTest], box: Box, latent: Array) -> tuple[Array, Array]:
+    """Logarithm of the stiffness at a point, shape (n_tests,), and its derivative, shape (n_tests, n_free)."""
+    nearby = np.concatenate([latent[None], latent + _SMALL * np.eye(latent.size)])
+    value, *moved = _log_stiffness(tests, np.asarray(box.theta_from_latent(nearby)))
+    return value, (np.array(moved) - value).T / _SMALL
+
+
+def _log_stiffness(tests: Sequence[ObservedTest], theta: Array) -> Array:
+    """Logarithm of the stiffness as a share of the limit, shape (n_batch, n_tests); infinite where it has none."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        stiffness = np.log(np.stack([each.stiffness_share(theta) for each in tests], axis=1))
+    return np.where(np.isnan(stiffness), np.inf, stiffness)
+
+
+def _minimise_within(matrix: Array, gradient: Array, slope: Array, room: Array) -> Array:
+    """Minimum of gradient @ s + s @ matrix @ s / 2 with slope @ s <= room, shape (n_free,), by an active set."""
+    free = -np.linalg.solve(matrix, gradient)
+    towards = np.linalg.solve(matrix, slope.T)
+    met: list[int] = []
+    step = free
+    for _ in range(2 * _MOST_MET):
+        excess = slope @ step - room
+        excess[met] = -np.inf
+        worst = int(np.argmax(excess))
+        if excess[worst] <= 1e-9 or len(met) == _MOST_MET:
+            break
+        met.append(worst)
+        while True:
+            force = np.linalg.lstsq(slope[met] @ towards[:, met], slope[met] @ free - room[met], rcond=1e-10)[
+                0
+            ]
+            if (force >= 0.0).all():
+                break
+            met.pop(int(np.argmin(force)))
+        step = free - towards[:, met] @ force
+    return np.asarray(step)
+
 
 # Convergence: relative decrease of the squared misfit in a step; for SciPy also the relative length of the step.
 TOLERANCE = 1e-7
@@ -72,7 +181,7 @@ def find_minimum(
     found = objective.once(
         "descent",
         LocalMinimum,
-        lambda: _minimised(objective, box, start, max_evaluations, on_step),
+        lambda: _minimise_from(objective, box, start, max_evaluations, on_step),
         box,
         start,
         max_evaluations,
@@ -90,7 +199,7 @@ def check_recalled_minimum(theta: NDArray[np.float64], box: Box, start: NDArray[
         )
 
 
-def _minimised(
+def _minimise_from(
     objective: Objective,
     box: Box,
     start: NDArray[np.float64],
@@ -285,7 +394,7 @@ def _iteration(objective: Objective, box: Box, state: _State, tolerance: float) 
     found = objective.once(
         "iteration",
         _State,
-        lambda: _iterated(objective, box, state, tolerance),
+        lambda: _iterate_once(objective, box, state, tolerance),
         tolerance,
         box,
         state.latent,
@@ -306,13 +415,13 @@ def _check_recalled(found: NDArray[np.float64], expected: NDArray[np.float64]) -
         )
 
 
-def _iterated(objective: Objective, box: Box, state: _State, tolerance: float) -> _State:
+def _iterate_once(objective: Objective, box: Box, state: _State, tolerance: float) -> _State:
     """Linearise at the points that have moved, then try several dampings for every running start."""
     latent, misfit, damping = state.latent.copy(), state.misfit.copy(), state.damping.copy()
     sensitivity, normal, gradient = state.sensitivity.copy(), state.normal.copy(), state.gradient.copy()
     moved, arrived, running = state.moved.copy(), state.arrived.copy(), state.running.copy()
     fresh = np.flatnonzero(running & moved)
-    for index, residuals, jacobian in _linearised(objective, box, latent, fresh):
+    for index, residuals, jacobian in _linearise_rows(objective, box, latent, fresh):
         # The derivatives of a force that is nearly unstable overflow; no step can be computed from them.
         with np.errstate(over="ignore", invalid="ignore"):
             sensitivity[index] = np.maximum(sensitivity[index], np.linalg.norm(jacobian, axis=1))
@@ -371,7 +480,7 @@ def _minima(box: Box, state: _State, iterations: int) -> LocalMinima:
     )
 
 
-def _linearised(
+def _linearise_rows(
     objective: Objective, box: Box, latent: NDArray[np.float64], rows: NDArray[np.intp]
 ) -> Iterator[tuple[int, NDArray[np.float64], NDArray[np.float64]]]:
     """Residuals (n_residuals,) and their derivative (n_free, n_residuals) at these rows of `latent`, one at a time."""

@@ -18,7 +18,7 @@ from mrwork.arguments import checked
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec
 from mrwork.identification.levenberg_marquardt import check_recalled_minimum
-from mrwork.identification.nuisance import NuisanceName, columns_of, scaled
+from mrwork.identification.nuisance import NuisanceName, columns_of, scale_columns
 from mrwork.identification.objective import Objective
 from mrwork.records import DamperTest
 from mrwork.simulate import loading_of
@@ -54,26 +54,20 @@ class TwinResiduals:
 
     @classmethod
     def of(cls, objective: Objective) -> TwinResiduals:
-        """The twin's form of `objective.residuals`.
-
-        Raises
-        ------
-        SettingError
-            Where a test has an observation model, which the twin does not have.
-        """
+        """The twin's form of `objective.residuals`."""
         objective.refuse_observation()
         return cls(
             spec=objective.spec,
-            counted=tuple(_counted(test) for test in objective.tests),
-            nuisances=objective.nuisances,
-            power=objective.power,
+            counted=tuple(_select_counted(test) for test in objective.tests),
+            nuisances=objective.settings.nuisances,
+            power=objective.settings.power,
         )
 
     def __call__(self, theta: jax.Array, tests: tuple[RecordArrays, ...]) -> jax.Array:
         """Residuals, shape (n_residuals,), of one set of parameters, (n_params,); 1 where they are not finite."""
         parts = [
             _without_nuisance(force, force - test.force, self.nuisances) * test.weight
-            for force, test in zip(self._compared(theta, tests), tests, strict=True)
+            for force, test in zip(self._simulate_compared(theta, tests), tests, strict=True)
         ]
         if self.power != 2.0:
             squared = len(parts) * jnp.array([jnp.sum(part**2) for part in parts])
@@ -84,7 +78,7 @@ class TwinResiduals:
         # With these values a step to unstable parameters raises the misfit and is rejected.
         return jnp.where(jnp.isfinite(residuals), residuals, 1.0)
 
-    def _compared(self, theta: jax.Array, tests: tuple[RecordArrays, ...]) -> list[jax.Array]:
+    def _simulate_compared(self, theta: jax.Array, tests: tuple[RecordArrays, ...]) -> list[jax.Array]:
         """Force of each test that is compared, (n_counted,)."""
         return [
             force[counted:] if isinstance(counted, int) else force[jnp.array(counted)]
@@ -101,16 +95,16 @@ class TwinResiduals:
             own = {index: test for index, test in enumerate(tests) if test.motion.shape[1] == n_stages}
             longest = max(len(test.motion) for test in own.values())
             force = jax.vmap(lambda *test: simulate(self.spec, theta, *test))(
-                jnp.stack([_lengthened(test.motion, longest) for test in own.values()]),
+                jnp.stack([_lengthen_motion(test.motion, longest) for test in own.values()]),
                 jnp.stack([test.dt for test in own.values()]),
-                jnp.stack([_extended(test.command, longest + 1) for test in own.values()]),
+                jnp.stack([_extend_command(test.command, longest + 1) for test in own.values()]),
             )
             for row, (index, test) in enumerate(own.items()):
                 forces[index] = force[row, : len(test.motion) + 1]
         return [forces[index] for index in range(len(tests))]
 
 
-def _counted(test: DamperTest) -> int | tuple[int, ...]:
+def _select_counted(test: DamperTest) -> int | tuple[int, ...]:
     """The samples that are compared, as a value that a compilation can depend on."""
     counted = test.counted
     return counted.start if isinstance(counted, slice) else tuple(counted.tolist())
@@ -135,13 +129,13 @@ def arrays_of(objective: Objective, substeps: tuple[int, ...]) -> tuple[RecordAr
     return tuple(entries)
 
 
-def _lengthened(motion: jax.Array, n_steps: int) -> jax.Array:
+def _lengthen_motion(motion: jax.Array, n_steps: int) -> jax.Array:
     """A motion, (n, n_stages, 2), extended by its last point; the forces there are discarded."""
     end = jnp.broadcast_to(motion[-1, -1], (n_steps - len(motion), *motion.shape[1:]))
     return jnp.concatenate([motion, end])
 
 
-def _extended(command: jax.Array, n_time: int) -> jax.Array:
+def _extend_command(command: jax.Array, n_time: int) -> jax.Array:
     """A command of shape () as it is, one of shape (n,) extended to (n_time,) by its last sample."""
     return command if command.ndim == 0 else jnp.pad(command, (0, n_time - len(command)), mode="edge")
 
@@ -150,7 +144,7 @@ def _without_nuisance(force: jax.Array, residuals: jax.Array, names: tuple[Nuisa
     """Residuals (n_counted,) with the nuisance parameters at their best values, as `nuisance.without_nuisance`."""
     if not names:
         return residuals
-    unit: jax.Array = scaled(columns_of(force, names))[0]
+    unit: jax.Array = scale_columns(columns_of(force, names))[0]
     return residuals - (jnp.linalg.pinv(unit @ unit.T) @ (unit @ residuals)) @ unit
 
 
@@ -192,13 +186,13 @@ def find_minimum_on_twin(
         journal.
     """
     found = objective.once(
-        "refinement", TwinMinimum, lambda: _minimised(objective, box, start, on_step), box, start
+        "refinement", TwinMinimum, lambda: _minimise_on_twin(objective, box, start, on_step), box, start
     )
     check_recalled_minimum(found.theta, box, start)
     return found
 
 
-def _minimised(
+def _minimise_on_twin(
     objective: Objective, box: Box, start: NDArray[np.float64], on_step: OnStep | None
 ) -> TwinMinimum:
     begin()

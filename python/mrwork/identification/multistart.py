@@ -5,26 +5,125 @@ reached the least misfit. The rounds that are run in any case are one batch, whi
 because the time steps of a record are sequential. The misfit of a hysteresis model is smooth except for a few kinks, so
 a local minimisation of two hundred simulations reaches a minimum that a population-based search only approaches in
 thousands. Only repeated local minimisations show whether that minimum is the global one.
+
+A minimum is suspicious where descriptions of the same tests, simpler or of single ones, are better.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.arguments import Count, Level, Seed, Shape, Within, checked
+from mrwork.arguments import Seed, Shape, Within, checked
 from mrwork.dampers.coordinates import ON_BOUND, Box
 from mrwork.errors import Interrupted, SettingError
 from mrwork.identification.levenberg_marquardt import Hopeless, LocalMinima, find_minima
 from mrwork.identification.objective import Objective
+from mrwork.identification.settings import Multistart
+from mrwork.records import DamperTest
+from mrwork.records.command_signal import command_level
 from mrwork.search.unit_cube import Streams, latin_hypercube
 from mrwork.summary import Summarised
 from mrwork.values import holds_arrays
+
+# A fit whose misfit is not below this share of that of a linear spring and dashpot has lost its non-linear part.
+LINEAR_SHARE = 0.98
+
+
+def linear_misfit(tests: Sequence[DamperTest], *, follows_command: bool = False) -> float:
+    """Misfit of a linear spring and dashpot with an offset: root mean square NRMSE.
+
+    All tests have one spring and dashpot, as they have one set of constant parameters; for a model that follows the
+    command, those at each command have their own.
+    """
+    groups: dict[object, list[DamperTest]] = {}
+    for test in tests:
+        groups.setdefault(_command_of(test) if follows_command else None, []).append(test)
+    squares = [square for group in groups.values() for square in _linear_squares(group)]
+    return float(np.sqrt(np.mean(squares)))
+
+
+def _command_of(test: DamperTest) -> object:
+    """What tests at one command share; a test whose command varies is by itself."""
+    if test.has_varying_command:
+        return test.label
+    return tuple((unit, command_level(float(np.mean(command)), unit)) for command, unit in test.commands)
+
+
+def _linear_squares(tests: Sequence[DamperTest]) -> list[float]:
+    """Squared NRMSE of each test, for one spring and dashpot that minimises their sum."""
+    forces, motions = [], []
+    for test in tests:
+        force = test.force[test.counted]
+        motion = np.stack([test.displacement, test.velocity, np.ones_like(test.force)], axis=1)[test.counted]
+        weight = np.std(force) * np.sqrt(force.size)
+        forces.append(force / weight)
+        motions.append(motion / weight)
+    scale = np.maximum(np.abs(np.concatenate(motions)).max(axis=0), np.finfo(np.float64).tiny)
+    solution = np.linalg.lstsq(np.concatenate(motions) / scale, np.concatenate(forces), rcond=None)[0]
+    residuals = [force - (motion / scale) @ solution for force, motion in zip(forces, motions, strict=True)]
+    return [float(residual @ residual) for residual in residuals]
+
+
+def linear_warning(
+    nrmse: float, tests: Sequence[DamperTest], *, follows_command: bool = False
+) -> tuple[str, ...]:
+    """A warning where a fit with this misfit is no better than a linear spring and dashpot."""
+    linear = linear_misfit(tests, follows_command=follows_command)
+    if nrmse < LINEAR_SHARE * linear:
+        return ()
+    return (
+        f"the fit, {100.0 * (1.0 - nrmse):.2f} %, is no better than that of a linear spring and dashpot, "
+        f"{100.0 * (1.0 - linear):.2f} %: the minimum is false, or this model cannot describe the tests; "
+        "try another seed or another model",
+    )
+
+
+# A test is far worse in a joint fit than alone above this multiple of the NRMSE of its own fit, which is at least
+# `_RESOLVED`. On nine measured tests the best minimum of one set of laws reaches 3.1, a false one 3 to 14.
+_FAR_WORSE = 5.0
+_RESOLVED = 0.02
+# Tests that a sentence names.
+_SHOWN = 3
+
+
+def far_worse(joint: NDArray[np.float64], alone: NDArray[np.float64]) -> NDArray[np.intp]:
+    """Indices of the tests that a joint fit describes far worse than their own fits do.
+
+    Both are NRMSE, shape (n_tests,). NaN stands for a test without a fit of its own.
+    """
+    return np.flatnonzero(joint > _FAR_WORSE * np.maximum(alone, _RESOLVED))
+
+
+def far_worse_sentence(
+    tests: Sequence[DamperTest],
+    worse: NDArray[np.intp],
+    joint: NDArray[np.float64],
+    alone: NDArray[np.float64],
+    *,
+    found_again: bool,
+) -> str:
+    """A sentence on tests that are far worse jointly than alone."""
+    shown = ", ".join(
+        f"{tests[index].name} ({100.0 * (1.0 - joint[index]):.1f} % for {100.0 * (1.0 - alone[index]):.1f} %)"
+        for index in worse[:_SHOWN]
+    )
+    further = f" and {len(worse) - _SHOWN} more" if len(worse) > _SHOWN else ""
+    tests_shown = (
+        f"{len(worse)} of {len(tests)} tests are described far worse together than alone: {shown}{further}"
+    )
+    if found_again:
+        return (
+            f"{tests_shown}; several starts end in this minimum, so these laws cannot follow the tests: let more "
+            "parameters follow the command, or give laws of a higher degree"
+        )
+    return f"false minimum suspected: {tests_shown}; try another seed, or other laws"
+
 
 # A second minimum is fitted too if its misfit is larger by this share at most, and a unit coordinate differs by more
 # than `_DISTANT`.
@@ -39,42 +138,6 @@ _HOPELESS = 4.0
 # In later rounds, starts from the best minimum, and the share of its parameters that are replaced.
 _CROSSED = 3
 _REPLACED = 0.3
-
-
-@checked
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Multistart:
-    """Settings of the search.
-
-    Parameters
-    ----------
-    samples
-        Points of the Latin hypercube per free parameter; local minimisations start from the best of them.
-    starts
-        Local minimisations of a round, which run in one batch.
-    least_rounds, most_rounds
-        Least and largest number of rounds. The least ones run together.
-    found
-        Number of minimisations that must have reached the least misfit before the search may end early.
-    closeness
-        Misfits that differ by less than this share belong to the same minimum.
-    most_iterations
-        Largest number of iterations of a local minimisation.
-    """
-
-    samples: Count = 20
-    starts: Count = 8
-    least_rounds: Count = 2
-    most_rounds: Count = 6
-    found: Count = 3
-    closeness: Level = 0.02
-    most_iterations: Count = 60
-
-    def __post_init__(self) -> None:
-        if self.most_rounds < self.least_rounds:
-            raise SettingError(
-                f"`most_rounds` is {self.most_rounds}, below `least_rounds`, {self.least_rounds}; give as many or more"
-            )
 
 
 @holds_arrays
@@ -158,7 +221,7 @@ def search_starts(
             if on_iteration is not None:
                 on_iteration(rounds.found(""), min(len(rounds.best) / most, 1.0))
 
-        rounds.end(_descended(objective, box, starts, settings, earlier=rounds.misfits, on_iteration=advance))
+        rounds.end(_descend(objective, box, starts, settings, earlier=rounds.misfits, on_iteration=advance))
 
     reason = "max_rounds"
     left = list(order)
@@ -171,7 +234,7 @@ def search_starts(
             else:
                 given = samples[:0] if nested is None else nested
                 wanted = settings.starts * number
-            chosen = _taken(left, max(wanted - len(given), 0))
+            chosen = _take_samples(left, max(wanted - len(given), 0))
             starts = np.concatenate([given, samples[chosen]])
             if not len(starts):
                 break
@@ -199,7 +262,7 @@ def search_starts(
     return rounds.found(reason)
 
 
-def _taken(left: list[np.intp], count: int) -> list[np.intp]:
+def _take_samples(left: list[np.intp], count: int) -> list[np.intp]:
     """Take `count` samples from those that are left, best first: by turns the best one, and the first one drawn."""
     taken: list[np.intp] = []
     while left and len(taken) < count:
@@ -264,7 +327,7 @@ def distinct_minima(box: Box, theta: NDArray[np.float64], misfit: NDArray[np.flo
     return theta[chosen[:_MOST_DISTINCT]]
 
 
-def _descended(
+def _descend(
     objective: Objective,
     box: Box,
     starts: NDArray[np.float64],
@@ -309,12 +372,12 @@ def minima_from(
         As in `search_starts`: a further minimisation starts from the mirror image of the best minimum.
     """
     settings = Multistart()
-    found = _descended(objective, box, starts, settings, on_iteration=on_iteration)
+    found = _descend(objective, box, starts, settings, on_iteration=on_iteration)
     theta, misfit = found.theta, found.misfit
     if mirrored:
         image = theta[[int(np.argmin(misfit))]]
         image[:, list(mirrored)] *= -1.0
-        found = _descended(objective, box, image, settings, on_iteration=on_iteration)
+        found = _descend(objective, box, image, settings, on_iteration=on_iteration)
         theta, misfit = np.concatenate([theta, found.theta]), np.concatenate([misfit, found.misfit])
     order = np.argsort(misfit, kind="stable")
     return distinct_minima(box, theta[order], misfit[order])

@@ -142,7 +142,7 @@ def linearised_without_nuisance(
     derivative = np.empty_like(slope)
     for row in range(len(force)):
         own = columns[:, row]
-        unit, length = scaled(own)
+        unit, length = scale_columns(own)
         # Rows of the pseudo-inverse of the scaled columns.
         inverse = np.linalg.pinv(unit @ unit.T) @ unit
         projected = moved[row] - (moved[row] @ inverse.T) @ unit
@@ -170,7 +170,7 @@ def _best(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Least-squares coefficients, shape (n_names, n_batch), of the columns, (n_names, n_batch, n_time)."""
     columns = columns_of(force, names)
-    unit, length = scaled(columns)
+    unit, length = scale_columns(columns)
     gram = np.einsum("jbt,kbt->bjk", unit, unit)
     right = np.einsum("jbt,bt->bj", unit, residuals)
     return (np.linalg.pinv(gram) @ right[..., None])[..., 0].T / length, columns
@@ -184,7 +184,7 @@ def columns_of(force: Any, names: tuple[NuisanceName, ...]) -> Any:
     return force.__array_namespace__().stack([_column(name, force) for name in names])
 
 
-def scaled(columns: Any) -> tuple[Any, Any]:
+def scale_columns(columns: Any) -> tuple[Any, Any]:
     """Columns of unit length, and their lengths, shape (n_names, ...).
 
     Without this scaling the normal equations are ill-conditioned: a force of 1e3 N is far larger than its change per

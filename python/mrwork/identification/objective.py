@@ -1,4 +1,4 @@
-"""Misfit of candidates with respect to the measured tests, one number per candidate, simulated in lanes."""
+"""Misfit of candidates with respect to the measured tests, simulated in lanes, and residuals with exact derivatives."""
 
 from __future__ import annotations
 
@@ -13,10 +13,9 @@ from mrwork import _rust
 from mrwork.arguments import AnyNumbers, Shape, Threads, checked
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import RecordError, SettingError
-from mrwork.identification.nuisance import NuisanceName
-from mrwork.identification.progress import Tally
+from mrwork.identification.progress import Tally, on_every_test
 from mrwork.identification.residual import ObservedTest
-from mrwork.identification.threads import on_every_test
+from mrwork.identification.settings import EQUAL_SHARES, ROOT_MEAN_SQUARE, FitSettings
 from mrwork.records import AS_IT_IS, DamperTest
 from mrwork.simulate import Misfits, Outcome, simulate_misfits
 from mrwork.store import Journal, digest_of
@@ -28,11 +27,6 @@ _ROWS = 64
 _MARGIN = 1.0 + 1e-9
 # Parts in which tests are simulated one after the other where candidates have thresholds.
 _STAGES = 8
-# Power of the root mean square, that of least squares.
-ROOT_MEAN_SQUARE = 2.0
-
-# Exponent with which every test has the same weight: errors that grow in proportion to the force.
-EQUAL_SHARES = 1.0
 
 T = TypeVar("T")
 _Rows = Annotated[AnyNumbers, Shape(("n_batch", "n_params"))]
@@ -51,24 +45,33 @@ def shares_of(deviations: Sequence[float], force_exponent: float) -> list[float]
     return [float(weight) for weight in weights / weights.mean()]
 
 
+def _observe_tests(
+    spec: DamperSpec, tests: Sequence[DamperTest], settings: FitSettings
+) -> tuple[ObservedTest, ...]:
+    """The tests as the model is compared with them, each with its share among them."""
+    if not tests:
+        raise RecordError("no test was given to identify from; name at least one file")
+    compared = [ObservedTest.of(spec, test, settings.nuisances) for test in tests]
+    shares = shares_of([each.deviation for each in compared], settings.force_exponent)
+    return tuple(replace(each, share=share) for each, share in zip(compared, shares, strict=True))
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Objective(Summarised):
     """Free-run misfit of a model against one or several tests.
 
     The misfit is the power mean over tests of the NRMSE, (mean NRMSE^power)^(1/power). With power 2 all tests have the
     same weight, independent of length and force; a higher power gives more weight to the worst, a `force_exponent`
-    below 1 to tests of large force, see `shares_of`. The observation model
-    of the test and the nuisance parameters are applied to the simulated force before the comparison. Costly steps are
-    recorded in the `journal`, if any.
+    below 1 to tests of large force, see `shares_of`. The observation model of the test and the nuisance parameters are
+    applied to the simulated force before the comparison. Of the `settings` it has the power, the exponent and the
+    nuisance parameters. Costly steps are recorded in the `journal`, if any.
     """
 
     _made_by: ClassVar[str] = "mr.identification.Objective.of(spec, tests)"
 
     spec: DamperSpec
     compared: tuple[ObservedTest, ...]
-    nuisances: tuple[NuisanceName, ...] = ()
-    power: float = ROOT_MEAN_SQUARE
-    force_exponent: float = EQUAL_SHARES
+    settings: FitSettings = field(default_factory=FitSettings)
     threads: Threads = 0
     tally: Tally = field(default_factory=Tally)
     journal: Journal | None = None
@@ -79,43 +82,25 @@ class Objective(Summarised):
         cls,
         spec: DamperSpec,
         tests: tuple[DamperTest, ...],
+        settings: FitSettings | None = None,
         *,
-        nuisances: tuple[NuisanceName, ...] = (),
-        power: float = ROOT_MEAN_SQUARE,
-        force_exponent: float = EQUAL_SHARES,
         threads: Threads = 0,
-        tally: Tally | None = None,
         journal: Journal | None = None,
     ) -> Objective:
         """Objective on these tests; the splines of their motions are computed here, once for all candidates."""
-        if not tests:
-            raise RecordError("no test was given to identify from; name at least one file")
-        compared = tuple(ObservedTest.of(spec, test, nuisances) for test in tests)
-        shares = shares_of([each.deviation for each in compared], force_exponent)
+        settings = settings or FitSettings()
         return cls(
             spec=spec,
-            compared=tuple(replace(each, share=share) for each, share in zip(compared, shares, strict=True)),
-            nuisances=nuisances,
-            power=power,
-            force_exponent=force_exponent,
+            compared=_observe_tests(spec, tests, settings),
+            settings=settings,
             threads=threads,
-            tally=tally or Tally(),
             journal=journal,
         )
 
     @checked
     def on(self, spec: DamperSpec, tests: tuple[DamperTest, ...]) -> Objective:
         """The same misfit for another model on other tests, with the same tally and journal."""
-        return Objective.of(
-            spec,
-            tests,
-            nuisances=self.nuisances,
-            power=self.power,
-            force_exponent=self.force_exponent,
-            threads=self.threads,
-            tally=self.tally,
-            journal=self.journal,
-        )
+        return replace(self, spec=spec, compared=_observe_tests(spec, tests, self.settings))
 
     @checked
     def once(self, step: str, kind: type[T], compute: Callable[[], T], *inputs: object) -> T:
@@ -138,12 +123,14 @@ class Objective(Summarised):
     @property
     def is_plain(self) -> bool:
         """Whether the misfit is the root mean square of the NRMSE."""
-        return self.power == ROOT_MEAN_SQUARE
+        return self.settings.power == ROOT_MEAN_SQUARE
 
     @property
     def plain(self) -> Objective:
         """The objective with the root mean square of the NRMSE."""
-        return replace(self, power=ROOT_MEAN_SQUARE)
+        if self.is_plain:
+            return self
+        return replace(self, settings=replace(self.settings, power=ROOT_MEAN_SQUARE))
 
     @property
     def is_direct(self) -> bool:
@@ -151,7 +138,7 @@ class Objective(Summarised):
 
         There are no observation models, nuisance parameters or spans that are not compared.
         """
-        return not self.nuisances and all(
+        return not self.settings.nuisances and all(
             test.observation == AS_IT_IS and not test.uncompared for test in self.tests
         )
 
@@ -190,12 +177,14 @@ class Objective(Summarised):
                 [self._indirect(rows) for rows in np.array_split(theta, -(-len(theta) // _ROWS) or 1)]
             )
         if thresholds is not None:
-            return self._limited(theta, thresholds)
+            return self._misfits_below(theta, thresholds)
         own = [each.weight(1) ** 2 for each in self.compared]
         squared = [run.squared_error * weight for run, weight in zip(self.misfits(theta), own, strict=True)]
         return self._mean(np.array(squared))
 
-    def _limited(self, theta: NDArray[np.float64], thresholds: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _misfits_below(
+        self, theta: NDArray[np.float64], thresholds: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
         """Misfits with thresholds.
 
         The tests are simulated in descending order of what they have added to the misfit per step, an eighth of them at
@@ -207,11 +196,11 @@ class Objective(Summarised):
         remaining = np.arange(len(theta))
         substeps = np.ones(len(theta), dtype=np.int64)
         # Amount that the remaining tests may still add to the sum of powers of the NRMSE.
-        allowance = n_tests * thresholds**self.power
+        allowance = n_tests * thresholds**self.settings.power
         order = sorted(range(n_tests), key=lambda index: -self.tally.added_per_step.get(index, np.inf))
         at_once = -(-n_tests // _STAGES)
         for some in (order[first : first + at_once] for first in range(0, n_tests, at_once)):
-            allowed = np.maximum(allowance[remaining], 0.0) ** (2.0 / self.power)
+            allowed = np.maximum(allowance[remaining], 0.0) ** (2.0 / self.settings.power)
             runs = self._with_limits(some, theta[remaining], allowed)
             finite = np.ones(remaining.size, dtype=np.bool_)
             for index, run in zip(some, runs, strict=True):
@@ -230,7 +219,7 @@ class Objective(Summarised):
                 squared[index, remaining] = reached
                 finite &= np.isfinite(run.squared_error)
                 with np.errstate(invalid="ignore"):
-                    allowance[remaining] -= reached ** (self.power / 2.0)
+                    allowance[remaining] -= reached ** (self.settings.power / 2.0)
             remaining = remaining[finite]
         misfit = np.full(len(theta), np.inf)
         misfit[remaining] = self._mean(squared[:, remaining])
@@ -246,7 +235,7 @@ class Objective(Summarised):
         def run(number: int, threads: int) -> Misfits:
             index = tests[number]
             limits = allowed * (_MARGIN / self.compared[index].weight(1) ** 2)
-            return self._simulated(index, theta, limits=limits, threads=threads)
+            return self._simulate_test(index, theta, limits=limits, threads=threads)
 
         return on_every_test(len(tests), self.threads, run)
 
@@ -279,15 +268,15 @@ class Objective(Summarised):
         """Power mean of the NRMSE, shape (n_batch,), from its squares, shape (n_tests, n_batch)."""
         total = np.zeros(squared.shape[1])
         # One test after the other: NumPy sums a single column in another order than several.
-        for each in squared ** (self.power / 2.0):
+        for each in squared ** (self.settings.power / 2.0):
             total += each
-        return np.asarray((total / len(squared)) ** (1.0 / self.power))
+        return np.asarray((total / len(squared)) ** (1.0 / self.settings.power))
 
     @checked
     def misfits(self, theta: _Rows) -> tuple[Misfits, ...]:
         """Misfits of each row of `theta`, test by test."""
         self.tally.simulations += len(theta)
-        runs = self._on_every_test(lambda index, threads: self._simulated(index, theta, threads=threads))
+        runs = self._on_every_test(lambda index, threads: self._simulate_test(index, theta, threads=threads))
         self.tally.steps += sum(int(run.steps.sum()) for run in runs)
         return tuple(runs)
 
@@ -295,7 +284,7 @@ class Objective(Summarised):
         """Results of `work(index, threads)` in the order of the tests, several of which run at once."""
         return on_every_test(len(self.tests), self.threads, work)
 
-    def _simulated(
+    def _simulate_test(
         self,
         index: int,
         theta: NDArray[np.float64],
@@ -336,7 +325,7 @@ class Objective(Summarised):
     ) -> NDArray[np.float64]:
         """(NRMSE/misfit)^(power/2 - 1), shape (n_tests, n_batch), from squared NRMSE of the same shape."""
         ratio = np.sqrt(squared) / np.maximum(self._mean(squared), np.finfo(float).tiny)
-        return np.asarray(ratio ** (self.power / 2.0 - 1.0))
+        return np.asarray(ratio ** (self.settings.power / 2.0 - 1.0))
 
     def _part(
         self, index: int, theta: NDArray[np.float64], *, failure: float, threads: int
@@ -352,3 +341,78 @@ class Objective(Summarised):
 def _squares(residuals: NDArray[np.float64]) -> NDArray[np.float64]:
     """Sum of squares of each row, shape (n_batch,)."""
     return np.asarray(np.einsum("bt,bt->b", residuals, residuals))
+
+
+# Largest block of a Jacobian, in numbers, that is in memory beside the whole: 64 MiB.
+_BLOCK_SIZE = 1 << 23
+
+
+def linearised(
+    objective: Objective, theta: NDArray[np.float64], columns: Sequence[int]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Residuals and their exact derivatives with respect to columns of `theta`, from one simulation of each row.
+
+    Shapes (n_batch, n_residuals) and (n_batch, n_columns, n_residuals), per unit of the column; derivatives are zero
+    where a simulation failed. They include the observation model, the nuisance parameters and the power of the misfit.
+    """
+    n_rows = max(1, _BLOCK_SIZE // (objective.n_time * max(len(columns), 1)))
+    blocks = [_block(objective, theta[at : at + n_rows], columns) for at in range(0, len(theta), n_rows)]
+    if len(blocks) == 1:
+        return blocks[0]
+    n_columns = len(columns)
+    residuals = [block[0] for block in blocks] or [np.empty((0, objective.n_time))]
+    jacobians = [block[1] for block in blocks] or [np.empty((0, n_columns, objective.n_time))]
+    return np.concatenate(residuals), np.concatenate(jacobians)
+
+
+def _block(
+    objective: Objective, theta: NDArray[np.float64], columns: Sequence[int]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    objective.tally.simulations += len(theta)
+    residuals = np.empty((len(theta), objective.n_time))
+    jacobian = np.empty((len(theta), len(columns), objective.n_time))
+    lengths = [each.measured.size for each in objective.compared]
+    ends = np.cumsum(lengths)
+    slices = [slice(end - length, end) for end, length in zip(ends, lengths, strict=True)]
+
+    def fill(index: int, threads: int) -> None:
+        each = objective.compared[index]
+        own, derivative, failed = each.linearised(theta, columns, threads=threads)
+        weight = each.weight(len(objective.compared))
+        np.multiply(own, weight, out=residuals[:, slices[index]])
+        np.multiply(derivative, weight, out=jacobian[..., slices[index]])
+        residuals[failed, slices[index]] = 1.0
+
+    on_every_test(len(objective.tests), objective.threads, fill)
+    if not objective.is_plain:
+        _apply_power(objective, residuals, jacobian, slices)
+    return residuals, jacobian
+
+
+def _apply_power(
+    objective: Objective,
+    residuals: NDArray[np.float64],
+    jacobian: NDArray[np.float64],
+    slices: Sequence[slice],
+) -> None:
+    """Multiply the residuals of each test by its factor s, and their derivatives by the product rule, in place.
+
+    With e = NRMSE, M = misfit, q = power/2 - 1: ds/s = q (de/e - dM/M), dM/M = sum(e^power de/e)/sum(e^power).
+    """
+    tiny = np.finfo(float).tiny
+    squared = objective.squared_nrmse(residuals[:, part] for part in slices)
+    factors = objective.power_factors(squared)
+    # de/e of each test, (n_tests, n_batch, n_columns)
+    change = len(objective.tests) * np.array(
+        [np.einsum("bt,bpt->bp", residuals[:, part], jacobian[..., part]) for part in slices]
+    )
+    change /= np.maximum(squared, tiny)[..., None]
+    share = squared ** (objective.settings.power / 2.0)
+    share /= np.maximum(share.sum(axis=0), tiny)
+    change -= np.einsum("nb,nbp->bp", share, change)
+    for part, factor, each in zip(slices, factors, change, strict=True):
+        jacobian[..., part] += (
+            (objective.settings.power / 2.0 - 1.0) * each[..., None] * residuals[:, None, part]
+        )
+        jacobian[..., part] *= factor[:, None, None]
+        residuals[:, part] *= factor[:, None]

@@ -16,14 +16,11 @@ from mrwork.arguments import checked
 from mrwork.dampers.parameters import CurrentLaw, LawName, ParamSpec, law_named
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import SettingError, UnknownNameError
-from mrwork.identification.driver_lag import rate_warning
 from mrwork.identification.equivalent import Form, identifiable_form
 from mrwork.identification.fit import Fit, Provenance
-from mrwork.identification.multistart import Multistart
 from mrwork.identification.nuisance import bounds_without_offsets, offset_warning
-from mrwork.identification.objective import ROOT_MEAN_SQUARE, Objective
-from mrwork.identification.searches import Search, method_of
-from mrwork.identification.settings import FitSettings, Start
+from mrwork.identification.objective import Objective
+from mrwork.identification.settings import ROOT_MEAN_SQUARE, FitSettings, Multistart, Search, Start, method_of
 from mrwork.records import DamperTest, observed
 from mrwork.records.command_signal import Command, command_in_words, command_level
 from mrwork.store import Journal, digest_of
@@ -58,22 +55,11 @@ class Problem:
         threads: int = 0,
         journal: Journal | None = None,
     ) -> Problem:
-        """Complete the settings, check them against the model and the tests, and prepare the simulation.
-
-        Raises
-        ------
-        SettingError
-            Where a bound is impossible, nothing is free, a start cannot be used, the search was read from a file and is
-            not registered, or the engine is the twin and a test has an observation model.
-        UnknownNameError
-            Where a start or a bound names a parameter that the model does not have.
-        RecordError
-            Where there is no test.
-        """
-        settings = _completed(settings, spec)
+        """Complete the settings, check them against the model and the tests, and prepare the simulation."""
+        settings = _complete_settings(settings, spec)
         method_of(_search_of(settings)).check_runs()
-        check_starts(spec, identifiable_form(spec, settings.bounds), settings.starts)
-        problem = cls._prepared(spec, tests, settings, threads=threads, journal=journal)
+        _check_starts(spec, identifiable_form(spec, settings.bounds), settings.starts)
+        problem = cls._prepare(spec, tests, settings, threads=threads, journal=journal)
         if not problem.form.box.free:
             raise SettingError(f"every parameter of {spec.name} is fixed; leave at least one free")
         if settings.engine == "twin":
@@ -86,11 +72,11 @@ class Problem:
 
         The power of the objective is always 2, because likelihoods are based on least squares.
         """
-        settings = replace(_completed(fit.settings, fit.spec), power=ROOT_MEAN_SQUARE)
-        return cls._prepared(fit.spec, tests, settings, threads=threads)
+        settings = replace(_complete_settings(fit.settings, fit.spec), power=ROOT_MEAN_SQUARE)
+        return cls._prepare(fit.spec, tests, settings, threads=threads)
 
     @classmethod
-    def _prepared(
+    def _prepare(
         cls,
         spec: DamperSpec,
         tests: tuple[DamperTest, ...],
@@ -103,9 +89,7 @@ class Problem:
         objective = Objective.of(
             form.spec,
             tuple(observed(test, settings.observe) for test in tests),
-            nuisances=settings.nuisances,
-            power=settings.power,
-            force_exponent=settings.force_exponent,
+            settings,
             threads=threads,
             journal=journal,
         )
@@ -118,7 +102,7 @@ class Problem:
         settings = self.settings
         return (
             *command_warning(tests, (self.spec,)),
-            *rate_warning(self.spec, self.form, tests),
+            *_rate_warning(self.spec, self.form, tests),
             *offset_warning(settings.nuisances, self.spec, settings.bounds, tests),
         )
 
@@ -141,7 +125,7 @@ def _search_of(settings: FitSettings) -> Search:
     return settings.search
 
 
-def _completed(settings: FitSettings, spec: DamperSpec) -> FitSettings:
+def _complete_settings(settings: FitSettings, spec: DamperSpec) -> FitSettings:
     """Settings with the default search of the model, where none is given, and the bounds that nuisances require."""
     return replace(
         settings,
@@ -191,9 +175,13 @@ def fingerprint_of(problem: Problem) -> dict[str, object]:
                 "sha256": test.sha256,
                 "samples": test.n_time,
                 "settle_samples": test.n_settle,
-                "current": _recorded(test.current),
-                "voltage": _recorded(test.voltage),
-                **({} if test.command is None else {"command": [_recorded(test.command), test.command_unit]}),
+                "current": _digest_command(test.current),
+                "voltage": _digest_command(test.voltage),
+                **(
+                    {}
+                    if test.command is None
+                    else {"command": [_digest_command(test.command), test.command_unit]}
+                ),
                 "observation": test.observation.in_words,
                 # Changes with windows, repairs and units of columns.
                 "signals": digest_of(test.dt, test.displacement, test.velocity, test.force, test.observation),
@@ -241,7 +229,7 @@ def prediction_warning(spec: DamperSpec, tests: Sequence[DamperTest]) -> tuple[s
     )
 
 
-def _recorded(command: Command | None) -> float | str | None:
+def _digest_command(command: Command | None) -> float | str | None:
     """A constant command, or the digest of one that varies."""
     return digest_of(command) if isinstance(command, np.ndarray) else command
 
@@ -272,7 +260,7 @@ def start_from(fit: Fit, model: DamperSpec) -> dict[str, float]:
         own = [parameter for parameter in model.parameters if parameter.plain_name == name]
         old = [values[parameter.name] for parameter in earlier.parameters if parameter.plain_name == name]
         log = plain.parameters[plain.names.index(name)].scale == "log"
-        start |= _transferred(
+        start |= _transfer_law(
             own, law_named(_law_of(model, name)), np.array(old), law_named(_law_of(earlier, name)), log=log
         )
     if not start:
@@ -285,16 +273,10 @@ def start_from(fit: Fit, model: DamperSpec) -> dict[str, float]:
     return start
 
 
-def _transferred(
+def _transfer_law(
     own: Sequence[ParamSpec], law: CurrentLaw, values: NDArray[np.float64], earlier: CurrentLaw, *, log: bool
 ) -> dict[str, float]:
-    """Start of the coefficients `own` of a law from the values of an earlier law of the same parameter.
-
-    Raises
-    ------
-    SettingError
-        Where the earlier law is not a special case of this one, which has no values at commands to take either.
-    """
+    """Start of the coefficients `own` of a law from the values of an earlier law of the same parameter."""
     names = [parameter.name for parameter in own]
     if law.nodes:
         return dict(zip(names, earlier.values(values, np.array(law.nodes), log=log).tolist(), strict=True))
@@ -313,16 +295,27 @@ def _law_of(spec: DamperSpec, name: str) -> LawName:
     return spec.current.laws[damper(spec.name).names.index(name)]
 
 
-def check_starts(spec: DamperSpec, form: Form, starts: Sequence[Start]) -> None:
-    """Refuse starts that cannot be used, before the search.
+def rate_is_shown(spec: DamperSpec, form: Form, tests: Sequence[DamperTest]) -> bool | None:
+    """Whether a command that varies shows the rate of the driver's lag; `None` where no rate is estimated."""
+    if spec.current is None or not spec.current.lagged:
+        return None
+    if form.spec.names.index(spec.names[-1]) not in form.box.free:
+        return None
+    return any(test.has_varying_command for test in tests)
 
-    Raises
-    ------
-    UnknownNameError
-        Where the model has no such parameter.
-    SettingError
-        Where a value is not finite, or the model is identified in a form that needs all of its parameters.
-    """
+
+def _rate_warning(spec: DamperSpec, form: Form, tests: Sequence[DamperTest]) -> tuple[str, ...]:
+    """A sentence where the rate of the driver's lag is to be estimated from tests at constant commands."""
+    if rate_is_shown(spec, form, tests) is not False:
+        return ()
+    return (
+        "the command is constant in every test, so nothing shows the rate eta of the driver's lag; add a test with "
+        "a command that varies, fix it with --fix eta=VALUE, or leave the lag out",
+    )
+
+
+def _check_starts(spec: DamperSpec, form: Form, starts: Sequence[Start]) -> None:
+    """Refuse starts that cannot be used, before the search."""
     for start in starts:
         for name, value in start.items():
             if name not in spec.names:

@@ -1,7 +1,8 @@
-"""Counts of simulations, progress reports and interruption of an identification."""
+"""How an identification runs: tests side by side on threads, counts of simulations, progress reports, interruption."""
 
 from __future__ import annotations
 
+import os
 import threading
 import time
 from collections.abc import Callable, Mapping
@@ -12,15 +13,73 @@ import numpy as np
 
 from mrwork.arguments import Within
 from mrwork.errors import Interrupted
-from mrwork.identification.threads import wait_for
 from mrwork.store import Journal
 from mrwork.store.record import built
+
+T = TypeVar("T")
+
+# Interval at which Ctrl-C is noticed while compiled code runs [s].
+_POLL_SECONDS = 0.05
+
+
+def on_every_test(n_tests: int, threads: int, work: Callable[[int, int], T]) -> list[T]:
+    """Results of `work(index, threads)` of every test, in the order of the tests.
+
+    As many tests as there are threads run at once, on one thread each; what is left over shares all threads. `threads`
+    are 0 for all. Where `work` fails, its error of the first such test is raised. After Ctrl-C no test is started, and
+    those that run are abandoned; the threads of these end with the process.
+    """
+    available = threads or _processors()
+    if n_tests == 1 or available == 1:
+        return [work(index, threads) for index in range(n_tests)]
+    left_over = n_tests % available
+    shared = available // left_over if left_over else 1
+    queue = iter([(index, 1 if index < n_tests - left_over else shared) for index in range(n_tests)])
+    results: dict[int, T] = {}
+    failures: dict[int, BaseException] = {}
+
+    def share() -> None:
+        # An iterator of a list gives each of its items to one thread only.
+        for index, own in queue:
+            if failures:
+                return
+            try:
+                results[index] = work(index, own)
+            except BaseException as error:  # raised again on the caller's thread
+                failures[index] = error
+
+    others = [
+        threading.Thread(target=share, name="mrwork-test", daemon=True)
+        for _ in range(min(available, n_tests) - 1)
+    ]
+    try:
+        for other in others:
+            other.start()
+        share()
+        if not any(isinstance(error, KeyboardInterrupt) for error in failures.values()):
+            for other in others:
+                _wait_for(other)
+    except KeyboardInterrupt as interrupt:
+        failures[-1] = interrupt
+    if failures:
+        raise min(failures.items(), key=lambda failure: (isinstance(failure[1], Exception), failure[0]))[1]
+    return [results[index] for index in range(n_tests)]
+
+
+def _wait_for(thread: threading.Thread) -> None:
+    """Wait until a thread has ended, unless Ctrl-C comes first."""
+    while thread.is_alive():
+        thread.join(_POLL_SECONDS)
+
+
+def _processors() -> int:
+    """Number of processors of this process."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
 
 Stage = Literal["search", "screening", "refinement"]
 Unit = Literal["simulations", "%", "steps"]
 _Count = Annotated[int, Within(least=0)]
-
-T = TypeVar("T")
 
 
 @dataclass(slots=True)
@@ -104,13 +163,7 @@ class Reporter:
         generation: int = 0,
         median: float = np.nan,
     ) -> None:
-        """Call the callback.
-
-        Raises
-        ------
-        Interrupted
-            Where it returns true: the run ends as on Ctrl-C, but returns its result.
-        """
+        """Call the callback."""
         if self.on_progress is None or (self.journal is not None and self.journal.recalling):
             return
         progress = Progress(
@@ -145,7 +198,7 @@ def interruptible(work: Callable[[], T]) -> T:
 
     thread = threading.Thread(target=body, name="mrwork-refinement", daemon=True)
     thread.start()
-    wait_for(thread)
+    _wait_for(thread)
     if failure:
         raise failure[0]
     return outcome[0]

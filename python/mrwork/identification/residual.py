@@ -58,15 +58,7 @@ class ObservedTest:
 
     @classmethod
     def of(cls, spec: DamperSpec, test: DamperTest, nuisances: tuple[NuisanceName, ...] = ()) -> ObservedTest:
-        """Compute the splines of the test's motion.
-
-        Raises
-        ------
-        RecordError
-            The force or the displacement is constant, or the velocity is a known factor off.
-        SettingError
-            A nuisance parameter is named twice, or no sample of the test is compared.
-        """
+        """Compute the splines of the test's motion."""
         if len(set(nuisances)) != len(nuisances):
             raise SettingError(f"`nuisances` are {', '.join(nuisances)}; name each once")
         refuse_velocity(test)
@@ -141,13 +133,7 @@ class ObservedTest:
         return nuisance.applied(force, self.test.dt) if self.nuisances else force, nuisance
 
     def predicted(self, theta: Array, *, substep_factor: int = 1) -> tuple[Array, Nuisance, int]:
-        """Force of one set of parameters as recorded [N], shape (n_time,), nuisance parameters, number of sub-steps.
-
-        Raises
-        ------
-        SimulationError
-            Where the simulation diverges or cannot be resolved.
-        """
+        """Force of one set of parameters as recorded [N], shape (n_time,), nuisance parameters, number of sub-steps."""
         run = simulate_forces(self.spec, theta[None], self.history, substep_factor=substep_factor)
         outcome = Outcome(run.outcome[0])
         if outcome is not Outcome.FINISHED:

@@ -1,27 +1,37 @@
-"""The fit at a minimum: free runs on the tests, estimates of the parameters."""
+"""The fit at a minimum: free runs on the tests, estimates of the parameters, and its cost in a building."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from math import isfinite
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from mrwork.arguments import checked
 from mrwork.dampers.coordinates import ON_BOUND, Box
-from mrwork.dampers.law_limits import law_limits
-from mrwork.dampers.spec import DamperSpec
+from mrwork.dampers.spec import DamperSpec, law_limits
 from mrwork.errors import SimulationError
 from mrwork.identification.equivalent import Form
-from mrwork.identification.fit import ErrorNorms, Estimate, Fit, FitQuality, FitStatus, SearchTrace
+from mrwork.identification.fit import (
+    NEGLIGIBLE,
+    ErrorNorms,
+    Estimate,
+    Fit,
+    FitQuality,
+    FitStatus,
+    SearchTrace,
+)
 from mrwork.identification.nuisance import NONE, Nuisance, NuisanceName
 from mrwork.identification.problem import Problem, provenance_of
 from mrwork.identification.residual import ObservedTest
 from mrwork.records import DamperTest, RecordedMotion
 from mrwork.records.operating_range import OperatingRange
+from mrwork.simulate import loading_of, stiffness_shares
+from mrwork.summary import listed
 
 
 @checked
@@ -135,7 +145,7 @@ class FitSpread:
 Remark = Literal["", "fixed", "at lower bound", "at upper bound", "not identifiable"]
 
 
-def estimates_of(
+def _estimates_of(
     spec: DamperSpec,
     form: Form,
     theta: NDArray[np.float64],
@@ -220,12 +230,12 @@ def fit_at(
     spec, objective = problem.spec, problem.objective
     values = np.asarray(problem.form.to_model(theta))
     tested = OperatingRange.of_tests(objective.tests, None if spec.current is None else spec.current.unit)
-    runs = [free_run(spec, values, test, nuisances=objective.nuisances) for test in objective.tests]
+    runs = [free_run(spec, values, test, nuisances=objective.settings.nuisances) for test in objective.tests]
     quality = tuple(each for _, each in runs)
     nrmse = _rms([each.nrmse for each in quality])
     return Fit(
         model=spec.name,
-        estimates=estimates_of(spec, problem.form, theta, errors, problem.settings.bounds),
+        estimates=_estimates_of(spec, problem.form, theta, errors, problem.settings.bounds),
         status=status,
         stop_reason=trace.stop_reason,
         nrmse=nrmse,
@@ -244,7 +254,7 @@ def fit_at(
         n_time=sum(each.n_time for each in quality),
         provenance=provenance_of(problem),
         current=spec.current,
-        nuisances=objective.nuisances,
+        nuisances=objective.settings.nuisances,
         motions=tuple(RecordedMotion.of(test) for test in objective.tests),
         n_effective=n_effective,
         forces=tuple(force for force, _ in runs),
@@ -276,3 +286,71 @@ def _law_warnings(spec: DamperSpec, theta: NDArray[np.float64], tested: Operatin
 
 def _rms(values: Sequence[float]) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
+
+
+# Sample time of the loop [s] and its integration steps, as studies have by default; the most steps of a sample of a
+# test, of which the stiffness of a candidate is a share; and the most doublings in the loop.
+_SAMPLE, _FEWEST, _MOST_IN_TEST, _MOST_FACTOR = 1e-3, 2, 256, 256
+MANY = 16
+"""Steps a sample from which on a study takes so much longer that a fit says so."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BuildingCost:
+    """Integration steps that a damper wants in a building, a sample of 1 ms, under the motion of its tests.
+
+    It is infinite where no number of steps resolves it. Damper and building are simulated with the same steps.
+    """
+
+    steps: float
+
+    @classmethod
+    def of(cls, spec: DamperSpec, theta: ArrayLike, tests: Sequence[DamperTest]) -> BuildingCost:
+        """The cost by the stiffest test; the loop finds its steps by the same rule from the motion of the building."""
+        wanted = [
+            _MOST_IN_TEST
+            * float(stiffness_shares(spec, np.atleast_2d(theta), loading_of(test, spec).history())[0])
+            * (_SAMPLE / test.dt)
+            for test in tests
+        ]
+        if not all(map(isfinite, wanted)):
+            return cls(steps=np.inf)
+        steps = _FEWEST
+        while steps < max(wanted):
+            steps *= 2
+        return cls(steps=steps if steps <= _MOST_FACTOR * _FEWEST else np.inf)
+
+    @property
+    def is_high(self) -> bool:
+        """Whether a study takes several times as long as with a model without states."""
+        return self.steps >= MANY
+
+    @property
+    def in_words(self) -> str:
+        """As in "about 64 integration steps a sample of 1 ms in a building"."""
+        if not isfinite(self.steps):
+            return f"more than {_MOST_FACTOR * _FEWEST} integration steps a sample of 1 ms in a building"
+        return f"about {self.steps:.0f} integration steps a sample of 1 ms in a building"
+
+
+def cost_warning(fit: Fit, cost: BuildingCost, cheap: Sequence[Fit]) -> str:
+    """A sentence on a fit with a high cost; it names the best of the fits of `cheap` models to the same tests."""
+    at_bound = [each.name for each in fit.estimates if each.remark in ("at lower bound", "at upper bound")]
+    causes = f", with {listed(at_bound)} on a bound" if at_bound else ""
+    least = f"where a model without states takes {_FEWEST}"
+    return f"the fit takes {cost.in_words}{causes}, {least}; {_remedy(fit, cheap)}"
+
+
+def _remedy(fit: Fit, cheap: Sequence[Fit]) -> str:
+    if not cheap:
+        return "compare it with models without states before a study uses it"
+    most = max(each.fit_percent for each in cheap)
+    as_good = [each for each in cheap if each.fit_percent >= most - NEGLIGIBLE]
+    best = min(as_good, key=lambda each: len(each.estimates))
+    both = f"{best.fit_percent:.2f} % against {fit.fit_percent:.2f} %"
+    if best.fit_percent < fit.fit_percent - NEGLIGIBLE:
+        return f"of the models without states {best.model} comes nearest ({both})"
+    as_well = "better" if best.fit_percent > fit.fit_percent + NEGLIGIBLE else "as well"
+    return (
+        f"{best.model}, which has no states, fits {as_well} ({both}): use it in studies of the tested range"
+    )

@@ -10,24 +10,22 @@ from numpy.typing import NDArray
 
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec
-from mrwork.errors import Interrupted
+from mrwork.identification.equivalent import search_box
 from mrwork.identification.global_search import (
     OnSearch,
     StartingPoints,
-    generation_reporter,
     interrupted_at,
     joined_trace,
-    refuse_empty_elite,
+    search_elite,
 )
 from mrwork.identification.law_coefficients import fitted_law, joint_box, plain_of
 from mrwork.identification.level_search import refuse_few_levels, tested_commands
 from mrwork.identification.levenberg_marquardt import LocalMinima
 from mrwork.identification.multistart import minima_from
 from mrwork.identification.problem import Problem
-from mrwork.identification.search_ranges import search_box
 from mrwork.records import DamperTest
 from mrwork.records.window import varied_excerpt
-from mrwork.search import EfficientGA, Optimiser, StopRules, run_search
+from mrwork.search import EfficientGA, Optimiser, StopRules
 from mrwork.simulate import loading_of
 from mrwork.values import holds_arrays
 
@@ -113,17 +111,8 @@ def points_from_scaled_forces(
 
     The search and local minimisations from its elite, in one batch, compare the shortest parts of the tests that show
     every level of the command, see `varied_excerpt`.
-
-    Raises
-    ------
-    SettingError
-        Where the commands of the tests take fewer values than a law has coefficients.
-    SimulationError
-        Where no candidate could be simulated.
-    Interrupted
-        On Ctrl-C, carrying `StartingPoints` with only the best point so far, `None` where there is none.
     """
-    form, rng = problem.form, problem.settings.rng
+    form = problem.form
     tests = problem.objective.tests
     objective = problem.objective.on(form.spec, tuple(varied_excerpt(test) for test in tests))
     commands = tested_commands(form.spec, tests)
@@ -134,25 +123,12 @@ def points_from_scaled_forces(
     joint_form = replace(form, box=joint_box(form, tests, commands))
 
     def from_unit(unit: NDArray[np.float64]) -> NDArray[np.float64]:
-        theta = laws.theta(np.asarray(box.theta_from_unit(np.atleast_2d(unit))))
+        theta = laws.theta(np.asarray(box.theta_from_unit(unit)))
         return np.clip(theta, joint_form.box.lower, joint_form.box.upper)
 
-    try:
-        found = run_search(
-            search,
-            lambda unit: objective(from_unit(unit)),
-            rng=rng,
-            n_params=len(box.free),
-            on_generation=generation_reporter(search, on_search),
-            journal=objective.journal,
-        )
-    except Interrupted as interrupt:
-        result = interrupt.result
-        if not np.isfinite(result.best_misfit):
-            raise Interrupted(None, "search") from interrupt
-        theta = from_unit(result.best_unit)[0]
-        raise interrupted_at(theta, objective, joint_form, joined_trace([result])) from interrupt
-    refuse_empty_elite(form.spec, found)
+    found = search_elite(
+        problem, search, objective, joint_form, from_unit, n_params=len(box.free), on_search=on_search
+    )
     starts = from_unit(found.elite[:_STARTS])
     if form.spec.current is not None and form.spec.current.lagged:
         starts[:, -1] *= np.resize(_RATES, len(starts))

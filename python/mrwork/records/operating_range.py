@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mrwork.arguments import NotNegative, Samples, checked
-from mrwork.dampers.law_limits import LawLimit, law_limits
-from mrwork.dampers.spec import DamperSpec
+from mrwork.dampers.spec import DamperSpec, LawLimit, law_limits
 from mrwork.errors import SettingError
 from mrwork.records.command_signal import command_noise
 from mrwork.records.damper_test import DamperTest

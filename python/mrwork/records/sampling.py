@@ -129,7 +129,7 @@ def check_time(time: NDArray[np.float64], *, source: str, locate: Callable[[int]
 
 @holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Uniform:
+class UniformSamples:
     """Signals on a uniform grid of step `dt` [s].
 
     `spiky` and `missing` are the samples that no sensor gave, in spikes and in gaps, shape (n_time,).
@@ -142,7 +142,7 @@ class Uniform:
     findings: tuple[Finding, ...] = ()
 
 
-def uniform_step(signals: Signals, spiky: NDArray[np.bool_], *, source: str) -> Uniform:
+def uniform_step(signals: Signals, spiky: NDArray[np.bool_], *, source: str) -> UniformSamples:
     """Put signals, of which the `spiky` samples were bridged, shape (n_time,), on a uniform grid.
 
     If a step differs from the median by more than 1e-3 of it, the record is resampled to about the median step,
@@ -166,7 +166,7 @@ def uniform_step(signals: Signals, spiky: NDArray[np.bool_], *, source: str) -> 
     mean = duration / (time.size - 1)
     deviation = float(np.max(np.abs(steps - median)))
     if deviation <= _JITTER * median + 2.0 * np.spacing(np.max(np.abs(time))):
-        return Uniform(signals=signals, dt=mean, spiky=spiky, missing=np.zeros_like(spiky))
+        return UniformSamples(signals=signals, dt=mean, spiky=spiky, missing=np.zeros_like(spiky))
     uniform = rounded_grid(time)
     if uniform is not None:
         dt = float(uniform[-1] - uniform[0]) / (time.size - 1)
@@ -176,7 +176,7 @@ def uniform_step(signals: Signals, spiky: NDArray[np.bool_], *, source: str) -> 
             message=f"times are rounded, with steps of {1e3 * steps.min():.4g} to {1e3 * steps.max():.4g} ms; taken "
             f"as uniform every {1e3 * dt:.6g} ms ({1.0 / dt:.6g} Hz), by regression on the number of the sample",
         )
-        return Uniform(
+        return UniformSamples(
             signals=replace(signals, time=uniform),
             dt=dt,
             spiky=spiky,
@@ -229,7 +229,7 @@ def uniform_step(signals: Signals, spiky: NDArray[np.bool_], *, source: str) -> 
     # A sample of the grid has neighbours in the record; next to one of them, it is that.
     beside = np.minimum(grid - time[before], time[before + 1] - grid) > _JITTER * median
     missing = beside & (steps > _GAP_STEPS * median)[before]
-    return Uniform(
+    return UniformSamples(
         signals=replace(motion, time=grid, current=current, voltage=voltage, command=command),
         dt=dt,
         spiky=spiky[before] | spiky[before + 1],

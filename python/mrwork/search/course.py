@@ -228,29 +228,29 @@ class Course(Summarised):
         evaluations = self.evaluations[rows] + np.count_nonzero(proposal.changed, axis=1)
         grown = replace(
             self,
-            generation=put(self.generation, rows, self.generation[rows] + 1),
-            evaluations=put(self.evaluations, rows, evaluations),
-            best_unit=put(self.best_unit, rows, best_unit),
-            best_misfit=put(self.best_misfit, rows, best_misfit),
-            elite_unit=put(
+            generation=with_rows(self.generation, rows, self.generation[rows] + 1),
+            evaluations=with_rows(self.evaluations, rows, evaluations),
+            best_unit=with_rows(self.best_unit, rows, best_unit),
+            best_misfit=with_rows(self.best_misfit, rows, best_misfit),
+            elite_unit=with_rows(
                 self.elite_unit, rows, np.where(kept[..., None] < 0, 0.0, found_unit[among[:, None], kept])
             ),
-            elite_misfit=put(
+            elite_misfit=with_rows(
                 self.elite_misfit, rows, np.where(kept < 0, math.inf, found_misfit[among[:, None], kept])
             ),
             trace=Trace(
-                evaluations=_extended(self.trace.evaluations, rows, evaluations),
-                best=_extended(self.trace.best, rows, best_misfit),
-                median=_extended(self.trace.median, rows, np.median(misfit, axis=1)),
+                evaluations=_extend_trace(self.trace.evaluations, rows, evaluations),
+                best=_extend_trace(self.trace.best, rows, best_misfit),
+                median=_extend_trace(self.trace.median, rows, np.median(misfit, axis=1)),
             ),
         )
         ended = stop.ended(
             trace=grown.trace.best[rows], evaluations=evaluations, population=population, best_unit=best_unit
         )
-        return replace(grown, ended=put(self.ended, rows, ended))
+        return replace(grown, ended=with_rows(self.ended, rows, ended))
 
 
-def put(old: NDArray[ScalarT], rows: NDArray[np.int64], new: NDArray[ScalarT]) -> NDArray[ScalarT]:
+def with_rows(old: NDArray[ScalarT], rows: NDArray[np.int64], new: NDArray[ScalarT]) -> NDArray[ScalarT]:
     """A copy of `old` with these rows replaced."""
     if rows.size == len(old):
         return new
@@ -259,7 +259,9 @@ def put(old: NDArray[ScalarT], rows: NDArray[np.int64], new: NDArray[ScalarT]) -
     return copy
 
 
-def _extended(old: NDArray[ScalarT], rows: NDArray[np.int64], entry: NDArray[ScalarT]) -> NDArray[ScalarT]:
+def _extend_trace(
+    old: NDArray[ScalarT], rows: NDArray[np.int64], entry: NDArray[ScalarT]
+) -> NDArray[ScalarT]:
     """A trace with one more column; rows that are not in `rows` repeat their last entry."""
     grown = np.concatenate([old, old[:, -1:]], axis=1) if old.shape[1] else np.empty((len(old), 1), old.dtype)
     grown[rows, -1] = entry

@@ -17,7 +17,7 @@ import numpy as np
 from mrwork.arguments import AnyNumbers, Seed, checked
 from mrwork.errors import SettingError
 from mrwork.search.course import Course, Dimension, Proposal, Replicate
-from mrwork.search.population import PopulationState, proposed, with_better_members
+from mrwork.search.population import PopulationState, propose, with_better_members
 from mrwork.search.rules import LARGEST_POPULATION, EliteRule, StopRules, check_ranges
 from mrwork.search.unit_cube import latin_hypercube, others, reflect
 
@@ -77,7 +77,7 @@ class DifferentialEvolution:
         course, rows = state.course, state.course.running
         parents, misfit = state.population[rows], state.misfit[rows]
         if course.is_first:
-            return proposed(course, parents)
+            return propose(course, parents)
         size, n_params = parents.shape[1:]
         uniform = course.streams.uniform(1 + size * (4 + n_params))
         among = np.arange(len(rows))[:, None]
@@ -89,7 +89,7 @@ class DifferentialEvolution:
         certain = (uniform[:, 1 + 3 * size : 1 + 4 * size] * n_params).astype(np.int64)
         crossed = uniform[:, 1 + 4 * size :].reshape(parents.shape) < self.crossover_probability
         crossed |= np.arange(n_params) == certain[..., None]
-        return proposed(course, np.where(crossed, mutant, parents), limit=misfit)
+        return propose(course, np.where(crossed, mutant, parents), limit=misfit)
 
     @checked
     def tell(self, state: PopulationState, proposal: Proposal, misfit: AnyNumbers) -> PopulationState:

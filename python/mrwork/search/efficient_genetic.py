@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 
 from mrwork.arguments import AnyNumbers, Seed, checked
 from mrwork.search.course import Course, Dimension, Proposal, Replicate
-from mrwork.search.population import Ceiling, proposed, relative_fitness, with_generation
+from mrwork.search.population import Ceiling, propose, relative_fitness, with_generation
 from mrwork.search.rules import LARGEST_POPULATION, EliteRule, StopRules, check_ranges
 from mrwork.search.unit_cube import latin_hypercube, reflect
 from mrwork.summary import Summarised
@@ -119,9 +119,9 @@ class EfficientGA:
         course, rows = state.course, state.course.running
         before, misfit = state.population[rows], state.misfit[rows]
         if course.is_first:
-            return proposed(course, before, limit=self.ceiling.limit(course))
+            return propose(course, before, limit=self.ceiling.limit(course))
         population, known, changed = self._offspring(state, before, misfit)
-        return proposed(course, population, known=known, changed=changed, limit=self.ceiling.limit(course))
+        return propose(course, population, known=known, changed=changed, limit=self.ceiling.limit(course))
 
     @checked
     def tell(self, state: GAState, proposal: Proposal, misfit: AnyNumbers) -> GAState:

@@ -1,16 +1,11 @@
-"""The ask/tell loop: one call of the objective per generation, progress reports, interrupts, journal.
-
-An optimiser is a pure function of its state, the objective is a batch function on the unit cube, and the loop connects
-the two. `on_generation` is for progress bars and early stops: it receives the state after every generation with the
-misfits from which it follows.
-"""
+"""The ask/tell loop: one call of the objective per generation, progress reports, interrupts, journal, results."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, Generic, Protocol
+from typing import Any, ClassVar, Generic, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,12 +13,109 @@ from numpy.typing import NDArray
 from mrwork.arguments import Seed, checked
 from mrwork.errors import Interrupted, SettingError
 from mrwork.search.course import Dimension, Proposal, Replicate
-from mrwork.search.result import ReplicatedSearch, SearchResult, SearchState, StateT, results_of
+from mrwork.search.population import SearchState, StateT, select
 from mrwork.search.rules import EliteRule, StopRules
 from mrwork.store import Journal, digest_of
 from mrwork.store.codec import array_of, plain
-from mrwork.summary import Summarised
+from mrwork.summary import Summarised, Summary, rounded
 from mrwork.values import holds_arrays
+
+
+class RunTrace(NamedTuple):
+    """Progress of one replicate, as in `Trace`, each of shape (n_generations,)."""
+
+    evaluations: NDArray[np.int64]
+    best: NDArray[np.float64]
+    median: NDArray[np.float64]
+
+
+@holds_arrays
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class SearchResult(Summarised, Generic[StateT]):
+    """Result of one replicate, its stop reason, and the state from which it can be resumed alone.
+
+    `best_unit` (n_params,) has `best_misfit`, `inf` if no simulation succeeded. `elite` (n_elite, n_params) are the
+    best mutually distant points of the whole run with `elite_misfit` (n_elite,), best first, empty if no simulation
+    succeeded; they are starts for a local minimisation. `evaluations` and `generations` count from the start of the
+    search, `seconds` is the time of this call, for all replicates together.
+    """
+
+    _made_by: ClassVar[str] = "mr.search.run_search(optimiser, objective, rng=..., n_params=...)"
+
+    replicate: int
+    best_unit: NDArray[np.float64]
+    best_misfit: float
+    elite: NDArray[np.float64]
+    elite_misfit: NDArray[np.float64]
+    trace: RunTrace
+    evaluations: int
+    generations: int
+    stop_reason: str
+    seconds: float
+    state: StateT
+
+    def _summary(self) -> Summary:
+        return Summary(
+            title=f"Search, replicate {self.replicate}: least misfit {rounded(self.best_misfit, 6)}",
+            facts=(
+                (
+                    "ended",
+                    f"{self.stop_reason} after {self.generations} generations, {self.evaluations} simulations",
+                ),
+                ("seconds", rounded(self.seconds, 3)),
+                ("elite", str(len(self.elite))),
+            ),
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class ReplicatedSearch(Summarised, Generic[StateT]):
+    """Results of replicates that ran in one call, and the state from which all can be resumed."""
+
+    _units: ClassVar[Mapping[str, str]] = {"seconds": "s"}
+
+    results: tuple[SearchResult[StateT], ...]
+    seconds: float
+    state: StateT
+
+    @property
+    def best(self) -> SearchResult[StateT]:
+        """The result with the least misfit."""
+        return min(self.results, key=lambda result: result.best_misfit)
+
+
+def _results_of(state: StateT, reason: str, seconds: float) -> ReplicatedSearch[StateT]:
+    """Results of a search that ends in this state; `reason` is that of replicates that no rule has ended."""
+    return ReplicatedSearch(
+        results=tuple(
+            _result(select(state, [row]), reason, seconds) for row in range(len(state.course.replicate))
+        ),
+        seconds=seconds,
+        state=state,
+    )
+
+
+def _result(state: StateT, reason: str, seconds: float) -> SearchResult[StateT]:
+    course = state.course
+    found = np.isfinite(course.elite_misfit[0])
+    return SearchResult(
+        replicate=int(course.replicate[0]),
+        best_unit=course.best_unit[0],
+        best_misfit=float(course.best_misfit[0]),
+        elite=course.elite_unit[0, found],
+        elite_misfit=course.elite_misfit[0, found],
+        trace=RunTrace(
+            evaluations=course.trace.evaluations[0],
+            best=course.trace.best[0],
+            median=course.trace.median[0],
+        ),
+        evaluations=int(course.evaluations[0]),
+        generations=int(course.generation[0]),
+        stop_reason=course.stop_reasons[0] or reason,
+        seconds=seconds,
+        state=state,
+    )
+
 
 Objective = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
@@ -201,7 +293,7 @@ def run_replicates(
     else:
         _check_same_search(state, rng, n_params, replicates)
     if journal is not None:
-        agree_on_search(journal, optimiser, state)
+        _agree_on_search(journal, optimiser, state)
     reason = ""
     seconds = 0.0
     try:
@@ -210,7 +302,7 @@ def run_replicates(
                 reason = "max_seconds"
                 break
             proposal = optimiser.ask(state)
-            recalled = None if journal is None else recalled_generation(journal, proposal)
+            recalled = None if journal is None else _recalled_generation(journal, proposal)
             misfit = _misfits(objective, proposal) if recalled is None else recalled.misfit
             state = optimiser.tell(state, proposal, misfit)
             if recalled is not None:
@@ -218,15 +310,15 @@ def run_replicates(
                 began = time.perf_counter() - recalled.seconds
             seconds = time.perf_counter() - began if recalled is None else recalled.seconds
             if journal is not None and recalled is None:
-                record_generation(journal, proposal, state, Generation(misfit=misfit, seconds=seconds))
+                _record_generation(journal, proposal, state, Generation(misfit=misfit, seconds=seconds))
             if on_generation is not None and on_generation(_event(state, misfit, began)):
                 reason = "callback"
                 break
     except KeyboardInterrupt as interrupt:
         raise Interrupted(
-            results_of(state, "interrupted", time.perf_counter() - began), "search"
+            _results_of(state, "interrupted", time.perf_counter() - began), "search"
         ) from interrupt
-    return results_of(state, reason, time.perf_counter() - began)
+    return _results_of(state, reason, time.perf_counter() - began)
 
 
 def _misfits(objective: Objective | AbortableObjective, proposal: Proposal) -> NDArray[np.float64]:
@@ -275,14 +367,8 @@ class Generation:
     seconds: float
 
 
-def agree_on_search(journal: Journal, optimiser: object, state: SearchState) -> None:
-    """Record the settings of the search in a journal, or check that those of the journal are the same.
-
-    Raises
-    ------
-    JournalError
-        Where they differ; the message names the difference.
-    """
+def _agree_on_search(journal: Journal, optimiser: object, state: SearchState) -> None:
+    """Record the settings of the search in a journal, or check that those of the journal are the same."""
     course = state.course
     journal.agree(
         "search",
@@ -297,7 +383,7 @@ def agree_on_search(journal: Journal, optimiser: object, state: SearchState) -> 
     )
 
 
-def recalled_generation(journal: Journal, proposal: Proposal) -> Generation | None:
+def _recalled_generation(journal: Journal, proposal: Proposal) -> Generation | None:
     """The generation that the journal has recorded for this proposal, `None` where there is none."""
     if not journal.recalling:
         return None
@@ -311,7 +397,7 @@ def recalled_generation(journal: Journal, proposal: Proposal) -> Generation | No
     return journal.recall(_STEP, _digest(proposal), read)
 
 
-def record_generation(
+def _record_generation(
     journal: Journal, proposal: Proposal, state: SearchState, generation: Generation
 ) -> None:
     """Record a generation: the data for a resumed search, and progress for readers of the journal."""

@@ -70,11 +70,6 @@ def run_front(
         Records every generation, and recalls those of a search that was interrupted.
     on_generation
         Called with the number of candidates after every generation; where it returns true the search ends.
-
-    Raises
-    ------
-    SettingError
-        Where pymoo is not installed.
     """
     problem = library("pymoo.core.problem").Problem(n_var=n_params, n_obj=n_objectives, xl=0.0, xu=1.0)
     sampled = np.random.default_rng(rng).uniform(size=(population, n_params))
@@ -93,7 +88,7 @@ def run_front(
     while len(units) + population <= max(budget, population):
         asked = algorithm.ask()
         points = np.clip(np.asarray(asked.get("X"), dtype=np.float64), 0.0, 1.0)
-        found = _simulated(objectives, points, journal)
+        found = _simulate_points(objectives, points, journal)
         evaluator.eval(static(problem, F=np.where(np.isfinite(found), found, _FAILURE)), asked)
         algorithm.tell(infills=asked)
         units, values = np.vstack([units, points]), np.vstack([values, found])
@@ -104,7 +99,7 @@ def run_front(
     return FrontResult(units=units[order], objectives=values[order], evaluations=len(units))
 
 
-def _simulated(objectives: SeveralObjectives, points: Floats, journal: Journal | None) -> Floats:
+def _simulate_points(objectives: SeveralObjectives, points: Floats, journal: Journal | None) -> Floats:
     if journal is None:
         return objectives(points)
     recorded = journal.once(
@@ -117,11 +112,6 @@ def nondominated(values: Floats) -> NDArray[np.int64]:
     """Indices of the rows that no other row dominates, at most as large in every column and smaller in one.
 
     Of equal rows the first is kept; rows that are not finite are left out.
-
-    Raises
-    ------
-    SettingError
-        Where no row is finite.
     """
     finite = np.flatnonzero(np.isfinite(values).all(axis=1))
     if not finite.size:

@@ -25,8 +25,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.arguments import AnyNumbers, Seed, checked
-from mrwork.search.course import Course, Dimension, Proposal, Replicate, put
-from mrwork.search.population import proposed, with_better_members
+from mrwork.search.course import Course, Dimension, Proposal, Replicate, with_rows
+from mrwork.search.population import propose, with_better_members
 from mrwork.search.rules import LARGEST_POPULATION, EliteRule, StopRules, check_ranges
 from mrwork.search.unit_cube import latin_hypercube, reflect
 from mrwork.summary import Summarised
@@ -115,7 +115,7 @@ class ParticleSwarm:
         position, velocity = state.position[rows], state.velocity[rows]
         own, misfit = state.population[rows], state.misfit[rows]
         if course.is_first:
-            return proposed(course, position)
+            return propose(course, position)
         uniform = course.streams.uniform(2 * position[0].size).reshape(-1, 2, *position.shape[1:])
         first, last = self.inertia
         done = np.minimum(course.generation[rows] / self.stop.max_generations, 1.0)[:, None, None]
@@ -128,7 +128,7 @@ class ParticleSwarm:
             + self.common_attraction * uniform[:, 1] * to_common
         )
         limited = np.clip(velocity, -self.velocity_limit, self.velocity_limit)
-        return proposed(course, reflect(position + limited), limit=misfit)
+        return propose(course, reflect(position + limited), limit=misfit)
 
     @checked
     def tell(self, state: SwarmState, proposal: Proposal, misfit: AnyNumbers) -> SwarmState:
@@ -138,8 +138,8 @@ class ParticleSwarm:
         moved = state.velocity if state.course.is_first else proposal.population - state.position[rows]
         return replace(
             with_better_members(state, proposal, misfit, elite=self.elite, stop=self.stop),
-            position=put(state.position, rows, proposal.population),
-            velocity=put(state.velocity, rows, moved),
+            position=with_rows(state.position, rows, proposal.population),
+            velocity=with_rows(state.velocity, rows, moved),
         )
 
 

@@ -1,20 +1,127 @@
-"""Common parts of population-based optimisers: state, proposal, replacement, fitness, ceiling of misfits."""
+"""State of a search: what the loop reads of it, its plain arrays, and what population-based optimisers make of it."""
 
 from __future__ import annotations
 
+import dataclasses
 import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import Any, ClassVar, Protocol, TypeVar, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.arguments import checked
-from mrwork.search.course import Course, Proposal, put
-from mrwork.search.result import StateT
+from mrwork.errors import ArgumentError, SettingError
+from mrwork.search.course import Course, Proposal, with_rows
 from mrwork.search.rules import EliteRule, StopRules, check_ranges
 from mrwork.summary import Summarised
 from mrwork.values import holds_arrays
+
+
+class SearchState(Protocol):
+    """The part of an optimiser's state that the loop reads.
+
+    A state is a frozen dataclass whose fields are a `Course` and arrays with a leading axis of replicates; `select`,
+    `arrays_of` and `state_from_arrays` work on all such states.
+    """
+
+    @property
+    def course(self) -> Course:
+        """Progress of each replicate."""
+
+    @property
+    def population(self) -> NDArray[np.float64]:
+        """Current candidates, shape (n_replicates, n_population, n_params), in the unit cube."""
+
+    @property
+    def misfit(self) -> NDArray[np.float64]:
+        """Their misfits, shape (n_replicates, n_population); `inf` for failures, and before the first generation."""
+
+
+T = TypeVar("T")
+StateT = TypeVar("StateT", bound=SearchState)
+
+
+@checked
+def select(state: StateT, rows: Sequence[int]) -> StateT:
+    """The state of these replicates only, in this order; traces have the length of the longest of them."""
+    if not isinstance(getattr(state, "course", None), Course):
+        raise ArgumentError(
+            "`state` of select is no state of a search; give one from `optimiser.start` or a result"
+        )
+    n_replicates = len(state.course.replicate)
+    if not all(-n_replicates <= row < n_replicates for row in rows):
+        raise SettingError(
+            f"`rows` are {list(rows)}; the state has {n_replicates} replicates, counted from 0"
+        )
+    index = np.asarray(rows, dtype=np.int64)
+
+    def part(value: Any) -> Any:
+        if isinstance(value, np.ndarray):
+            return value[index]
+        if isinstance(value, tuple):
+            return tuple(value[row] for row in index)
+        return _with_parts(value, part) if dataclasses.is_dataclass(value) else value
+
+    def shortened(value: Any) -> Any:
+        if isinstance(value, Course):
+            n_generations = int(value.generation.max(initial=0))
+            trace = _with_parts(value.trace, lambda entries: entries[:, :n_generations])
+            return dataclasses.replace(value, trace=trace)
+        return value
+
+    return _with_parts(_with_parts(state, part), shortened)
+
+
+def arrays_of(state: object) -> dict[str, NDArray[Any]]:
+    """Plain arrays of a state by field name, such as `course.best_unit`."""
+    arrays: dict[str, NDArray[Any]] = {}
+    for field in dataclasses.fields(state):  # type: ignore[arg-type] # an `object` that is a dataclass
+        value = getattr(state, field.name)
+        if dataclasses.is_dataclass(value):
+            arrays |= {f"{field.name}.{name}": each for name, each in arrays_of(value).items()}
+        else:
+            # Unsigned, because a seed may take all 64 bits.
+            arrays[field.name] = value if isinstance(value, np.ndarray) else np.array(value, np.uint64)
+    return arrays
+
+
+@checked
+def state_from_arrays(kind: type[T], arrays: Mapping[str, NDArray[Any]]) -> T:
+    """Undo `arrays_of`, bit for bit; `kind` is the class of the state.
+
+    Raises
+    ------
+    SettingError
+        Where the arrays are not those of such a state.
+    """
+    try:
+        return _from_arrays(kind, arrays)
+    except (KeyError, TypeError, ValueError, AttributeError) as reason:
+        raise SettingError(
+            f"the arrays are not those of a {kind.__name__} ({type(reason).__name__}: {reason}); "
+            "give those of `arrays_of`"
+        ) from None
+
+
+def _from_arrays(kind: type[T], arrays: Mapping[str, NDArray[Any]]) -> T:
+    hints = get_type_hints(kind)
+    values: dict[str, Any] = {}
+    for name, hint in ((each.name, hints[each.name]) for each in dataclasses.fields(kind)):  # type: ignore[arg-type] # a dataclass
+        if dataclasses.is_dataclass(hint):
+            inner = {key.removeprefix(f"{name}."): each for key, each in arrays.items()}
+            values[name] = _from_arrays(hint, inner)  # type: ignore[arg-type] # a hint is a class here
+        else:
+            values[name] = int(arrays[name]) if hint is int else arrays[name]
+    return kind(**values)
+
+
+def _with_parts(value: T, change: Callable[[Any], Any]) -> T:
+    """A dataclass with `change` applied to each field."""
+    names = [field.name for field in dataclasses.fields(value)]  # type: ignore[arg-type] # T is a dataclass
+    changed = {name: change(getattr(value, name)) for name in names}
+    return dataclasses.replace(value, **changed)  # type: ignore[type-var] # T is a dataclass
 
 
 @holds_arrays
@@ -38,7 +145,7 @@ class PopulationState(Summarised):
         return cls(course=course, population=population, misfit=np.full(population.shape[:2], math.inf))
 
 
-def proposed(
+def propose(
     course: Course,
     population: NDArray[np.float64],
     *,
@@ -68,7 +175,7 @@ def with_generation(
     """State after a generation that replaces the old population; `misfit` (n_ask,) is that of `Proposal.unit`."""
     simulated = proposal.member_misfits(misfit)
     after = np.where(proposal.changed, simulated, proposal.known)
-    return _replaced(state, proposal, simulated, proposal.population, after, elite, stop)
+    return _replace_population(state, proposal, simulated, proposal.population, after, elite, stop)
 
 
 def with_better_members(
@@ -80,10 +187,10 @@ def with_better_members(
     better = simulated < state.misfit[rows]
     population = np.where(better[..., None], proposal.population, state.population[rows])
     after = np.where(better, simulated, state.misfit[rows])
-    return _replaced(state, proposal, simulated, population, after, elite, stop)
+    return _replace_population(state, proposal, simulated, population, after, elite, stop)
 
 
-def _replaced(
+def _replace_population(
     state: StateT,
     proposal: Proposal,
     simulated: NDArray[np.float64],
@@ -99,8 +206,8 @@ def _replaced(
         course=state.course.after(
             proposal, simulated, population=population, misfit=misfit, elite=elite, stop=stop
         ),
-        population=put(state.population, rows, population),
-        misfit=put(state.misfit, rows, misfit),
+        population=with_rows(state.population, rows, population),
+        misfit=with_rows(state.misfit, rows, misfit),
     )
 
 

@@ -12,8 +12,7 @@ from mrwork.search.differential_evolution import DifferentialEvolution
 from mrwork.search.efficient_genetic import EfficientGA
 from mrwork.search.loop import Optimiser
 from mrwork.search.particle_swarm import CONSTRICTION, ParticleSwarm
-from mrwork.search.peers import CMAEvolution, PeerOptimiser, PymooGA
-from mrwork.search.scipy_differential_evolution import ScipyDifferentialEvolution
+from mrwork.search.peers import CMAEvolution, PeerOptimiser, PymooGA, ScipyDifferentialEvolution
 from mrwork.search.standard_genetic import StandardGA
 
 # Any: each optimiser has its own type of state.

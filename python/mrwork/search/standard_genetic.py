@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from mrwork.arguments import AnyNumbers, Seed, checked
 from mrwork.search.course import Course, Dimension, Proposal, Replicate
-from mrwork.search.population import Ceiling, PopulationState, proposed, relative_fitness, with_generation
+from mrwork.search.population import Ceiling, PopulationState, propose, relative_fitness, with_generation
 from mrwork.search.rules import LARGEST_POPULATION, EliteRule, StopRules, check_ranges
 from mrwork.search.unit_cube import latin_hypercube, reflect
 
@@ -82,7 +82,7 @@ class StandardGA:
         course, rows = state.course, state.course.running
         parents, misfit = state.population[rows], state.misfit[rows]
         if course.is_first:
-            return proposed(course, parents, limit=self.ceiling.limit(course))
+            return propose(course, parents, limit=self.ceiling.limit(course))
         size, n_params = parents.shape[1:]
         pairs = -(-size // 2)
         uniform = course.streams.uniform(4 * pairs + size * n_params)
@@ -105,7 +105,7 @@ class StandardGA:
         children[found, 0] = course.best_unit[rows][found]
         known[found, 0] = course.best_misfit[rows][found]
         changed[found, 0] = False
-        return proposed(
+        return propose(
             course,
             children,
             known=known,

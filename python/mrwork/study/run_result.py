@@ -17,7 +17,7 @@ from mrwork.closed_loop.responses import (
     history_signals,
     run_quantities,
 )
-from mrwork.dampers.law_limits import worst_laws
+from mrwork.dampers.spec import worst_laws
 from mrwork.records.operating_range import (
     Exceedance,
     OperatingRange,

@@ -98,7 +98,7 @@ def posterior_draws(table: DamperTable, folder: Path) -> Floats | None:
         return None
     # Loads xarray.
     from mrwork.identification.fit_file import read_fit
-    from mrwork.uncertainty.posterior.draws_file import read_draws
+    from mrwork.uncertainty.posterior.draws import read_draws
 
     run = folder / table.run
     draws = read_draws(run, read_fit(run))

@@ -18,10 +18,9 @@ from mrwork.closed_loop.evaluation import criterion
 from mrwork.control.law_design import SETTINGS, design_law, settings_of
 from mrwork.control.laws import control_law
 from mrwork.errors import Interrupted, InvalidSettingError, SettingError
-from mrwork.search.loop import GenerationEvent, Optimiser, run_search
+from mrwork.search.loop import GenerationEvent, Optimiser, SearchResult, run_search
 from mrwork.search.nondominated import FrontResult, run_front
 from mrwork.search.registry import ALL_OPTIMISERS, PEERS
-from mrwork.search.result import SearchResult
 from mrwork.search.rules import EliteRule, StopRules
 from mrwork.store import digest_of
 from mrwork.study.batches import RunCriteria

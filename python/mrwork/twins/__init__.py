@@ -1,8 +1,4 @@
-"""JAX twins of the damper models: the same equations, differentiable.
-
-A twin is a module with the name of its model and two functions of parameters `p` (by their names in the spec), state,
-displacement and velocity: `rate(p, state, x, v)`, not needed without states, and `force(p, state, x, v)`.
-"""
+"""JAX twins of the damper models and of the closed loop: the same equations, differentiable."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-from ._base import power as power
+from .equations import power as power
 from .loop.run import half_steps as half_steps
 from .models import Twin as Twin
 from .models import simulate as simulate

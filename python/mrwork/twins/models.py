@@ -5,10 +5,8 @@ from __future__ import annotations
 import os
 import platform
 from collections import namedtuple
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
-from importlib import import_module
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -18,12 +16,10 @@ import jax.numpy as jnp
 from jax import Array
 
 from mrwork.arguments import checked
-from mrwork.dampers.parameters import CurrentLaws, interpolated, law_named
+from mrwork.dampers.parameters import CurrentLaws, interpolate, law_named
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import LibraryError, SettingError, UnknownNameError
-from mrwork.twins._base import Parameters  # also sets double precision
-
-Equation = Callable[[Parameters, Array, Array, Array], Array]
+from mrwork.twins.equations import EQUATIONS, Equation  # also sets double precision
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,7 +38,7 @@ class Twin:
 @checked
 @cache
 def twin_of(spec: DamperSpec) -> Twin:
-    """Return the twin of a model: its module in this package, with the parameters of the spec.
+    """Return the twin of a model: its equations, with the parameters of the spec.
 
     Raises
     ------
@@ -51,13 +47,12 @@ def twin_of(spec: DamperSpec) -> Twin:
     """
     if spec.current is not None:
         return twin_of(damper(spec.name))
-    try:
-        module: Any = import_module(f"mrwork.twins.{spec.name}")
-    except ModuleNotFoundError as error:
-        raise UnknownNameError(f"{spec.name} has no JAX twin; write mrwork/twins/{spec.name}.py") from error
-    # A model without states needs no rate.
-    rate = module.rate if spec.n_states else lambda p, state, x, v: state
-    return Twin(Theta=namedtuple("Theta", spec.names), rate=rate, force=module.force)
+    if spec.name not in EQUATIONS:
+        raise UnknownNameError(
+            f"{spec.name} has no JAX twin; write its equations in mrwork/twins/equations.py"
+        )
+    rate, force = EQUATIONS[spec.name]
+    return Twin(Theta=namedtuple("Theta", spec.names), rate=rate, force=force)
 
 
 def parameters_at(spec: DamperSpec, theta: Array, received: Array) -> Any:
@@ -72,7 +67,7 @@ def parameters_at(spec: DamperSpec, theta: Array, received: Array) -> Any:
         if kind.nodes:
             at_nodes = jnp.stack([value, *further])
             log = parameter.scale == "log" and kind.takes_logarithms
-            value = interpolated(kind.nodes, at_nodes, received, log=log, xp=jnp)
+            value = interpolate(kind.nodes, at_nodes, received, log=log, xp=jnp)
         elif kind.is_exponential:
             factor, exponent = further
             value = value + factor * jnp.exp(exponent * received)
@@ -111,7 +106,7 @@ def simulate(
     command = jnp.asarray(command, dtype=jnp.float64)
     at_samples, at_steps = None, None
     if spec.current is not None and command.ndim > 0:
-        at_samples, at_steps = _received(spec.current, theta, command, dt, substeps)
+        at_samples, at_steps = _receive_command(spec.current, theta, command, dt, substeps)
     else:
         steady = parameters_at(spec, theta, command)
 
@@ -143,7 +138,7 @@ def simulate(
     return jax.vmap(force)(states, samples, at_samples)
 
 
-def _received(
+def _receive_command(
     current: CurrentLaws, theta: Array, command: Array, dt: Array | float, substeps: int
 ) -> tuple[Array, Array]:
     """Command received by the coil at the samples, shape (n_time,), and at three points of each step, (n_steps, 3)."""
@@ -161,7 +156,7 @@ def _received(
 
 
 # Environment variable; "off" disables the cache.
-SWITCH = "MRWORK_COMPILATION_CACHE"
+_SWITCH = "MRWORK_COMPILATION_CACHE"
 # Shortest compilation time of a cached function [s].
 _WORTH_KEEPING = 0.1
 # The process that has used JAX: this one, or the one that it was forked from.
@@ -169,15 +164,7 @@ _process: int | None = None
 
 
 def begin() -> None:
-    """Prepare JAX in this process: called before every computation on a twin.
-
-    Raises
-    ------
-    SettingError
-        In a forked process whose parent has used JAX: its threads do not exist there, and a computation would not end.
-    LibraryError
-        If JAX finds no device, as where JAX_PLATFORMS names none of this machine.
-    """
+    """Prepare JAX in this process: called before every computation on a twin."""
     global _process  # one JAX for each process
     if _process is None:
         try:
@@ -205,7 +192,7 @@ def keep_compiled() -> None:
     """
     if jax.config.values["jax_compilation_cache_dir"] is not None:
         return
-    if os.environ.get(SWITCH) == "off":
+    if os.environ.get(_SWITCH) == "off":
         return
     folder = _folder()
     if folder is None:

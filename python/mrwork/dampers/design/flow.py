@@ -14,8 +14,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mrwork.arguments import Positive, Within, checked
-from mrwork.dampers.design.ranges import FlowIndex, Flows, Length, Stresses, Viscosity, broadcast
-from mrwork.dampers.design.roots import roots_between
+from mrwork.dampers.design.ranges import (
+    FlowIndex,
+    Flows,
+    Length,
+    Stresses,
+    Viscosity,
+    broadcast,
+    roots_between,
+)
 from mrwork.summary import Summarised
 
 Floats = NDArray[np.float64]

@@ -11,10 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.arguments import Share, Within, checked
-from mrwork.dampers.design.fluids import MRFluid
-from mrwork.dampers.design.ranges import Current, Currents, Fields, Length, Turns, Voltage
-from mrwork.dampers.design.roots import roots_between
-from mrwork.dampers.design.steels import Steel
+from mrwork.dampers.design.materials import MRFluid, Steel
+from mrwork.dampers.design.ranges import Current, Currents, Fields, Length, Turns, Voltage, roots_between
 from mrwork.errors import SettingError
 from mrwork.summary import Summarised
 
@@ -25,7 +23,7 @@ Resistance = Annotated[float, Within(least=1e-9, most=1e9)]
 COPPER_RESISTIVITY = 1.72e-8
 """Of copper at 20 C [ohm m]."""
 
-TIME_CONSTANT_SHARE = 1.0 - exp(-1.0)
+_TIME_CONSTANT_SHARE = 1.0 - exp(-1.0)
 """Share of its end value that a first-order lag reaches within its time constant."""
 
 # The least field at which an inductance is taken [A/m], far below saturation, and the relative step of its difference.
@@ -111,7 +109,7 @@ class MagneticCircuit(Summarised):
         current: Current,
         resistance: Resistance,
         supply: Voltage | None = None,
-        share: Share = TIME_CONSTANT_SHARE,
+        share: Share = _TIME_CONSTANT_SHARE,
     ) -> float:
         """Time [s] until a share of a current [A] flows after a step, from `d(N Phi)/dt + R i = V`.
 

@@ -30,16 +30,19 @@ from mrwork.report.numbers import percent
 from mrwork.report.section import Group, Panel, Section, panel
 from mrwork.report.style import DisplayUnit
 from mrwork.stored import StoredRun
-from mrwork.uncertainty.bands.band import Band, parameter_band, score, simulate_draws
-from mrwork.uncertainty.bands.calibration_files import StoredBands
-from mrwork.uncertainty.bands.conformal import calibrate
-from mrwork.uncertainty.bands.cycle import (
+from mrwork.uncertainty.bands.band import (
     QUANTITIES,
+    Band,
     CycleQuantity,
     cycle_band,
     cycles_of,
     errors_over_cycles,
+    parameter_band,
+    score,
+    simulate_draws,
 )
+from mrwork.uncertainty.bands.calibration_files import StoredBands
+from mrwork.uncertainty.bands.conformal import calibrate
 from mrwork.uncertainty.bands.prediction import Prediction
 from mrwork.uncertainty.noise import noise_model
 from mrwork.uncertainty.posterior.draws import Draws

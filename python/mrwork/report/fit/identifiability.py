@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import get_args
 
-from mrwork.identification.certainty import Direction, Identifiability, VerdictName
-from mrwork.identification.fit import Fit
+from mrwork.identification.fit import Direction, Fit, Identifiability, VerdictName
 from mrwork.report import numbers
 from mrwork.report.comparison import Comparison
 from mrwork.report.fit.kind import SectionKind

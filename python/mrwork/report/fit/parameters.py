@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from mrwork.identification.certainty import Intervals
-from mrwork.identification.fit import Estimate, Fit
+from mrwork.identification.fit import Estimate, Fit, Intervals
 from mrwork.report import numbers
 
 

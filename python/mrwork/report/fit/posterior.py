@@ -19,8 +19,7 @@ from mrwork.report.fit.kind import SectionKind
 from mrwork.report.fit.parameters import shown_unit
 from mrwork.report.section import Absent, Group, Section, Table, panel, table
 from mrwork.stored import StoredRun
-from mrwork.uncertainty.posterior.diagnostics import LARGEST_RHAT, LEAST_ESS
-from mrwork.uncertainty.posterior.draws import Draws, DrawsStatus
+from mrwork.uncertainty.posterior.draws import LARGEST_RHAT, LEAST_ESS, Draws, DrawsStatus
 
 Array = NDArray[np.float64]
 

@@ -10,7 +10,7 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator
 from numpy.typing import NDArray
 
 from mrwork.identification.fit import Fit, SearchTrace
-from mrwork.identification.multistart import Multistart
+from mrwork.identification.settings import Multistart
 from mrwork.report import numbers, style
 from mrwork.report.canvas import (
     column_axes,

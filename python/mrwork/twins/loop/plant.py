@@ -138,15 +138,3 @@ def pulls_of(plant: LoopPlant, devices: Devices) -> Array:
     """M^-1 e' of all devices, shape (n, n_devices)."""
     pulls: Array = jnp.linalg.solve(plant.mass, rows_of(devices).T)
     return pulls
-
-
-def state_matrices(plant: LoopPlant, devices: Devices) -> tuple[Array, Array]:
-    """A and B of `s' = A s + B f`, with s = [q; q'] and f the devices' forces, shape (2n, 2n) and (2n, n_devices).
-
-    The devices resist, so that B is [0; -M^-1 e'].
-    """
-    n = plant.mass.shape[0]
-    zero, one = jnp.zeros((n, n)), jnp.eye(n)
-    state = jnp.block([[zero, one], [-plant.stiffness_per_mass, -plant.damping_per_mass]])
-    pulls = pulls_of(plant, devices)
-    return state, jnp.concatenate([jnp.zeros_like(pulls), -pulls])

@@ -24,8 +24,7 @@ from numpy.typing import NDArray
 
 from mrwork.dampers.spec import DamperSpec
 from mrwork.twins.loop.plant import Devices, LoopDevice, LoopPlant, pulls_of
-from mrwork.twins.loop.run import half_steps
-from mrwork.twins.loop.step import LoopState, StepGround, at_rest, step
+from mrwork.twins.loop.run import LoopState, StepGround, at_rest, half_steps, step
 from mrwork.twins.models import begin
 from mrwork.values import holds_arrays
 
@@ -108,8 +107,8 @@ class PrescribedLoop:
         ground = [self.ground[:-1:2], self.ground[1::2], self.ground[2::2]]
         stretches = []
         for start in range(0, self.places.size, _STRETCH):
-            here = [jnp.asarray(_padded(each[start : start + _STRETCH])) for each in ground]
-            weight = jnp.asarray(_padded(np.ones(min(_STRETCH, self.places.size - start))))
+            here = [jnp.asarray(_pad_stretch(each[start : start + _STRETCH])) for each in ground]
+            weight = jnp.asarray(_pad_stretch(np.ones(min(_STRETCH, self.places.size - start))))
             stretches.append((StepGround(*here), weight))
         object.__setattr__(self, "_stretches", tuple(stretches))
 
@@ -121,20 +120,20 @@ class PrescribedLoop:
         commands
             Command of each interval, shape (n_intervals, n_devices); the coils start settled at the first.
         """
-        sums = self._carries(self._fixed(2.0), commands)[-1].sums
+        sums = self._carries(self._fix(2.0), commands)[-1].sums
         squares = (sums.drift_square, sums.acceleration_square)
         rms = [float(np.sqrt(np.max(np.asarray(each)) / self.places.size)) for each in squares]
         return np.array([float(sums.drift_peak), float(sums.acceleration_peak), *rms])
 
     def score_and_gradient(self, commands: Floats, power: float) -> tuple[float, Floats]:
         """Smooth score, and its derivatives with respect to the commands, in their shape."""
-        fixed = self._fixed(power)
+        fixed = self._fix(power)
         carries = self._carries(fixed, commands)
         score, rate = _score_and_rate(carries[-1].sums, float(self.places.size), power)
         pull = jax.tree.map(jnp.zeros_like, carries[-1])._replace(sums=rate)
         gradients = []
         for carry, inputs in zip(reversed(carries[:-1]), reversed(self._inputs(commands)), strict=True):
-            pull, gradient = _pulled_back(fixed, carry, inputs, pull)
+            pull, gradient = _pull_back(fixed, carry, inputs, pull)
             gradients.append(np.asarray(gradient))
         by_step = np.concatenate(gradients[::-1])[: self.places.size]
         # The coils start at the first command.
@@ -145,13 +144,13 @@ class PrescribedLoop:
         found[0] += np.asarray(pull.received)
         return float(score), found
 
-    def _fixed(self, power: float) -> _Fixed:
+    def _fix(self, power: float) -> _Fixed:
         return _Fixed(self.plant, self.devices, self.step_time, self.scales, power)
 
     def _inputs(self, commands: Floats) -> list[_Inputs]:
         by_step = np.asarray(commands, dtype=np.float64)[self.places]
         return [
-            _Inputs(jnp.asarray(_padded(by_step[start : start + _STRETCH])), ground, weight)
+            _Inputs(jnp.asarray(_pad_stretch(by_step[start : start + _STRETCH])), ground, weight)
             for start, (ground, weight) in zip(
                 range(0, self.places.size, _STRETCH), self._stretches, strict=True
             )
@@ -164,7 +163,7 @@ class PrescribedLoop:
         sums = _Sums(zero, zero, jnp.zeros(n_storeys), jnp.zeros(n_floors), zero, zero)
         carries = [_Carry(at_rest(self.plant, self.devices), jnp.asarray(commands[0]), sums)]
         for inputs in self._inputs(commands):
-            carries.append(_advanced(fixed, carries[-1], inputs))
+            carries.append(_advance(fixed, carries[-1], inputs))
         return carries
 
 
@@ -215,7 +214,7 @@ def prescribed_loop(
     )
 
 
-def _padded(values: Floats) -> Floats:
+def _pad_stretch(values: Floats) -> Floats:
     """Values of a stretch, with zeros after the last step."""
     missing = _STRETCH - len(values)
     return np.concatenate([values, np.zeros((missing, *values.shape[1:]))]) if missing else values
@@ -259,11 +258,11 @@ def _power_sum(shares: Array, power: float) -> Array:
     return jnp.sum(jnp.where(large, jnp.where(large, square, 1.0) ** (0.5 * power), 0.0))
 
 
-_advanced = jax.jit(_stretch)
+_advance = jax.jit(_stretch)
 
 
 @jax.jit
-def _pulled_back(fixed: _Fixed, carry: _Carry, inputs: _Inputs, pull: _Carry) -> tuple[_Carry, Array]:
+def _pull_back(fixed: _Fixed, carry: _Carry, inputs: _Inputs, pull: _Carry) -> tuple[_Carry, Array]:
     """Derivatives with respect to the state at the start of a stretch and its commands, from those at its end."""
     _, back = jax.vjp(
         lambda start, command: _stretch(fixed, start, inputs._replace(command=command)), carry, inputs.command

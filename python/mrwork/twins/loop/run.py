@@ -1,10 +1,15 @@
-"""Closed-loop run: measurement and command at t = k Ts, then integration steps until the next control sample."""
+"""Closed-loop run: measurement and command at t = k Ts, then integration steps until the next control sample.
+
+In a step, building, dampers and energies advance by the classical Runge-Kutta rule, the driver by its exact solution.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import jax
 import jax.numpy as jnp
@@ -14,19 +19,278 @@ from numpy.typing import NDArray
 
 from mrwork.arguments import Count, Positive, checked
 from mrwork.errors import SettingError
-from mrwork.twins.loop.laws import Law, Measurement
 from mrwork.twins.loop.plant import Devices, LoopPlant, pulls_of, rows_of
-from mrwork.twins.loop.step import (
-    LoopResult,
-    LoopState,
-    Reductions,
-    StepGround,
-    at_rest,
-    no_samples,
-    reduced,
-    stage,
-    step,
-)
+from mrwork.values import holds_arrays
+
+
+@holds_arrays
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Measurement:
+    """Measurements available to a law at a control sample.
+
+    Attributes
+    ----------
+    state
+        s, shape (2n,).
+    deformation, rate
+        Elongation of each device [m] and its rate [m/s], shape (n_devices,).
+    force
+        Force of each device, shape (n_devices,) [N].
+    force_at
+        Forces for other coil currents, (n_devices,) to (n_devices,).
+    largest
+        Largest command of each device, shape (n_devices,).
+    """
+
+    state: Array
+    deformation: Array
+    rate: Array
+    force: Array
+    force_at: Callable[[Array], Array]
+    largest: Array
+
+    def slope(self) -> Array:
+        """G of f(i) = F0 + G i + H i^2 through the forces at 0, half and the largest command, shape (n_devices,)."""
+        none, middle, full = (self.force_at(share * self.largest) for share in (0.0, 0.5, 1.0))
+        return (4.0 * middle - full - 3.0 * none) / self.largest
+
+
+class Law(Protocol):
+    """A control law."""
+
+    def command(self, measured: Measurement) -> Array:
+        """Command of each device, shape (n_devices,); the loop holds it between 0 and the largest."""
+
+
+class Extent(NamedTuple):
+    """Peak magnitude and sum of squares of signals, over the starts of all steps."""
+
+    peak: Array
+    squares: Array
+
+    @classmethod
+    def none(cls, n: int) -> Extent:
+        """Initial value for `n` signals."""
+        return cls(jnp.zeros(n), jnp.zeros(n))
+
+    def with_sample(self, signal: Array) -> Extent:
+        """Return the value with one more sample."""
+        return Extent(jnp.maximum(self.peak, jnp.abs(signal)), self.squares + signal * signal)
+
+
+class Energies(NamedTuple):
+    """Energies since the start [J]: input, structural damping, and dissipation of each device, (n_devices,)."""
+
+    entered: Array
+    damping: Array
+    devices: Array
+
+
+class Reductions(NamedTuple):
+    """Accumulated signals of floors (displacement, absolute acceleration), storeys, base and devices."""
+
+    displacement: Extent
+    acceleration: Extent
+    drift: Extent
+    base_shear: Extent
+    force: Extent
+    stroke: Extent
+    rate: Extent
+    current: Extent
+    current_sum: Array
+
+
+class LoopResult(NamedTuple):
+    """Result of a run: accumulated signals, energies [J] at the end, number of steps."""
+
+    reductions: Reductions
+    energies: Energies
+    kinetic: Array
+    strain: Array
+    n_steps: Array
+
+    @property
+    def energy_error(self) -> Array:
+        """Relative error of the energy balance at the end."""
+        entered, damping, devices = self.energies
+        held = self.kinetic + self.strain
+        turnover = jnp.maximum(jnp.abs(entered), held + jnp.abs(damping) + jnp.abs(devices).sum())
+        return jnp.abs(entered - held - damping - devices.sum()) / turnover
+
+    def summary(self) -> dict[str, Array]:
+        """Quantities with the names of the Rust loop, one number for each floor, storey or device, in SI."""
+        kept = self.reductions
+
+        def both(name: str, extent: Extent) -> dict[str, Array]:
+            return {f"peak_{name}": extent.peak, f"rms_{name}": jnp.sqrt(extent.squares / self.n_steps)}
+
+        return (
+            both("displacement", kept.displacement)
+            | both("acceleration", kept.acceleration)
+            | both("drift", kept.drift)
+            | both("base_shear", kept.base_shear)
+            | both("force", kept.force)
+            | {"peak_stroke": kept.stroke.peak, "peak_rate": kept.rate.peak}
+            | both("current", kept.current)
+            | {
+                "mean_current": kept.current_sum / self.n_steps,
+                "device_energy": self.energies.devices,
+                # The twin is that of buildings without passive elements.
+                "peak_element_force": jnp.zeros(0),
+                "peak_element_stroke": jnp.zeros(0),
+                "element_energy": jnp.zeros(0),
+                "input_energy": self.energies.entered[None],
+                "kinetic_energy": self.kinetic[None],
+                "strain_energy": self.strain[None],
+                "damping_energy": self.energies.damping[None],
+                "energy_error": self.energy_error[None],
+            }
+        )
+
+    def worst(self, name: str) -> Array:
+        """Largest value of a quantity of `summary` over floors, storeys or devices."""
+        return self.summary()[name].max()
+
+
+class LoopState(NamedTuple):
+    """State of a Runge-Kutta step: coordinates, their rates, damper states, energies."""
+
+    q: Array
+    v: Array
+    states: tuple[Array, ...]
+    energies: Energies
+
+
+class Stage(NamedTuple):
+    """Runge-Kutta stage: derivative of the state; forces, elongations and their rates of the devices, (n_devices,)."""
+
+    rate: LoopState
+    force: Array
+    elongation: Array
+    elongation_rate: Array
+
+
+class StepGround(NamedTuple):
+    """Ground acceleration at start, middle and end of a step [m/s^2]."""
+
+    start: Array
+    middle: Array
+    end: Array
+
+
+def at_rest(plant: LoopPlant, devices: Devices) -> LoopState:
+    """State at rest, with zero energies."""
+    n = plant.mass.shape[0]
+    zero = jnp.float64(0.0)
+    return LoopState(
+        jnp.zeros(n),
+        jnp.zeros(n),
+        tuple(device.at_rest for device in devices),
+        Energies(zero, zero, jnp.zeros(len(devices))),
+    )
+
+
+def stage(
+    plant: LoopPlant, devices: Devices, pulls: Array, parameters: list[Any], at: LoopState, a_g: Array
+) -> Stage:
+    """Equation of motion, with `pulls` = M^-1 e' of each damper, shape (n, n_devices)."""
+    rows = rows_of(devices)
+    x, x_rate = rows @ at.q, rows @ at.v
+    responses = [
+        device.respond(parameters[i], at.states[i], x[i], x_rate[i]) for i, device in enumerate(devices)
+    ]
+    force = jnp.stack([found for found, _ in responses])
+    acceleration = (
+        -(plant.stiffness_per_mass @ at.q + plant.damping_per_mass @ at.v + pulls @ force)
+        - plant.influence * a_g
+    )
+    powers = Energies(
+        entered=-(plant.mass @ plant.influence) @ at.v * a_g,
+        damping=at.v @ (plant.damping @ at.v),
+        devices=x_rate * force,
+    )
+    return Stage(
+        rate=LoopState(at.v, acceleration, tuple(rate for _, rate in responses), powers),
+        force=force,
+        elongation=x,
+        elongation_rate=x_rate,
+    )
+
+
+def step(
+    plant: LoopPlant,
+    devices: Devices,
+    pulls: Array,
+    motion: LoopState,
+    start: Array,
+    command: Array,
+    ground: StepGround,
+    h: Array | float,
+) -> tuple[LoopState, Array, Stage]:
+    """Return state and coil currents (n_devices,) after the step, and the stage at its start.
+
+    `start` are the coil currents at the start, `command` the commands over the step, shape (n_devices,).
+    """
+    decay = jnp.stack([device.decay(0.5 * h) for device in devices])
+    middle = (start - command) * decay + command
+    end = (middle - command) * decay + command
+    at_start, at_middle, at_end = (
+        [device.parameters(u[index]) for index, device in enumerate(devices)] for u in (start, middle, end)
+    )
+    first = stage(plant, devices, pulls, at_start, motion, ground.start)
+    second = stage(plant, devices, pulls, at_middle, along(motion, 0.5 * h, first.rate), ground.middle)
+    third = stage(plant, devices, pulls, at_middle, along(motion, 0.5 * h, second.rate), ground.middle)
+    fourth = stage(plant, devices, pulls, at_end, along(motion, h, third.rate), ground.end)
+    after = jax.tree.map(
+        lambda x, a, b, c, d: x + h / 6.0 * (a + 2.0 * (b + c) + d),
+        motion,
+        first.rate,
+        second.rate,
+        third.rate,
+        fourth.rate,
+    )
+    return after, end, first
+
+
+def along(motion: LoopState, time: Array | float, rate: LoopState) -> LoopState:
+    """State after `time` at a constant rate."""
+    later: LoopState = jax.tree.map(lambda x, slope: x + time * slope, motion, rate)
+    return later
+
+
+def accumulate(
+    plant: LoopPlant, kept: Reductions, motion: LoopState, at: Stage, current: Array, a_g: Array
+) -> Reductions:
+    """Accumulated signals with the start of one more step."""
+    momentum = plant.mass @ plant.influence
+    shear = momentum @ at.rate.v + (momentum @ plant.influence) * a_g
+    return Reductions(
+        displacement=kept.displacement.with_sample(plant.floors @ motion.q),
+        acceleration=kept.acceleration.with_sample(plant.floors @ at.rate.v + a_g),
+        drift=kept.drift.with_sample(plant.storeys @ motion.q),
+        base_shear=kept.base_shear.with_sample(shear[None]),
+        force=kept.force.with_sample(at.force),
+        stroke=kept.stroke.with_sample(at.elongation),
+        rate=kept.rate.with_sample(at.elongation_rate),
+        current=kept.current.with_sample(current),
+        current_sum=kept.current_sum + current,
+    )
+
+
+def _no_samples(plant: LoopPlant, n_devices: int) -> Reductions:
+    """Accumulated signals before the first step."""
+    n_floors, n_storeys = plant.floors.shape[0], plant.storeys.shape[0]
+    return Reductions(
+        displacement=Extent.none(n_floors),
+        acceleration=Extent.none(n_floors),
+        drift=Extent.none(n_storeys),
+        base_shear=Extent.none(1),
+        force=Extent.none(n_devices),
+        stroke=Extent.none(n_devices),
+        rate=Extent.none(n_devices),
+        current=Extent.none(n_devices),
+        current_sum=jnp.zeros(n_devices),
+    )
 
 
 class LoopHistories(NamedTuple):
@@ -39,7 +303,7 @@ class LoopHistories(NamedTuple):
     command: Array
 
 
-class _Carry(NamedTuple):
+class _RunCarry(NamedTuple):
     motion: LoopState
     received: Array
     # Commands of this control sample and of earlier ones that are still delayed, newest first.
@@ -68,7 +332,7 @@ def run_loop(
     Parameters
     ----------
     law
-        One of `mrwork.twins.loop.laws`.
+        One of `mrwork.twins.loop.tuned`, or any other with a `command`.
     ground
         Ground acceleration every half step [m/s^2], shape (2 n_steps + 1,), see `half_steps`.
     step_time
@@ -84,15 +348,10 @@ def run_loop(
         default the devices themselves.
     counted
         Number of first steps of which peaks and sums are kept, all by default; energies are those of all steps.
-
-    Raises
-    ------
-    SettingError
-        If the steps are not a whole number of control samples.
     """
     n_steps = jnp.float64((ground.shape[0] - 1) // 2)
     counted = n_steps if counted is None else counted
-    last, _ = _scanned(
+    last, _ = _scan_samples(
         plant,
         devices,
         law,
@@ -129,7 +388,7 @@ def loop_histories(
     believed: Devices | None = None,
 ) -> LoopHistories:
     """Return the histories of the same run; see `run_loop`."""
-    _, histories = _scanned(
+    _, histories = _scan_samples(
         plant,
         devices,
         law,
@@ -147,7 +406,7 @@ def loop_histories(
     return flat
 
 
-def _scanned(
+def _scan_samples(
     plant: LoopPlant,
     devices: Devices,
     law: Law,
@@ -160,7 +419,7 @@ def _scanned(
     counted: Array | float,
     *,
     keep: bool,
-) -> tuple[_Carry, LoopHistories | None]:
+) -> tuple[_RunCarry, LoopHistories | None]:
     n_samples = _samples(ground, steps_per_sample, delay)
     pulls, rows = pulls_of(plant, devices), rows_of(devices)
     lagged = jnp.array([device.lagged for device in devices])
@@ -182,21 +441,23 @@ def _scanned(
         return jnp.stack(found)
 
     def integrate(
-        carry: _Carry, inputs: tuple[Array, Array, StepGround]
-    ) -> tuple[_Carry, LoopHistories | None]:
+        carry: _RunCarry, inputs: tuple[Array, Array, StepGround]
+    ) -> tuple[_RunCarry, LoopHistories | None]:
         age, counts, accelerations = inputs
         command = carry.commands[age]
         # Without a lag, the coil current equals the command.
         current = jnp.where(lagged, carry.received, command)
         after, received, start = step(plant, devices, pulls, carry.motion, current, command, accelerations, h)
-        more = reduced(plant, carry.kept, carry.motion, start, current, accelerations.start)
+        more = accumulate(plant, carry.kept, carry.motion, start, current, accelerations.start)
         kept = jax.tree.map(lambda after, before: jnp.where(counts, after, before), more, carry.kept)
         history = (
             LoopHistories(carry.motion.q, carry.motion.v, start.force, current, command) if keep else None
         )
-        return _Carry(after, received, carry.commands, kept), history
+        return _RunCarry(after, received, carry.commands, kept), history
 
-    def sample(carry: _Carry, inputs: tuple[Array, Array, StepGround]) -> tuple[_Carry, LoopHistories | None]:
+    def sample(
+        carry: _RunCarry, inputs: tuple[Array, Array, StepGround]
+    ) -> tuple[_RunCarry, LoopHistories | None]:
         first, counts, accelerations = inputs
         measured = Measurement(
             state=jnp.concatenate([carry.motion.q, carry.motion.v]),
@@ -213,11 +474,11 @@ def _scanned(
         )
         return lax.scan(integrate, carry, (jnp.asarray(ages), counts, accelerations))
 
-    start = _Carry(
+    start = _RunCarry(
         motion=at_rest(plant, devices),
         received=jnp.zeros(len(devices)),
         commands=jnp.zeros((1 + int(ages.max()), len(devices))),
-        kept=no_samples(plant, len(devices)),
+        kept=_no_samples(plant, len(devices)),
     )
     at_steps = StepGround(ground[:-1:2], ground[1::2], ground[2::2])
     at_samples = (
@@ -229,7 +490,7 @@ def _scanned(
         return lax.scan(sample, start, at_samples)
 
     @jax.checkpoint
-    def stretch(carry: _Carry, inputs: tuple[Array, Array, StepGround]) -> tuple[_Carry, None]:
+    def stretch(carry: _RunCarry, inputs: tuple[Array, Array, StepGround]) -> tuple[_RunCarry, None]:
         last, _ = lax.scan(sample, carry, inputs)
         return last, None
 

@@ -1,10 +1,15 @@
-"""Scores of smooth laws under ground motions with their derivatives in the numbers of the law, for tuning."""
+"""Tuning by gradients: laws that are smooth in their numbers, and their scores under ground motions with derivatives.
+
+A law is a `NamedTuple` of numbers, differentiable in each, with a method `command(measured)`. f is the force of a
+device [N], s = [q; q'] the state.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -13,15 +18,50 @@ from jax import Array
 from numpy.typing import NDArray
 
 from mrwork.dampers.spec import DamperSpec
-from mrwork.twins.loop.laws import Law, LyapunovDirect, SignalNetwork
 from mrwork.twins.loop.plant import Devices, LoopDevice, LoopPlant
-from mrwork.twins.loop.run import half_steps, run_loop
+from mrwork.twins.loop.run import Law, Measurement, half_steps, run_loop
 from mrwork.twins.models import begin
 from mrwork.values import holds_arrays
 
 Floats = NDArray[np.float64]
 _SIDE_BY_SIDE = 8
 Gains = Mapping[str, Array]
+
+
+class LyapunovDirect(NamedTuple):
+    """`i = sat(-kappa sigma G)`, sigma = s'P B: the smooth form of the thesis' first controller.
+
+    `weight` is P B, shape (2n, n_devices); G is the slope of the force in the current.
+    """
+
+    kappa: Array
+    weight: Array
+
+    def command(self, measured: Measurement) -> Array:
+        """In proportion to the reduction of s'P s by the current."""
+        return -self.kappa * (measured.state @ self.weight) * measured.slope()
+
+
+class SignalNetwork(NamedTuple):
+    """`i = i_max (1 + tanh(b + sum_k v_k (tanh(b_k + w_k'c) + tanh(b_k - w_k'c)))) / 2`, c = (d, d', f, f_c).
+
+    f_c is -K s; `gain` is K, shape (n_devices, 2n); `network` has a row for each device: b_k, w_k and v_k of each
+    unit, last b.
+    """
+
+    gain: Array
+    network: Array
+
+    def command(self, measured: Measurement) -> Array:
+        """A share of the largest command."""
+        wanted = -self.gain @ measured.state
+        signals = jnp.stack([measured.deformation, measured.rate, measured.force, wanted], axis=1)
+        n_signals = signals.shape[1]
+        units = self.network[:, :-1].reshape(len(self.network), -1, n_signals + 2)
+        bias, weights, output = units[..., 0], units[..., 1:-1], units[..., -1]
+        inner = jnp.einsum("dks,ds->dk", weights, signals)
+        even = jnp.tanh(bias + inner) + jnp.tanh(bias - inner)
+        return 0.5 * measured.largest * (1.0 + jnp.tanh(self.network[:, -1] + jnp.sum(output * even, axis=1)))
 
 
 def _proportional_direct(gains: Gains) -> Law:

@@ -1,10 +1,13 @@
-"""Bands about a model's force: parameter bands from posterior draws, quantiles of errors, scores of bands."""
+"""Bands about a model's force and about the energy, stiffness and damping of its cycles, and their scores.
+
+Parameter bands are quantiles of posterior draws, prediction bands those of errors.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,10 +26,12 @@ from mrwork.arguments import (
     checked,
 )
 from mrwork.dampers.spec import DamperSpec
-from mrwork.errors import SettingError, SimulationError
+from mrwork.errors import RecordError, SettingError, SimulationError
 from mrwork.identification.residual import ObservedTest
 from mrwork.records import DamperTest
+from mrwork.records.motion import whole_cycles
 from mrwork.summary import Summarised
+from mrwork.uncertainty.bands.prediction import Prediction
 from mrwork.uncertainty.noise import Noise
 from mrwork.values import holds_arrays
 
@@ -128,11 +133,6 @@ def next_test_quantile(scores: Sequence[NDArray[np.float64]], level: float) -> f
     errors of the tests left out, on average. (The bound of hierarchical conformal prediction, Lee, Barber and Willett,
     JRSS B 87, 2025, holds for every distribution, but is infinite for fewer than nine tests at 90 %.) For a single test
     its own quantile is returned.
-
-    Raises
-    ------
-    SettingError
-        Where the level is not between 0 and 1.
     """
     if not 0.0 < level < 1.0:
         raise SettingError(f"the level of a band lies between 0 and 1, got {level:g}")
@@ -236,3 +236,84 @@ def noise_band(
         upper=upper,
         basis=f"{noise.title} noise about {len(forces)} draws, not calibrated on any other test",
     )
+
+
+CycleQuantity = Literal["energy", "stiffness", "damping"]
+QUANTITIES: tuple[CycleQuantity, ...] = get_args(CycleQuantity)
+
+
+@holds_arrays
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cycles:
+    """Whole cycles: dissipated energy [J], equivalent stiffness [N/m] and damping [N s/m], shape (n_cycles,).
+
+    Stiffness and damping are those of the spring and dashpot that fit the loop by least squares.
+    """
+
+    energy: NDArray[np.float64]
+    stiffness: NDArray[np.float64]
+    damping: NDArray[np.float64]
+
+    def quantity(self, name: CycleQuantity) -> NDArray[np.float64]:
+        """One of the three quantities."""
+        return {"energy": self.energy, "stiffness": self.stiffness, "damping": self.damping}[name]
+
+
+def cycles_of(test: DamperTest, force: NDArray[np.float64]) -> Cycles:
+    """Counted cycles of a test with this force [N], shape (n_time,)."""
+    first = test.n_settle
+    rows = [
+        _cycle(test.displacement[samples], test.velocity[samples], force[samples], test.dt)
+        for samples in whole_cycles(test.displacement)
+        if samples.start >= first and not _is_interpolated(samples, test)
+    ]
+    if not rows:
+        raise RecordError(f"{test.label}: there is no whole cycle; give a longer test for energy per cycle")
+    energy, stiffness, damping = np.array(rows).T
+    return Cycles(energy=energy, stiffness=stiffness, damping=damping)
+
+
+def _is_interpolated(samples: slice, test: DamperTest) -> bool:
+    """Whether one of the samples lies in a span that is not compared."""
+    return any(first < samples.stop and samples.start < last for first, last in test.uncompared)
+
+
+def _scales_of(prediction: Prediction) -> dict[CycleQuantity, float]:
+    """Scale of the error of each quantity, from the standard deviations of force and motion."""
+    counted = prediction.test.counted
+    x = float(np.std(prediction.test.displacement[counted]))
+    v = float(np.std(prediction.test.velocity[counted]))
+    force = prediction.deviation
+    return {"energy": 2.0 * np.pi * force * x, "stiffness": force / x, "damping": force / v}
+
+
+def errors_over_cycles(prediction: Prediction, name: CycleQuantity) -> NDArray[np.float64]:
+    """Absolute error of each cycle of a test in its scale, shape (n_cycles,)."""
+    measured = cycles_of(prediction.test, prediction.test.force).quantity(name)
+    model = cycles_of(prediction.test, prediction.model_force).quantity(name)
+    return np.asarray(np.abs(measured - model) / _scales_of(prediction)[name])
+
+
+def cycle_band(
+    prediction: Prediction, name: CycleQuantity, scores: Sequence[NDArray[np.float64]], level: float
+) -> Band:
+    """Prediction band of a quantity, shape (n_cycles,), from the errors of the cycles of other tests.
+
+    Parameters
+    ----------
+    scores
+        `errors_over_cycles` of each test, none of which the fit has seen.
+    """
+    model = cycles_of(prediction.test, prediction.model_force).quantity(name)
+    half = next_test_quantile(scores, level) * _scales_of(prediction)[name]
+    basis = f"calibrated on the cycles of {len(scores)} tests"
+    return Band.about(model, half, level=level, basis=basis)
+
+
+def _cycle(
+    x: NDArray[np.float64], v: NDArray[np.float64], force: NDArray[np.float64], dt: float
+) -> tuple[float, float, float]:
+    design = np.stack([x - x.mean(), v, np.ones_like(x)], axis=1)
+    stiffness, damping, _ = np.linalg.lstsq(design, force, rcond=None)[0]
+    # Over a whole cycle the rectangle rule is as accurate as the trapezoidal rule.
+    return float(force @ v) * dt, float(stiffness), float(damping)

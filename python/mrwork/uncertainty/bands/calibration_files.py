@@ -100,13 +100,7 @@ _FACTS = tuple(each.name for each in fields(_Facts) if each.name not in (*_COMMA
 
 
 def read_bands(place: Path, fit: Fit) -> StoredBands | None:
-    """The bands of the run folder of a fit at `place`, `None` where there are none.
-
-    Raises
-    ------
-    RecordError
-        Where they are damaged, or of another fit.
-    """
+    """The bands of the run folder of a fit at `place`, `None` where there are none."""
     covered = read_document(_Coverage, place / CALIBRATION, name="calibration", verb="calibrate")
     if covered is None:
         return None
@@ -134,13 +128,7 @@ def write_bands(
     predictions: Sequence[Prediction],
     fit: Fit,
 ) -> None:
-    """Write `calibration.json` and `predictions.npz` into the run folder of a fit at `place`.
-
-    Raises
-    ------
-    OutputError
-        Where they cannot be written.
-    """
+    """Write `calibration.json` and `predictions.npz` into the run folder of a fit at `place`."""
     contents = {
         CALIBRATION: _calibration_content(calibration, coverage, fit),
         PREDICTIONS: predictions_content(predictions),
@@ -157,13 +145,7 @@ def _calibration_content(calibration: Calibration, coverage: Sequence[LeftOutCov
 
 
 def read_calibration(place: Path, fit: Fit) -> Calibration:
-    """The calibration of the run folder of a fit at `place`.
-
-    Raises
-    ------
-    RecordError
-        Where there is none, it is damaged, or of another fit.
-    """
+    """The calibration of the run folder of a fit at `place`."""
     calibration = read_addition(
         Calibration, place / CALIBRATION, fit, name="calibration", verb=f"calibrate {place}"
     )
@@ -202,13 +184,7 @@ def _channels(test: DamperTest) -> tuple[str, ...]:
 
 
 def read_predictions(place: Path) -> tuple[Prediction, ...]:
-    """The predictions of the run folder at `place`; none where there are none.
-
-    Raises
-    ------
-    RecordError
-        Where they are damaged.
-    """
+    """The predictions of the run folder at `place`; none where there are none."""
     path = place / PREDICTIONS
     kind = stored(f"calibrate {place}", name="the predictions")
     if not is_there(path, kind):

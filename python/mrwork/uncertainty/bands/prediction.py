@@ -157,10 +157,12 @@ def predict_tests(
     for sentence in prediction_warning(fit.spec, tests):
         # Of the line that calls `predict`.
         warn(sentence, MrworkWarning, stacklevel=4)
-    return tuple(_predicted(fit, test, nuisances) for test in tests)
+    return tuple(_predict_test(fit, test, nuisances) for test in tests)
 
 
-def _predicted(fit: Fit, test: DamperTest, nuisances: tuple[NuisanceName, ...] | None = None) -> Prediction:
+def _predict_test(
+    fit: Fit, test: DamperTest, nuisances: tuple[NuisanceName, ...] | None = None
+) -> Prediction:
     test = fit.observed(test)
     observed = ObservedTest.of(fit.spec, test, fit.nuisances if nuisances is None else nuisances)
     with explained_by(fit, test):
@@ -224,7 +226,7 @@ def predict_left_out(
         fits.append(fit)
         for index in members:
             try:
-                predictions[index] = _predicted(fit, tests[index])
+                predictions[index] = _predict_test(fit, tests[index])
             except SimulationError as reason:
                 failures.append(str(reason))
     return LeftOut(
@@ -236,13 +238,7 @@ def predict_left_out(
 
 
 def folds_of(tests: Sequence[DamperTest], fold: Fold) -> list[list[int]]:
-    """Indices of the tests of each fold; tests that are alike, as versions of one record are, share their fold.
-
-    Raises
-    ------
-    SettingError
-        Where there are fewer than two.
-    """
+    """Indices of the tests of each fold; tests that are alike, as versions of one record are, share their fold."""
     folds: list[list[int]] = []
     for group in alike_groups([RecordedMotion.of(test) for test in tests]):
         for members in folds:
@@ -292,15 +288,7 @@ _TOGETHER: dict[Fold, Callable[[DamperTest, DamperTest], bool]] = {
 def held_out_errors(
     tests: tuple[DamperTest, ...], fold: Fold, identify_rest: IdentifyRest
 ) -> tuple[float, ...]:
-    """Mean NRMSE of each fold left out, or of each later cycle of a single test.
-
-    Raises
-    ------
-    SettingError
-        Where several tests make one fold only.
-    SimulationError
-        Where a fit cannot be simulated on the tests left out.
-    """
+    """Mean NRMSE of each fold left out, or of each later cycle of a single test."""
     if len(tests) == 1:
         return _later_cycles(tests[0], identify_rest)
     found = predict_left_out(tests, fold, identify_rest)
@@ -329,7 +317,7 @@ def halves(test: DamperTest) -> tuple[DamperTest, DamperTest]:
 def _later_cycles(test: DamperTest, identify_rest: IdentifyRest) -> tuple[float, ...]:
     first, second = halves(test)
     fit = identify_rest((first,))
-    prediction = _predicted(fit, second)
+    prediction = _predict_test(fit, second)
     start = second.n_settle
     cycles = [
         slice(cycle.start - start, cycle.stop - start)

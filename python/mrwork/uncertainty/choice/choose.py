@@ -13,12 +13,12 @@ from mrwork.arguments import Threads, checked
 from mrwork.dampers.parameters import LawName
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import Interrupted, JournalError, MrworkError, MrworkWarning, OutputError, SettingError
-from mrwork.identification.autocorrelation import effective_samples
-from mrwork.identification.building_cost import BuildingCost
+from mrwork.identification.covariance import effective_samples
 from mrwork.identification.fit import Fit
 from mrwork.identification.identify import identify_with
 from mrwork.identification.problem import command_warning
 from mrwork.identification.progress import Progress
+from mrwork.identification.result import BuildingCost
 from mrwork.identification.settings import FitSettings
 from mrwork.records import DamperTest, observed
 from mrwork.records.damper_test import as_tests
@@ -32,11 +32,9 @@ from mrwork.uncertainty.bands.prediction import (
     held_out_errors,
     held_out_words,
 )
-from mrwork.uncertainty.choice.collapse import collapsed
-from mrwork.uncertainty.choice.conclusion import cost_remark, ranking_of
 from mrwork.uncertainty.choice.families import ALL, Family, families
 from mrwork.uncertainty.choice.leave_one_out import Likelihood, free_parameters, residuals_of, variance_of
-from mrwork.uncertainty.choice.ranking import Evidence, Ranking, rank
+from mrwork.uncertainty.choice.ranking import Evidence, Ranking, cost_remark, find_collapses, rank, ranking_of
 from mrwork.uncertainty.noise import noise_model
 from mrwork.units import CommandUnit
 
@@ -130,7 +128,9 @@ class RunningComparison:
                 warns=False,
                 examines=not fold,
             )
-            fit = self._journalled(f"{model}/{step}", lambda journal: identify(journal=journal))
+            fit = run_with_journal(
+                self.journal_of, f"{model}/{step}", lambda journal: identify(journal=journal)
+            )
             made.append(fit)
             self._spent += fit.seconds
             self._done += len(family.spec.parameters)
@@ -174,7 +174,7 @@ class RunningComparison:
             own = self.evidence[fit.model]
             step = f"{fit.model}/leave_one_out"
             try:
-                result = self._journalled(step, partial(shared.leave_one_out, fit))
+                result = run_with_journal(self.journal_of, step, partial(shared.leave_one_out, fit))
             except SettingError as reason:
                 found[fit.model] = replace(own, reason=own.reason or f"no PSIS-LOO: {reason}")
             else:
@@ -189,7 +189,7 @@ class RunningComparison:
         residuals = {model: residuals_of(fit, self.tests) for model, fit in self.fits.items()}
         n_effective = effective_samples(residuals[best.model])
         n_params = {model: self.evidence[model].n_params for model in self.fits}
-        same = collapsed(self.fits, residuals, n_params, self.tests, n_effective)
+        same = find_collapses(self.fits, residuals, n_params, self.tests, n_effective)
         evidence = [replace(each, collapse=same.get(model)) for model, each in self.evidence.items()]
         standings = rank(evidence, n_effective)
         left_out = {model: each.left_out for model, each in self.evidence.items()}
@@ -205,15 +205,6 @@ class RunningComparison:
         )
         order = [each.model for each in standings if each.model in self.fits]
         return Choice(ranking=ranking, fits=tuple(self.fits[model] for model in order))
-
-    def _journalled(self, step: str, work: Callable[[Journal | None], T]) -> T:
-        if self.journal_of is None:
-            return work(None)
-        journal = self.journal_of(step)
-        try:
-            return work(journal)
-        finally:
-            journal.close()
 
     def _report(self, number: int, task: str, within: Progress | None = None) -> None:
         if self.on_progress is None:
@@ -336,3 +327,14 @@ def choose_model(
             raise Interrupted(None, "choice of model") from interrupt
         raise Interrupted(comparison.choice(), "choice of model") from interrupt
     return comparison.choice()
+
+
+def run_with_journal(journal_of: JournalOf | None, step: str, work: Callable[[Journal | None], T]) -> T:
+    """Do the work of a step with its own journal, if any, which is closed afterwards."""
+    if journal_of is None:
+        return work(None)
+    journal = journal_of(step)
+    try:
+        return work(journal)
+    finally:
+        journal.close()

@@ -33,15 +33,7 @@ def families(
     lagged: bool = False,
     bounds: Mapping[str, tuple[float, float]],
 ) -> tuple[tuple[Family, ...], tuple[str, ...]]:
-    """The named families, or all, and remarks on the selection.
-
-    Raises
-    ------
-    UnknownNameError
-        Where there is no such model, or a law or bound names a parameter that no family has.
-    SettingError
-        Where a model is named twice, or none is named.
-    """
+    """The named families, or all, and remarks on the selection."""
     specs, remarks = compared_models(models)
     lawful = [_with_own_laws(spec, tests, laws, unit, lagged) for spec in specs]
     refuse_unknown("law", laws, {each.name for spec in specs for each in spec.plain})
@@ -64,13 +56,6 @@ def compared_models(
     """The named models, or all, and remarks on the selection.
 
     "all" leaves out models that are identified in the parameters of another one, because they have the same fit.
-
-    Raises
-    ------
-    UnknownNameError
-        Where there is no such model.
-    SettingError
-        Where a model is named twice, or none is named.
     """
     if isinstance(models, str) and models == ALL:
         others = {spec.name: identifiable_form(spec, {}).spec.name for spec in damper_models()}
@@ -91,13 +76,7 @@ def compared_models(
 
 
 def refuse_unknown(what: str, names: Iterable[str], known: Collection[str]) -> None:
-    """Refuse a law or bound, in words `what`, of a parameter that is none of those `known`.
-
-    Raises
-    ------
-    UnknownNameError
-        Where there is one.
-    """
+    """Refuse a law or bound, in words `what`, of a parameter that is none of those `known`."""
     for name in names:
         if name not in known:
             raise UnknownNameError(

@@ -1,4 +1,8 @@
-"""Search of current laws: laws one degree up or down from the best, fitted to all tests and without each fold."""
+"""Search of current laws: laws one degree up or down from the best, fitted to all tests and without each fold.
+
+All these fits run at once: every row of a batch has its own selection of the tests. The tests are simulated once for
+all rows, and the normal equations of each test are kept apart, so that those of a selection are sums over its tests.
+"""
 
 from __future__ import annotations
 
@@ -15,13 +19,13 @@ from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
 from mrwork.identification.equivalent import identifiable_form
 from mrwork.identification.fit import Fit
-from mrwork.identification.folded import FoldedFit, FoldedTests
 from mrwork.identification.law_coefficients import joint_box, with_other_laws
 from mrwork.identification.level_search import PER_CYCLE, command_is_constant, levels_of, spec_by_values
-from mrwork.identification.progress import interruptible
+from mrwork.identification.levenberg_marquardt import within_stiffness
+from mrwork.identification.objective import shares_of
+from mrwork.identification.progress import interruptible, on_every_test
 from mrwork.identification.residual import ObservedTest
 from mrwork.identification.settings import FitSettings, Start
-from mrwork.identification.threads import on_every_test
 from mrwork.records import DamperTest
 from mrwork.records.observing import NONE
 from mrwork.records.window import middle_excerpt
@@ -32,8 +36,166 @@ from mrwork.uncertainty.choice.ranking import is_as_good
 from mrwork.units import CommandUnit
 from mrwork.values import holds_arrays
 
-T = TypeVar("T")
 Array = NDArray[np.float64]
+
+# Convergence: relative decrease of the squared misfit in an iteration; largest number of iterations.
+_TOLERANCE = 1e-5
+_ITERATIONS = 30
+# Factors on the present damping that are tried together; the first damping; above the last one a row has converged.
+_DAMPING_FACTORS = (0.1, 1.0, 10.0)
+_FIRST_DAMPING = 0.01
+_MOST_DAMPING = 1e6
+# Floor of the sensitivity of a parameter, relative to the largest one.
+_LEAST_SENSITIVITY = 1e-7
+
+
+@holds_arrays
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NormalEquations:
+    """Normal equations of the NRMSE of each test at each row, in latent coordinates.
+
+    Shapes: `squared` NRMSE (n_rows, n_tests), `gradient` half the derivative of it, (n_rows, n_tests, n_free), `matrix`
+    (n_rows, n_tests, n_free, n_free).
+    """
+
+    squared: Array
+    gradient: Array
+    matrix: Array
+
+
+@holds_arrays
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FoldedFit:
+    """Parameters of each row, shape (n_rows, n_params), and its squared NRMSE of each test, (n_rows, n_tests)."""
+
+    theta: Array
+    squared: Array
+
+
+@holds_arrays
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FoldedTests:
+    """Tests, and the rows' shares of them in the squared misfit, shape (n_rows, n_tests): 0 for a test left out.
+
+    The squared misfit of a row is the mean of the squared NRMSE of its tests, weighted as in `Objective`.
+    """
+
+    observed: tuple[ObservedTest, ...]
+    shares: Array
+    threads: int = 0
+
+    @classmethod
+    def of(
+        cls,
+        spec: DamperSpec,
+        tests: Sequence[DamperTest],
+        folds: Sequence[Sequence[int]],
+        settings: FitSettings | None = None,
+        *,
+        threads: int = 0,
+    ) -> FoldedTests:
+        """Row 0 has all tests, row k all but those with the indices of fold k - 1."""
+        settings = settings or FitSettings()
+        observed = tuple(ObservedTest.of(spec, test, settings.nuisances) for test in tests)
+        shares = shares_of([each.deviation for each in observed], settings.force_exponent)
+        included = np.tile(shares, (1 + len(folds), 1))
+        for row, members in enumerate(folds, start=1):
+            included[row, list(members)] = 0.0
+        return cls(
+            observed=observed,
+            shares=included / included.sum(axis=1, keepdims=True),
+            threads=threads,
+        )
+
+    def squared_nrmse(self, spec: DamperSpec, theta: Array) -> Array:
+        """Squared NRMSE of each test, shape (n_batch, n_tests); infinite where a simulation failed."""
+        squared = np.empty((len(theta), len(self.observed)))
+
+        def fill(index: int, threads: int) -> None:
+            each = replace(self.observed[index], spec=spec)
+            residuals, failed = each.residuals(theta, threads=threads)
+            squared[:, index] = np.einsum("bt,bt->b", residuals, residuals) * each.weight(1) ** 2
+            squared[failed, index] = np.inf
+
+        on_every_test(len(self.observed), self.threads, fill)
+        return squared
+
+    def linearise(self, spec: DamperSpec, box: Box, latent: Array) -> NormalEquations:
+        """Normal equations of each test at latent coordinates, shape (n_batch, n_free)."""
+        n_batch, n_free = latent.shape
+        theta = np.asarray(box.theta_from_latent(latent))
+        slope = np.exp(box.log_slope(latent))
+        squared = np.empty((n_batch, len(self.observed)))
+        gradient = np.empty((n_batch, len(self.observed), n_free))
+        matrix = np.empty((n_batch, len(self.observed), n_free, n_free))
+
+        def fill(index: int, threads: int) -> None:
+            each = replace(self.observed[index], spec=spec)
+            residuals, jacobian, failed = each.linearised(theta, box.free, threads=threads)
+            residuals *= each.weight(1)
+            jacobian *= each.weight(1) * slope[..., None]
+            squared[:, index] = np.einsum("bt,bt->b", residuals, residuals)
+            gradient[:, index] = np.einsum("bpt,bt->bp", jacobian, residuals)
+            matrix[:, index] = jacobian @ jacobian.transpose(0, 2, 1)
+            squared[failed, index] = np.inf
+
+        on_every_test(len(self.observed), self.threads, fill)
+        return NormalEquations(squared=squared, gradient=gradient, matrix=matrix)
+
+    def misfit(self, squared: Array, shares: Array) -> Array:
+        """Squared misfit of each row, shape (n_batch,); a test that is left out may have failed."""
+        return np.asarray(np.sum(shares * np.where(shares > 0.0, squared, 0.0), axis=1))
+
+    def fit(self, spec: DamperSpec, box: Box, starts: Array) -> FoldedFit:
+        """Minimise the misfit of each row from its start, shape (n_rows, n_params), by Levenberg-Marquardt.
+
+        Damping is relative to the sensitivity of each parameter, the largest so far (Moré, Lecture Notes in
+        Mathematics 630, 1978, 105-116). The result of a row depends on its own tests and start only.
+        """
+        latent = np.asarray(box.latent_from_theta(box.inside(starts)))
+        n_rows, n_free = latent.shape
+        squared = self.squared_nrmse(spec, np.asarray(box.theta_from_latent(latent)))
+        misfit = self.misfit(squared, self.shares)
+        damping = np.full(n_rows, _FIRST_DAMPING)
+        sensitivity = np.zeros((n_rows, n_free))
+        running = np.isfinite(misfit)
+        diagonal = np.arange(n_free)
+        tests = [replace(each, spec=spec) for each in self.observed]
+        for _ in range(_ITERATIONS):
+            rows = np.flatnonzero(running)
+            if not rows.size:
+                break
+            shares = self.shares[rows]
+            here = self.linearise(spec, box, latent[rows])
+            normal = np.einsum("rt,rtpq->rpq", shares, here.matrix)
+            gradient = np.einsum("rt,rtp->rp", shares, here.gradient)
+            sensitivity[rows] = np.maximum(sensitivity[rows], np.sqrt(normal[:, diagonal, diagonal]))
+            floor = _LEAST_SENSITIVITY * sensitivity[rows].max(axis=1, keepdims=True)
+            weight = np.maximum(sensitivity[rows], np.maximum(floor, np.finfo(float).tiny)) ** 2
+            # (row, factor, free, free)
+            dampings = damping[rows, None] * np.array(_DAMPING_FACTORS)
+            damped = normal[:, None] + dampings[..., None, None] * (weight[:, None, :, None] * np.eye(n_free))
+            step = -np.linalg.solve(damped, gradient[:, None, :, None])[..., 0]
+            step = within_stiffness(tests, box, latent[rows], step, damped, gradient)
+            tried = np.moveaxis(latent[rows, None] + step, 1, 0)
+            candidates = np.asarray(box.theta_from_latent(tried.reshape(-1, n_free)))
+            found = self.squared_nrmse(spec, candidates).reshape(len(tried), rows.size, -1)
+            after = np.stack([self.misfit(each, shares) for each in found])
+            best = np.argmin(after, axis=0)
+            each = np.arange(rows.size)
+            better = after[best, each] < misfit[rows]
+            decrease = 1.0 - after[best, each] / misfit[rows]
+            moved = rows[better]
+            latent[moved] = tried[best, each][better]
+            squared[moved] = found[best, each][better]
+            misfit[moved] = after[best, each][better]
+            factor = np.where(better, np.array(_DAMPING_FACTORS)[best] / 3.0, 100.0)
+            damping[rows] = np.maximum(damping[rows] * factor, 1e-12)
+            running[rows] = np.where(better, decrease > _TOLERANCE, damping[rows] < _MOST_DAMPING)
+        return FoldedFit(theta=np.asarray(box.theta_from_latent(latent)), squared=squared)
+
+
+T = TypeVar("T")
 Laws = dict[str, LawName]
 
 # Degree of the first laws.
@@ -82,7 +244,7 @@ class _Move:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Candidate:
+class FittedLaws:
     """A set of laws with its fits to all tests and without each fold, and its row of the table."""
 
     spec: DamperSpec
@@ -118,7 +280,7 @@ class LawSearch:
     leave_out: Fold
     journal: Journal | None = None
     report: Callable[[str], None] = lambda task: None
-    found: list[Candidate] = field(default_factory=list)
+    found: list[FittedLaws] = field(default_factory=list)
 
     @property
     def first_laws(self) -> Laws:
@@ -134,18 +296,18 @@ class LawSearch:
     def run(self, first: Fit) -> None:
         """Try laws from the first ones on, whose fit is `first`: simpler ones, then richer ones than the best."""
         starts = np.repeat(np.array(first.theta)[None], 1 + len(self.folds), axis=0)
-        self._simplify(self._fitted(self.first_laws, starts))
+        self._simplify(self._fit_laws(self.first_laws, starts))
         self._enrich()
 
-    def distinct(self) -> list[Candidate]:
+    def distinct(self) -> list[FittedLaws]:
         """The candidates without those whose force is that of one with fewer parameters."""
-        kept = list[Candidate]()
+        kept = list[FittedLaws]()
         for each in sorted(self.found, key=lambda each: each.tried.n_params):
             if not any(self._is_same_force(each, other) for other in kept):
                 kept.append(each)
         return kept
 
-    def _is_same_force(self, one: Candidate, other: Candidate) -> bool:
+    def _is_same_force(self, one: FittedLaws, other: FittedLaws) -> bool:
         if not np.allclose(one.fit.squared[0], other.fit.squared[0], rtol=_SAME_MISFIT):
             return False
         for observed in self.folded.observed:
@@ -155,12 +317,12 @@ class LawSearch:
                 return False
         return True
 
-    def started_from(self, tried: TriedLaws) -> tuple[Candidate, Start]:
+    def started_from(self, tried: TriedLaws) -> tuple[FittedLaws, Start]:
         """The candidate of these laws, and the start that its fit to all tests is."""
         candidate = next(each for each in self.found if each.tried.laws == tried.laws)
         return candidate, dict(zip(candidate.spec.names, candidate.fit.theta[0].tolist(), strict=True))
 
-    def _simplify(self, current: Candidate) -> None:
+    def _simplify(self, current: FittedLaws) -> None:
         """Lower degrees one by one while the laws stay as good as the best, the least loss of fit first."""
         worse = 0
         while worse < _SIMPLER and len(self.found) < _MOST_TRIED:
@@ -168,7 +330,7 @@ class LawSearch:
             moves = self._moves(current, -1)
             if not moves:
                 return
-            candidate = self._moved(current, moves[0].laws)
+            candidate = self._move_to(current, moves[0].laws)
             if is_as_good(candidate.tried.left_out, best.tried.left_out):
                 current, worse = candidate, 0
             else:
@@ -182,9 +344,9 @@ class LawSearch:
             moves = self._moves(best, 1)
             if not moves or moves[0].fit_percent < best.tried.fit_percent + _WORTH_TRYING:
                 return
-            worse = 0 if self._moved(best, moves[0].laws).score < best.score else worse + 1
+            worse = 0 if self._move_to(best, moves[0].laws).score < best.score else worse + 1
 
-    def _moves(self, current: Candidate, change: int) -> list[_Move]:
+    def _moves(self, current: FittedLaws, change: int) -> list[_Move]:
         """Laws not tried yet of which one differs by a degree, the best promise of the linearised fit first."""
         done = [each.laws for each in self.found]
         moves = [
@@ -196,7 +358,7 @@ class LawSearch:
         if not moves:
             return []
         promise = self._once(
-            "promise", _Promise, lambda: self._promised(current, moves), current.fit.theta[:1], moves
+            "promise", _Promise, lambda: self._evaluate_moves(current, moves), current.fit.theta[:1], moves
         )
         found = [
             _Move(laws=_with_degree(current.laws, name, degree), fit_percent=float(fit_percent))
@@ -204,14 +366,14 @@ class LawSearch:
         ]
         return sorted(found, key=lambda move: -move.fit_percent)
 
-    def _promised(self, current: Candidate, moves: Sequence[tuple[str, int]]) -> _Promise:
+    def _evaluate_moves(self, current: FittedLaws, moves: Sequence[tuple[str, int]]) -> _Promise:
         """All tests are linearised once, with every law as high as any move makes it; a move spans a subspace there."""
         higher = dict(current.laws)
         for name, degree in moves:
             higher = _with_degree(higher, name, max(degree, _degree(higher, name)))
         spec, box = self.model(higher)
-        latent = np.asarray(box.latent_from_theta(self._transferred(current, spec, box)[:1]))
-        here = self.folded.linearised(spec, box, latent)
+        latent = np.asarray(box.latent_from_theta(self._transfer_starts(current, spec, box)[:1]))
+        here = self.folded.linearise(spec, box, latent)
         gradient = np.einsum("t,tp->p", self.folded.shares[0], here.gradient[0])
         matrix = np.einsum("t,tpq->pq", self.folded.shares[0], here.matrix[0])
         squared = float(self.folded.misfit(here.squared, self.folded.shares[:1])[0])
@@ -219,7 +381,7 @@ class LawSearch:
         for name, degree in moves:
             move_spec, move_box = self.model(_with_degree(current.laws, name, degree))
             start = np.asarray(
-                move_box.latent_from_theta(self._transferred(current, move_spec, move_box)[:1])
+                move_box.latent_from_theta(self._transfer_starts(current, move_spec, move_box)[:1])
             )
 
             def lifted(rows: Array, move_spec: DamperSpec = move_spec, move_box: Box = move_box) -> Array:
@@ -234,11 +396,11 @@ class LawSearch:
             promised.append(100.0 * (1.0 - np.sqrt(max(after, 0.0))))
         return _Promise(fit_percent=np.array(promised))
 
-    def _moved(self, current: Candidate, laws: Laws) -> Candidate:
+    def _move_to(self, current: FittedLaws, laws: Laws) -> FittedLaws:
         spec, box = self.model(laws)
-        return self._fitted(laws, self._transferred(current, spec, box))
+        return self._fit_laws(laws, self._transfer_starts(current, spec, box))
 
-    def _fitted(self, laws: Laws, starts: Array) -> Candidate:
+    def _fit_laws(self, laws: Laws, starts: Array) -> FittedLaws:
         spec, box = self.model(laws)
         self.report(
             f"fitting {', '.join(f'{name} {law}' for name, law in laws.items()) or 'constant parameters'}"
@@ -249,7 +411,7 @@ class LawSearch:
         predicted = self._once(
             "predictions",
             _Predictions,
-            lambda: interruptible(lambda: self._predicted(spec, fit.theta)),
+            lambda: interruptible(lambda: self._predict_left_out(spec, fit.theta)),
             box,
             fit.theta,
         ).nrmse
@@ -265,7 +427,7 @@ class LawSearch:
                 if not np.isfinite(predicted[index])
             ],
         )
-        self.found.append(Candidate(spec=spec, box=box, laws=laws, fit=fit, tried=tried))
+        self.found.append(FittedLaws(spec=spec, box=box, laws=laws, fit=fit, tried=tried))
         return self.found[-1]
 
     def _fit(self, spec: DamperSpec, box: Box, starts: Array) -> FoldedFit:
@@ -277,7 +439,7 @@ class LawSearch:
             return fit
         return self.folded.fit(spec, box, np.where(failed[:, None], fit.theta[np.argmin(misfit)], fit.theta))
 
-    def _predicted(self, spec: DamperSpec, theta: Array) -> _Predictions:
+    def _predict_left_out(self, spec: DamperSpec, theta: Array) -> _Predictions:
         """Predict each whole test by the fit without its fold, a row of `theta`, shape (1 + n_folds, n_params)."""
         row_of = {index: row for row, members in enumerate(self.folds, start=1) for index in members}
         nrmse = np.empty(len(self.whole))
@@ -295,7 +457,7 @@ class LawSearch:
         spec = spec_by_values(self.plain.with_current_laws(self.given | laws, unit=self.unit), self.commands)
         return spec, joint_box(identifiable_form(spec, self.settings.bounds), self.tests, self.commands)
 
-    def _transferred(self, current: Candidate, spec: DamperSpec, box: Box) -> Array:
+    def _transfer_starts(self, current: FittedLaws, spec: DamperSpec, box: Box) -> Array:
         """Parameters of each row of the present laws as a start of other laws, on the curves of the present ones."""
         rows = [with_other_laws(current.spec, theta, spec, self.commands) for theta in current.fit.theta]
         return np.asarray(box.inside(np.clip(rows, box.lower, box.upper)))
@@ -326,7 +488,7 @@ def _with_degree(laws: Laws, name: str, degree: int) -> Laws:
     return {each: law for each, law in sorted(changed.items()) if law != polynomial_laws()[0]}
 
 
-def prepared(
+def prepare_search(
     plain: DamperSpec,
     tests: tuple[DamperTest, ...],
     given: Laws,
@@ -335,13 +497,7 @@ def prepared(
     settings: FitSettings,
     threads: int,
 ) -> LawSearch:
-    """Check the settings and prepare the folds.
-
-    Raises
-    ------
-    SettingError
-        Where laws cannot be chosen from these tests, or with these settings.
-    """
+    """Check the settings and prepare the folds."""
     if plain.current is not None:
         raise SettingError(f"{plain.name} has current laws already; give the plain model to choose laws for")
     if settings.starts or settings.power != 2.0 or settings.engine != "lanes":
@@ -388,14 +544,7 @@ def prepared(
         commands=np.array(sorted(levels)),
         leave_out=leave_out,
         folds=folds,
-        folded=FoldedTests.of(
-            spec,
-            short,
-            folds,
-            nuisances=settings.nuisances,
-            force_exponent=settings.force_exponent,
-            threads=threads,
-        ),
+        folded=FoldedTests.of(spec, short, folds, settings, threads=threads),
         # The excerpts have the observation models of their whole records.
         settings=replace(settings, observe=(NONE,)),
         unit=unit,

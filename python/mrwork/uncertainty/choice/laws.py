@@ -1,26 +1,243 @@
-"""Choice of current laws: which parameters follow the command, and by which law, by the fit to tests left out."""
+"""Choice of current laws: which parameters follow the command, and by which law, by the fit to tests left out.
+
+The laws of one model after the other are tried, and the best are fitted.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import TypeVar
+
+import numpy as np
 
 from mrwork.arguments import Threads, checked
 from mrwork.dampers.parameters import LawName
 from mrwork.dampers.spec import DamperSpec
-from mrwork.errors import Interrupted
+from mrwork.errors import Interrupted, JournalError, MrworkError, OutputError, SettingError
+from mrwork.identification.fit import Fit
+from mrwork.identification.identify import identify_from, identify_with
+from mrwork.identification.problem import Problem, fingerprint_of
+from mrwork.identification.progress import Progress
+from mrwork.identification.result import fit_at
 from mrwork.identification.settings import FitSettings
 from mrwork.records import DamperTest, observed
 from mrwork.records.damper_test import as_tests
-from mrwork.uncertainty.bands.prediction import Fold
-from mrwork.uncertainty.choice.choose import JournalOf
+from mrwork.store import Journal
+from mrwork.summary import Summarised, Summary
+from mrwork.uncertainty.bands.prediction import Fold, held_out_words
+from mrwork.uncertainty.choice.choose import JournalOf, run_with_journal
 from mrwork.uncertainty.choice.families import compared_models, refuse_unknown
-from mrwork.uncertainty.choice.law_search import prepared
-from mrwork.uncertainty.choice.running_laws import ComparedModel, LawChoice, LawProgress, RunningLawChoice
+from mrwork.uncertainty.choice.law_search import FittedLaws, LawSearch, prepare_search
+from mrwork.uncertainty.choice.law_table import LawTable, law_table
 from mrwork.units import CommandUnit
 
 T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class LawChoice(Summarised):
+    """The laws that were tried, the fit of the chosen ones to all tests, and the seconds that all took."""
+
+    table: LawTable
+    fit: Fit
+    seconds: float
+
+    def _summary(self) -> Summary:
+        return self.table._summary()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LawProgress:
+    """Progress of a choice of laws: `n_tried` sets of laws are done, the best left-out fit is `left_out_percent`.
+
+    `task` is what is done now, with `model`, the `number`-th of `n_models`; `within` is the progress of the
+    identification with the first laws of a model, or of the last one.
+    """
+
+    model: str
+    number: int
+    n_models: int
+    task: str
+    n_tried: int
+    left_out_percent: float
+    seconds: float
+    within: Progress | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ComparedModel:
+    """A model whose laws are chosen: their search, and the settings with bounds of its own parameters."""
+
+    search: LawSearch
+    settings: FitSettings
+
+    @property
+    def name(self) -> str:
+        """Name of the model."""
+        return self.search.plain.name
+
+
+@dataclass(slots=True, kw_only=True)
+class RunningLawChoice:
+    """A choice of laws in progress; `firsts` are the fits with first laws and `failed` the reasons, by model."""
+
+    tests: tuple[DamperTest, ...]
+    compared: tuple[ComparedModel, ...]
+    given: Mapping[str, LawName]
+    remarks: tuple[str, ...]
+    threads: int
+    journal_of: JournalOf | None
+    on_progress: Callable[[LawProgress], None] | None
+    firsts: dict[str, Fit] = field(default_factory=dict)
+    failed: dict[str, str] = field(default_factory=dict)
+    _began: float = field(default_factory=time.perf_counter, init=False)
+
+    @property
+    def found(self) -> list[tuple[ComparedModel, FittedLaws]]:
+        """The sets of laws that were fitted, with their models."""
+        return [(own, each) for own in self.compared for each in own.search.found]
+
+    def search(self, own: ComparedModel) -> None:
+        """Try the laws of a model."""
+        with self._failing_alone(own):
+            self.firsts[own.name] = run_with_journal(
+                self.journal_of, f"{own.name}/first", partial(self._first_fit, own)
+            )
+            run_with_journal(self.journal_of, f"{own.name}/laws", partial(self._try_laws, own))
+
+    def fitted(self) -> LawChoice:
+        """The choice, with the fit of the chosen laws to the whole tests.
+
+        Laws of a model that cannot be fitted to the whole tests are left out of the choice.
+        """
+        while self.found:
+            table = self._table(complete=True)
+            own, candidate, settings = self._chosen(table)
+            with self._failing_alone(own):
+                try:
+                    fit = run_with_journal(
+                        self.journal_of, f"{own.name}/fit", partial(self._final_fit, own, candidate, settings)
+                    )
+                except Interrupted as interrupt:
+                    done = LawChoice(table=table, fit=interrupt.result, seconds=self._seconds)
+                    raise Interrupted(done, "choice of laws") from interrupt
+                return LawChoice(table=table, fit=fit, seconds=self._seconds)
+            own.search.found.clear()
+        reasons = "; ".join(f"{name}: {reason}" for name, reason in self.failed.items())
+        raise SettingError(f"none of the models could be fitted ({reasons})")
+
+    def so_far(self) -> LawChoice:
+        """The choice among the laws that are done, with the fit that led to it."""
+        table = self._table(complete=False)
+        own, candidate, settings = self._chosen(table)
+        problem = Problem.of(candidate.spec, self.tests, settings, threads=self.threads)
+        fit = fit_at(
+            problem,
+            problem.inside(candidate.fit.theta[0]),
+            errors=None,
+            trace=replace(self.firsts[own.name].trace, stop_reason="interrupted"),
+            steps=0,
+            status="interrupted",
+            seconds=self._seconds,
+        )
+        return LawChoice(table=table, fit=fit, seconds=fit.seconds)
+
+    @contextmanager
+    def _failing_alone(self, own: ComparedModel) -> Iterator[None]:
+        """Record why one of several models cannot be fitted; errors of the only model and of files are raised."""
+        try:
+            yield
+        except (JournalError, OutputError):
+            raise
+        except MrworkError as error:
+            if len(self.compared) == 1:
+                raise
+            self.failed[own.name] = str(error)
+
+    def _first_fit(self, own: ComparedModel, journal: Journal | None) -> Fit:
+        spec, _ = own.search.model(own.search.first_laws)
+        return identify_with(
+            spec,
+            own.search.tests,
+            own.search.settings,
+            threads=self.threads,
+            on_progress=partial(self._report, own, "first laws"),
+            journal=journal,
+            warns=False,
+            examines=False,
+        )
+
+    def _try_laws(self, own: ComparedModel, journal: Journal | None) -> None:
+        search = own.search
+        search.report = partial(self._report, own)
+        search.journal = journal
+        if journal is not None:
+            spec, _ = search.model(search.first_laws)
+            facts = fingerprint_of(Problem.of(spec, search.tests, search.settings))
+            journal.agree("choice of laws", facts | {"leave_out": search.leave_out, "given": search.given})
+        search.run(self.firsts[own.name])
+
+    def _final_fit(
+        self, own: ComparedModel, candidate: FittedLaws, settings: FitSettings, journal: Journal | None
+    ) -> Fit:
+        return identify_from(
+            candidate.spec,
+            self.tests,
+            settings,
+            box=candidate.box,
+            trace=self.firsts[own.name].trace,
+            threads=self.threads,
+            on_progress=partial(self._report, own, "all tests"),
+            journal=journal,
+        )
+
+    def _table(self, *, complete: bool) -> LawTable:
+        search = self.compared[0].search
+        distinct = [(own, each) for own in self.compared for each in own.search.distinct()]
+        n_same = len(self.found) - len(distinct)
+        same = [f"not listed: {n_same} with the same force as laws with fewer parameters"] if n_same else []
+        return law_table(
+            [replace(each.tried, model=own.name) for own, each in distinct],
+            models=[own.name for own in self.compared],
+            unit=search.unit,
+            held_out=held_out_words(self.tests, search.leave_out),
+            n_folds=len(search.folds),
+            given=self.given,
+            complete=complete,
+            failed=self.failed,
+            remarks=(*self.remarks, *same),
+        )
+
+    def _chosen(self, table: LawTable) -> tuple[ComparedModel, FittedLaws, FitSettings]:
+        """The model of the chosen laws, their candidate, and the settings of the fit that starts there."""
+        own = next(each for each in self.compared if each.name == table.model)
+        candidate, start = own.search.started_from(table.chosen)
+        return own, candidate, replace(own.settings, starts=(start,))
+
+    @property
+    def _seconds(self) -> float:
+        return time.perf_counter() - self._began
+
+    def _report(self, own: ComparedModel, task: str, within: Progress | None = None) -> None:
+        if self.on_progress is None:
+            return
+        scores = [each.score for _, each in self.found]
+        self.on_progress(
+            LawProgress(
+                model=own.name,
+                number=1 + [each.name for each in self.compared].index(own.name),
+                n_models=len(self.compared),
+                task=task,
+                n_tried=len(scores),
+                left_out_percent=100.0 * (1.0 - min(scores, default=np.nan)),
+                seconds=self._seconds,
+                within=within,
+            )
+        )
 
 
 @checked
@@ -96,7 +313,7 @@ def choose_laws(
         # A single model refuses what is given for parameters that it has not.
         own = replace(settings, bounds=_of_names(settings.bounds, spec)) if several else settings
         own_laws = _of_names(given, spec) if several else given
-        search = prepared(spec, tests, own_laws, unit, leave_out, own, threads)
+        search = prepare_search(spec, tests, own_laws, unit, leave_out, own, threads)
         compared.append(ComparedModel(search=search, settings=own))
     running = RunningLawChoice(
         tests=tests,

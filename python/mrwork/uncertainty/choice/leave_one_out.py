@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.errors import SettingError
-from mrwork.identification.autocorrelation import autocorrelation_time, effective_samples
+from mrwork.identification.covariance import autocorrelation_time, effective_samples
 from mrwork.identification.equivalent import identifiable_form
 from mrwork.identification.fit import Fit
 from mrwork.identification.problem import Problem
@@ -33,7 +33,7 @@ Array = NDArray[np.float64]
 # Gelman and Gabry, Statistics and Computing 27, 2017, 1413-1432).
 UNRELIABLE = 0.7
 # Draws for each family.
-N_DRAWS = 2000
+_N_DRAWS = 2000
 
 
 @holds_arrays
@@ -54,11 +54,6 @@ def leave_one_out(log_densities: Array, log_ratio: Array) -> LeaveOneOut:
         Log density of each block under each draw, shape (n_draws, n_blocks).
     log_ratio
         Logarithm of posterior over proposal density, shape (n_draws,); zero for draws from the posterior.
-
-    Raises
-    ------
-    SettingError
-        Where there are fewer than two blocks, or fewer than 100 draws.
     """
     n_draws, n_blocks = log_densities.shape
     if n_blocks < 2:
@@ -171,13 +166,7 @@ class SharedLikelihood:
         return sum(len(of_test) for of_test in self.blocks)
 
     def leave_one_out(self, fit: Fit, journal: Journal | None = None) -> LeaveOneOut:
-        """PSIS-LOO of a fitted family.
-
-        Raises
-        ------
-        SettingError
-            Where there are too few blocks or draws.
-        """
+        """PSIS-LOO of a fitted family."""
         if journal is None:
             return self._left_out(fit)
         facts = digest_of(
@@ -193,7 +182,7 @@ class SharedLikelihood:
             theta, noise = self._chain(fit, target)
             log_ratio = np.zeros(len(theta))
         else:
-            draws = draw_about(target, start, N_DRAWS, np.random.default_rng(own.rng))
+            draws = draw_about(target, start, _N_DRAWS, np.random.default_rng(own.rng))
             theta, noise = np.split(np.asarray(target.space.values(draws.position)[0]), [start.size], axis=1)
             log_ratio = draws.log_ratio
         return leave_one_out(block_densities(target, theta, noise, self.blocks), log_ratio)
@@ -212,7 +201,7 @@ class SharedLikelihood:
             rng=own.rng,
             threads=own.threads,
         )
-        rows = np.linspace(0, len(draws.theta) - 1, min(N_DRAWS, len(draws.theta))).round().astype(int)
+        rows = np.linspace(0, len(draws.theta) - 1, min(_N_DRAWS, len(draws.theta))).round().astype(int)
         theta = np.stack([np.asarray(target.form.from_model(row)) for row in draws.theta[rows]])
         return theta, draws.noise[rows]
 

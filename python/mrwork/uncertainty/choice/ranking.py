@@ -1,8 +1,11 @@
-"""Ranking of families of models by their left-out fit, with PSIS-LOO and BIC."""
+"""Ranking of families of models by their left-out fit, with PSIS-LOO and BIC, and its conclusion in words.
+
+A family whose fit is that of a simpler one in the same comparison has collapsed, and counts as the simpler one.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -10,12 +13,115 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.arguments import NotNegative, Positive, Whole
+from mrwork.dampers.coordinates import Box
+from mrwork.dampers.spec import damper
 from mrwork.errors import SettingError
-from mrwork.identification.fit import NEGLIGIBLE
+from mrwork.identification.fit import NEGLIGIBLE, Fit
+from mrwork.identification.result import MANY, BuildingCost
+from mrwork.records import DamperTest
 from mrwork.store.record import Related
 from mrwork.summary import Summarised, Summary, listed, rounded
-from mrwork.uncertainty.choice.collapse import Collapse
 from mrwork.uncertainty.choice.leave_one_out import UNRELIABLE, LeaveOneOut
+from mrwork.uncertainty.identifiability.verdicts import Scale
+
+# Residuals of each test, in deviations of its force, shape (n_counted,).
+Residuals = Sequence[NDArray[np.float64]]
+
+# Gain in the log-likelihood ratio, for each further parameter, that is not more than chance (Akaike's criterion).
+_CHANCE = 2.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Collapse:
+    """The simpler family, `model`, that gives the same force, and the reason in words."""
+
+    model: str
+    reason: str
+
+
+def find_collapses(
+    fits: Mapping[str, Fit],
+    residuals: Mapping[str, Residuals],
+    n_params: Mapping[str, int],
+    tests: tuple[DamperTest, ...],
+    n_effective: float,
+) -> dict[str, Collapse]:
+    """Families, by model, whose fit is that of a simpler one.
+
+    A fit has collapsed if, beside a family with fewer free parameters,
+
+    - its force is the same: the mean square of the difference of the two residuals, and the gain in the log-likelihood,
+      `n_eff ln(S_simpler/S)`, are no more than chance, 2 for each further parameter (Akaike's criterion);
+    - more of its parameters are on a bound or undetermined, that is with a standard error above their value or half
+      their range.
+
+    Of several such families the one with the fewest parameters is named.
+
+    Parameters
+    ----------
+    fits, residuals, n_params
+        By model: fits to all tests, their residuals, and numbers of free parameters.
+    n_effective
+        Effective number of samples, the same for all families.
+    """
+    doubtful = {model: _doubtful_parameters(fit, tests) for model, fit in fits.items()}
+    joined = {model: np.concatenate(residuals[model]) for model in fits}
+    found: dict[str, Collapse] = {}
+    for model in fits:
+        simpler = sorted(
+            (each for each in fits if n_params[each] < n_params[model]), key=lambda each: n_params[each]
+        )
+        for other in simpler:
+            chance = _CHANCE * (n_params[model] - n_params[other]) / n_effective
+            squared, theirs = (float(np.mean(joined[each] ** 2)) for each in (model, other))
+            difference = float(np.mean((joined[model] - joined[other]) ** 2))
+            same = difference <= chance * theirs and theirs <= squared * np.exp(chance)
+            if same and len(doubtful[model]) > len(doubtful[other]):
+                found[model] = Collapse(
+                    model=other,
+                    reason=f"its force is that of {damper(other).title} to {100.0 * np.sqrt(difference):.2g} % of "
+                    f"the force's deviation, and {_in_words(doubtful[model])}",
+                )
+                break
+    return found
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Doubtful:
+    """Names of the free parameters of a fit that are on a bound, and of those that the data do not determine."""
+
+    on_bound: tuple[str, ...]
+    undetermined: tuple[str, ...]
+
+    def __len__(self) -> int:
+        return len(self.on_bound) + len(self.undetermined)
+
+
+def _doubtful_parameters(fit: Fit, tests: tuple[DamperTest, ...]) -> Doubtful:
+    """Free parameters on a bound, and those with a standard error above their value or half their range, or none."""
+    spec, theta = fit.spec, np.array(fit.theta)
+    bounds = {name: pair for name, pair in fit.settings.bounds.items() if name in spec.names}
+    scale = Scale.of(spec, Box.of(spec).with_bounds(bounds), tests, theta)
+    free = [(index, each) for index, each in enumerate(fit.estimates) if each.remark != "fixed"]
+    return Doubtful(
+        on_bound=tuple(each.name for _, each in free if each.remark.startswith("at ")),
+        undetermined=tuple(
+            each.name
+            for index, each in free
+            if each.remark == "not identifiable"
+            or (each.standard_error is not None and each.standard_error > scale.size[index])
+        ),
+    )
+
+
+def _in_words(doubtful: Doubtful) -> str:
+    parts = [
+        f"{', '.join(names)} {'is' if len(names) == 1 else 'are'} {state}"
+        for names, state in ((doubtful.on_bound, "on a bound"), (doubtful.undetermined, "undetermined"))
+        if names
+    ]
+    return " and ".join(parts)
+
 
 DEFINITIONS = (
     "Left-out fit: 100 (1 - NRMSE) in percent of what the fit has not seen, the mean over folds with its standard "
@@ -101,11 +207,6 @@ def rank(evidence: Sequence[Evidence], n_effective: float | None) -> tuple[Stand
     ----------
     n_effective
         Effective number of independent samples, the same for all families.
-
-    Raises
-    ------
-    SettingError
-        Where no family predicted the tests left out.
     """
     predicted = sorted(
         (each for each in evidence if each.left_out), key=lambda each: float(np.mean(each.left_out))
@@ -250,3 +351,143 @@ class Ranking(Summarised, Related):
             ],
             notes=(self.sentence, *(f"note: {remark}" for remark in self.remarks)),
         )
+
+
+# Number of folds below which a standard error is uncertain.
+_FEW_FOLDS = 4
+# A smaller difference in BIC is negligible (Kass and Raftery, JASA 90, 1995, 773-795).
+_NEGLIGIBLE_BIC = 2.0
+
+
+def ranking_of(
+    standings: tuple[Standing, ...],
+    *,
+    held_out: str,
+    n_folds: int,
+    n_blocks: int | None,
+    n_effective: float | None,
+    remarks: Sequence[str] = (),
+    missing: Sequence[str] = (),
+) -> Ranking:
+    """Ranking of these standings with its sentence."""
+    chosen = next(each for each in standings if each.verdict == "chosen")
+    parts = [_choice(standings, chosen, held_out)]
+    runner_up = next((each for each in standings if each.verdict == "behind"), None)
+    if runner_up is not None:
+        parts.append(
+            f"Next comes {runner_up.title} with {runner_up.n_params} parameters, "
+            f"{_points(runner_up, chosen)} behind the best"
+        )
+    parts += [_by_elpd(standings, chosen, n_blocks), _by_bic(standings, chosen)]
+    if 1 < n_folds < _FEW_FOLDS:
+        parts.append(f"A standard error from {n_folds} folds is uncertain")
+    titles = {each.model: each.title for each in standings}
+    parts += [
+        f"{each.title} counts as {titles[each.same_as]}: {each.reason}"
+        for each in standings
+        if each.verdict == "collapsed"
+    ]
+    failed = [each.title for each in standings if each.verdict == "failed"]
+    if failed:
+        parts.append(f"Failed: {', '.join(failed)}")
+    if missing:
+        parts.append(f"The comparison was interrupted and lacks {', '.join(missing)}")
+    return Ranking(
+        chosen=chosen.model,
+        sentence=". ".join(part for part in parts if part) + ".",
+        standings=standings,
+        held_out=held_out,
+        n_folds=n_folds,
+        n_blocks=n_blocks,
+        n_effective=n_effective,
+        remarks=tuple(remarks),
+        missing=tuple(missing),
+    )
+
+
+def cost_remark(
+    standings: Sequence[Standing],
+    left_out: Mapping[str, tuple[float, ...]],
+    costs: Mapping[str, BuildingCost],
+) -> tuple[str, ...]:
+    """A sentence where the chosen family is costly in a building; it names the best one that is not.
+
+    `left_out` are the NRMSE of the folds by model, `costs` those of the families that were identified.
+    """
+    chosen = next(each for each in standings if each.verdict == "chosen")
+    if not costs[chosen.model].is_high:
+        return ()
+    text = f"the fit of {chosen.title} takes {costs[chosen.model].in_words}"
+    cheap = [
+        each
+        for each in standings
+        if each.model in costs and left_out.get(each.model) and not costs[each.model].is_high
+    ]
+    if not cheap:
+        return (f"{text}, and so does every other that predicts what was left out",)
+    best = min(cheap, key=lambda each: sum(left_out[each.model]))
+    found = f"{best.left_out_percent:.2f} % against {chosen.left_out_percent:.2f} %"
+    steps = f"{costs[best.model].steps:.0f}"
+    if is_as_good(left_out[best.model], left_out[chosen.model]):
+        return (
+            f"{text}; {best.title} is as good ({found} left out) and takes {steps}: use it in studies of the tested "
+            "range",
+        )
+    return (f"{text}; of those that take fewer than {MANY} {best.title} comes nearest ({found} left out)",)
+
+
+def _choice(standings: tuple[Standing, ...], chosen: Standing, held_out: str) -> str:
+    count = f"Of {len(standings)} families" if len(standings) > 1 else "The only family"
+    error = "" if chosen.left_out_error is None else f", standard error {chosen.left_out_error:.2g}"
+    text = (
+        f"{count}, {chosen.title} with {chosen.n_params} parameters is chosen: its mean left-out fit is "
+        f"{chosen.left_out_percent:.2f} % ({held_out}{error})"
+    )
+    best = standings[0]
+    if best is not chosen:
+        more = best.n_params - chosen.n_params
+        text += (
+            f", {_points(chosen, best)} behind {best.title}, the best, which has {more} parameters more: "
+            "as good, and simpler"
+        )
+    others = [each for each in standings if each.verdict == "as good" and each is not best]
+    if others:
+        text += f". As good with no fewer parameters: {', '.join(each.title for each in others)}"
+    return text
+
+
+def _points(own: Standing, other: Standing) -> str:
+    """Difference in percentage points with the standard error of the paired difference; one of the two is the best."""
+    behind = own.left_out_behind or other.left_out_behind or 0.0
+    error = own.left_out_behind_error
+    return f"{behind:.2f} points" if error is None else f"{behind:.2f} ± {error:.2f} points"
+
+
+def _by_elpd(standings: tuple[Standing, ...], chosen: Standing, n_blocks: int | None) -> str:
+    best = next((each for each in standings if each.elpd_behind == 0.0), None)
+    if best is None or chosen.elpd_behind is None:
+        return ""
+    doubtful = [each for each in (best, chosen) if each.unreliable_blocks]
+    doubt = ""
+    if doubtful:
+        share = max(each.unreliable_blocks or 0 for each in doubtful)
+        blocks = "1 block" if share == 1 else f"{share} blocks"
+        doubt = f", though the Pareto k of {blocks} is above 0.7: importance weights are not reliable there"
+    if best is chosen:
+        return f"PSIS-LOO over {n_blocks} blocks agrees{doubt}"
+    error = chosen.elpd_behind_error or 0.0
+    by = f"{chosen.elpd_behind:.1f} ± {error:.1f} in log density over {n_blocks} blocks"
+    if chosen.elpd_behind <= error:
+        return f"PSIS-LOO does not distinguish it from {best.title} ({by}){doubt}"
+    return f"PSIS-LOO prefers {best.title}, by {by}{doubt}"
+
+
+def _by_bic(standings: tuple[Standing, ...], chosen: Standing) -> str:
+    best = next((each for each in standings if each.bic_behind == 0.0), None)
+    if best is None or chosen.bic_behind is None:
+        return ""
+    if best is chosen:
+        return "BIC agrees"
+    if chosen.bic_behind < _NEGLIGIBLE_BIC:
+        return f"BIC does not distinguish it from {best.title} ({chosen.bic_behind:.1f})"
+    return f"BIC prefers {best.title}, by {chosen.bic_behind:.1f}"

@@ -1,93 +1,31 @@
-"""Scaled coordinates of the free parameters, and the squared misfit with its gradient and curvature in them."""
+"""Scaled coordinates of the free parameters, the squared misfit with its curvature in them, and walks along a profile.
+
+On one side of a profile one parameter is stepped away from the fit, and the others are refitted after each step. A walk
+is a generator: it yields the position to be simulated and receives the result, so that the walks of all parameters
+share one batch.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec
-from mrwork.identification.linearisation import linearised
-from mrwork.identification.objective import Objective
-from mrwork.identification.search_ranges import search_box
-from mrwork.records import DamperTest
-from mrwork.uncertainty.identifiability.judgement import ParameterScale
+from mrwork.identification.objective import Objective, linearised
+from mrwork.uncertainty.identifiability.verdicts import Scale
 from mrwork.values import holds_arrays
 
-# A value smaller than this share of the nominal one counts as zero.
-_NEGLIGIBLE = 0.01
 # Largest number of residual entries in one batch.
 _LARGEST_BATCH = 2**24
 
 # Residuals (n_residuals,) and their derivative (n_residuals, n_free) with respect to the free parameters, at each row
 # of theta (n_batch, n_params).
 Linearise = Callable[[NDArray[np.float64]], Iterable[tuple[NDArray[np.float64], NDArray[np.float64]]]]
-
-
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Scale:
-    """Size of a relevant change of each parameter, shape (n_params,): its value, or half its range where `of_range`.
-
-    The size of a parameter with a logarithmic scale is its value. Other parameters may be zero; their size is half the
-    range derived from the scales of the records, where this is larger. `ranges` are the ranges so derived, within
-    the admissible ones of `box`; `theta` are the values, shape (n_params,).
-    """
-
-    box: Box
-    ranges: Box
-    theta: NDArray[np.float64]
-    size: NDArray[np.float64]
-    of_range: NDArray[np.bool_]
-
-    @classmethod
-    def of(
-        cls, spec: DamperSpec, box: Box, tests: tuple[DamperTest, ...], theta: NDArray[np.float64]
-    ) -> Scale:
-        """Scales at `theta`, shape (n_params,)."""
-        ranges = scaled_ranges(spec, box, tests, theta)
-        half = 0.5 * (np.array(ranges.upper) - np.array(ranges.lower))
-        size = np.abs(theta)
-        of_range = ~np.array(box.log) & (half > size)
-        return cls(
-            box=box, ranges=ranges, theta=theta, size=np.where(of_range, half, size), of_range=of_range
-        )
-
-    def of_parameter(self, spec: DamperSpec, index: int, derivative: NDArray[np.float64]) -> ParameterScale:
-        """Scale of one parameter of the model, with the derivative of the residuals by it, shape (n_residuals,)."""
-        return ParameterScale(
-            name=spec.names[index],
-            unit=spec.parameters[index].unit,
-            value=float(self.theta[index]),
-            size=float(self.size[index]),
-            of_range=bool(self.of_range[index]),
-            lower=self.ranges.lower[index],
-            upper=self.ranges.upper[index],
-            log=self.box.log[index],
-            bounds=(self.box.lower[index], self.box.upper[index]),
-            sensitivity=float(np.linalg.norm(derivative)),
-        )
-
-
-def scaled_ranges(
-    spec: DamperSpec, box: Box, tests: tuple[DamperTest, ...], theta: NDArray[np.float64]
-) -> Box:
-    """The box narrowed to the scales of the records; where these give no range, to the size of the value.
-
-    Where the value is negligible beside the nominal one, such as a share at its bound of zero, to the nominal size.
-    """
-    searched = search_box(spec, box, tests)
-    own = {}
-    for index, name in enumerate(box.names):
-        as_wide = searched.lower[index] == box.lower[index] and searched.upper[index] == box.upper[index]
-        size, typical = abs(float(theta[index])), abs(spec.parameters[index].nominal)
-        size = size if size > _NEGLIGIBLE * typical else typical
-        if as_wide and not box.log[index] and size > 0.0:
-            own[name] = (max(box.lower[index], -size), min(box.upper[index], size))
-    return searched.with_bounds({name: pair for name, pair in own.items() if pair[0] < pair[1]})
 
 
 @holds_arrays
@@ -194,3 +132,250 @@ def linearise(objective: Objective, columns: Sequence[int]) -> Linearise:
                 yield own, slope.T
 
     return in_chunks
+
+
+End = Literal["closed", "bound", "not simulated", "too many points", "interrupted"]
+
+# Step in the root of the likelihood ratio, which is linear in the parameter where the misfit is quadratic.
+_RISE = 0.6
+# Limits on the ratio of successive steps.
+_SHORTEST, _LONGEST = 0.25, 2.5
+# Longest first step in the scaled coordinate, for insensitive parameters.
+_FIRST = 0.3
+# Largest distance in the root of the likelihood ratio of the two points that bracket the threshold.
+_BRACKET = 0.8
+# Overshoot of the threshold, so that the last point is not just below it.
+_BEYOND = 0.05
+# Expected gain in the likelihood ratio below which a local minimisation has converged.
+_GAIN = 0.01
+# Ridge: a step of this length in a coordinate costs one unit of likelihood ratio, which limits the steps of insensitive
+# parameters.
+_LEAP = 0.5
+_MOST_TRIALS = 20
+_LEAST_DAMPING = 1e-3
+_MOST_POINTS = 40
+_MOST_BETWEEN = 6
+# Smallest step as a share of the first; the walk ends where even this cannot be simulated.
+_LEAST_SHARE = 1e-3
+
+
+@holds_arrays
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Point:
+    """A position, shape (n_free,), with the squared misfit S, half its gradient and J'J there."""
+
+    position: NDArray[np.float64]
+    squared: float
+    gradient: NDArray[np.float64]
+    normal: NDArray[np.float64]
+
+
+def points_of(position: NDArray[np.float64], found: Curvature) -> list[Point]:
+    """Rows of a batch as points."""
+    return [
+        Point(position=each, squared=float(squared), gradient=gradient, normal=normal)
+        for each, squared, gradient, normal in zip(
+            position, found.squared, found.gradient, found.normal, strict=True
+        )
+    ]
+
+
+Walk = Generator[NDArray[np.float64], Point, End]
+Minimisation = Generator[NDArray[np.float64], Point, Point]
+
+
+def signed_root(squared: float, least: float, dof: float) -> float:
+    """Root of the likelihood ratio `dof ln(S/S_least)`; 0 at and below the least misfit."""
+    return float(np.sqrt(dof * max(np.log(squared / least), 0.0)))
+
+
+def walk(
+    scaled: Scaled, index: int, way: Literal[-1, 1], points: list[Point], *, limit: float, dof: float
+) -> Walk:
+    """Step the free parameter `index` up or down from the first of `points`, to which each new point is appended.
+
+    Ends beyond `limit`, in the root of the likelihood ratio, with points close to it on either side; or on the bound.
+
+    Parameters
+    ----------
+    dof
+        Degrees of freedom from the effective samples: the likelihood ratio is `dof ln(S/S_least)`.
+    """
+    (origin,) = points
+    bound = float(scaled.upper[index] if way > 0 else scaled.lower[index])
+    step = first = _first_step(origin, index, dof)
+    while len(points) < _MOST_POINTS:
+        last = points[-1]
+        here = float(last.position[index])
+        if here == bound:
+            return "bound"
+        target = here + way * step
+        if way * (bound - target) <= 0.0:
+            target = bound
+        point = yield from _minimise_held(scaled, index, last, target, dof)
+        if not np.isfinite(point.squared):
+            step = _SHORTEST * abs(target - here)
+            if step < _LEAST_SHARE * first:
+                return "not simulated"
+            continue
+        points.append(point)
+        before, after = (signed_root(each.squared, origin.squared, dof) for each in points[-2:])
+        if after > limit:
+            yield from _bracket_limit(scaled, index, points, limit, dof)
+            return "closed"
+        aimed = min(_RISE, limit + _BEYOND - after)
+        rise = after - before
+        factor = aimed / rise if rise > 0.0 else _LONGEST
+        step = abs(target - here) * float(np.clip(factor, _SHORTEST, _LONGEST))
+    return "too many points"
+
+
+def minimise(scaled: Scaled, start: Point, dof: float) -> Minimisation:
+    """Minimise the misfit in all free parameters from a simulated point."""
+    return _minimise(scaled, None, start, dof)
+
+
+def _bracket_limit(scaled: Scaled, index: int, points: list[Point], limit: float, dof: float) -> Minimisation:
+    """Insert points between the last two until they bracket `limit` closely."""
+    for _ in range(_MOST_BETWEEN):
+        low, high = points[-2:]
+        roots = [signed_root(each.squared, points[0].squared, dof) for each in (low, high)]
+        if roots[1] - roots[0] < _BRACKET:
+            break
+        ends = (float(low.position[index]), float(high.position[index]))
+        # Away from the ends, so that the interval shrinks.
+        share = float(np.clip((limit - roots[0]) / (roots[1] - roots[0]), 0.2, 0.8))
+        point = yield from _minimise_held(scaled, index, low, ends[0] + share * (ends[1] - ends[0]), dof)
+        if not np.isfinite(point.squared):
+            break
+        beyond = signed_root(point.squared, points[0].squared, dof) > limit
+        points[-1:] = [point] if beyond else [point, high]
+    return points[-1]
+
+
+def _minimise_held(scaled: Scaled, index: int, start: Point, target: float, dof: float) -> Minimisation:
+    """Minimise with the parameter held at `target`, from the prediction of the quadratic model at `start`."""
+    step, _ = _step(scaled, start, index, dof, shift=target - float(start.position[index]))
+    position = scaled.moved(start.position, step, index)
+    position[index] = target
+    point = yield position
+    if np.isfinite(point.squared):
+        point = yield from _minimise(scaled, index, point, dof)
+    return point
+
+
+def _minimise(scaled: Scaled, index: int | None, point: Point, dof: float) -> Minimisation:
+    """Levenberg-Marquardt with damping relative to each parameter's curvature, until the expected gain is small."""
+    damping = 0.0
+    for _ in range(_MOST_TRIALS):
+        step, fall = _step(scaled, point, index, dof, damping=damping)
+        if dof * fall < _GAIN * point.squared:
+            break
+        trial = yield scaled.moved(point.position, step, index)
+        if trial.squared < point.squared:
+            point = trial
+            damping = damping / 10.0 if damping > _LEAST_DAMPING else 0.0
+        else:
+            damping = max(10.0 * damping, _LEAST_DAMPING)
+    return point
+
+
+def _step(
+    scaled: Scaled,
+    point: Point,
+    index: int | None,
+    dof: float,
+    *,
+    shift: float = 0.0,
+    damping: float = 0.0,
+) -> tuple[NDArray[np.float64], float]:
+    """Minimiser of the quadratic model with `index` shifted, and the expected decrease of S.
+
+    A parameter that would leave its range is set to the bound, and the remaining system is solved again.
+    """
+    step = np.zeros_like(point.position)
+    settled = np.diag(point.normal) <= 0.0
+    if index is not None:
+        step[index], settled[index] = shift, True
+    ridge = point.squared / dof / _LEAP**2
+    while not settled.all():
+        moving = np.flatnonzero(~settled)
+        size = np.sqrt(np.diag(point.normal)[moving])
+        unit = point.normal[np.ix_(moving, moving)] / np.outer(size, size)
+        unit += np.diag(damping + ridge / size**2)
+        gradient = point.gradient + point.normal @ np.where(settled, step, 0.0)
+        step[moving] = np.linalg.solve(unit, -gradient[moving] / size) / size
+        there = point.position + step
+        leaving = ~settled & ((there < scaled.lower) | (there > scaled.upper))
+        if not leaving.any():
+            break
+        step[leaving] = (np.clip(there, scaled.lower, scaled.upper) - point.position)[leaving]
+        settled |= leaving
+    return step, -float(2.0 * point.gradient @ step + step @ point.normal @ step)
+
+
+def _first_step(origin: Point, index: int, dof: float) -> float:
+    """Half a standard error, limited for insensitive parameters."""
+    size = np.sqrt(np.diag(origin.normal))
+    if size[index] == 0.0:
+        return _FIRST
+    size[size == 0.0] = 1.0
+    inverse = np.linalg.pinv(origin.normal / np.outer(size, size), rcond=1e-12)
+    error = np.sqrt(origin.squared / dof * max(float(inverse[index, index]), 1e-300)) / size[index]
+    return float(min(0.5 * error, _FIRST))
+
+
+@dataclass(slots=True, kw_only=True)
+class Side:
+    """One side of a profile: points from the origin outwards, and how the walk ended."""
+
+    points: list[Point]
+    end: End = "interrupted"
+
+
+# By index among the free parameters, and direction.
+Sides = dict[tuple[int, Literal[-1, 1]], Side]
+DIRECTIONS: tuple[Literal[-1, 1], ...] = (-1, 1)
+
+
+def run_alone(
+    steps: Minimisation, point: Point, simulated: Callable[[NDArray[np.float64]], list[Point]]
+) -> Point:
+    """Run one local minimisation to its end, each position a batch of its own."""
+    try:
+        position = next(steps)
+        while True:
+            (point,) = simulated(position[None])
+            position = steps.send(point)
+    except StopIteration as ended:
+        arrived: Point = ended.value
+        return arrived
+
+
+def run_together(
+    scaled: Scaled,
+    sides: Sides,
+    simulated: Callable[[NDArray[np.float64]], list[Point]],
+    on_batch: Callable[[Sides], None],
+    *,
+    limit: float,
+    dof: float,
+) -> None:
+    """Run all walks to their ends; their next positions make one batch."""
+    walks = {key: walk(scaled, *key, side.points, limit=limit, dof=dof) for key, side in sides.items()}
+    pending: dict[tuple[int, Literal[-1, 1]], NDArray[np.float64]] = {}
+
+    def advance(key: tuple[int, Literal[-1, 1]], point: Point | None) -> None:
+        try:
+            pending[key] = next(walks[key]) if point is None else walks[key].send(point)
+        except StopIteration as ended:
+            sides[key].end = ended.value
+            pending.pop(key, None)
+
+    for key in walks:
+        advance(key, None)
+    while pending:
+        found = simulated(np.array(list(pending.values())))
+        for key, point in zip(list(pending), found, strict=True):
+            advance(key, point)
+        on_batch(sides)

@@ -1,23 +1,469 @@
-"""Identifiability of the parameters of a fit from its tests."""
+"""Identifiability of the parameters of a fit from its tests, and the rule of every verdict on a parameter.
+
+Standard errors, profiles and posterior draws are judged by the one rule, which measures them by the size of a relevant
+change of the parameter. Directions in parameter space follow from the Fisher information, with reasons in words.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from statistics import NormalDist
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mrwork.arguments import Threads, checked
 from mrwork.dampers.coordinates import Box
-from mrwork.identification.certainty import Identifiability, Verdict
-from mrwork.identification.covariance import Slopes, covariance_at
-from mrwork.identification.fit import Fit
+from mrwork.dampers.spec import DamperSpec
+from mrwork.identification.covariance import INSENSITIVE, Slopes, covariance_at
+from mrwork.identification.equivalent import search_box
+from mrwork.identification.fit import Direction, Fit, Identifiability, ParameterChange, Verdict, VerdictName
 from mrwork.identification.problem import Problem
 from mrwork.identification.result import remarks_of
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
-from mrwork.uncertainty.identifiability.curvature import Scale
-from mrwork.uncertainty.identifiability.information import identifiability_from
+from mrwork.summary import of_unit
+from mrwork.values import holds_arrays
+
+# A standard deviation above this share of the value, or of 1 in the logarithm, is no determination.
+WEAK = 0.25
+# A parameter that changes the force by no more than this share of its standard deviation is negligible.
+NEGLIGIBLE = 0.01
+# A value smaller than this share of the nominal one counts as zero.
+_AS_ZERO = 0.01
+# Standard deviations that the 95 % interval of a normal density reaches to either side.
+DEVIATIONS = NormalDist().inv_cdf(0.975)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ParameterScale:
+    """Size of a relevant change of one parameter, in its `unit`: its value, or half its range where `of_range`.
+
+    `lower` and `upper` are that range, `bounds` the admissible one, and `log` whether it is positive with a logarithmic
+    scale. `sensitivity` is the root mean square of the change of force per unit, in standard deviations of the force.
+    """
+
+    name: str
+    unit: str
+    value: float
+    size: float
+    of_range: bool
+    lower: float
+    upper: float
+    log: bool
+    bounds: tuple[float, float]
+    sensitivity: float
+
+    def share(self, share: float) -> str:
+        """A share of the size, such as "40 % of its value", or "33 times its value" above 100 %."""
+        whole = "its value"
+        if self.of_range:
+            limits = f"{self.lower:.3g} to {of_unit(self.upper, self.unit, 3)}"
+            whole = f"half its range for these tests ({limits})"
+        return _times(share, whole)
+
+
+@holds_arrays
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scale:
+    """Size of a relevant change of each parameter, shape (n_params,): its value, or half its range where `of_range`.
+
+    The size of a parameter with a logarithmic scale is its value. Other parameters may be zero; their size is half the
+    range derived from the scales of the records, where this is larger. `ranges` are the ranges so derived, within
+    the admissible ones of `box`; `theta` are the values, shape (n_params,).
+    """
+
+    box: Box
+    ranges: Box
+    theta: NDArray[np.float64]
+    size: NDArray[np.float64]
+    of_range: NDArray[np.bool_]
+
+    @classmethod
+    def of(
+        cls, spec: DamperSpec, box: Box, tests: tuple[DamperTest, ...], theta: NDArray[np.float64]
+    ) -> Scale:
+        """Scales at `theta`, shape (n_params,)."""
+        ranges = _scaled_ranges(spec, box, tests, theta)
+        half = 0.5 * (np.array(ranges.upper) - np.array(ranges.lower))
+        size = np.abs(theta)
+        of_range = ~np.array(box.log) & (half > size)
+        return cls(
+            box=box, ranges=ranges, theta=theta, size=np.where(of_range, half, size), of_range=of_range
+        )
+
+    def of_parameter(self, spec: DamperSpec, index: int, derivative: NDArray[np.float64]) -> ParameterScale:
+        """Scale of one parameter of the model, with the derivative of the residuals by it, shape (n_residuals,)."""
+        return ParameterScale(
+            name=spec.names[index],
+            unit=spec.parameters[index].unit,
+            value=float(self.theta[index]),
+            size=float(self.size[index]),
+            of_range=bool(self.of_range[index]),
+            lower=self.ranges.lower[index],
+            upper=self.ranges.upper[index],
+            log=self.box.log[index],
+            bounds=(self.box.lower[index], self.box.upper[index]),
+            sensitivity=float(np.linalg.norm(derivative)),
+        )
+
+
+def _scaled_ranges(
+    spec: DamperSpec, box: Box, tests: tuple[DamperTest, ...], theta: NDArray[np.float64]
+) -> Box:
+    """The box narrowed to the scales of the records; where these give no range, to the size of the value.
+
+    Where the value is negligible beside the nominal one, such as a share at its bound of zero, to the nominal size.
+    """
+    searched = search_box(spec, box, tests)
+    own = {}
+    for index, name in enumerate(box.names):
+        as_wide = searched.lower[index] == box.lower[index] and searched.upper[index] == box.upper[index]
+        size, typical = abs(float(theta[index])), abs(spec.parameters[index].nominal)
+        size = size if size > _AS_ZERO * typical else typical
+        if as_wide and not box.log[index] and size > 0.0:
+            own[name] = (max(box.lower[index], -size), min(box.upper[index], size))
+    return searched.with_bounds({name: pair for name, pair in own.items() if pair[0] < pair[1]})
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReasonedVerdict:
+    """Verdict on a parameter, with the reason."""
+
+    verdict: VerdictName
+    reason: str
+
+
+def judge_error(error: float, scale: ParameterScale) -> ReasonedVerdict:
+    """Judge a parameter by its standard error, in its unit."""
+    half = DEVIATIONS * error
+    ends = scale.value - half, scale.value + half
+    share = error / abs(scale.value) if scale.value else np.inf
+    width = f"its standard error is {_times(share, 'its value')}" if scale.value else "its value is 0"
+    return _judge(scale, ends, share, width)
+
+
+def judge_interval(
+    ends: tuple[float | None, float | None], deviations: float, scale: ParameterScale, *, opened: str
+) -> ReasonedVerdict:
+    """Judge a parameter by its interval, in its unit; an end at which the data do not bound it is `None`.
+
+    Parameters
+    ----------
+    deviations
+        Number of standard deviations that the interval of a normal density would reach to either side.
+    opened
+        Reason for an open end.
+    """
+    lower, upper = ends
+    if lower is None or upper is None:
+        return _judge(scale, ends, np.inf, opened)
+    if scale.log:
+        half = 0.5 * float(np.log(upper / lower))
+        width = f"the interval is a factor of {np.exp(half):.2g} wide to either side"
+    else:
+        centre = 0.5 * abs(lower + upper)
+        half = 0.5 * (upper - lower) / centre if centre else np.inf
+        width = f"the interval is {_times(half, 'its value')} wide to either side"
+    return _judge(scale, ends, half / deviations, width)
+
+
+def _judge(
+    scale: ParameterScale, ends: tuple[float | None, float | None], share: float, width: str
+) -> ReasonedVerdict:
+    """Judge by the standard deviation, as a `share` of the value, and by the interval about it."""
+    if share <= WEAK:
+        return ReasonedVerdict(verdict="identifiable", reason="")
+    lower, upper = scale.bounds
+    low = lower if ends[0] is None else max(ends[0], lower)
+    high = upper if ends[1] is None else min(ends[1], upper)
+    # Without a logarithmic scale the force is near to linear in the parameter, so that it may be left out.
+    effect = scale.sensitivity * max(abs(low), abs(high))
+    if not scale.log and lower <= 0.0 <= upper and effect <= NEGLIGIBLE:
+        reason = (
+            f"its whole interval changes the force by at most {100.0 * effect:.2g} % of the force's deviation"
+        )
+        return ReasonedVerdict(verdict="negligible", reason=reason)
+    if ends == (None, None):
+        return ReasonedVerdict(verdict="not identifiable", reason=width)
+    if low < 0.0 < high:
+        return ReasonedVerdict(
+            verdict="sign unknown",
+            reason=f"{width}; the interval, {low:.4g} to {of_unit(high, scale.unit)}, includes zero",
+        )
+    return ReasonedVerdict(verdict="weakly identifiable", reason=width)
+
+
+def _times(share: float, whole: str) -> str:
+    return f"{100.0 * share:.2g} % of {whole}" if share < 1.0 else f"{share:.3g} times {whole}"
+
+
+# Components of a direction smaller than this share of the largest are not named.
+_NEGLIGIBLE = 0.03
+# Relative tolerance for exponents to count as simple fractions, and the largest of those.
+_SIMPLE = 2e-3
+_LARGEST_DENOMINATOR = 2
+_LARGEST_EXPONENT = 3
+
+
+def changes_along(
+    direction: NDArray[np.float64],
+    scales: Sequence[ParameterScale],
+    effects: NDArray[np.float64] | None = None,
+) -> tuple[ParameterChange, ...]:
+    """Changes of the parameters along a direction, shape (n_params,), in shares of their scales.
+
+    The first one increases by 1 %; parameters that hardly change are left out, or those that hardly change the force
+    where `effects`, shape (n_params,), are the changes of force per change in shares.
+    """
+    weight = np.abs(direction if effects is None else direction * effects)
+    named = np.flatnonzero(weight > _NEGLIGIBLE * np.max(weight))
+    unit = direction / direction[named[0]]
+    return tuple(
+        ParameterChange(
+            name=scales[index].name,
+            percent=float(unit[index]),
+            of_range=scales[index].of_range,
+            amount=0.01 * float(unit[index]) * scales[index].size,
+            unit=scales[index].unit,
+        )
+        for index in map(int, named)
+    )
+
+
+def sparse_basis(null: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Sparse basis of the row space of `null`, shape (n_directions, n_params).
+
+    Gauss-Jordan elimination with pivoting: each row has one parameter that no other row has.
+    """
+    rows = np.array(null)
+    pivots: list[int] = []
+    for index in range(len(rows)):
+        size = np.abs(rows[index])
+        size[pivots] = 0.0
+        pivots.append(int(np.argmax(size)))
+        rows[index] /= rows[index, pivots[-1]]
+        others = np.delete(np.arange(len(rows)), index)
+        rows[others] -= np.outer(rows[others, pivots[-1]], rows[index])
+    return np.where(np.abs(rows) > _NEGLIGIBLE * np.max(np.abs(rows), axis=1, keepdims=True), rows, 0.0)
+
+
+def simple_combinations(changes: Sequence[ParameterChange], *, within: float = _SIMPLE) -> tuple[str, ...]:
+    """Products and ratios of two parameters with simple exponents that are constant along a direction.
+
+    Along `d ln p_i = v_i` the product `p_i^a p_j^b` is constant if `a v_i + b v_j = 0`. Each parameter is combined with
+    the first earlier one that permits simple exponents, to the relative tolerance `within`.
+    """
+    if any(change.of_range for change in changes):
+        return ()
+    found = []
+    for number, second in enumerate(changes):
+        joined = (_combination(first, second, within) for first in changes[:number])
+        found += list(filter(None, joined))[:1]
+    return tuple(found)
+
+
+def _combination(first: ParameterChange, second: ParameterChange, within: float) -> str:
+    """Combination such as "alpha A", "gamma/beta", "alpha^2 A"; empty without simple exponents."""
+    ratio = first.percent / second.percent
+    simple = Fraction(ratio).limit_denominator(_LARGEST_DENOMINATOR)
+    power, other = simple.denominator, abs(simple.numerator)
+    if other == 0 or other > _LARGEST_EXPONENT or abs(float(simple) - ratio) > within * abs(ratio):
+        return ""
+    return f"{_power(first.name, power)}{'/' if ratio > 0 else ' '}{_power(second.name, other)}"
+
+
+def _power(name: str, exponent: int) -> str:
+    return name if exponent == 1 else f"{name}^{exponent}"
+
+
+def listed(parts: Sequence[str]) -> str:
+    """Enumeration such as "a, b and c"."""
+    return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}"
+
+
+# Tolerance of exponents for combinations along weakly identifiable directions.
+_APPROXIMATE = 0.05
+# Smallest correlation at which a partner is named.
+_STRONG_CORRELATION = 0.9
+
+
+def identifiability_from(
+    jacobian: NDArray[np.float64],
+    covariance: NDArray[np.float64],
+    *,
+    scales: Sequence[ParameterScale],
+    n_effective: float,
+    held: set[str] | frozenset[str] = frozenset(),
+) -> Identifiability:
+    """Verdicts and directions from the derivative of the residuals, shape (n_residuals, n_params).
+
+    A direction is unidentifiable if its singular value, parameters scaled to unit sensitivity, is below `INSENSITIVE`
+    of the largest, and weakly identifiable if the standard error along it exceeds `WEAK` of the scale. Where an
+    unidentifiable direction has a parameter that was held, its others are determined.
+
+    Parameters
+    ----------
+    jacobian
+        With respect to parameters in units of their scales; residuals sum up in squares to the squared misfit.
+    covariance
+        Of `covariance_at`, in units of the scales, shape (n_params, n_params); NaN for what is not determined.
+    scales
+        Of the parameters, in the order of the columns.
+    held
+        Parameters that were held fixed: without verdict, but they may take part in a direction.
+    """
+    null = _null_space(jacobian)
+    unseen = tuple(_unidentifiable_direction(row, jacobian, scales, held) for row in null)
+    open_names = {
+        each.name
+        for found in unseen
+        for each in found.changes
+        if not held & {each.name for each in found.changes}
+    }
+    counted = np.array([index for index, each in enumerate(scales) if each.name not in held], dtype=int)
+    free, own = jacobian[:, counted], [scales[index] for index in counted]
+    cov = covariance[np.ix_(counted, counted)]
+    undetermined = ~np.isfinite(np.diag(cov)) | np.array(
+        [each.name in open_names for each in own], dtype=bool
+    )
+    determined = ~undetermined
+    return Identifiability(
+        verdicts=tuple(_verdict(number, own, cov, free, undetermined) for number in range(counted.size)),
+        directions=unseen
+        + _weak_directions(
+            cov[np.ix_(determined, determined)],
+            free[:, determined],
+            [each for each, is_determined in zip(own, determined, strict=True) if is_determined],
+        ),
+        n_time=len(jacobian),
+        n_effective=n_effective,
+    )
+
+
+def _null_space(jacobian: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Sparse basis of the unidentifiable directions in units of unit sensitivity, shape (n_directions, n_params)."""
+    if jacobian.shape[1] == 0:
+        return np.empty((0, 0))
+    unit = jacobian / _effects(jacobian)
+    _, singular, right = np.linalg.svd(unit, full_matrices=len(jacobian) < jacobian.shape[1])
+    short = np.concatenate([singular, np.zeros(len(right) - len(singular))])
+    null = right[short <= INSENSITIVE * max(singular[0], 1e-300)]
+    return sparse_basis(null) if len(null) else null
+
+
+def _effects(jacobian: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Change of the force per change of each parameter, shape (n_params,); 1 for one without effect."""
+    norm = np.linalg.norm(jacobian, axis=0)
+    return np.asarray(np.where(norm == 0.0, 1.0, norm))
+
+
+def _unidentifiable_direction(
+    direction: NDArray[np.float64],
+    jacobian: NDArray[np.float64],
+    scales: Sequence[ParameterScale],
+    held: set[str] | frozenset[str],
+) -> Direction:
+    effects = _effects(jacobian)
+    changes = changes_along(direction / effects, scales, effects)
+    if len(changes) == 1:
+        sentence = f"the residuals do not depend on {changes[0].name}"
+    else:
+        combinations = simple_combinations(changes)
+        only = f"; combinations such as {listed(combinations)} can be identified" if combinations else ""
+        sentence = (
+            f"{listed([each.name for each in changes])} cannot be distinguished: {_joint_change(changes)} "
+            f"does not change the force{only}"
+        )
+    kept = [each.name for each in changes if each.name in held]
+    if kept:
+        sentence += f"; {listed(kept)} was held fixed for this reason"
+    return Direction(
+        changes=changes, effect=_effect(changes, jacobian, scales), seen=False, sentence=sentence
+    )
+
+
+def _weak_directions(
+    cov: NDArray[np.float64],
+    jacobian: NDArray[np.float64],
+    scales: Sequence[ParameterScale],
+) -> tuple[Direction, ...]:
+    """Directions along which the standard error exceeds `WEAK` of the scales, largest first."""
+    if not len(cov):
+        return ()
+    variances, vectors = np.linalg.eigh(cov)
+    found = []
+    for variance, vector in zip(variances[::-1], vectors.T[::-1], strict=True):
+        if np.sqrt(variance) <= WEAK:
+            break
+        # The parameter with the largest component comes first.
+        largest = int(np.argmax(np.abs(vector)))
+        order = np.argsort(np.arange(len(scales)) != largest, kind="stable")
+        changes = changes_along(vector[order], [scales[index] for index in order])
+        effect = _effect(changes, jacobian, scales)
+        names = [each.name for each in scales]
+        in_order = sorted(changes, key=lambda change: names.index(change.name))
+        combinations = simple_combinations(in_order, within=_APPROXIMATE)
+        better = f"; {listed(combinations)} is better identifiable" if combinations else ""
+        along = float(np.sqrt(variance)) * abs(vector[largest])
+        sentence = (
+            f"{_joint_change(changes)} changes the force by no more than {100.0 * effect:.1g} % of its deviation, so "
+            f"along it the standard error of {changes[0].name} is {scales[largest].share(along)}{better}"
+        )
+        found.append(Direction(changes=changes, effect=effect, seen=True, sentence=sentence))
+    return tuple(found)
+
+
+def _joint_change(changes: Sequence[ParameterChange]) -> str:
+    first, *rest = [each.in_words for each in changes]
+    return f"{first} with {listed(rest)}" if rest else first
+
+
+def _effect(
+    changes: Sequence[ParameterChange], jacobian: NDArray[np.float64], scales: Sequence[ParameterScale]
+) -> float:
+    column = {each.name: number for number, each in enumerate(scales)}
+    moved = sum(0.01 * each.percent * jacobian[:, column[each.name]] for each in changes)
+    return float(np.linalg.norm(moved))
+
+
+def _verdict(
+    number: int,
+    scales: Sequence[ParameterScale],
+    cov: NDArray[np.float64],
+    jacobian: NDArray[np.float64],
+    undetermined: NDArray[np.bool_],
+) -> Verdict:
+    """Verdict on one parameter."""
+    scale = scales[number]
+    if undetermined[number]:
+        others = [
+            each.name
+            for each, is_undetermined in zip(scales, undetermined, strict=True)
+            if is_undetermined and each is not scale
+        ]
+        reason = "the residuals do not depend on it"
+        if others and np.any(jacobian[:, number] != 0.0):
+            reason = f"identifiable only in combination with {listed(others)}"
+        return Verdict(name=scale.name, verdict="not identifiable", standard_error=None, reason=reason)
+    error = float(np.sqrt(cov[number, number]))
+    found = judge_error(error * scale.size, scale)
+    reason = found.reason
+    if found.verdict in ("weakly identifiable", "sign unknown"):
+        deviation = np.sqrt(np.diag(cov))
+        correlation = np.where(
+            undetermined, 0.0, cov[number] / np.where(undetermined, 1.0, error * deviation)
+        )
+        correlation[number] = 0.0
+        partner = int(np.argmax(np.abs(correlation)))
+        if abs(correlation[partner]) > _STRONG_CORRELATION:
+            other = scales[partner].name
+            reason += (
+                f"; mostly because {other} can compensate for it (correlation {correlation[partner]:.3f})"
+            )
+    return Verdict(name=scale.name, verdict=found.verdict, standard_error=error * scale.size, reason=reason)
 
 
 @checked

@@ -66,13 +66,7 @@ class Candidate:
 
 
 def check_possible(candidates: Sequence[Candidate]) -> None:
-    """Refuse a candidate that no rig can run.
-
-    Raises
-    ------
-    SettingError
-        Where an amplitude, a frequency or a command is outside its range.
-    """
+    """Refuse a candidate that no rig can run."""
     for each in candidates:
         for name, value, (lower, upper), unit in (
             ("amplitude", each.amplitude, AMPLITUDE_RANGE, "m"),
@@ -120,11 +114,6 @@ def candidate_grid(
 
     Default amplitudes and frequencies range from half the least tested value to twice the largest; default commands are
     the tested ones. Where either grid is a default, the default limit of velocity is 1.5 times the largest tested one.
-
-    Raises
-    ------
-    SettingError
-        Where a number is not positive, commands are given for a model without laws, or nothing is left.
     """
     if commands and spec.current is None:
         raise SettingError(
@@ -168,13 +157,7 @@ def candidate_grid(
 
 
 def read_candidates(path: Path, spec: DamperSpec, limits: Limits | None = None) -> tuple[Candidate, ...]:
-    """Candidates from a CSV file: columns `amplitude` [m], `frequency` [Hz], and `current` for models with laws.
-
-    Raises
-    ------
-    RecordError
-        Where the file cannot be read, lacks a column or a number, or has no candidate within the limits.
-    """
+    """Candidates from a CSV file: columns `amplitude` [m], `frequency` [Hz], and `current` for models with laws."""
     columns = _COLUMNS if spec.current is not None else _COLUMNS[:2]
     text = text_of(path, CANDIDATES)
     try:
@@ -206,13 +189,7 @@ def read_candidates(path: Path, spec: DamperSpec, limits: Limits | None = None) 
 
 
 def _check_count(count: int, spec: DamperSpec) -> None:
-    """Refuse more candidates than a plan can keep.
-
-    Raises
-    ------
-    SettingError
-        Their derivatives, two in each counted sample for each parameter, do not fit into memory.
-    """
+    """Refuse more candidates than a plan can keep."""
     each = 8 * (_CYCLES - 1) * _SAMPLES_PER_CYCLE * (2 * len(spec.names) + 1)
     if count * each > _MOST_BYTES:
         raise SettingError(

@@ -1,27 +1,157 @@
-"""Draws of a posterior, and a summary of each parameter with its interval and verdict."""
+"""Draws of a posterior: convergence of their chain, a summary of each parameter with its verdict, and their file.
+
+The file is netCDF for ArviZ, with checksums of its numbers; it is read back by parameter.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, fields, replace
+from importlib import import_module
+from math import ceil
+from pathlib import Path
 from statistics import NormalDist
-from typing import TYPE_CHECKING, ClassVar, Final, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.arguments import checked
-from mrwork.identification.certainty import Interval, Intervals, VerdictName
-from mrwork.identification.fit import Provenance
+from mrwork.arguments import Count, NotNegative, Positive, Shape, Within, checked
+from mrwork.errors import RecordError
+from mrwork.identification.fit import Fit, Interval, Intervals, Provenance, VerdictName
+from mrwork.store.child_reader import Member, UnreadableError, read_members
+from mrwork.store.input_file import bytes_of, is_there, stored
+from mrwork.store.record import Related, record_of
+from mrwork.store.run_folder import DRAWS
 from mrwork.summary import Summarised, Summary, rounded, with_decimals
-from mrwork.uncertainty.identifiability.judgement import ParameterScale, judge_interval
-from mrwork.uncertainty.posterior.diagnostics import convergence
+from mrwork.uncertainty.identifiability.verdicts import ParameterScale, judge_interval
+from mrwork.uncertainty.noise import noise_model
+from mrwork.uncertainty.posterior.target import NOISE
 from mrwork.values import holds_arrays
 
 if TYPE_CHECKING:
     from xarray import DataTree
 
+
 Array = NDArray[np.float64]
+
+# Limits on R-hat and effective sizes: Vehtari et al. (2021); on the length in autocorrelation times: emcee.
+LARGEST_RHAT = 1.01
+LEAST_ESS = 400.0
+_LEAST_LENGTH = 50.0
+# Share of the chain that is discarded.
+_BURN_IN = 0.25
+# Largest number of evenly spaced steps from which R-hat and effective sizes are computed.
+_MOST_DRAWS = 1000
+
+
+@holds_arrays
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Diagnosis:
+    """Convergence diagnostics, shape (n_params,): autocorrelation time in steps, R-hat, bulk and tail ESS.
+
+    They are NaN for a parameter that did not vary. `n_steps` is the number of steps after the burn-in.
+    """
+
+    names: tuple[str, ...]
+    n_steps: int
+    tau: Array
+    rhat: Array
+    ess_bulk: Array
+    ess_tail: Array
+
+    @property
+    def length(self) -> float:
+        """Number of steps per longest autocorrelation time; 0 where a walker never moved."""
+        longest = float(np.max(self.tau))
+        return self.n_steps / longest if longest > 0.0 else 0.0
+
+    @property
+    def shortcomings(self) -> tuple[str, ...]:
+        """Criteria that are not met, in words; empty where the chain has converged."""
+        found = []
+        if not self.length >= _LEAST_LENGTH:
+            found.append(
+                f"the chain is {self.length:.0f} autocorrelation times long where {_LEAST_LENGTH:.0f} are required"
+            )
+        worst = int(np.argmax(np.where(np.isnan(self.rhat), np.inf, self.rhat)))
+        if not self.rhat[worst] < LARGEST_RHAT:
+            found.append(
+                f"walkers disagree most on {self.names[worst]} (R-hat {self.rhat[worst]:.3f}, below {LARGEST_RHAT} "
+                "is required)"
+            )
+        ess = np.minimum(self.ess_bulk, self.ess_tail)
+        least = int(np.argmin(np.where(np.isnan(ess), -np.inf, ess)))
+        if not ess[least] >= LEAST_ESS:
+            found.append(
+                f"{self.names[least]} has {ess[least]:.0f} effective draws where {LEAST_ESS:.0f} are required"
+            )
+        return tuple(found)
+
+
+def diagnose(values: Array, names: tuple[str, ...]) -> Diagnosis:
+    """Diagnose a chain without its burn-in, shape (n_steps, n_walkers, n_params); walkers count as chains."""
+    n_steps = len(values)
+    by_chain = np.moveaxis(values[:: max(1, ceil(n_steps / _MOST_DRAWS))], 0, 1)
+    columns = [np.ascontiguousarray(by_chain[:, :, index]) for index in range(values.shape[2])]
+    diagnostics = [convergence(column) for column in columns]
+    return Diagnosis(
+        names=names,
+        n_steps=n_steps,
+        tau=autocorrelation_times(values),
+        rhat=np.array([each.rhat for each in diagnostics]),
+        ess_bulk=np.array([each.ess_bulk for each in diagnostics]),
+        ess_tail=np.array([each.ess_tail for each in diagnostics]),
+    )
+
+
+class Convergence(NamedTuple):
+    """Convergence of one parameter; `mcse` is the Monte-Carlo standard error of its mean."""
+
+    rhat: float
+    ess_bulk: float
+    ess_tail: float
+    mcse: float
+
+
+@checked
+def convergence(chains: Annotated[Array, Shape(("n_chains", "n_draws"))]) -> Convergence:
+    """Rank-normalised R-hat, effective sizes and Monte-Carlo error of draws, shape (n_chains, n_draws)."""
+    # ArviZ takes a second to load, and has no type annotations.
+    statistics: Any = import_module("arviz_stats.base").array_stats
+    # A constant chain has zero variance.
+    with np.errstate(all="ignore"):
+        return Convergence(
+            rhat=float(statistics.rhat(chains, method="rank")),
+            ess_bulk=float(statistics.ess(chains, method="bulk")),
+            ess_tail=float(statistics.ess(chains, method="tail", prob=(0.05, 0.95))),
+            mcse=float(statistics.mcse(chains, method="mean")),
+        )
+
+
+def autocorrelation_times(values: Array) -> Array:
+    """Integrated autocorrelation time in steps, shape (n_params,), of a chain, (n_steps, n_walkers, n_params)."""
+    from emcee.autocorr import integrated_time
+
+    with np.errstate(all="ignore"):
+        return np.asarray(integrated_time(values, tol=0, has_walkers=True))
+
+
+@checked
+def kept(n_steps: Annotated[int, Within(least=1, most=2**53)]) -> slice:
+    """Rows of a chain after the burn-in; its first row is the start."""
+    return slice(1 + int(_BURN_IN * n_steps), n_steps + 1)
+
+
+def next_check(n_steps: int, *, first: int = 200, growth: float = 1.25) -> int:
+    """Step of the next convergence check, a function of the step alone: a resumed run ends at the same step."""
+    check = first
+    while check <= n_steps:
+        check = ceil(check * growth)
+    return check
+
+
 # "unknown" in files that do not state it.
 DrawsStatus = Literal["converged", "not_converged", "interrupted", "unknown"]
 Remark = Literal[
@@ -276,3 +406,162 @@ def _pile(chain: Array, bounds: tuple[float, float], width: float) -> Remark:
     if first - bounds[0] < 0.02 * width:
         return _AT_BOTH if at_upper else _AT_LOWER
     return _AT_UPPER if at_upper else ""
+
+
+_OF_FIT = "of_fit"
+# Share by which a draw may exceed a bound after a conversion between forms of a model.
+_ROUNDING = 1e-6
+_KIND = stored("sample", name="the draws")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Stated:
+    """What the file says of the sampling."""
+
+    noise: str
+    verdict: str
+    temper: Positive
+    steps: Count
+    thinning: Count
+    seconds: NotNegative
+    status: DrawsStatus = "unknown"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _OfVariable(Related):
+    """What the file says of a parameter."""
+
+    verdict: VerdictName | None = None
+    reason: str = ""
+    median: float = 0.0
+    lower: float = -math.inf
+    upper: float = math.inf
+
+    def disagreement(self) -> str:
+        """Whether the ends of the interval are in order."""
+        return "" if self.lower <= self.upper else f"its interval is from {self.lower:g} to {self.upper:g}"
+
+
+def draws_content(draws: Draws, fit: Fit) -> bytes:
+    """The file `posterior.nc` in the run folder of a fit."""
+    # In memory first: the library ends the process where a disk is full.
+    tree = draws.as_datatree()
+    tree.attrs[_OF_FIT] = fit.fingerprint
+    encoding = {
+        group.path: {name: {"fletcher32": True} for name in group.data_vars}
+        for group in tree.subtree
+        if group.data_vars
+    }
+    return bytes(tree.to_netcdf(engine="h5netcdf", encoding=encoding))
+
+
+def read_draws(place: Path, fit: Fit) -> Draws | None:
+    """The draws of the run folder at `place`, `None` where there are none.
+
+    Diagnostics are computed from the draws kept; autocorrelation times are NaN.
+    """
+    path = place / DRAWS
+    if not is_there(path, _KIND):
+        return None
+    try:
+        return _draws(read_members(bytes_of(path, _KIND), "hdf5"), path, fit)
+    except (OSError, KeyError, TypeError, ValueError, UnreadableError) as reason:
+        if isinstance(reason, RecordError):
+            raise
+        raise RecordError(f"{path} cannot be read ({reason}); run `mrwork sample {place}` again") from None
+
+
+def _draws(members: Mapping[str, Member], path: Path, fit: Fit) -> Draws:
+    if members[""].attributes.get(_OF_FIT, fit.fingerprint) != fit.fingerprint:
+        raise RecordError(
+            f"{path} is of another fit than that beside it; run `mrwork sample {path.parent}` again"
+        )
+    posterior = _variables(members, "posterior")
+    columns = {name: _numbers(member) for name, member in posterior.items()}
+    densities = _numbers(members["sample_stats/lp"])
+    attributes = members[""].attributes
+    stated: _Stated = record_of(
+        _Stated, dict(attributes), origin=str(path), name="posterior", verb=f"sample {path.parent}"
+    )
+    noise = noise_model(stated.noise)
+    names = fit.spec.names
+    missing = [name for name in names if name not in columns]
+    if missing:
+        raise RecordError(
+            f"{path} lacks {', '.join(missing)}, so it is of another fit; run `mrwork sample {path.parent}` again"
+        )
+    noise_names = tuple(NOISE + each.name for each in noise.parameters)
+    bounds = {each.name: (each.lower, each.upper) for each in fit.estimates} | {
+        NOISE + each.name: (each.lower, each.upper) for each in noise.parameters
+    }
+    if densities.ndim != 2 or not densities.size:
+        raise ValueError("it has no draws")
+    for name in names + noise_names:
+        lower, upper = bounds[name]
+        if columns[name].shape != densities.shape:
+            raise ValueError("its variables differ in shape")
+        slack = _ROUNDING * np.abs(columns[name])
+        if not np.all((columns[name] >= lower - slack) & (columns[name] <= upper + slack)):
+            raise ValueError(f"draws of {name} are outside its bounds {lower:g} to {upper:g}")
+    if not np.isfinite(densities).all():
+        raise ValueError("a density is not a number")
+    return Draws(
+        model=fit.model,
+        names=names,
+        noise_model=noise.name,
+        noise_names=noise_names,
+        chains=np.stack([columns[name] for name in names], axis=-1),
+        noise_chains=np.stack([columns[name] for name in noise_names], axis=-1),
+        densities=densities,
+        summaries=tuple(
+            _with_stored(
+                summary_of(
+                    columns[name],
+                    name=name,
+                    unit=str(posterior[name].attributes["units"]),
+                    bounds=bounds[name],
+                    tau=np.nan,
+                ),
+                posterior[name].attributes,
+                path,
+            )
+            for name in names + noise_names
+        ),
+        status=stated.status,
+        verdict=stated.verdict,
+        temper=stated.temper,
+        n_steps=stated.steps,
+        thinning=stated.thinning,
+        seconds=stated.seconds,
+        provenance=None,
+        measured={name: _numbers(member) for name, member in _variables(members, "observed_data").items()},
+    )
+
+
+def _variables(members: Mapping[str, Member], group: str) -> dict[str, Member]:
+    """Variables of a group by name, without its coordinates."""
+    return {
+        path.removeprefix(f"{group}/"): member
+        for path, member in members.items()
+        if path.startswith(f"{group}/") and member.attributes.get("CLASS") != "DIMENSION_SCALE"
+    }
+
+
+def _numbers(member: Member) -> Array:
+    if member.array is None:
+        raise ValueError("one of its variables has no numbers")
+    return member.array.astype(np.float64)
+
+
+def _with_stored(summary: DrawSummary, attributes: Mapping[str, Any], path: Path) -> DrawSummary:
+    """The summary with the verdict and the quantiles of all draws, which files of earlier versions do not have."""
+    known = {each.name for each in fields(_OfVariable)}
+    given = {name: value for name, value in attributes.items() if name in known}
+    stated = record_of(
+        _OfVariable,
+        given,
+        origin=str(path),
+        name=f"posterior of {summary.name}",
+        verb=f"sample {path.parent}",
+    )
+    return replace(summary, **{name: getattr(stated, name) for name in given})

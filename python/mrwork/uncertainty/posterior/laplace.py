@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from mrwork.arguments import Shape, Within, checked
 from mrwork.errors import SettingError
-from mrwork.identification.linearisation import linearised
+from mrwork.identification.objective import linearised
 from mrwork.uncertainty.posterior.target import Target
 from mrwork.values import holds_arrays
 
@@ -105,7 +105,7 @@ def first_walkers(
     scale = 1.0
     for _ in range(_MOST_REDRAWS):
         steps = scale * rng.standard_normal((waiting.size, space.n_dim)) @ root.T
-        walkers[waiting] = space.reflected(origin + steps)
+        walkers[waiting] = space.reflect(origin + steps)
         waiting = waiting[~np.isfinite(target(walkers[waiting]))]
         if waiting.size == 0:
             return walkers
@@ -163,7 +163,7 @@ def _mode_near(target: Target, theta: Array) -> tuple[Array, NDArray[np.intp]]:
         information = weight * slope @ slope.T + _UNIFORM * np.eye(len(slope))
         step = np.zeros(centre.size)
         step[free] = -np.linalg.solve(information, weight * slope @ residual)
-        tried = _tried(target, centre + _LENGTHS[:, None] * step)
+        tried = _with_estimated_noise(target, centre + _LENGTHS[:, None] * step)
         found = target(tried)
         best = int(np.argmax(found))
         if not found[best] > density + _GAIN:
@@ -172,7 +172,7 @@ def _mode_near(target: Target, theta: Array) -> tuple[Array, NDArray[np.intp]]:
     return centre, moving
 
 
-def _tried(target: Target, position: Array) -> Array:
+def _with_estimated_noise(target: Target, position: Array) -> Array:
     """Positions with noise estimated from their residuals, (n_tried, n_dim); those outside the box are unchanged."""
     result = position.copy()
     values, inside = target.space.values(position)
@@ -226,14 +226,14 @@ def draw_about(target: Target, theta: Array, n_draws: int, rng: np.random.Genera
     ellipsoid = fisher_ellipsoid(target, theta)
     n_moving = ellipsoid.moving.size
     for _ in range(_ROUNDS):
-        draws = _drawn(target, ellipsoid, max(_FEWEST, _PER_DIMENSION * n_moving), rng)
+        draws = _draw_from(target, ellipsoid, max(_FEWEST, _PER_DIMENSION * n_moving), rng)
         # With too few effective draws the ellipsoid would collapse.
         if len(draws.position) > 5 * n_moving and draws.effective > 2 * n_moving:
-            ellipsoid = _adapted(ellipsoid, draws)
-    return _drawn(target, ellipsoid, n_draws, rng)
+            ellipsoid = _adapt_ellipsoid(ellipsoid, draws)
+    return _draw_from(target, ellipsoid, n_draws, rng)
 
 
-def _adapted(ellipsoid: Ellipsoid, draws: WeightedDraws) -> Ellipsoid:
+def _adapt_ellipsoid(ellipsoid: Ellipsoid, draws: WeightedDraws) -> Ellipsoid:
     """The ellipsoid with centre and covariance of weighted draws."""
     weights = draws.weights
     centre = weights @ draws.position
@@ -241,7 +241,7 @@ def _adapted(ellipsoid: Ellipsoid, draws: WeightedDraws) -> Ellipsoid:
     return replace(ellipsoid, centre=centre, covariance=offsets.T @ (weights[:, None] * offsets))
 
 
-def _drawn(target: Target, ellipsoid: Ellipsoid, n_draws: int, rng: np.random.Generator) -> WeightedDraws:
+def _draw_from(target: Target, ellipsoid: Ellipsoid, n_draws: int, rng: np.random.Generator) -> WeightedDraws:
     covariance, n_dim = ellipsoid.covariance, ellipsoid.moving.size
     # Scaled to unit diagonal, because variances differ by many orders of magnitude.
     scale = np.sqrt(np.diag(covariance))

@@ -1,32 +1,368 @@
-"""Posterior sampling of an identified damper by an ensemble of walkers, until the chain has converged."""
+"""Posterior sampling of an identified damper by an ensemble of walkers, until the chain has converged.
+
+The sampler is that of emcee with differential evolution on the past, a growing chain. The snooker move is left out: as
+implemented in emcee 3.1.6 it samples another density (a standard normal of 8 dimensions comes out with a variance of
+0.63).
+"""
 
 from __future__ import annotations
 
+import platform
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
+from math import ceil
 from typing import Annotated, Any
 
 import numpy as np
+from emcee import EnsembleSampler, State
+from emcee.moves import Move
 from numpy.typing import NDArray
 
+from mrwork import _rust
 from mrwork.arguments import Threads, Within, checked
+from mrwork.dampers.coordinates import Box
+from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import Interrupted, JournalError, SettingError
-from mrwork.identification.fit import Fit
+from mrwork.identification.covariance import Slopes
+from mrwork.identification.fit import Fit, Provenance
+from mrwork.identification.problem import Problem
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
 from mrwork.store.codec import array_of
-from mrwork.store.fingerprint import digest_of
+from mrwork.store.fingerprint import digest_of, package_version
 from mrwork.store.journal import Journal
-from mrwork.uncertainty.posterior.diagnostics import Diagnosis, next_check
-from mrwork.uncertainty.posterior.draws import Draws
-from mrwork.uncertainty.posterior.ensemble import Ensemble
+from mrwork.summary import Summarised
+from mrwork.uncertainty.identifiability.verdicts import Scale
+from mrwork.uncertainty.noise import noise_model
+from mrwork.uncertainty.posterior.draws import (
+    LARGEST_RHAT,
+    Diagnosis,
+    Draws,
+    DrawsStatus,
+    DrawSummary,
+    autocorrelation_times,
+    diagnose,
+    kept,
+    next_check,
+    summary_of,
+)
 from mrwork.uncertainty.posterior.laplace import first_walkers, mode_near
-from mrwork.uncertainty.posterior.prior import Prior
-from mrwork.uncertainty.posterior.problem import SamplingProblem
-from mrwork.uncertainty.posterior.target import Tempering
+from mrwork.uncertainty.posterior.target import Prior, Target, Tempering
+from mrwork.values import holds_arrays
 
 Array = NDArray[np.float64]
+# As returned by `numpy.random.RandomState.get_state`.
+RandomState = tuple[str, NDArray[np.uint32], int, int, float]
+
+# Share of steps with gamma = 1, which jump between modes (ter Braak 2006).
+_JUMPS = 0.1
+# Relative scatter of gamma, so that a walker can reach every position.
+_SCATTER = 1e-5
+
+
+class PastDifferences(Move):  # type: ignore[misc] # a base class without types
+    """Differential evolution with the past (DE-MCZ, ter Braak and Vrugt 2008).
+
+    A walker at x proposes x + gamma (z1 - z2), gamma = 2.38 / sqrt(2 n_dim), with two states z1 and z2 from the second
+    half of all walkers' past. Proposals do not depend on the current state of other walkers, so all walkers are one
+    batch; a move that uses the rest of the ensemble needs two. Adaptation diminishes as the past grows; the first half
+    of the past, which may not be stationary, is not used.
+
+    The densities are asked from the target, all walkers at once: emcee would look at each of them by itself.
+    """
+
+    def __init__(self, target: Callable[[Array], Array], past: Callable[[], Array]) -> None:
+        self._target = target
+        self._past = past
+
+    def propose(self, model: Any, state: Any) -> tuple[Any, NDArray[np.bool_]]:
+        """One proposal for each walker; `past` returns positions, shape (n_past, n_walkers, n_dim)."""
+        random = model.random
+        n_walkers, n_dim = state.coords.shape
+        past = self._past()
+        states = past[len(past) // 2 :].reshape(-1, n_dim)
+        first = random.randint(len(states), size=n_walkers)
+        second = (first + 1 + random.randint(len(states) - 1, size=n_walkers)) % len(states)
+        gamma = 1.0 if random.rand() < _JUMPS else 2.38 / np.sqrt(2.0 * n_dim)
+        factor = gamma * (1.0 + _SCATTER * random.randn(n_walkers, 1))
+        tried = state.coords + factor * (states[first] - states[second])
+        densities = self._target(tried)
+        if np.isnan(densities).any():
+            raise SettingError(
+                "the log density is not a number; give a target that is -inf where there is none"
+            )
+        accepted = np.log(random.rand(n_walkers)) < densities - state.log_prob
+        return self.update(state, State(tried, log_prob=densities), accepted), accepted
+
+
+@dataclass(slots=True, kw_only=True, eq=False, repr=False)
+class Ensemble(Summarised):
+    """Chain of positions, shape (n_steps + 1, n_walkers, n_dim), and log densities, (n_steps + 1, n_walkers).
+
+    The first row is the start. `at` holds the number of steps and the random state after them in one tuple, so that an
+    interrupt cannot separate the two. The arrays may be longer than the chain.
+    """
+
+    target: Callable[[Array], Array]
+    positions: Array
+    densities: Array
+    at: tuple[int, RandomState]
+
+    @classmethod
+    @checked
+    def begin(cls, target: Callable[[Array], Array], walkers: Array, rng: int) -> Ensemble:
+        """An ensemble at its start, shape (n_walkers, n_dim), with its own random stream."""
+        # emcee uses the legacy generator.
+        stream = np.random.RandomState(np.random.MT19937(np.random.SeedSequence(rng)))
+        return cls(
+            target=target,
+            positions=walkers[None].copy(),
+            densities=target(walkers)[None],
+            at=(0, _state_of(stream.get_state())),
+        )
+
+    @property
+    def n_steps(self) -> int:
+        """Number of steps done."""
+        return self.at[0]
+
+    @property
+    def n_walkers(self) -> int:
+        """Number of walkers."""
+        return int(self.positions.shape[1])
+
+    @checked
+    def advance(self, until: int, on_step: Callable[[int], None]) -> None:
+        """Advance to step `until`; `on_step` is called after each step."""
+        done, random_state = self.at
+        self._make_room(until + 1)
+        # The past is the chain itself, so a resumed chain has the same past.
+        move = PastDifferences(self.target, lambda: self.positions[: self.n_steps + 1])
+        sampler = EnsembleSampler(
+            self.n_walkers, self.positions.shape[2], self.target, moves=move, vectorize=True
+        )
+        start = State(self.positions[done], log_prob=self.densities[done], random_state=random_state)
+        steps = sampler.sample(start, iterations=until - done, store=False, skip_initial_state_check=True)
+        for step, state in enumerate(steps, done + 1):
+            self.positions[step] = state.coords
+            self.densities[step] = state.log_prob
+            self.at = (step, _state_of(state.random_state))
+            on_step(step)
+
+    def _make_room(self, rows: int) -> None:
+        missing = rows - len(self.positions)
+        if missing > 0:
+            self.positions = np.concatenate([self.positions, np.empty((missing, *self.positions.shape[1:]))])
+            self.densities = np.concatenate([self.densities, np.empty((missing, self.n_walkers))])
+
+
+def _state_of(legacy: Any) -> RandomState:
+    name, keys, position, has_gauss, cached = legacy
+    return name, keys, int(position), int(has_gauss), float(cached)
+
+
+_PACKAGES = ("mrwork", "numpy", "emcee", "arviz-stats")
+# Largest number of draws per walker from which summaries are computed.
+_MOST_ROWS = 1000
+
+
+@holds_arrays
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SamplingProblem:
+    """Target and settings of a sampling run; `start`, shape (n_params,), is in the form that is sampled."""
+
+    spec: DamperSpec
+    target: Target
+    bounds: Mapping[str, tuple[float, float]]
+    priors: Mapping[str, Prior]
+    start: Array
+    walkers: int
+    rng: int
+
+    @classmethod
+    def of_fit(
+        cls,
+        fit: Fit,
+        tests: tuple[DamperTest, ...],
+        *,
+        noise: str,
+        priors: Mapping[str, Prior],
+        tempering: Tempering | None,
+        walkers: int,
+        rng: int,
+        threads: int,
+    ) -> SamplingProblem:
+        """The problem that `sample` solves, from the same arguments."""
+        problem = Problem.of_fit(fit, tests, threads=threads)
+        form, objective = problem.form, problem.objective
+        theta = problem.inside(fit.theta)
+        if not np.isfinite(objective(theta[None])[0]):
+            raise SettingError(
+                f"the fit of {fit.model} cannot be simulated on these tests; give those of the fit"
+            )
+        target = Target.of(
+            form, objective, noise_model(noise), start=theta, priors=priors, tempering=tempering
+        )
+        n_dim = target.space.n_dim
+        if walkers < 2 * n_dim or walkers % 2:
+            raise SettingError(
+                f"`walkers` is {walkers} for {n_dim} parameters with those of the noise; "
+                f"give an even number, at least {2 * n_dim}"
+            )
+        return cls(
+            spec=fit.spec,
+            target=target,
+            bounds=problem.settings.bounds,
+            priors=priors,
+            start=theta,
+            walkers=walkers,
+            rng=rng,
+        )
+
+    def fingerprint(self) -> dict[str, Any]:
+        """Everything that determines the chain bit for bit; a stored chain is resumed only where it agrees."""
+        objective = self.target.objective
+        return {
+            "model": self.spec.name,
+            "current_laws": None if self.spec.current is None else asdict(self.spec.current),
+            "noise": self.target.noise.name,
+            "bounds": {name: list(self.bounds[name]) for name in sorted(self.bounds)},
+            "priors": {
+                name: {"kind": type(self.priors[name]).__name__} | _fields(self.priors[name])
+                for name in sorted(self.priors)
+            },
+            "nuisances": list(objective.settings.nuisances),
+            "temper": self.target.temper,
+            "start": digest_of(self.start),
+            "walkers": self.walkers,
+            "seed": self.rng,
+            "test": [
+                {
+                    "name": test.name,
+                    "sha256": test.sha256,
+                    "signals": digest_of(
+                        test.dt,
+                        test.n_settle,
+                        test.displacement,
+                        test.velocity,
+                        test.force,
+                        test.observation,
+                    ),
+                }
+                | ({"uncompared": test.uncompared} if test.uncompared else {})
+                for test in objective.tests
+            ],
+            "version": {name: package_version(name) for name in _PACKAGES},
+        }
+
+    def diagnosis(self, ensemble: Ensemble) -> Diagnosis:
+        """Convergence diagnostics of a chain after its burn-in."""
+        space = self.target.space
+        values, _ = space.values(ensemble.positions[kept(ensemble.n_steps)])
+        return diagnose(np.asarray(values)[..., np.array(space.box.free)], space.names)
+
+    def draws(
+        self, ensemble: Ensemble, diagnosis: Diagnosis, *, seconds: float, interrupted: bool = False
+    ) -> Draws:
+        """Draws from a chain of at least one step, after its burn-in and thinned."""
+        rows = kept(ensemble.n_steps)
+        space = self.target.space
+        values = np.moveaxis(np.asarray(space.values(ensemble.positions[rows])[0]), 0, 1)
+        chains = np.asarray(self.target.form.to_model(values[..., : space.n_params]))
+        noise_chains = values[..., space.n_params :]
+        summaries = self._summaries(np.concatenate([chains, noise_chains], axis=-1))
+        longest = float(np.nanmax([1.0, *diagnosis.tau]))
+        thin = max(1, int(longest / 2.0))
+        status: DrawsStatus = "not_converged" if diagnosis.shortcomings else "converged"
+        return Draws(
+            model=self.spec.name,
+            names=self.spec.names,
+            noise_model=self.target.noise.name,
+            noise_names=space.box.names[space.n_params :],
+            chains=np.ascontiguousarray(chains[:, ::thin]),
+            noise_chains=np.ascontiguousarray(noise_chains[:, ::thin]),
+            densities=np.ascontiguousarray(ensemble.densities[rows].T[:, ::thin]),
+            summaries=summaries,
+            status="interrupted" if interrupted else status,
+            verdict=self._verdict(ensemble.n_steps, diagnosis, summaries),
+            temper=self.target.temper,
+            n_steps=ensemble.n_steps,
+            thinning=thin,
+            seconds=seconds,
+            provenance=self._provenance(),
+            measured={test.name: test.force for test in self.target.objective.tests},
+        )
+
+    def _summaries(self, chains: Array) -> tuple[DrawSummary, ...]:
+        """Summaries of the model's parameters, then the noise parameters; chains (n_walkers, n_kept, n_all)."""
+        own, space = Box.of(self.spec).with_bounds(self.bounds), self.target.space
+        names = self.spec.names + space.box.names[space.n_params :]
+        units = [parameter.unit for parameter in self.spec.parameters] + ["1"] * len(
+            self.target.noise.parameters
+        )
+        lower = own.lower + space.box.lower[space.n_params :]
+        upper = own.upper + space.box.upper[space.n_params :]
+        tau = autocorrelation_times(np.moveaxis(chains, 0, 1))
+        strided = chains[:, :: max(1, ceil(chains.shape[1] / _MOST_ROWS))]
+        found = [
+            summary_of(
+                np.ascontiguousarray(strided[..., index]),
+                name=name,
+                unit=units[index],
+                bounds=(lower[index], upper[index]),
+                tau=float(tau[index]),
+            )
+            for index, name in enumerate(names)
+        ]
+        theta = np.asarray(self.target.form.to_model(self.start))
+        objective = self.target.objective
+        scale = Scale.of(self.spec, own, objective.tests, theta)
+        derivative = Slopes.at(objective.plain, self.target.form, self.start).by_model()
+        judged = [
+            each.judged(scale.of_parameter(self.spec, index, derivative[:, index]))
+            for index, each in enumerate(found[: theta.size])
+        ]
+        return (*judged, *found[theta.size :])
+
+    def _verdict(self, n_steps: int, diagnosis: Diagnosis, summaries: tuple[DrawSummary, ...]) -> str:
+        if diagnosis.shortcomings:
+            text = f"Not converged after {n_steps} steps: {'; '.join(diagnosis.shortcomings)}."
+        else:
+            ess = float(min(diagnosis.ess_bulk.min(), diagnosis.ess_tail.min()))
+            text = (
+                f"Converged after {n_steps} steps: R-hat below {LARGEST_RHAT} throughout, at least {ess:.0f} effective "
+                f"draws, a chain of {diagnosis.length:.0f} autocorrelation times."
+            )
+        if self.target.temper < 1.0:
+            n_time = self.target.objective.n_time
+            text += (
+                f" The {n_time} residuals were counted as {self.target.temper * n_time:.0f} independent ones."
+            )
+        for each in summaries:
+            if each.at_bound:
+                text += f" {each.name} {each.remark}: its interval is limited by the bound, not by the data."
+        return text
+
+    def _provenance(self) -> Provenance:
+        objective = self.target.objective
+        misfit = float(objective.plain(self.start[None])[0])
+        return Provenance(
+            versions={"python": platform.python_version()}
+            | {name: package_version(name) for name in _PACKAGES},
+            instruction_set=_rust.instruction_set(),
+            inputs={test.label: test.sha256 for test in objective.tests},
+            settings=self.fingerprint() | {"nrmse": misfit},
+            rng=self.rng,
+            created=datetime.now(UTC).isoformat(timespec="seconds"),
+        )
+
+
+def _fields(prior: Prior) -> dict[str, Any]:
+    # Priors are dataclasses, which a protocol cannot state.
+    return asdict(prior)  # type: ignore[call-overload,no-any-return]
+
 
 # Seconds between two progress reports.
 _REPORT_EVERY = 0.2

@@ -1,25 +1,291 @@
-"""Posterior density: prior times likelihood of all tests, for a batch of positions."""
+"""Posterior density: priors of parameters, the coordinates that are sampled, and prior times likelihood of all tests.
+
+The default prior is uniform over the bounds, on the parameter's own scale: in the logarithm where the model declares
+it. Priors and coordinates are written on the array API for NumPy and JAX.
+
+A coordinate runs over [0, 1] as its parameter runs over its bounds, on the scale of the parameter. One pair is
+different: of a spring force k (x - x0) the data determine the stiffness k and the product k x0, an offset of the force.
+Where k may be zero, the posterior of x0 follows a hyperbola that samplers cannot explore, and a prior that is uniform
+in x0 over metres would favour k = 0. There k x0 is the coordinate in place of x0, with a uniform prior by default.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Annotated, ClassVar, Literal
+from math import isfinite, log, pi
+from typing import Annotated, Any, ClassVar, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.arguments import AnyNumbers, Shape, checked
-from mrwork.errors import SettingError
-from mrwork.identification.autocorrelation import effective_samples
+from mrwork.dampers.coordinates import Box
+from mrwork.errors import SettingError, UnknownNameError
+from mrwork.identification.covariance import effective_samples
 from mrwork.identification.equivalent import Form
 from mrwork.identification.objective import Objective
 from mrwork.summary import Summarised
 from mrwork.uncertainty.noise import Noise
-from mrwork.uncertainty.posterior.prior import Prior
-from mrwork.uncertainty.posterior.space import Space
 
+# NumPy or JAX, as in `coordinates`.
+AnyArray = Any
 Array = NDArray[np.float64]
+
+_HALF_LOG_2_PI = 0.5 * log(2.0 * pi)
+
+
+class Prior(Protocol):
+    """A prior density of one parameter."""
+
+    def log_density(self, value: AnyArray) -> AnyArray:
+        """Log density of each value, of the same shape; -inf outside the support."""
+
+
+@checked
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Normal:
+    """Normal about `mean` with standard `deviation`."""
+
+    mean: float
+    deviation: float
+
+    def __post_init__(self) -> None:
+        """Refuse a deviation that is not positive."""
+        _check(self.deviation > 0.0, "normal", "MEAN:DEVIATION with a positive deviation")
+
+    def log_density(self, value: AnyArray) -> AnyArray:
+        """Log density of each value."""
+        return -0.5 * ((value - self.mean) / self.deviation) ** 2 - log(self.deviation) - _HALF_LOG_2_PI
+
+
+@checked
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Lognormal:
+    """Lognormal about `median`, with the standard `deviation` of the natural logarithm."""
+
+    median: float
+    deviation: float
+
+    def __post_init__(self) -> None:
+        """Refuse a median or deviation that is not positive."""
+        _check(
+            self.median > 0.0 and self.deviation > 0.0, "lognormal", "MEDIAN:DEVIATION_OF_LOG, both positive"
+        )
+
+    def log_density(self, value: AnyArray) -> AnyArray:
+        """Log density of each value."""
+        xp = value.__array_namespace__()
+        positive = value > 0.0
+        logarithm = xp.log(xp.where(positive, value, 1.0))
+        deviations = (logarithm - log(self.median)) / self.deviation
+        density = -0.5 * deviations**2 - log(self.deviation) - _HALF_LOG_2_PI - logarithm
+        return xp.where(positive, density, -xp.inf)
+
+
+@checked
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Uniform:
+    """Uniform in the value between two limits, regardless of the scale of the parameter."""
+
+    lower: float
+    upper: float
+
+    def __post_init__(self) -> None:
+        """Refuse limits that are reversed."""
+        _check(self.lower < self.upper, "uniform", "LOWER:UPPER with the lower limit first")
+
+    def log_density(self, value: AnyArray) -> AnyArray:
+        """Log density of each value."""
+        xp = value.__array_namespace__()
+        inside = (value >= self.lower) & (value <= self.upper)
+        return xp.where(inside, -log(self.upper - self.lower), -xp.inf)
+
+
+_KINDS: dict[str, Callable[[float, float], Prior]] = {
+    "normal": lambda mean, deviation: Normal(mean=mean, deviation=deviation),
+    "lognormal": lambda median, deviation: Lognormal(median=median, deviation=deviation),
+    "uniform": lambda lower, upper: Uniform(lower=lower, upper=upper),
+}
+
+
+def parse_prior(text: str) -> tuple[str, Prior]:
+    """Parse `NAME=KIND:NUMBER:NUMBER`, such as `k_w=normal:650:50`, into name and prior.
+
+    Examples
+    --------
+    >>> parse_prior("k_w=normal:650:50")
+    ('k_w', Normal(mean=650.0, deviation=50.0))
+    """
+    name, equals, rest = text.partition("=")
+    kind, *numbers = rest.split(":")
+    try:
+        first, second = (float(number) for number in numbers)
+    except ValueError:
+        first = second = float("nan")
+    if not (name and equals) or kind not in _KINDS or not (isfinite(first) and isfinite(second)):
+        raise SettingError(
+            f"a prior is {text!r}; give NAME=normal:MEAN:DEVIATION, NAME=lognormal:MEDIAN:DEVIATION_OF_LOG or "
+            "NAME=uniform:LOWER:UPPER"
+        )
+    return name, _KINDS[kind](first, second)
+
+
+def _check(fine: bool, kind: str, expected: str) -> None:
+    if not fine:
+        raise SettingError(f"a {kind} prior was given numbers that make no density; give {expected}")
+
+
+# NumPy or JAX, as in `coordinates`.
+
+NOISE = "noise."
+# Tolerance for parameters on a face of the box, whose logarithm is rounded.
+_ROUNDING = 1e-12
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Space:
+    """Positions, shape (..., n_dim), of the free parameters and the noise parameters of a `box` over both.
+
+    `pair` holds the coordinates of k and of k x0, `None` where x0 is its own coordinate. `priors` are by coordinate,
+    `None` where uniform.
+    """
+
+    box: Box
+    n_params: int
+    pair: tuple[int, int] | None
+    priors: tuple[Prior | None, ...]
+
+    @classmethod
+    def of(cls, form: Form, noise: Noise, priors: Mapping[str, Prior]) -> Space:
+        """The space of a model in its identifiable form, with priors by name; those of the noise as `noise.sigma`."""
+        own = form.box
+        box = Box(
+            names=own.names + tuple(NOISE + each.name for each in noise.parameters),
+            lower=own.lower + tuple(each.lower for each in noise.parameters),
+            upper=own.upper + tuple(each.upper for each in noise.parameters),
+            log=own.log + tuple(each.log for each in noise.parameters),
+        )
+        names = tuple(box.names[index] for index in box.free)
+        for name in priors:
+            if name not in box.names:
+                raise UnknownNameError(
+                    f"a prior was given for {name!r}; {form.spec.name} is sampled in {', '.join(names)}"
+                )
+            if name not in names:
+                raise SettingError(
+                    f"a prior was given for {name}, which is held fixed; leave one of the two out"
+                )
+        pair = tuple(box.free.index(index) for index in form.mirrored)
+        return cls(
+            box=box,
+            n_params=len(own.names),
+            pair=(pair[0], pair[1]) if pair else None,
+            priors=tuple(priors.get(name) for name in names),
+        )
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the parameters, one for each coordinate."""
+        return tuple(self.box.names[index] for index in self.box.free)
+
+    @property
+    def n_dim(self) -> int:
+        """Number of coordinates."""
+        return len(self.box.free)
+
+    def values(self, position: AnyArray) -> tuple[AnyArray, AnyArray]:
+        """Parameters and noise parameters, shape (..., n_params + n_noise), and whether they lie in the box, (...).
+
+        The values of a position outside the box are undefined.
+        """
+        xp = position.__array_namespace__()
+        unit = self._unit(position)
+        # x0 is undefined for zero stiffness: `unit` is then NaN, hence not inside.
+        inside = xp.all((unit >= -_ROUNDING) & (unit <= 1.0 + _ROUNDING), axis=-1)
+        return self.box.theta_from_unit(xp.clip(xp.where(inside[..., None], unit, 0.5), 0.0, 1.0)), inside
+
+    def position(self, values: AnyArray) -> AnyArray:
+        """Position of values, shape (..., n_dim)."""
+        unit = self.box.unit_from_theta(values)
+        if self.pair is None:
+            return unit
+        xp = values.__array_namespace__()
+        product = values[..., self._of_box(0)] * values[..., self._of_box(1)] / self._product_span
+        return xp.stack(
+            [product if index == self.pair[1] else unit[..., index] for index in range(self.n_dim)], axis=-1
+        )
+
+    def reflect(self, position: AnyArray) -> AnyArray:
+        """Positions reflected at the faces of the box; the product k x0 has no faces of its own."""
+        folded = np.abs(position)
+        folded = np.where(folded > 1.0, 2.0 - folded, folded)
+        if self.pair is not None:
+            folded[:, self.pair[1]] = position[:, self.pair[1]]
+        return folded
+
+    def slope(self, values: AnyArray) -> AnyArray:
+        """Derivative of the free parameters with respect to their coordinates, (n_free, n_free), at values (n,)."""
+        free = [index for index in self.box.free if index < self.n_params]
+        lower, upper = np.array(self.box.lower)[free], np.array(self.box.upper)[free]
+        log = np.array(self.box.log)[free]
+        ratio = np.where(log, upper, 1.0) / np.where(log, lower, 1.0)
+        slope = np.diag(np.where(log, values[free] * np.log(ratio), upper - lower))
+        if self.pair is not None:
+            of_k, of_product = self.pair
+            stiffness, x0 = values[self._of_box(0)], values[self._of_box(1)]
+            slope[of_product, of_product] = self._product_span / stiffness
+            slope[of_product, of_k] = -x0 / stiffness * slope[of_k, of_k]
+        return slope
+
+    def log_prior(self, values: AnyArray) -> AnyArray:
+        """Log prior density of values in the box, shape (...), with respect to the position."""
+        xp = values.__array_namespace__()
+        total = xp.zeros(values.shape[:-1])
+        for prior, index in zip(self.priors, self.box.free, strict=True):
+            if prior is not None:
+                value = values[..., index]
+                lower, upper = self.box.lower[index], self.box.upper[index]
+                slope = (
+                    xp.log(value * np.log(upper / lower)) if self.box.log[index] else np.log(upper - lower)
+                )
+                total = total + prior.log_density(value) + slope
+        if self.pair is not None and self.priors[self.pair[1]] is not None:
+            # Change of variables from x0 to k x0.
+            total = total - xp.log(xp.abs(values[..., self._of_box(0)]) / self._largest_stiffness)
+        return total
+
+    def _unit(self, position: AnyArray) -> AnyArray:
+        if self.pair is None:
+            return position
+        xp = position.__array_namespace__()
+        k_index, x0_index = self._of_box(0), self._of_box(1)
+        lower, upper = self.box.lower[k_index], self.box.upper[k_index]
+        stiffness = lower + (upper - lower) * position[..., self.pair[0]]
+        safe = xp.where(stiffness == 0.0, xp.nan, stiffness)
+        x0 = position[..., self.pair[1]] * self._product_span / safe
+        lower, upper = self.box.lower[x0_index], self.box.upper[x0_index]
+        unit = (x0 - lower) / (upper - lower)
+        return xp.stack(
+            [unit if index == self.pair[1] else position[..., index] for index in range(self.n_dim)], axis=-1
+        )
+
+    def _of_box(self, which: int) -> int:
+        """Index in the box of k (which=0) or x0 (which=1)."""
+        return self.box.free[self.pair[which]] if self.pair is not None else 0
+
+    @property
+    def _largest_stiffness(self) -> float:
+        index = self._of_box(0)
+        return max(abs(self.box.lower[index]), abs(self.box.upper[index]))
+
+    @property
+    def _product_span(self) -> float:
+        """Width of the range of k x0 in the box [N]."""
+        index = self._of_box(1)
+        return 2.0 * self._largest_stiffness * max(abs(self.box.lower[index]), abs(self.box.upper[index]))
+
+
 _PARAMETERS = Shape(("n_params",))
 Tempering = Literal["effective"] | float
 
