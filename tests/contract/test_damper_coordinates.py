@@ -11,7 +11,7 @@ from examples import examples
 from hypothesis import given
 
 import mrwork.twins._base  # noqa: F401  (sets double precision)
-from mrwork.dampers.coordinates import Box
+from mrwork.dampers import Box
 from mrwork.errors import SettingError
 
 

@@ -15,17 +15,21 @@ from control_samples import frame, plant, shear_frame
 
 import mrwork as mr
 from mrwork.control import (
+    SETTINGS,
+    Design,
+    DesignProblem,
+    LawSettings,
+    Plant,
+    Regulator,
+    RiccatiSolutions,
     RiccatiStatus,
+    accelerations,
     kalman_gains,
     lyapunov_solutions,
     regulator_gains,
+    regulator_of_weights,
+    regulators_of_weights,
 )
-from mrwork.control.design_problem import Design, DesignProblem
-from mrwork.control.law_settings import SETTINGS
-from mrwork.control.lqr import Regulator, regulator_of_weights, regulators_of_weights
-from mrwork.control.plant import Plant, accelerations
-from mrwork.control.riccati import RiccatiSolutions
-from mrwork.control.setting_base import LawSettings
 from mrwork.control.weights import Weighed, weighed_outputs
 from mrwork.errors import MrworkError, SettingError
 

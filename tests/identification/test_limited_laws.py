@@ -9,11 +9,10 @@ import pytest
 from sinusoidal_tests import sinusoidal_test
 
 import mrwork as mr
+from mrwork.dampers import damper
 from mrwork.dampers.law_limits import law_limits
-from mrwork.dampers.spec import damper
-from mrwork.identification.fit import Fit
+from mrwork.identification import Fit, Multistart
 from mrwork.identification.law_coefficients import leaves_range, within_range
-from mrwork.identification.multistart import Multistart
 
 COMMANDS = np.array([0.0, 0.25, 0.5, 0.75, 1.0])
 # All its starts end where the yield force is limited to its lower bound at one of the commands.

@@ -10,20 +10,21 @@ import pytest
 from numpy.typing import NDArray
 
 from mrwork.cli import main
-from mrwork.dampers.coordinates import Box
-from mrwork.dampers.spec import damper
+from mrwork.dampers import Box, damper
 from mrwork.errors import Interrupted, SettingError
-from mrwork.identification.equivalent import identifiable_form
-from mrwork.identification.levenberg_marquardt import Hopeless, find_minima, find_minimum
-from mrwork.identification.linearisation import linearised
-from mrwork.identification.multistart import (
+from mrwork.identification import (
     Multistart,
     MultistartResult,
-    distinct_minima,
+    Objective,
+    find_minima,
+    find_minimum,
+    identifiable_form,
+    search_box,
     search_starts,
 )
-from mrwork.identification.objective import Objective
-from mrwork.identification.search_ranges import search_box
+from mrwork.identification.levenberg_marquardt import Hopeless
+from mrwork.identification.linearisation import linearised
+from mrwork.identification.multistart import distinct_minima
 from mrwork.synthetic import synthetic_test
 
 TEST = synthetic_test("spencer1997_fast")

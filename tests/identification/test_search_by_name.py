@@ -10,8 +10,8 @@ from command_line import printed
 
 import mrwork as mr
 from mrwork.errors import UnknownNameError
+from mrwork.identification import FitSettings
 from mrwork.identification.searches import search_named, searches
-from mrwork.identification.settings import FitSettings
 
 TEST = mr.synthetic_test("rd1005_1a")
 

@@ -18,13 +18,12 @@ import pytest
 from test_study_values import Document, places, with_headers
 
 import mrwork
-from mrwork.control.design.wishes import WeightWishes
-from mrwork.control.law_settings import SETTINGS
+from mrwork.control import SETTINGS, WeightWishes
 from mrwork.errors import MrworkError
 from mrwork.keys import KeyPath, keys_of
+from mrwork.study import read_study
 from mrwork.study.lines import parse
 from mrwork.study.print_schema import tables
-from mrwork.study.reading import read_study
 from mrwork.tuning.objective import objective_of
 
 SOUND: Document = {

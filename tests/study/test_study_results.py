@@ -8,9 +8,10 @@ from dataclasses import replace
 import pytest
 import study_samples
 
-from mrwork.closed_loop.evaluation import Spread, criteria
+from mrwork.closed_loop import criteria
+from mrwork.closed_loop.evaluation import Spread
 from mrwork.simulate import Outcome
-from mrwork.study.comparison import compared
+from mrwork.study import compared
 from mrwork.study.over_motions import (
     chosen_in_words,
     judged_in_words,

@@ -10,8 +10,8 @@ import pytest
 import tuning_samples
 
 import mrwork as mr
-from mrwork.buildings.tuned_mass import with_tuned_mass
-from mrwork.closed_loop.evaluation import criterion
+from mrwork.buildings import with_tuned_mass
+from mrwork.closed_loop import criterion
 from mrwork.errors import SettingError
 from mrwork.study.batches import Band, simulated_criteria, varied_building
 from mrwork.study.dampers import IdentifiedDamper

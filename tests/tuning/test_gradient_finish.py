@@ -10,10 +10,11 @@ import tuning_samples
 
 import mrwork as mr
 from mrwork.errors import SettingError
-from mrwork.study.tuning_schema import TuneTable
+from mrwork.study import TuneTable
+from mrwork.tuning import Objective
 from mrwork.tuning.benches import benches_of
 from mrwork.tuning.gradient_finish import check_finish, gradient_finish, risk_weights
-from mrwork.tuning.objective import Objective, objective_of, risk_of
+from mrwork.tuning.objective import objective_of, risk_of
 from mrwork.tuning.problem import Clock, magnitudes_of, scored
 from mrwork.tuning.space import space_of
 

@@ -10,16 +10,16 @@ import pytest
 import tuning_samples
 
 import mrwork as mr
-from mrwork.control.law_design import settings_of
+from mrwork.control import settings_of
 from mrwork.errors import InvalidSettingError
-from mrwork.study.tuning_schema import TuneTable
+from mrwork.study import TuneTable
+from mrwork.tuning import tune
 from mrwork.tuning.benches import benches_of
 from mrwork.tuning.folder import chosen_study
 from mrwork.tuning.gradient_finish import gradient_finish
 from mrwork.tuning.objective import objective_of
 from mrwork.tuning.problem import Clock, magnitudes_of, scored
 from mrwork.tuning.results import settings_in_words
-from mrwork.tuning.run import tune
 from mrwork.tuning.space import space_of
 
 LAW = "signal_network"

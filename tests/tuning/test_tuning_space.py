@@ -8,13 +8,10 @@ import numpy as np
 import pytest
 
 import mrwork as mr
-from mrwork.buildings.devices import Device
-from mrwork.control.design_problem import DesignProblem
-from mrwork.control.law_design import design_candidates, settings_of
-from mrwork.control.law_settings import SETTINGS
-from mrwork.control.setting_base import Magnitudes
+from mrwork import Device
+from mrwork.control import SETTINGS, DesignProblem, Magnitudes, design_candidates, settings_of
 from mrwork.errors import SettingError
-from mrwork.study.tuning_schema import TuneTable
+from mrwork.study import TuneTable
 from mrwork.tuning.space import LARGEST, FreeSetting, space_of
 
 MAGNITUDES = Magnitudes(

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from mrwork.dampers.conversions import bouc_wen_from_normalised
-from mrwork.dampers.spec import damper
+from mrwork import identify
+from mrwork.dampers import bouc_wen_from_normalised, damper
+from mrwork.identification import Estimate, Fit
 from mrwork.identification.certainty import Change, Identifiability
 from mrwork.identification.covariance import covariance
-from mrwork.identification.fit import Estimate, Fit
-from mrwork.identification.identify import identify
 from mrwork.records import DamperTest
 from mrwork.synthetic import synthetic_test
+from mrwork.uncertainty import identifiability_of
 from mrwork.uncertainty.identifiability.information import (
     changes_along,
     identifiability_from,
@@ -23,7 +23,6 @@ from mrwork.uncertainty.identifiability.information import (
     sparse_basis,
 )
 from mrwork.uncertainty.identifiability.judgement import WEAK, ParameterScale
-from mrwork.uncertainty.identifiability.verdicts import identifiability_of
 
 TEST = synthetic_test("spencer1997_fast")
 

@@ -14,16 +14,15 @@ import pytest
 from posterior_samples import independent_errors, small_fit, small_test
 from scipy.stats import norm
 
+from mrwork import Journal
 from mrwork.errors import Interrupted, JournalError, SettingError
-from mrwork.store import Journal
 from mrwork.store.codec import array_of
 from mrwork.store.journal_file import line_of, read_lines
+from mrwork.uncertainty import Draws, Ensemble, Normal, Uniform, sample
 from mrwork.uncertainty.posterior.diagnostics import diagnose, next_check
-from mrwork.uncertainty.posterior.draws import Draws, summary_of
+from mrwork.uncertainty.posterior.draws import summary_of
 from mrwork.uncertainty.posterior.draws_file import draws_content, read_draws
-from mrwork.uncertainty.posterior.ensemble import Ensemble
-from mrwork.uncertainty.posterior.prior import Normal, Uniform
-from mrwork.uncertainty.posterior.sample import SamplingProgress, sample
+from mrwork.uncertainty.posterior.sample import SamplingProgress
 
 
 def standard_normal(position: np.ndarray) -> np.ndarray:

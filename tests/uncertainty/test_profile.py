@@ -9,21 +9,16 @@ import pytest
 from numpy.typing import NDArray
 
 import mrwork as mr
-from mrwork.dampers.coordinates import Box
-from mrwork.dampers.spec import damper
+from mrwork import identify
+from mrwork.dampers import Box, damper
 from mrwork.errors import Interrupted, MrworkError, SettingError, UnknownNameError
-from mrwork.identification.fit import Fit
-from mrwork.identification.identify import identify
-from mrwork.identification.levenberg_marquardt import find_minimum
-from mrwork.identification.objective import Objective
-from mrwork.records import DamperTest
-from mrwork.records.window import cut
+from mrwork.identification import Fit, Objective, find_minimum
+from mrwork.records import DamperTest, cut
 from mrwork.simulate import Loading, simulate_force
 from mrwork.synthetic import synthetic_test
+from mrwork.uncertainty import Profile, Profiles, identifiability_of
 from mrwork.uncertainty.identifiability.curvature import Scaled, curvature
-from mrwork.uncertainty.identifiability.profile import Profile, Profiles
 from mrwork.uncertainty.identifiability.profile_likelihood import ProfileProgress
-from mrwork.uncertainty.identifiability.verdicts import identifiability_of
 from mrwork.uncertainty.identifiability.walk import Point, points_of, signed_root, walk
 
 SPEC = damper("static_hysteretic")

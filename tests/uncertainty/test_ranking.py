@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from mrwork.errors import SettingError
+from mrwork.uncertainty import Ranking
 from mrwork.uncertainty.choice.collapse import Collapse
 from mrwork.uncertainty.choice.conclusion import ranking_of
 from mrwork.uncertainty.choice.leave_one_out import LeaveOneOut
-from mrwork.uncertainty.choice.ranking import Evidence, Ranking, Standing, rank
+from mrwork.uncertainty.choice.ranking import Evidence, Standing, rank
 
 TESTS = np.array([0.10, 0.14, 0.08, 0.12, 0.11, 0.13])
 
