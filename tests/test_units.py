@@ -9,8 +9,9 @@ import pytest
 from examples import examples
 from hypothesis import given
 
+from mrwork.closed_loop import STANDARD_GRAVITY
 from mrwork.errors import UnitError
-from mrwork.units import FACTORS, STANDARD_GRAVITY, factor_of, factor_to_si, number_in, quantity_of
+from mrwork.units import FACTORS, factor_of, factor_to_si, number_in, quantity_of
 
 
 def test_every_unit_has_one_meaning() -> None:

@@ -10,9 +10,15 @@ import pytest
 from scipy.io import savemat
 from scipy.sparse import eye_array
 
-from mrwork.buildings import Building, read_building
-from mrwork.buildings.additions import with_modal_damping, with_rayleigh_coefficients, with_rayleigh_damping
-from mrwork.buildings.shear import building, shear_building
+from mrwork.buildings import (
+    Building,
+    building,
+    read_building,
+    shear_building,
+    with_modal_damping,
+    with_rayleigh_coefficients,
+    with_rayleigh_damping,
+)
 from mrwork.errors import SettingError, UnknownNameError
 
 

@@ -9,22 +9,20 @@ import pytest
 from numpy.typing import NDArray
 from scipy.linalg import solve_continuous_lyapunov
 
-from mrwork.buildings import Building
-from mrwork.buildings.additions import (
+from mrwork.buildings import (
+    TUNINGS,
+    Building,
+    building,
+    shear_building,
     with_base_isolation,
     with_base_isolation_of_period,
     with_brace,
     with_modal_damping,
-    with_viscous_damper,
-)
-from mrwork.buildings.passive_devices import (
-    TUNINGS,
-    den_hartog,
-    warburton,
     with_optimal_tuned_mass,
     with_tuned_mass,
+    with_viscous_damper,
 )
-from mrwork.buildings.shear import building, shear_building
+from mrwork.buildings.passive_devices import den_hartog, warburton
 from mrwork.errors import SettingError, UnknownNameError
 
 UTS = building("uts")

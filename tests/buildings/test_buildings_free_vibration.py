@@ -9,9 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from mrwork.buildings import Building
-from mrwork.buildings.free_vibration import ModeEstimate, fourier_peak, logarithmic_decrement
-from mrwork.buildings.shear import building
+from mrwork.buildings import Building, ModeEstimate, building, fourier_peak, logarithmic_decrement
 from mrwork.errors import MrworkError, RecordError, SettingError
 
 Floats = NDArray[np.float64]

@@ -9,24 +9,25 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from mrwork.buildings import Building
-from mrwork.buildings.additions import (
+from mrwork.buildings import (
+    Building,
+    building,
+    buildings,
+    read_building,
+    shear_building,
     with_base_isolation_of_period,
     with_brace,
-    with_modal_damping,
-    with_rayleigh_damping,
-    with_viscous_damper,
-)
-from mrwork.buildings.from_file import KEYS, building_from_table, read_building
-from mrwork.buildings.passive_devices import (
     with_friction_damper,
     with_lead_rubber_bearings,
     with_liquid_column,
+    with_modal_damping,
     with_optimal_liquid_column,
     with_optimal_tuned_mass,
+    with_rayleigh_damping,
+    with_viscous_damper,
     with_yielding_damper,
 )
-from mrwork.buildings.shear import building, buildings, shear_building
+from mrwork.buildings.from_file import KEYS, building_from_table
 from mrwork.errors import MrworkError, RecordError, SettingError
 from mrwork.keys import Place
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mrwork.buildings import Building
-from mrwork.buildings.shear import building, buildings
+from mrwork.buildings import Building, building, buildings
 from mrwork.errors import UnknownNameError
 
 

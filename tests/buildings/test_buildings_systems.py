@@ -13,19 +13,21 @@ from numpy.typing import NDArray
 from scipy.io import loadmat, savemat
 from scipy.linalg import solve_continuous_lyapunov
 
-from mrwork.buildings import Building
-from mrwork.buildings.additions import with_brace
-from mrwork.buildings.shear import building, buildings, shear_building
-from mrwork.buildings.state_space import (
-    OUTPUTS,
+from mrwork.buildings import (
+    Building,
     LinearSystem,
     balanced_truncation,
+    building,
     building_of,
+    buildings,
     from_control,
     modal_truncation,
     read_system,
+    shear_building,
     system_of,
+    with_brace,
 )
+from mrwork.buildings.state_space import OUTPUTS
 from mrwork.errors import SettingError, UnknownNameError
 
 UTS = building("uts")

@@ -10,8 +10,8 @@ from scipy.linalg import solve_continuous_lyapunov
 from scipy.optimize import minimize
 
 import mrwork as mr
+from mrwork.closed_loop import STANDARD_GRAVITY
 from mrwork.errors import SettingError, UnknownNameError
-from mrwork.units import STANDARD_GRAVITY
 
 FRAME = mr.building("uts")
 of = mr.buildings

@@ -7,7 +7,7 @@ import json
 import pytest
 
 from mrwork.cli import main
-from mrwork.dampers.spec import damper
+from mrwork.dampers import damper
 
 SPENCER = ["c0=5000", "k0=2500", "alpha=88e3", "gamma=1e6", "beta=5e5", "A=120", "n=2"]
 

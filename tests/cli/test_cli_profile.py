@@ -12,11 +12,11 @@ import pytest
 from command_line import printed
 
 import mrwork as mr
+from mrwork import load
 from mrwork.cli import main
 from mrwork.cli.profile import stopped
 from mrwork.errors import Interrupted
 from mrwork.identification.fit_file import addition_content, read_fit, reopen
-from mrwork.stored import load
 
 
 @pytest.fixture(scope="module")

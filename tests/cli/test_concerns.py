@@ -16,7 +16,7 @@ from command_line import mrwork
 from record_files import Columns, codes, write_text
 
 import mrwork as mr
-from mrwork.dampers.spec import damper
+from mrwork.dampers import damper
 from mrwork.records import DamperTest, Finding, read_damper_test
 from mrwork.records.concerns import CONCERNS, Verb, findings_for
 from mrwork.records.repairs import REPAIR_KINDS

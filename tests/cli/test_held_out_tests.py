@@ -17,7 +17,7 @@ import mrwork as mr
 from mrwork.errors import RecordError
 from mrwork.identification.fit_file import reopen
 from mrwork.identification.identify import identify_again
-from mrwork.uncertainty.bands.prediction import predict_left_out
+from mrwork.uncertainty import predict_left_out
 
 # Commands [A] and frequencies [Hz] of the tests for each use.
 USES = {

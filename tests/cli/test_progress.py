@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from mrwork.cli.progress import IdentificationInWords, ProgressLine, choice_described, reading_line
-from mrwork.identification.progress import Progress
+from mrwork.identification import Progress
 from mrwork.identification.settings import Reading
 from mrwork.uncertainty.choice.choose import ChoiceProgress
 

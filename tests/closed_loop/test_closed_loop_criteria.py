@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mrwork.closed_loop.evaluation import SCORE, criteria, criterion, ratio, score, values
-from mrwork.closed_loop.responses import History, Responses, history_signals, run_quantities
+from mrwork.closed_loop import SCORE, History, Responses, criteria, criterion, ratio, score, values
+from mrwork.closed_loop.responses import history_signals, run_quantities
 from mrwork.errors import UnknownNameError
 from mrwork.study.run_result import RunResult
 

@@ -22,14 +22,12 @@ from loop_samples import (
 )
 
 import mrwork as mr
-from mrwork.buildings.devices import Device
-from mrwork.buildings.matrices import Building
-from mrwork.closed_loop.hardware import Fault, Hardware
-from mrwork.closed_loop.responses import History
-from mrwork.closed_loop.simulate import loop_observer, simulate_loop
-from mrwork.control.laws import ControlLaw
+from mrwork import Device
+from mrwork.buildings import Building
+from mrwork.closed_loop import Fault, Hardware, History, loop_observer, simulate_loop
+from mrwork.control import ControlLaw
 from mrwork.errors import SettingError
-from mrwork.motions.ground_motion import GroundMotion
+from mrwork.motions import GroundMotion
 from mrwork.simulate import Outcome
 
 Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]

@@ -23,16 +23,12 @@ from scipy.optimize import fsolve
 from scipy.signal import lsim
 
 import mrwork as mr
-from mrwork import _rust
-from mrwork.buildings.devices import Device
-from mrwork.buildings.matrices import Building
-from mrwork.buildings.shear import buildings
-from mrwork.closed_loop.hardware import Hardware
-from mrwork.closed_loop.responses import History, Responses
-from mrwork.closed_loop.simulate import simulate_loop
-from mrwork.control.laws import ControlLaw
-from mrwork.dampers.spec import damper_models
-from mrwork.motions.ground_motion import GroundMotion
+from mrwork import Device, _rust
+from mrwork.buildings import Building, buildings
+from mrwork.closed_loop import Hardware, History, Responses, simulate_loop
+from mrwork.control import ControlLaw
+from mrwork.dampers import damper_models
+from mrwork.motions import GroundMotion
 from mrwork.simulate import Outcome
 
 Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]

@@ -12,12 +12,11 @@ import pytest
 from loop_samples import devices, five_storeys, friction, law_with_gains, plant_with, rd1005, still, sweep
 
 import mrwork as mr
-from mrwork.buildings.devices import Device
-from mrwork.closed_loop.hardware import Fault, Hardware
-from mrwork.closed_loop.simulate import simulate_loop
-from mrwork.control.laws import ControlLaw
+from mrwork import Device
+from mrwork.closed_loop import Fault, Hardware, simulate_loop
+from mrwork.control import ControlLaw
 from mrwork.errors import MrworkWarning, RecordError, SettingError
-from mrwork.motions.ground_motion import GroundMotion
+from mrwork.motions import GroundMotion
 from mrwork.simulate import Outcome
 
 PASSIVE = ControlLaw(name="passive", gains={"command": [1.0, 1.0]})

@@ -8,16 +8,11 @@ import pytest
 from loop_samples import sweep
 
 import mrwork as mr
-from mrwork.buildings.devices import Device
-from mrwork.buildings.shear import building
-from mrwork.closed_loop.hardware import Hardware
-from mrwork.closed_loop.responses import Responses
-from mrwork.closed_loop.simulate import simulate_loop
-from mrwork.control.laws import ControlLaw
-from mrwork.control.lqr import regulator_of_outputs
-from mrwork.control.plant import accelerations, plant_of
-from mrwork.motions.ground_motion import GroundMotion, time_scaled
-from mrwork.motions.read import read_motion
+from mrwork import Device
+from mrwork.buildings import building
+from mrwork.closed_loop import Hardware, Responses, simulate_loop
+from mrwork.control import ControlLaw, accelerations, plant_of, regulator_of_outputs
+from mrwork.motions import GroundMotion, read_motion, time_scaled
 from mrwork.simulate import Outcome
 
 DATA = measured_data.DATA

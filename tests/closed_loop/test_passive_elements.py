@@ -11,11 +11,9 @@ from scipy.integrate import solve_ivp
 
 import mrwork as mr
 from mrwork.buildings import Building
-from mrwork.closed_loop.hardware import Hardware
-from mrwork.closed_loop.responses import Responses
-from mrwork.closed_loop.simulate import simulate_loop
-from mrwork.control.laws import ControlLaw
-from mrwork.motions.ground_motion import GroundMotion
+from mrwork.closed_loop import Hardware, Responses, simulate_loop
+from mrwork.control import ControlLaw
+from mrwork.motions import GroundMotion
 from mrwork.simulate import Outcome
 
 Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]

@@ -7,7 +7,7 @@ from compiled import release_compiled
 from damper_samples import MOTIONS
 
 from mrwork import _rust
-from mrwork.dampers.spec import damper_models
+from mrwork.dampers import damper_models
 
 INSTRUCTION_SET = "MRWORK_INSTRUCTION_SET"
 

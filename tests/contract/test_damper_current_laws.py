@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from damper_samples import DT, N_TIME, noise, sine
 
+from mrwork.dampers import damper
 from mrwork.dampers.parameters import current_laws, polynomial_laws
-from mrwork.dampers.spec import damper
 from mrwork.errors import MrworkError, SettingError, UnknownNameError
 from mrwork.simulate import Outcome, simulate_force, simulate_forces
 from mrwork.twins.models import parameters_at, simulate

@@ -10,7 +10,7 @@ import pytest
 from damper_samples import DT, random_theta, scaled_box, sine, sweep, without_offsets
 
 from mrwork import _rust
-from mrwork.identification.equivalent import identifiable_form
+from mrwork.identification import identifiable_form
 from mrwork.simulate import Loading, Outcome, simulate_forces, simulate_misfits
 
 CORNERS = 64

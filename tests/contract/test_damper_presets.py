@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from damper_samples import DT, sine
 
-from mrwork.dampers.presets import PUBLISHED_SETS
-from mrwork.dampers.spec import damper, damper_models
+from mrwork.dampers import PUBLISHED_SETS, damper, damper_models
 from mrwork.errors import UnknownNameError
 from mrwork.simulate import Loading, simulate_force
 from mrwork.twins.models import parameters_at

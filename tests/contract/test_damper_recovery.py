@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 from damper_samples import noise, noise_free_test
 
-from mrwork.dampers.coordinates import Box
-from mrwork.identification.levenberg_marquardt import find_minima
-from mrwork.identification.objective import Objective, linearised
+from mrwork.dampers import Box
+from mrwork.identification import Objective, find_minima
+from mrwork.identification.objective import linearised
 
 # 0.3 s of motion in a wide band feel every parameter.
 N_TIME = 301

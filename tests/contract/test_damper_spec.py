@@ -8,7 +8,7 @@ import re
 import numpy as np
 
 from mrwork import _rust
-from mrwork.dampers.spec import damper_models
+from mrwork.dampers import damper_models
 
 # SI units and their products; a new one is added here when a model needs it, not by a slip of the pen.
 UNITS = {"1", "m", "1/m", "m^-n", "s", "1/s", "m/s", "s/m", "N", "N/m", "N s/m", "N s2/m2"}

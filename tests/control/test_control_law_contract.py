@@ -22,12 +22,9 @@ from loop_samples import (
     sweep,
 )
 
-from mrwork import _rust
-from mrwork.buildings.devices import Device
-from mrwork.closed_loop.hardware import Fault, Hardware
-from mrwork.closed_loop.responses import History, Responses
-from mrwork.closed_loop.simulate import simulate_loop
-from mrwork.control.laws import ControlLaw, ControlLawSpec, control_laws
+from mrwork import Device, _rust
+from mrwork.closed_loop import Fault, Hardware, History, Responses, simulate_loop
+from mrwork.control import ControlLaw, ControlLawSpec, control_laws
 from mrwork.errors import ArgumentError, SettingError
 from mrwork.simulate import Outcome
 

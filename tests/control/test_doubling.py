@@ -6,11 +6,15 @@ import numpy as np
 import pytest
 from control_samples import plant, shear_frame
 
-from mrwork.control.lqr import regulator_of_outputs, regulator_of_state
-from mrwork.control.lyapunov import lyapunov_function
-from mrwork.control.observer import observer_of
-from mrwork.control.plant import accelerations, drifts
-from mrwork.control.sliding import optimal_surface
+from mrwork.control import (
+    accelerations,
+    drifts,
+    lyapunov_function,
+    observer_of,
+    optimal_surface,
+    regulator_of_outputs,
+    regulator_of_state,
+)
 from mrwork.errors import SettingError
 
 

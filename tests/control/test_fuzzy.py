@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mrwork.control.fuzzy import INPUT_SETS, OUTPUT_SETS, RULES, fuzzy_table, infer, memberships
+from mrwork.control import fuzzy_table
+from mrwork.control.fuzzy import INPUT_SETS, OUTPUT_SETS, RULES, infer, memberships
 from mrwork.errors import SettingError
 
 

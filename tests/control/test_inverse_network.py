@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mrwork.control.inverse_network import InverseNetwork, random_loading, train_inverse_network
-from mrwork.dampers.spec import damper
+from mrwork.control import InverseNetwork, train_inverse_network
+from mrwork.control.inverse_network import random_loading
+from mrwork.dampers import damper
 from mrwork.errors import SettingError
 from mrwork.simulate import Loading, simulate_force
 

@@ -8,9 +8,16 @@ import pytest
 import scipy.linalg
 from control_samples import five_storeys, frame, in_units, mean_cost, plant
 
-from mrwork.control.lqr import Regulator, regulator_of_outputs, regulator_of_state
-from mrwork.control.plant import Outputs, Plant, accelerations, drifts
-from mrwork.control.riccati import regulator_gains
+from mrwork.control import (
+    Outputs,
+    Plant,
+    Regulator,
+    accelerations,
+    drifts,
+    regulator_gains,
+    regulator_of_outputs,
+    regulator_of_state,
+)
 from mrwork.errors import SettingError
 
 THIRD_FLOOR = (0.0, 0.0, 1.0)

@@ -9,7 +9,7 @@ import pytest
 import scipy.linalg
 from control_samples import five_storeys, in_units, plant, three_storeys
 
-from mrwork.control.lyapunov import lyapunov_function
+from mrwork.control import lyapunov_function
 from mrwork.errors import SettingError
 
 

@@ -8,8 +8,16 @@ import numpy as np
 import pytest
 from control_samples import five_storeys, frame, in_units, plant, three_storeys
 
-from mrwork.control.observer import Observer, observer_of
-from mrwork.control.plant import Outputs, Plant, accelerations, deformations, plant_of, stacked
+from mrwork.control import (
+    Observer,
+    Outputs,
+    Plant,
+    accelerations,
+    deformations,
+    observer_of,
+    plant_of,
+    stacked,
+)
 from mrwork.errors import SettingError
 
 TS = 2e-3

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from control_samples import in_units, plant, three_storeys
 
-from mrwork.control.plant import (
+from mrwork.control import (
     accelerations,
     deformation_rates,
     deformations,

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from control_samples import five_storeys, plant
 
-from mrwork.control.lqr import published_regulator, regulator_as_published, regulator_of_outputs
-from mrwork.control.plant import accelerations
+from mrwork.control import accelerations, published_regulator, regulator_as_published, regulator_of_outputs
 from mrwork.errors import SettingError, UnknownNameError
 
 

@@ -15,22 +15,22 @@ from control_samples import frame, plant, shear_frame
 
 import mrwork as mr
 from mrwork.control import (
+    SETTINGS,
+    Design,
+    DesignProblem,
+    LawSettings,
+    Plant,
+    Regulator,
+    RiccatiSolutions,
     RiccatiStatus,
+    accelerations,
     kalman_gains,
     lyapunov_solutions,
     regulator_gains,
-)
-from mrwork.control.design_problem import Design, DesignProblem, LawSettings
-from mrwork.control.law_design import SETTINGS
-from mrwork.control.lqr import (
-    Regulator,
-    Weighed,
     regulator_of_weights,
     regulators_of_weights,
-    weighed_outputs,
 )
-from mrwork.control.plant import Plant, accelerations
-from mrwork.control.riccati import RiccatiSolutions
+from mrwork.control.weights import Weighed, weighed_outputs
 from mrwork.errors import MrworkError, SettingError
 
 Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]

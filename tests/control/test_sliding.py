@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 from control_samples import five_storeys, plant
 
-from mrwork.control.plant import Plant, plant_of
-from mrwork.control.sliding import (
+from mrwork.control import (
+    Plant,
     SlidingGains,
     SlidingSurface,
     optimal_surface,
     placed_surface,
+    plant_of,
     sliding_gains,
 )
 from mrwork.errors import SettingError

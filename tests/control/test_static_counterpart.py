@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mrwork.control.counterpart import StaticCounterpart, static_counterpart
-from mrwork.dampers.spec import damper
+from mrwork.control import StaticCounterpart, static_counterpart
+from mrwork.dampers import damper
 from mrwork.errors import SettingError
 from mrwork.simulate import Loading, simulate_force
 

@@ -19,7 +19,7 @@ from mrwork.control import (
     design_law,
 )
 from mrwork.errors import InvalidSettingError, MrworkError, SettingError
-from mrwork.study.reading import read_study
+from mrwork.study import read_study
 
 M, C, K = np.diag([2.0, 1.0, 1.5]), np.zeros((3, 3)), np.zeros((3, 3))
 for _below, (_stiffness, _damping) in enumerate(((300.0, 1.0), (200.0, 0.7), (100.0, 0.4))):

@@ -9,24 +9,22 @@ from inspect import getmembers, isfunction
 from itertools import pairwise
 
 import jax
+import mrwork.twins._base  # noqa: F401  (sets double precision)
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-import mrwork.twins.equations  # noqa: F401  (sets double precision)
-from mrwork.dampers import conversions
-from mrwork.dampers.conversions import (
+from mrwork.dampers import (
     OpenSeesBoucWen,
     bouc_wen_from_normalised,
     bouc_wen_from_opensees,
-    convention_remarks,
+    conversions,
+    damper,
     normalised_from_bouc_wen,
     opensees_from_bouc_wen,
-    require_bounded_loop,
     rescaled_bouc_wen,
-    solver_remarks,
 )
-from mrwork.dampers.spec import damper
+from mrwork.dampers.conversions import convention_remarks, require_bounded_loop, solver_remarks
 from mrwork.errors import SettingError
 from mrwork.simulate import Loading, simulate_force, simulate_forces
 

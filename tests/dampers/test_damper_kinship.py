@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mrwork.dampers.spec import damper
+from mrwork.dampers import damper
 from mrwork.simulate import Loading, simulate_force
 
 DT = 1e-3

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import mrwork as mr
-from mrwork.dampers.parameters import LawName, current_laws
+from mrwork.dampers import LawName
+from mrwork.dampers.parameters import current_laws
 from mrwork.dampers.spec import law_limits, worst_laws
 from mrwork.errors import SettingError
 from mrwork.simulate import Loading, simulate_force

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mrwork.dampers.spec import damper
+from mrwork.dampers import damper
 from mrwork.simulate import Loading, simulate_forces
 
 DT = 1.0 / 3000.0

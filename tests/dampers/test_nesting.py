@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from mrwork.dampers import damper
 from mrwork.dampers.nesting import NESTINGS, Scales, nesting_of
-from mrwork.dampers.spec import damper
 from mrwork.errors import SimulationError
 from mrwork.simulate import Loading, simulate_force
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from mrwork.dampers.spec import damper
+from mrwork.dampers import damper
 from mrwork.errors import SettingError
+from mrwork.identification import Objective
 from mrwork.identification.covariance import autocorrelation_time, effective_samples, residuals_by_test
-from mrwork.identification.objective import Objective
 from mrwork.synthetic import synthetic_test
 
 

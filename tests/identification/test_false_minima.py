@@ -8,14 +8,11 @@ import measured_data
 import numpy as np
 import pytest
 
-from mrwork.dampers.coordinates import Box
-from mrwork.dampers.spec import damper
-from mrwork.identification.identify import identify
+from mrwork import identify
+from mrwork.dampers import Box, damper
+from mrwork.identification import Multistart, Objective
 from mrwork.identification.multistart import linear_misfit, scaled_to_force
-from mrwork.identification.objective import Objective
-from mrwork.identification.settings import Multistart
-from mrwork.records import DamperTest, read_damper_test
-from mrwork.records.window import cut
+from mrwork.records import DamperTest, cut, read_damper_test
 from mrwork.synthetic import synthetic_test
 
 UTFSM = measured_data.DATA / "dampers" / "utfsm"

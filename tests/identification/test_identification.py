@@ -9,16 +9,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mrwork.dampers.coordinates import Box
-from mrwork.dampers.spec import damper, damper_models
+from mrwork import identify
+from mrwork.dampers import Box, damper, damper_models
 from mrwork.errors import Interrupted, RecordError, SettingError, SimulationError
+from mrwork.identification import Fit, Objective, Progress, free_run, identifiable_form, search_box
 from mrwork.identification.covariance import covariance
-from mrwork.identification.equivalent import identifiable_form, search_box
-from mrwork.identification.fit import Fit
-from mrwork.identification.identify import identify
-from mrwork.identification.objective import Objective
-from mrwork.identification.progress import Progress
-from mrwork.identification.result import fit_quality, free_run
+from mrwork.identification.result import fit_quality
 from mrwork.records import DamperTest
 from mrwork.search import EfficientGA, StopRules
 from mrwork.synthetic import SYNTHETIC_TESTS, synthetic_test

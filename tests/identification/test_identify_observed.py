@@ -13,12 +13,10 @@ import numpy as np
 import pytest
 
 import mrwork as mr
+from mrwork import Journal
 from mrwork.errors import SettingError
-from mrwork.identification import free_run
-from mrwork.identification.settings import FitSettings
-from mrwork.records import AS_IT_IS, DamperTest, Observation, build_damper_test, cut, observed
-from mrwork.records.damper_test import Smoothing
-from mrwork.store import Journal
+from mrwork.identification import FitSettings, free_run
+from mrwork.records import AS_IT_IS, DamperTest, Observation, Smoothing, build_damper_test, cut, observed
 from mrwork.uncertainty import identifiability_of, predict
 
 UTFSM = measured_data.DATA / "dampers" / "utfsm"

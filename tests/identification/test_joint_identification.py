@@ -7,13 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mrwork.dampers.spec import damper
+from mrwork import identify
+from mrwork.dampers import damper
 from mrwork.errors import Interrupted, RecordError, SettingError
-from mrwork.identification.identify import identify
+from mrwork.identification import Objective, Progress, free_run
 from mrwork.identification.nuisance import nuisance_of, without_nuisance
-from mrwork.identification.objective import Objective
-from mrwork.identification.progress import Progress
-from mrwork.identification.result import free_run
 from mrwork.identification.settings import FitSettings
 from mrwork.records import DamperTest, Observation
 from mrwork.records.window import excerpt

@@ -21,13 +21,12 @@ from typing import Any
 import pytest
 from command_line import PATIENCE, mrwork
 
+from mrwork import Journal, identify
 from mrwork.errors import JournalError
-from mrwork.identification.fit import Fit
-from mrwork.identification.identify import identify
-from mrwork.identification.progress import Progress, Tally
+from mrwork.identification import Fit, Progress
+from mrwork.identification.progress import Tally
 from mrwork.records import DamperTest
 from mrwork.search import EfficientGA, StopRules
-from mrwork.store import Journal
 from mrwork.store.journal_file import line_of
 from mrwork.synthetic import synthetic_test
 
@@ -253,7 +252,7 @@ SEARCH = EfficientGA(population=16, stop=StopRules(max_generations=12))
 
 
 def test_a_joint_identification_is_journalled_at_each_command(record: DamperTest, tmp_path: Path) -> None:
-    from mrwork.dampers.spec import damper
+    from mrwork.dampers import damper
 
     spec = damper("static_hysteretic").with_current_laws({"alpha": "linear", "c": "linear"}, unit="A")
     tests = [

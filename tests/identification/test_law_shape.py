@@ -9,8 +9,8 @@ import pytest
 from numpy.typing import NDArray
 
 import mrwork as mr
-from mrwork.dampers.parameters import LawName
-from mrwork.identification.fit import Fit
+from mrwork.dampers import LawName
+from mrwork.identification import Fit
 from mrwork.records import DamperTest, build_damper_test
 
 DT = 4e-3

@@ -15,15 +15,21 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from mrwork.dampers.spec import DamperSpec, damper
+from mrwork import identify
+from mrwork.dampers import DamperSpec, damper
 from mrwork.errors import SettingError
+from mrwork.identification import (
+    Objective,
+    find_minima,
+    find_minimum,
+    find_minimum_on_twin,
+    identifiable_form,
+)
 from mrwork.identification.covariance import Slopes, covariance_at, standard_errors
-from mrwork.identification.equivalent import Form, identifiable_form
-from mrwork.identification.identify import identify
-from mrwork.identification.levenberg_marquardt import find_minima, find_minimum
-from mrwork.identification.levenberg_marquardt_twin import TwinResiduals, arrays_of, find_minimum_on_twin
+from mrwork.identification.equivalent import Form
+from mrwork.identification.levenberg_marquardt_twin import TwinResiduals, arrays_of
 from mrwork.identification.nuisance import NuisanceName, bounds_without_offsets
-from mrwork.identification.objective import Objective, linearised
+from mrwork.identification.objective import linearised
 from mrwork.identification.result import remark_of
 from mrwork.identification.settings import FitSettings
 from mrwork.records import DamperTest, Observation

@@ -9,10 +9,10 @@ import pytest
 from sinusoidal_tests import sinusoidal_test
 
 import mrwork as mr
-from mrwork.dampers.spec import damper, law_limits
-from mrwork.identification.fit import Fit
+from mrwork.dampers import damper
+from mrwork.dampers.spec import law_limits
+from mrwork.identification import Fit, Multistart
 from mrwork.identification.law_coefficients import leaves_range, within_range
-from mrwork.identification.settings import Multistart
 
 COMMANDS = np.array([0.0, 0.25, 0.5, 0.75, 1.0])
 # All its starts end where the yield force is limited to its lower bound at one of the commands.

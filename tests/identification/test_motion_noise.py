@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import mrwork as mr
-from mrwork.dampers.spec import damper
+from mrwork.dampers import damper
 from mrwork.records import DamperTest, build_damper_test
 
 MODEL = "viscous_dahl"

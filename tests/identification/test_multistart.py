@@ -10,14 +10,21 @@ import pytest
 from numpy.typing import NDArray
 
 from mrwork.cli import main
-from mrwork.dampers.coordinates import Box
-from mrwork.dampers.spec import damper
+from mrwork.dampers import Box, damper
 from mrwork.errors import Interrupted, SettingError
-from mrwork.identification.equivalent import identifiable_form, search_box
-from mrwork.identification.levenberg_marquardt import Hopeless, find_minima, find_minimum
-from mrwork.identification.multistart import MultistartResult, distinct_minima, search_starts
-from mrwork.identification.objective import Objective, linearised
-from mrwork.identification.settings import Multistart
+from mrwork.identification import (
+    Multistart,
+    MultistartResult,
+    Objective,
+    find_minima,
+    find_minimum,
+    identifiable_form,
+    search_box,
+    search_starts,
+)
+from mrwork.identification.levenberg_marquardt import Hopeless
+from mrwork.identification.multistart import distinct_minima
+from mrwork.identification.objective import linearised
 from mrwork.synthetic import synthetic_test
 
 TEST = synthetic_test("spencer1997_fast")

@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mrwork.dampers.spec import damper
+from mrwork.dampers import damper
+from mrwork.identification import Objective
 from mrwork.identification.nuisance import NuisanceName
-from mrwork.identification.objective import Objective, linearised
+from mrwork.identification.objective import linearised
 from mrwork.identification.settings import FitSettings
-from mrwork.records import DamperTest, Observation
-from mrwork.records.window import cut
+from mrwork.records import DamperTest, Observation, cut
 from mrwork.simulate import Loading, simulate_force
 from mrwork.synthetic import synthetic_test
 

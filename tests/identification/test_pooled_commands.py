@@ -13,9 +13,9 @@ from sinusoidal_tests import MOTIONS, sinusoidal_test
 
 import mrwork as mr
 from mrwork.errors import MrworkWarning
+from mrwork.identification import Multistart
 from mrwork.identification.fit_file import fit_from_json, read_fit
 from mrwork.identification.problem import command_warning
-from mrwork.identification.settings import Multistart
 from mrwork.records import DamperTest
 from mrwork.store.codec import json_document
 

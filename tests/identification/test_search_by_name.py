@@ -10,7 +10,8 @@ from command_line import printed
 
 import mrwork as mr
 from mrwork.errors import UnknownNameError
-from mrwork.identification.settings import FitSettings, search_named, searches
+from mrwork.identification import FitSettings
+from mrwork.identification.settings import search_named, searches
 
 TEST = mr.synthetic_test("rd1005_1a")
 

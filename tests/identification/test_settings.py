@@ -9,19 +9,13 @@ from typing import Any
 import pytest
 
 import mrwork as mr
-from mrwork.dampers.spec import damper
+from mrwork.dampers import damper
 from mrwork.errors import RecordError, SettingError, UnknownNameError
+from mrwork.identification import FitSettings, Multistart
 from mrwork.identification.fit_file import fit_from_json
 from mrwork.identification.identify import identify_again
 from mrwork.identification.problem import Problem, fingerprint_of
-from mrwork.identification.settings import (
-    FitSettings,
-    Multistart,
-    UnregisteredSearch,
-    method_of,
-    search_named,
-    searches,
-)
+from mrwork.identification.settings import UnregisteredSearch, method_of, search_named, searches
 from mrwork.search import DifferentialEvolution, EfficientGA, StopRules
 from mrwork.store.codec import json_document
 from mrwork.store.fingerprint import differences

@@ -6,10 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from mrwork.dampers.spec import damper
-from mrwork.identification.equivalent import identifiable_form
-from mrwork.identification.levenberg_marquardt import find_minima, nearest_below_stiffness
-from mrwork.identification.objective import Objective
+from mrwork.dampers import damper
+from mrwork.identification import Objective, find_minima, identifiable_form
+from mrwork.identification.levenberg_marquardt import nearest_below_stiffness
 from mrwork.records import DamperTest
 from mrwork.simulate import Loading, simulate_force, stiffness_shares
 from mrwork.synthetic import synthetic_test

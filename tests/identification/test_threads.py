@@ -8,13 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mrwork.dampers.spec import damper
+from mrwork.dampers import damper
 from mrwork.errors import SettingError
 from mrwork.identification import FitSettings, Objective
 from mrwork.identification.nuisance import NuisanceName
 from mrwork.identification.progress import on_every_test
-from mrwork.records import DamperTest
-from mrwork.records.window import cut
+from mrwork.records import DamperTest, cut
 from mrwork.synthetic import synthetic_test
 
 SPEC = damper("normalised_bouc_wen")

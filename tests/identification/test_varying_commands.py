@@ -18,17 +18,15 @@ from command_line import mrwork
 from numpy.typing import NDArray
 
 import mrwork as mr
-from mrwork.dampers.parameters import LawName
+from mrwork.dampers import LawName
 from mrwork.errors import MrworkWarning, SettingError
-from mrwork.identification.fit import Fit, SearchTrace
+from mrwork.identification import Fit, FitSettings, Objective, SearchTrace
 from mrwork.identification.global_search import StartingPoints
 from mrwork.identification.identify import identify_again
 from mrwork.identification.levenberg_marquardt_twin import TwinResiduals, arrays_of
-from mrwork.identification.objective import Objective
 from mrwork.identification.polish import Ended, polish_with_wanted_lag
 from mrwork.identification.problem import Problem, fingerprint_of
 from mrwork.identification.scaled_search import relative_force
-from mrwork.identification.settings import FitSettings
 from mrwork.records import DamperTest, build_damper_test
 from mrwork.records.command_signal import Command
 from mrwork.search import EfficientGA, StopRules

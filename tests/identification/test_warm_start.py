@@ -7,13 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mrwork.dampers.parameters import LawName
-from mrwork.dampers.spec import DamperSpec, damper
+from mrwork import identify
+from mrwork.dampers import DamperSpec, LawName, damper
 from mrwork.errors import MrworkError, SettingError, UnknownNameError
-from mrwork.identification.fit import Fit
-from mrwork.identification.identify import identify, starting_points
-from mrwork.identification.problem import Problem, start_from
-from mrwork.identification.settings import FitSettings
+from mrwork.identification import Fit, FitSettings, start_from
+from mrwork.identification.identify import starting_points
+from mrwork.identification.problem import Problem
 from mrwork.records import DamperTest
 from mrwork.search import EfficientGA, StopRules
 from mrwork.simulate import Loading, simulate_force

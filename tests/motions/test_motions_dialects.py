@@ -13,9 +13,10 @@ from motion_files import DT, at2_lines, cosmos_lines, esm_lines, knet_lines, wri
 from numpy.typing import NDArray
 from scipy.io import savemat
 
+from mrwork.closed_loop import STANDARD_GRAVITY
 from mrwork.errors import RecordError
 from mrwork.motions import read_motion
-from mrwork.units import FACTORS, STANDARD_GRAVITY
+from mrwork.units import FACTORS
 
 Floats = NDArray[np.float64]
 

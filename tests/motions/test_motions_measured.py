@@ -8,9 +8,9 @@ import measured_data
 import numpy as np
 import pytest
 
+from mrwork.closed_loop import STANDARD_GRAVITY
 from mrwork.errors import RecordError
 from mrwork.motions import is_copy, read_motion, read_motions
-from mrwork.units import STANDARD_GRAVITY
 
 DATA = measured_data.DATA / "records"
 

@@ -14,12 +14,12 @@ from mrwork.motions import (
     resampled_band_limited,
     scaled,
     scaled_to_peak,
+    sine,
     synthetic_motion,
     time_scaled,
     trimmed,
 )
 from mrwork.motions.formats.table import motion_of_columns
-from mrwork.motions.synthetic import sine
 
 MOTION = synthetic_motion(duration=5.0)
 

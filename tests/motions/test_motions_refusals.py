@@ -19,9 +19,9 @@ from motion_files import (
     write_lines,
 )
 
+from mrwork.closed_loop import STANDARD_GRAVITY
 from mrwork.errors import MrworkError, RecordError, SettingError, UnitError
 from mrwork.motions import GroundMotion, read_motion
-from mrwork.units import STANDARD_GRAVITY
 
 A = accelerations()
 SIZE = f"NPTS=  {N_TIME}, DT= .01000 SEC"

@@ -10,9 +10,17 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.linalg import solve_continuous_lyapunov
 
 from mrwork.errors import SettingError
-from mrwork.motions import CloughPenzien, KanaiTajimi, synthetic_motion
+from mrwork.motions import (
+    CloughPenzien,
+    Envelope,
+    KanaiTajimi,
+    half_sine,
+    ricker,
+    sine,
+    sine_sweep,
+    synthetic_motion,
+)
 from mrwork.motions.spectral_density import SpectralDensity
-from mrwork.motions.synthetic import Envelope, half_sine, ricker, sine, sine_sweep
 
 SPECTRA = (KanaiTajimi(), KanaiTajimi(frequency=5.0, damping=0.2), CloughPenzien())
 FLAT = Envelope(rise=0.0, plateau_end=1e6, decay=0.0)

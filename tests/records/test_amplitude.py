@@ -10,8 +10,7 @@ from command_line import mrwork
 from odd_files import MM, NEWTON, TIME, write_table
 from record_files import AMPLITUDE, codes, message
 
-from mrwork.records import read_damper_test
-from mrwork.records.operating_range import OperatingRange
+from mrwork.records import OperatingRange, read_damper_test
 from mrwork.uncertainty.planning.candidates import excitation_of
 
 

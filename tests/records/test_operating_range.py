@@ -11,9 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from sinusoidal_tests import sinusoidal_test
 
-from mrwork.dampers.spec import damper
-from mrwork.records import DamperTest
-from mrwork.records.operating_range import Exceedance, OperatingRange, covering, outside_of, worst_of
+from mrwork.dampers import damper
+from mrwork.records import DamperTest, Exceedance, OperatingRange
+from mrwork.records.operating_range import covering, outside_of, worst_of
 
 BINGHAM = (400.0, 1e-3, 900.0, 0.0)
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from mrwork.dampers.spec import damper
+from mrwork.dampers import damper
 from mrwork.records import DamperTest, Finding, build_damper_test, detect_smoothing, mislabelled
 from mrwork.records.build import examine
 from mrwork.records.checks import breakaway_overshoot, clipped_share

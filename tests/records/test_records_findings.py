@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from record_files import AMPLITUDE, DT, FREQUENCY, Columns, clean_columns, codes, message
 
 import mrwork as mr
-from mrwork.dampers.spec import damper
+from mrwork.dampers import damper
 from mrwork.errors import RecordError
 from mrwork.records import DamperTest, build_damper_test, repair
 

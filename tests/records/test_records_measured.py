@@ -9,9 +9,15 @@ import numpy as np
 import pytest
 from record_files import codes
 
-from mrwork.records import DamperTest, build_damper_test, mislabelled, read_damper_tests
-from mrwork.records.detectors.smoothing import detect_smoothing
-from mrwork.records.likeness import RecordedMotion, alike_groups
+from mrwork.records import (
+    DamperTest,
+    RecordedMotion,
+    build_damper_test,
+    detect_smoothing,
+    mislabelled,
+    read_damper_tests,
+)
+from mrwork.records.likeness import alike_groups
 
 DATA = measured_data.DATA / "dampers"
 

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 import mrwork as mr
 from mrwork.errors import SettingError
-from mrwork.records import AS_IT_IS, DamperTest, Observation, build_damper_test, cut, observed
-from mrwork.records.damper_test import Smoothing
+from mrwork.records import AS_IT_IS, DamperTest, Observation, Smoothing, build_damper_test, cut, observed
 from mrwork.records.observing import as_words
 from mrwork.synthetic import synthetic_test
 

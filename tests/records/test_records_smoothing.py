@@ -9,8 +9,8 @@ import pytest
 from numpy.typing import NDArray
 from record_files import clean_columns
 
-from mrwork.records import build_damper_test
-from mrwork.records.detectors.smoothing import averaged_over, detect_smoothing
+from mrwork.records import build_damper_test, detect_smoothing
+from mrwork.records.detectors.smoothing import averaged_over
 from mrwork.synthetic import SYNTHETIC_TESTS, synthetic_test
 
 

@@ -104,7 +104,7 @@ def test_the_record_is_kept_beside_the_repaired_one(clean: DamperTest) -> None:
 
 
 def test_a_cured_finding_gives_way_to_the_repair(clean: DamperTest) -> None:
-    from mrwork.records.build import build_damper_test
+    from mrwork.records import build_damper_test
 
     raised = build_damper_test(
         name="raised", time=clean.time, displacement=clean.displacement, force=clean.force + 300.0

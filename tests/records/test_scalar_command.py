@@ -15,9 +15,8 @@ from record_files import clean_columns
 
 import mrwork as mr
 from mrwork.errors import RecordError, SettingError, UnitError
-from mrwork.records import DamperTest, OperatingRange, build_damper_test, read_damper_test
+from mrwork.records import DamperTest, OperatingRange, build_damper_test, guess_tests, read_damper_test
 from mrwork.records.command_signal import levels_of_command
-from mrwork.records.table_guess import guess_tests
 from mrwork.units import COMMAND_SCALES, CommandUnit
 
 DT = 2e-3

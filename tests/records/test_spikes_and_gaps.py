@@ -10,7 +10,7 @@ from record_files import AMPLITUDE, DT, FREQUENCY, Columns, clean_columns, codes
 from sinusoidal_tests import sinusoidal_test
 
 import mrwork as mr
-from mrwork.dampers.spec import damper
+from mrwork.dampers import damper
 from mrwork.records import DamperTest, Observation, OperatingRange, build_damper_test, cut, repair
 from mrwork.records.detectors.spikes import spikes_of
 from mrwork.synthetic import SYNTHETIC_TESTS, synthetic_test

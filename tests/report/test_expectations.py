@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from mrwork.report.expectations import departures
+from mrwork.report import departures
 
 EXPECTED = """
 a.b = { value = 1.0, tolerance = 0.1 }

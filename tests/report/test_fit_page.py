@@ -17,22 +17,20 @@ from report_samples import comparison, fit, quality
 from test_report import Page
 
 import mrwork as mr
+from mrwork import StoredRun, identify
 from mrwork.cli import main
 from mrwork.errors import MrworkError, RecordError
 from mrwork.identification.fit_file import fit_from_json, read_fit
-from mrwork.identification.identify import identify
 from mrwork.identification.residual import ObservedTest
-from mrwork.records import Finding
-from mrwork.records.window import cut
+from mrwork.records import Finding, cut
 from mrwork.report.comparison import Comparison
 from mrwork.report.fit.page import comparisons_of, fit_page, open_run, write_page
 from mrwork.report.fit.search import waterfall_panel
 from mrwork.report.progress import PageProgress
 from mrwork.store.codec import json_document
-from mrwork.stored import StoredRun
 from mrwork.synthetic import synthetic_test
+from mrwork.uncertainty import Prediction
 from mrwork.uncertainty.bands.calibration_files import predictions_content, read_predictions
-from mrwork.uncertainty.bands.prediction import Prediction
 
 READING = ["--every", "5"]
 LEFT_OUT = ["synthetic:spencer1997_slow", "synthetic:spencer1997_fast"]

@@ -7,7 +7,7 @@ import pytest
 
 import mrwork as mr
 from mrwork.errors import SettingError, SimulationError
-from mrwork.report.parameter_effects import parameter_effects_figure
+from mrwork.report import parameter_effects_figure
 
 
 @pytest.mark.parametrize("name", [spec.name for spec in mr.damper_models()])

@@ -7,7 +7,7 @@ import pytest
 
 from mrwork.report.fit.profiles import profiles_figure
 from mrwork.report.svg import png_bytes, svg_bytes
-from mrwork.uncertainty.identifiability.profile import Profile, Profiles
+from mrwork.uncertainty import Profile, Profiles
 
 
 def profile(name: str, *, log: bool = False, upper_open: bool = False, lower_open: bool = False) -> Profile:

@@ -13,7 +13,7 @@ import pytest
 from report_samples import comparison, fit, quality
 
 from mrwork.errors import SettingError
-from mrwork.records.damper_test import DamperTest, Finding
+from mrwork.records import DamperTest, Finding
 from mrwork.report import figures
 from mrwork.report.comparison import Comparison
 from mrwork.report.fit import parameters

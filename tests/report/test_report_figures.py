@@ -20,7 +20,8 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 from report_samples import comparison, fit, quality
 
-from mrwork.identification.fit import SearchTrace
+from mrwork import StoredRun
+from mrwork.identification import SearchTrace
 from mrwork.report import figures, style
 from mrwork.report.comparison import Comparison
 from mrwork.report.cycles import even_samples, scattered_samples, zoom_window
@@ -28,7 +29,6 @@ from mrwork.report.fit import search
 from mrwork.report.fit.files import run_figures, write_figures
 from mrwork.report.progress import PageProgress
 from mrwork.report.svg import inline_svg, svg_bytes
-from mrwork.stored import StoredRun
 
 
 def stored(*tested: Comparison, place: Path = Path()) -> StoredRun:

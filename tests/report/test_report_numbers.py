@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mrwork.report import numbers
-from mrwork.report.typeset import equation_html, symbol
+from mrwork.report import numbers, symbol
+from mrwork.report.typeset import equation_html
 
 
 @pytest.mark.parametrize(

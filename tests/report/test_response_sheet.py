@@ -11,7 +11,7 @@ from loop_samples import devices, five_storeys, rd1005, sweep
 import mrwork as mr
 from mrwork.control import lyapunov_function, plant_of
 from mrwork.errors import SettingError
-from mrwork.motions.ground_motion import GroundMotion
+from mrwork.motions import GroundMotion
 from mrwork.report import response_sheet_figure
 from mrwork.report.svg import svg_bytes
 

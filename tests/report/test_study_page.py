@@ -20,8 +20,7 @@ from mrwork.report.study.figures import strokes
 from mrwork.report.study.history_figures import envelope
 from mrwork.report.study.page import study_page
 from mrwork.report.study.shown_rows import MOST_DRAWN, MOST_LISTED
-from mrwork.study.comparison import compared
-from mrwork.study.results import StudyResults
+from mrwork.study import StudyResults, compared
 from mrwork.study.study import Row
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import scipy.linalg
 
-from mrwork.buildings.matrices import Building
-from mrwork.control.plant import Plant, plant_of
+from mrwork.buildings import Building
+from mrwork.control import Plant, plant_of
 
 
 def frame(name: str, mass: np.ndarray, damping: np.ndarray, stiffness: np.ndarray) -> Building:

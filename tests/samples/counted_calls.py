@@ -7,18 +7,30 @@ from collections.abc import Callable
 from types import FrameType
 
 
+class Calls:
+    """Calls of Python functions, and items that generators yield, between `begin` and `end`."""
+
+    def __init__(self) -> None:
+        self.count = 0
+        self._former = sys.getprofile()
+
+    def begin(self) -> None:
+        sys.setprofile(self._called)
+
+    def end(self) -> int:
+        sys.setprofile(self._former)
+        return self.count
+
+    def _called(self, frame: FrameType, event: str, argument: object) -> None:
+        self.count += event == "call"
+
+
 def calls_of(function: Callable[[], object]) -> int:
-    """Calls of Python functions, and items that generators yield, while a function runs."""
-    count = 0
-
-    def count_call(frame: FrameType, event: str, argument: object) -> None:
-        nonlocal count
-        count += event == "call"
-
-    former = sys.getprofile()
-    sys.setprofile(count_call)
+    """Calls while a function runs."""
+    calls = Calls()
+    calls.begin()
     try:
         function()
     finally:
-        sys.setprofile(former)
-    return count
+        calls.end()
+    return calls.count

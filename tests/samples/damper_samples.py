@@ -7,9 +7,8 @@ from functools import cache
 
 import numpy as np
 
-from mrwork.dampers.coordinates import Box
-from mrwork.dampers.spec import damper_models
-from mrwork.identification.equivalent import identifiable_form, search_box
+from mrwork.dampers import Box, damper_models
+from mrwork.identification import identifiable_form, search_box
 from mrwork.records import DamperTest
 from mrwork.simulate import Loading, simulate_force
 

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mrwork.buildings.devices import Device
-from mrwork.buildings.matrices import Building
-from mrwork.closed_loop.responses import History
-from mrwork.control.laws import ControlLaw
-from mrwork.motions.ground_motion import GroundMotion
+from mrwork import Device
+from mrwork.buildings import Building
+from mrwork.closed_loop import History
+from mrwork.control import ControlLaw
+from mrwork.motions import GroundMotion
 
 Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 

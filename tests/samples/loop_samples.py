@@ -8,18 +8,21 @@ from functools import cache
 import numpy as np
 
 import mrwork as mr
-from mrwork.buildings.devices import Device
-from mrwork.buildings.matrices import Building
-from mrwork.buildings.shear import building
-from mrwork.control.fuzzy import fuzzy_table
-from mrwork.control.laws import ControlLaw, control_law
-from mrwork.control.lqr import regulator_of_state
-from mrwork.control.lyapunov import lyapunov_function
-from mrwork.control.plant import Plant, plant_of
-from mrwork.control.sliding import optimal_surface, sliding_gains
-from mrwork.dampers.presets import PUBLISHED_SETS
-from mrwork.dampers.spec import DamperSpec
-from mrwork.motions.ground_motion import GroundMotion
+from mrwork import Device
+from mrwork.buildings import Building, building
+from mrwork.control import (
+    ControlLaw,
+    Plant,
+    control_law,
+    fuzzy_table,
+    lyapunov_function,
+    optimal_surface,
+    plant_of,
+    regulator_of_state,
+    sliding_gains,
+)
+from mrwork.dampers import PUBLISHED_SETS, DamperSpec
+from mrwork.motions import GroundMotion
 
 Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 

@@ -7,7 +7,7 @@ import numpy as np
 from jax import Array
 
 import mrwork as mr
-from mrwork.dampers.presets import PUBLISHED_SETS
+from mrwork.dampers import PUBLISHED_SETS
 from mrwork.twins.loop.plant import LoopDevice, LoopPlant
 from mrwork.twins.loop.run import half_steps
 from studies.speed.loop_workload import LAG, LoopWorkload

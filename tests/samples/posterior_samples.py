@@ -6,12 +6,12 @@ from functools import cache
 
 import numpy as np
 
-from mrwork.dampers.spec import damper
-from mrwork.identification.fit import Fit
-from mrwork.identification.identify import identify
+from mrwork import identify
+from mrwork.dampers import damper
+from mrwork.identification import Fit
 from mrwork.records import DamperTest, build_damper_test
 from mrwork.simulate import Loading, simulate_force
-from mrwork.uncertainty.noise import noise_model
+from mrwork.uncertainty import noise_model
 from mrwork.uncertainty.posterior.sample import SamplingProblem
 
 MODEL = "viscous_dahl"

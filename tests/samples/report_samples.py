@@ -5,16 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.identification.fit import (
-    ErrorNorms,
-    Estimate,
-    Fit,
-    FitQuality,
-    FitStatus,
-    Provenance,
-    SearchTrace,
-)
-from mrwork.records.damper_test import DamperTest, Finding
+from mrwork.identification import Estimate, Fit, FitQuality, SearchTrace
+from mrwork.identification.fit import ErrorNorms, FitStatus, Provenance
+from mrwork.records import DamperTest, Finding
 from mrwork.report.comparison import Comparison
 
 

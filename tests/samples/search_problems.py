@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mrwork.search.registry import OPTIMISERS, PEERS
+from mrwork.search import OPTIMISERS, PEERS
 
 
 def sphere(unit):

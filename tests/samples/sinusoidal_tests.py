@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mrwork.dampers.spec import damper
+from mrwork.dampers import damper
 from mrwork.records import DamperTest, build_damper_test
 from mrwork.simulate import Loading, simulate_force
 

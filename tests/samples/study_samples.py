@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from mrwork.study.results import MotionFacts, StudyResults
+from mrwork.study import StudyResults
+from mrwork.study.results import MotionFacts
 from mrwork.study.run_result import RunHistory, RunResult
 from mrwork.study.study import Row
 

@@ -9,10 +9,17 @@ import numpy as np
 import pytest
 from search_problems import half_failing, optimiser_named, sphere
 
+from mrwork import Journal
 from mrwork.errors import JournalError
-from mrwork.search import AbortableObjective, EfficientGA, StopRules, arrays_of, run_replicates
-from mrwork.search.registry import OPTIMISERS, PEERS
-from mrwork.store import Journal
+from mrwork.search import (
+    OPTIMISERS,
+    PEERS,
+    AbortableObjective,
+    EfficientGA,
+    StopRules,
+    arrays_of,
+    run_replicates,
+)
 
 REPLICATES = (0, 3)
 

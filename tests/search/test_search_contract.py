@@ -23,6 +23,8 @@ from search_problems import (
 
 from mrwork.errors import SettingError
 from mrwork.search import (
+    OPTIMISERS,
+    PEERS,
     AbortableObjective,
     Ceiling,
     EfficientGA,
@@ -35,7 +37,6 @@ from mrwork.search import (
     select,
     state_from_arrays,
 )
-from mrwork.search.registry import OPTIMISERS, PEERS
 
 SHORT = StopRules(max_generations=15, min_generations=1, confidence=None, spread_tolerance=None)
 

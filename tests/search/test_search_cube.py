@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mrwork.errors import SettingError
-from mrwork.search import EliteRule, distinct_best
-from mrwork.search.unit_cube import Streams, latin_hypercube, others, reflect
+from mrwork.search import EliteRule, Streams, distinct_best, latin_hypercube
+from mrwork.search.unit_cube import others, reflect
 
 
 def streams(rng=0, replicates=(0,), generation=0):

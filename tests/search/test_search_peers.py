@@ -7,8 +7,7 @@ import pytest
 from search_problems import optimiser_named, sphere
 
 from mrwork.errors import SettingError
-from mrwork.search.peers import library
-from mrwork.search.registry import PEERS
+from mrwork.search import PEERS, library
 
 
 @pytest.mark.parametrize("name", PEERS)

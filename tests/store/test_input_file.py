@@ -17,8 +17,7 @@ from mrwork.buildings.from_file import read_matrix
 from mrwork.dampers import damper
 from mrwork.errors import MrworkError, RecordError
 from mrwork.motions import read_motion
-from mrwork.records import read_damper_test
-from mrwork.records.rig_table import read_test_table
+from mrwork.records import read_damper_test, read_test_table
 from mrwork.store.input_file import TOML, bytes_of, is_there, start_of, text_of
 from mrwork.study import read_results, read_study
 from mrwork.uncertainty.planning.candidates import read_candidates

@@ -13,9 +13,9 @@ from pathlib import Path
 import pytest
 from command_line import started
 
+from mrwork import Journal
 from mrwork.errors import JournalError, MrworkWarning, OutputError, SettingError
 from mrwork.store.destination import Destination
-from mrwork.store.journal import Journal
 from mrwork.store.lock import Lock, is_lock
 from mrwork.store.run_folder import FIT_RUN
 from mrwork.store.run_lock import adding, replacing_run

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 import mrwork as mr
+from mrwork import Journal
 from mrwork.errors import OutputError
-from mrwork.store.journal import Journal
 from mrwork.store.output_file import replacing, write_files
 from mrwork.store.unfinished import begin_addition, resume_addition
 

@@ -24,8 +24,9 @@ import numpy as np
 import pytest
 from report_samples import comparison, fit
 
+from mrwork import load
 from mrwork.errors import OutputError, RecordError
-from mrwork.identification.fit import Fit
+from mrwork.identification import Fit
 from mrwork.identification.fit_file import manifest_of, read_fit, write_run
 from mrwork.store.arrays_file import finite_numbers, read_arrays
 from mrwork.store.destination import Destination
@@ -45,7 +46,6 @@ from mrwork.store.run_folder import (
     RANKING,
 )
 from mrwork.store.run_folder import FIT as FIT_FILE
-from mrwork.stored import load
 from mrwork.uncertainty.bands.calibration_files import read_predictions
 
 FIT = fit(comparison())

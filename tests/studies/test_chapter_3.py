@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from copy import deepcopy
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
 import pytest
+from result_tables import assert_alone, assert_filled
 
 from mrwork.closed_loop import SCORE
 from mrwork.report import departures
@@ -38,11 +40,7 @@ def test_the_quick_form_finds_what_is_expected(chapter: Chapter) -> None:
 
 
 def test_every_table_names_its_rows_and_fills_them(chapter: Chapter) -> None:
-    for section in tables(chapter.found).values():
-        for table in section:
-            assert table.rows, table.title
-            assert {len(row) for row in table.rows} == {len(table.header)}
-            assert all(row[0] for row in table.rows), table.title
+    assert_filled(chain(*tables(chapter.found).values()))
 
 
 def test_the_dimensionless_yield_stress_alone_decides_the_error_of_plates() -> None:
@@ -105,7 +103,4 @@ def test_no_model_is_better_than_the_noise_and_the_truth_comes_near_it(chapter: 
 def test_the_page_stands_alone(chapter: Chapter, tmp_path: Path) -> None:
     page = tmp_path / "report.html"
     write_page(chapter, page)
-    text = page.read_text(encoding="utf-8")
-    assert text.count("<svg") > 10
-    for outside in ('src="', "url(http", "<link", "<script"):
-        assert outside not in text
+    assert_alone(page, pictures=10)

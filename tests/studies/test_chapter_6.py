@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import os
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from result_tables import assert_filled
 
-from mrwork.control.laws import ControlLaw
-from mrwork.report.expectations import departures
+from mrwork.control import ControlLaw
+from mrwork.report import departures
 from studies.chapter_6 import tuning
 from studies.chapter_6.loop_findings import TUNED_LAWS, found_by
 from studies.chapter_6.tables import tables
@@ -38,10 +40,7 @@ def test_the_quick_form_finds_what_is_expected(found: dict[str, Any]) -> None:
 @measured
 def test_every_table_names_its_rows_and_fills_them(found: dict[str, Any]) -> None:
     of_thesis = thesis_tables(found, [level_name(level) for level in LEVELS])
-    for table in (*tables(found), *(each for section in of_thesis.values() for each in section)):
-        assert table.rows, table.title
-        assert {len(row) for row in table.rows} == {len(table.header)}
-        assert all(row[0] for row in table.rows), table.title
+    assert_filled(chain(tables(found), *of_thesis.values()))
 
 
 def test_every_law_has_a_setting_for_both_levels() -> None:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
 import pytest
+from result_tables import assert_filled
 
 import mrwork as mr
 from mrwork.report import departures
@@ -39,11 +41,7 @@ def test_the_quick_form_finds_what_is_expected(chapter: Chapter) -> None:
 
 
 def test_every_table_names_its_rows_and_fills_them(chapter: Chapter) -> None:
-    for section in tables(chapter.found).values():
-        for table in section:
-            assert table.rows, table.title
-            assert {len(row) for row in table.rows} == {len(table.header)}
-            assert all(row[0] for row in table.rows), table.title
+    assert_filled(chain(*tables(chapter.found).values()))
 
 
 def test_the_frame_is_found_within_its_standard_errors(chapter: Chapter) -> None:

@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from result_tables import assert_filled
 
-from mrwork.report.expectations import departures
+from mrwork.report import departures
 from studies.controller_weights.findings import found_by
 from studies.controller_weights.tables import tables
 
@@ -25,6 +26,4 @@ def test_the_quick_form_finds_what_is_expected(found: dict[str, Any]) -> None:
 
 
 def test_every_table_names_its_rows_and_fills_them(found: dict[str, Any]) -> None:
-    for table in tables(found):
-        assert {len(row) for row in table.rows} == {len(table.header)}
-        assert all(row[0] for row in table.rows), table.title
+    assert_filled(tables(found))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mrwork.dampers.spec import damper
+from mrwork.dampers import damper
 from studies.how_sure import synthetic_calibration
 from studies.how_sure.scores import BandScore, lines, next_test_half_width, table
 

@@ -52,9 +52,8 @@ def test_without_data_the_job_is_synthetic_and_of_the_same_length(job: SearchJob
     assert (job.test.n_time, job.n_params) == (N_TIME, 8)
 
 
-@pytest.mark.parametrize(
-    ("block", "fastmath", "form"), [(8, False, "exp_log"), (1, False, "power"), (32, True, "exp_log")]
-)
+# The variant from which the benchmark starts, of blocks of 8, is compared by its quick run below.
+@pytest.mark.parametrize(("block", "fastmath", "form"), [(1, False, "power"), (32, True, "exp_log")])
 def test_numba_and_rust_objectives_are_the_same_job(
     job: SearchJob, block: int, fastmath: bool, form: str
 ) -> None:

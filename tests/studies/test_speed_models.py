@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mrwork.dampers.spec import DamperSpec, damper, damper_models
+from mrwork.dampers import DamperSpec, damper, damper_models
 from mrwork.errors import MrworkError, SettingError, UnknownNameError
 from studies.speed.command_line import main
 from studies.speed.model_worker import ModelMeasurement, measure_model

@@ -22,7 +22,7 @@ def test_the_job_has_nine_dimensions_and_walkers_inside(job: PosteriorJob) -> No
 
 @pytest.mark.parametrize("unroll", [0, 2])
 def test_the_density_on_jax_is_ours(job: PosteriorJob, unroll: int) -> None:
-    from mrwork.uncertainty.posterior.nuts import substeps_at
+    from mrwork.uncertainty import substeps_at
     from studies.speed.posterior_jax import JaxTarget, JaxVariant
 
     values, _ = job.target.space.values(job.walkers)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mrwork.errors import SettingError
-from mrwork.identification.levenberg_marquardt import find_minima, find_minimum
+from mrwork.identification import find_minima, find_minimum
 from studies.speed.command_line import main
 from studies.speed.refine import bench_refine, format_refine
 from studies.speed.refine_job import RefineJob, joint_job, reference_job
@@ -46,7 +46,7 @@ def test_numba_has_our_residuals(job: RefineJob, block: int, fastmath: bool, for
 
 
 def test_both_engines_meet_in_one_minimum(job: RefineJob) -> None:
-    from mrwork.identification.levenberg_marquardt_twin import find_minimum_on_twin
+    from mrwork.identification import find_minimum_on_twin
 
     start = job.starts[0]
     scipy = find_minimum(job.objective, job.box, start, max_evaluations=100)

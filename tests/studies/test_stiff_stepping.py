@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mrwork import _rust
-from mrwork.dampers.spec import damper
+from mrwork.dampers import damper
 from mrwork.simulate import Loading, simulate_forces
 from studies.stiff_stepping import elementary
 from studies.stiff_stepping.accuracy import scattered_errors

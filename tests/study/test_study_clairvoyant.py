@@ -7,14 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mrwork import Journal
 from mrwork.errors import Interrupted, SettingError
 from mrwork.report.study.page import study_page
-from mrwork.store import Journal
-from mrwork.study.comparison import compared
+from mrwork.study import StudyResults, compared, read_study, run_study
 from mrwork.study.folder import study_document
-from mrwork.study.reading import read_study
-from mrwork.study.results import StudyResults
-from mrwork.study.run import StudyProgress, run_study
+from mrwork.study.run import StudyProgress
 
 STUDY = """
 [building]

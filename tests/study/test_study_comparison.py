@@ -11,9 +11,9 @@ import study_samples
 from mrwork.cli.study_text import study_text
 from mrwork.report.study.comparison_tables import change_table, leading_table
 from mrwork.report.study.page import study_page
-from mrwork.study.comparison import ADD_BEST_PASSIVE, compared, compared_quantities
+from mrwork.study import StudyResults, compared
+from mrwork.study.comparison import ADD_BEST_PASSIVE, compared_quantities
 from mrwork.study.folder import study_document
-from mrwork.study.results import StudyResults
 from mrwork.study.study import Row
 
 # Isolation has the lowest score of all, and Lyapunov that of the laws in spite of its peak accelerations.

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mrwork.dampers.spec import damper
+from mrwork.dampers import damper
 from mrwork.errors import RecordError, SettingError
 from mrwork.keys import Place
-from mrwork.records.operating_range import OperatingRange
+from mrwork.records import OperatingRange
 from mrwork.study.dampers import ChosenDamper, IdentifiedDamper, chosen_damper
 from mrwork.study.declared import read_table
 from mrwork.study.reading import parse

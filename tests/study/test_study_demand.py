@@ -12,14 +12,12 @@ import study_samples
 from command_line import printed
 
 import mrwork as mr
-from mrwork.records.operating_range import OperatingRange
+from mrwork.records import OperatingRange
 from mrwork.report.study.page import study_page
 from mrwork.store.codec import plain
+from mrwork.study import StudyResults, read_study, run_study
 from mrwork.study.dampers import IdentifiedDamper
 from mrwork.study.folder import study_document
-from mrwork.study.reading import read_study
-from mrwork.study.results import StudyResults
-from mrwork.study.run import run_study
 from mrwork.study.run_result import demands_of
 
 PRESET = mr.damper("static_hysteretic").preset("kwok2006")

@@ -7,14 +7,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mrwork.buildings.devices import Device
-from mrwork.buildings.shear import building
-from mrwork.control.design_problem import Design, DesignProblem, LawSettings
-from mrwork.control.law_design import SETTINGS
-from mrwork.control.laws import ControlLaw, control_law, control_laws
-from mrwork.control.lqr import published_regulator, regulator_as_published, regulator_of_outputs
-from mrwork.control.plant import accelerations
-from mrwork.dampers.spec import damper
+from mrwork import Device
+from mrwork.buildings import building
+from mrwork.control import (
+    SETTINGS,
+    ControlLaw,
+    Design,
+    DesignProblem,
+    LawSettings,
+    accelerations,
+    control_law,
+    control_laws,
+    published_regulator,
+    regulator_as_published,
+    regulator_of_outputs,
+)
+from mrwork.dampers import damper
 from mrwork.errors import SettingError
 from mrwork.keys import Place
 from mrwork.study.declared import located, read_table

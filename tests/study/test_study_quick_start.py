@@ -7,9 +7,8 @@ from pathlib import Path
 import measured_data
 import pytest
 
-from mrwork.store import Journal
-from mrwork.study.reading import read_study
-from mrwork.study.run import run_study
+from mrwork import Journal
+from mrwork.study import read_study, run_study
 
 ROOT = measured_data.ROOT
 STUDY = ROOT / "studies" / "respond" / "quick_start.toml"

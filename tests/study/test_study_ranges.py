@@ -18,12 +18,12 @@ import pytest
 from test_study_values import Document, places, with_headers
 
 import mrwork
-from mrwork.control.law_design import SETTINGS
-from mrwork.control.weights import WeightWishes
+from mrwork.control import SETTINGS, WeightWishes
 from mrwork.errors import MrworkError
 from mrwork.keys import KeyPath, keys_of
+from mrwork.study import read_study
 from mrwork.study.print_schema import tables
-from mrwork.study.reading import parse, read_study
+from mrwork.study.reading import parse
 from mrwork.tuning.space import objective_of
 
 SOUND: Document = {

@@ -7,11 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mrwork.buildings.shear import building
-from mrwork.dampers.spec import DamperSpec
+from mrwork.buildings import building
+from mrwork.dampers import DamperSpec
 from mrwork.errors import RecordError, SettingError
-from mrwork.study.reading import read_study
-from mrwork.study.study import Study
+from mrwork.study import Study, read_study
 
 STUDY = """\
 [building]

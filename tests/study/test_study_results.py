@@ -8,15 +8,11 @@ from dataclasses import replace
 import pytest
 import study_samples
 
-from mrwork.closed_loop.evaluation import Spread, criteria
+from mrwork.closed_loop import criteria
+from mrwork.closed_loop.evaluation import Spread
 from mrwork.simulate import Outcome
-from mrwork.study.comparison import (
-    chosen_in_words,
-    compared,
-    judged_in_words,
-    motion_groups,
-    times_better,
-)
+from mrwork.study import compared
+from mrwork.study.comparison import chosen_in_words, judged_in_words, motion_groups, times_better
 from mrwork.study.results import largest_step_changes
 
 

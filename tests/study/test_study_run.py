@@ -13,18 +13,16 @@ import numpy as np
 import pytest
 from command_line import printed
 
+from mrwork import Journal
 from mrwork.errors import Interrupted, JournalError, RecordError
 from mrwork.simulate import Outcome
-from mrwork.store import Journal
 from mrwork.store.codec import plain
 from mrwork.store.journal_file import line_of, read_lines
 from mrwork.store.unfinished import begin_journal
-from mrwork.study.reading import read_study
-from mrwork.study.results import StudyResults
-from mrwork.study.run import StudyProgress, run_study
+from mrwork.study import Study, StudyResults, read_study, run_study
+from mrwork.study.run import StudyProgress
 from mrwork.study.run_result import RunHistory
 from mrwork.study.stored_histories import Histories
-from mrwork.study.study import Study
 
 # Two motions, four arrangements.
 STUDY = """\

@@ -9,11 +9,8 @@ from pathlib import Path
 import measured_data
 import pytest
 
-from mrwork.store import Journal
-from mrwork.study.reading import read_study
-from mrwork.study.results import StudyResults
-from mrwork.study.run import run_study
-from mrwork.study.study import Study
+from mrwork import Journal
+from mrwork.study import Study, StudyResults, read_study, run_study
 
 STUDIES = measured_data.ROOT / "studies" / "respond"
 RECORDS = Path(os.environ.get("MRWORK_DATA", "../shared/data")) / "records"

@@ -5,10 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mrwork.store import Journal
-from mrwork.study.reading import read_study
-from mrwork.study.results import StudyResults
-from mrwork.study.run import run_study
+from mrwork import Journal
+from mrwork.study import StudyResults, read_study, run_study
 
 N = 40
 MASS, STIFFNESS = 3e5, 6e8

@@ -10,8 +10,8 @@ import pytest
 import tuning_samples
 
 import mrwork as mr
-from mrwork.buildings.passive_devices import with_tuned_mass
-from mrwork.closed_loop.evaluation import criterion
+from mrwork.buildings import with_tuned_mass
+from mrwork.closed_loop import criterion
 from mrwork.errors import SettingError
 from mrwork.study.batches import RealisationBand, simulate_criteria, vary_building
 from mrwork.study.dampers import IdentifiedDamper

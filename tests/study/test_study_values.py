@@ -13,7 +13,7 @@ from hypothesis import given
 
 from mrwork.errors import SettingError
 from mrwork.keys import KeyPath
-from mrwork.study.reading import read_study
+from mrwork.study import read_study
 from mrwork.study.study import fingerprint_of
 
 Document = dict[str, Any]

@@ -10,10 +10,11 @@ import tuning_samples
 
 import mrwork as mr
 from mrwork.errors import SettingError
-from mrwork.study.schema import TuneTable
+from mrwork.study import TuneTable
+from mrwork.tuning import Objective
 from mrwork.tuning.law_tuning import check_finish, follow_gradients, risk_weights
 from mrwork.tuning.problem import Clock, benches_of, magnitudes_of, score_candidates
-from mrwork.tuning.space import Objective, objective_of, risk_of, space_of
+from mrwork.tuning.space import objective_of, risk_of, space_of
 
 LAW = "proportional_direct"
 

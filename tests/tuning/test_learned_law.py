@@ -10,13 +10,13 @@ import pytest
 import tuning_samples
 
 import mrwork as mr
-from mrwork.control.law_design import settings_of
+from mrwork.control import settings_of
 from mrwork.errors import InvalidSettingError
-from mrwork.study.schema import TuneTable
+from mrwork.study import TuneTable
+from mrwork.tuning import tune
 from mrwork.tuning.law_tuning import follow_gradients
 from mrwork.tuning.problem import Clock, benches_of, magnitudes_of, score_candidates
 from mrwork.tuning.results import chosen_study, settings_in_words
-from mrwork.tuning.run import tune
 from mrwork.tuning.space import objective_of, space_of
 
 LAW = "signal_network"

@@ -13,16 +13,14 @@ import pytest
 import tuning_samples
 
 import mrwork as mr
-from mrwork.closed_loop.evaluation import SCORE
+from mrwork.closed_loop import SCORE
 from mrwork.errors import Interrupted, JournalError, SettingError
-from mrwork.records.operating_range import OperatingRange
+from mrwork.records import OperatingRange
 from mrwork.store.codec import plain
 from mrwork.store.journal_file import line_of
-from mrwork.tuning.first_candidates import BEST_CONSTANT
+from mrwork.tuning import BEST_CONSTANT, Candidate, TuningResults, tune
 from mrwork.tuning.problem import Clock, benches_of
-from mrwork.tuning.results import TuningResults, chosen_study, tuning_document
-from mrwork.tuning.run import tune
-from mrwork.tuning.space import Candidate
+from mrwork.tuning.results import chosen_study, tuning_document
 
 
 def without_times(results: TuningResults) -> Any:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mrwork.closed_loop.evaluation import SCORE, criteria
+from mrwork.closed_loop import SCORE, criteria
 from mrwork.errors import SettingError
+from mrwork.study import TuneTable
 from mrwork.study.batches import RunCriteria
-from mrwork.study.schema import TuneTable
 from mrwork.tuning.problem import Scores
 from mrwork.tuning.space import objective_of, over, risk_of
 

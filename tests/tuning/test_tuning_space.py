@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 
 import mrwork as mr
-from mrwork.buildings.devices import Device
-from mrwork.control.design_problem import DesignProblem, Magnitudes
-from mrwork.control.law_design import SETTINGS, design_candidates, settings_of
+from mrwork import Device
+from mrwork.control import SETTINGS, DesignProblem, Magnitudes, design_candidates, settings_of
 from mrwork.errors import SettingError
-from mrwork.study.schema import TuneTable
+from mrwork.study import TuneTable
 from mrwork.tuning.space import LARGEST, FreeSetting, space_of
 
 MAGNITUDES = Magnitudes(

@@ -12,14 +12,13 @@ from loop_twin_samples import LAG, STEP
 from twin_laws import ClippedOptimal, LyapunovBangBang, ModifiedClippedOptimal, Passive
 
 import mrwork as mr
-from mrwork.buildings.devices import Device
-from mrwork.buildings.shear import shear_building
-from mrwork.closed_loop.hardware import Hardware
+from mrwork import Device
+from mrwork.buildings import shear_building
+from mrwork.closed_loop import Hardware, simulate_loop
 from mrwork.closed_loop.responses import run_quantities
-from mrwork.closed_loop.simulate import simulate_loop
-from mrwork.control.laws import ControlLaw
-from mrwork.dampers.spec import DamperSpec
-from mrwork.motions.ground_motion import GroundMotion
+from mrwork.control import ControlLaw
+from mrwork.dampers import DamperSpec
+from mrwork.motions import GroundMotion
 from mrwork.twins.loop.plant import LoopDevice, LoopPlant
 from mrwork.twins.loop.run import half_steps, run_loop
 from mrwork.twins.loop.tuned import LyapunovDirect, SignalNetwork

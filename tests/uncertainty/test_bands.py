@@ -5,33 +5,27 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mrwork.dampers.spec import damper
+from mrwork import identify
+from mrwork.dampers import damper
 from mrwork.errors import SettingError
-from mrwork.identification.fit import Fit
-from mrwork.identification.identify import identify
-from mrwork.records import DamperTest, Likeness
-from mrwork.records.operating_range import OperatingRange, Outside
+from mrwork.identification import Fit
+from mrwork.records import DamperTest, Likeness, OperatingRange, Outside
 from mrwork.synthetic import synthetic_test
-from mrwork.uncertainty.bands.band import (
+from mrwork.uncertainty import (
+    NOISES,
     Band,
-    cycles_of,
-    errors_over_cycles,
-    next_test_quantile,
+    Fold,
+    Prediction,
+    calibrate,
+    measured_coverage,
     noise_band,
     parameter_band,
-    pooled_quantile,
+    predict_left_out,
     score,
     simulate_draws,
 )
-from mrwork.uncertainty.bands.conformal import calibrate, measured_coverage
-from mrwork.uncertainty.bands.prediction import (
-    Fold,
-    Prediction,
-    alike_remark,
-    has_regular_cycles,
-    predict_left_out,
-)
-from mrwork.uncertainty.noise import NOISES
+from mrwork.uncertainty.bands.band import cycles_of, errors_over_cycles, next_test_quantile, pooled_quantile
+from mrwork.uncertainty.bands.prediction import alike_remark, has_regular_cycles
 
 DAMPING, STIFFNESS = 1000.0, 20000.0
 NOMINAL = dict(zip(damper("static_hysteretic").names, damper("static_hysteretic").nominal, strict=True))

@@ -13,16 +13,17 @@ import pytest
 from command_line import mrwork
 from sinusoidal_tests import MOTIONS, PER_CYCLE, sinusoidal_test
 
+from mrwork import Journal
 from mrwork.cli.door import parser
 from mrwork.errors import Interrupted, MrworkError, SettingError, UnknownNameError
-from mrwork.identification.settings import FitSettings, Multistart
+from mrwork.identification import FitSettings, Multistart
 from mrwork.records import DamperTest
-from mrwork.store import Journal
 from mrwork.store.destination import Destination
 from mrwork.store.run_folder import FIT_RUN
 from mrwork.store.unfinished import StepJournals
+from mrwork.uncertainty import Choice, choose_model
 from mrwork.uncertainty.bands.prediction import halves
-from mrwork.uncertainty.choice.choose import Choice, ChoiceProgress, choose_model
+from mrwork.uncertainty.choice.choose import ChoiceProgress
 
 VISCOUS_DAHL = (800.0, 900.0, 2000.0, 20.0)
 FEW = FitSettings(search=Multistart(samples=10, starts=4, most_rounds=2, found=2))

@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 from sinusoidal_tests import sinusoidal_test
 
-from mrwork.dampers.spec import damper
-from mrwork.identification.fit import Fit
-from mrwork.identification.identify import identify
-from mrwork.identification.settings import Multistart
+from mrwork import identify
+from mrwork.dampers import damper
+from mrwork.identification import Fit, Multistart
 from mrwork.records import DamperTest
 from mrwork.uncertainty.choice.leave_one_out import free_parameters, residuals_of, variance_of
 from mrwork.uncertainty.choice.ranking import Collapse, Evidence, find_collapses, rank

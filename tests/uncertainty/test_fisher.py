@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from posterior_samples import small_fit, small_test
 
-from mrwork.identification.identify import identify
-from mrwork.uncertainty.noise import NOISES
+from mrwork import identify
+from mrwork.uncertainty import NOISES
 from mrwork.uncertainty.posterior.laplace import fisher_information, residual_slope
 from mrwork.uncertainty.posterior.sample import SamplingProblem
 

@@ -8,19 +8,19 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from mrwork.dampers.conversions import bouc_wen_from_normalised
-from mrwork.dampers.spec import damper
+from mrwork import identify
+from mrwork.dampers import bouc_wen_from_normalised, damper
+from mrwork.identification import Estimate, Fit
 from mrwork.identification.covariance import covariance
-from mrwork.identification.fit import Estimate, Fit, Identifiability, ParameterChange
-from mrwork.identification.identify import identify
+from mrwork.identification.fit import Identifiability, ParameterChange
 from mrwork.records import DamperTest
 from mrwork.synthetic import synthetic_test
+from mrwork.uncertainty import identifiability_of
 from mrwork.uncertainty.identifiability.verdicts import (
     WEAK,
     ParameterScale,
     changes_along,
     identifiability_from,
-    identifiability_of,
     simple_combinations,
     sparse_basis,
 )

@@ -13,21 +13,19 @@ from command_line import mrwork, printed
 from sinusoidal_tests import MOTIONS, sinusoidal_test
 
 import mrwork as mr
-from mrwork.dampers.spec import damper
+from mrwork.dampers import damper
 from mrwork.errors import Interrupted, SettingError
-from mrwork.identification.equivalent import identifiable_form
+from mrwork.identification import FitSettings, Objective, find_minimum, identifiable_form
 from mrwork.identification.law_coefficients import joint_box, with_other_laws
-from mrwork.identification.levenberg_marquardt import find_minimum
-from mrwork.identification.objective import Objective
-from mrwork.identification.settings import FitSettings
 from mrwork.records import DamperTest
 from mrwork.records.window import middle_excerpt
 from mrwork.search import EfficientGA, StopRules
 from mrwork.store.destination import Destination
 from mrwork.store.run_folder import FIT_RUN
 from mrwork.store.unfinished import StepJournals
+from mrwork.uncertainty import LawChoice, choose_laws
 from mrwork.uncertainty.choice.law_search import FoldedTests
-from mrwork.uncertainty.choice.laws import LawChoice, LawProgress, choose_laws
+from mrwork.uncertainty.choice.laws import LawProgress
 
 COMMANDS = (0.0, 0.5, 1.0)
 

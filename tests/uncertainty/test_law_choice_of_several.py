@@ -15,7 +15,7 @@ from sinusoidal_tests import MOTIONS, sinusoidal_test
 import mrwork as mr
 from mrwork.cli.progress import laws_described
 from mrwork.errors import Interrupted, SettingError, SimulationError, UnknownNameError
-from mrwork.identification.settings import FitSettings
+from mrwork.identification import FitSettings
 from mrwork.records import DamperTest
 from mrwork.search import EfficientGA, StopRules
 from mrwork.store.codec import json_document

@@ -7,7 +7,7 @@ from scipy.stats import multivariate_normal, t
 
 import mrwork.twins.equations  # noqa: F401  (sets double precision)
 from mrwork.errors import UnknownNameError
-from mrwork.uncertainty.noise import NOISES, Iid, noise_model
+from mrwork.uncertainty import NOISES, Iid, noise_model
 
 PARAMETERS = {
     "iid": [0.1],

@@ -9,14 +9,11 @@ import pytest
 from posterior_samples import small_fit, small_sampling, small_test
 from scipy.stats import ks_2samp
 
+from mrwork import identify
 from mrwork.errors import SettingError
-from mrwork.identification.identify import identify
 from mrwork.synthetic import synthetic_test
-from mrwork.uncertainty.posterior.draws import convergence
-from mrwork.uncertainty.posterior.laplace import first_walkers
-from mrwork.uncertainty.posterior.nuts import substeps_at, twin_log_posterior
-from mrwork.uncertainty.posterior.sample import SamplingProblem, sample
-from mrwork.uncertainty.posterior.target import Normal
+from mrwork.uncertainty import Normal, convergence, first_walkers, sample, substeps_at, twin_log_posterior
+from mrwork.uncertainty.posterior.sample import SamplingProblem
 
 pytest.importorskip("numpyro", reason="numpyro is not installed; pip install 'mrwork[nuts]'")
 
@@ -56,7 +53,7 @@ def test_where_a_stiffness_may_be_zero_the_twin_follows() -> None:
 
 
 def test_the_ensemble_and_nuts_draw_from_the_same_posterior() -> None:
-    from mrwork.uncertainty.posterior.nuts import sample_nuts
+    from mrwork.uncertainty import sample_nuts
 
     sampling = small_sampling(tempering=0.8)
     ensemble = sample(small_fit(), small_test(), tempering=0.8, walkers=32, rng=1, threads=1)

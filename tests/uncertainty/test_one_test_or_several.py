@@ -9,7 +9,8 @@ from typing import Any
 import pytest
 
 import mrwork as mr
-from mrwork.uncertainty.planning.candidates import Candidate, candidate_grid
+from mrwork.uncertainty import Candidate
+from mrwork.uncertainty.planning.candidates import candidate_grid
 
 TEST = mr.synthetic_test("rd1005_1a")
 VERBS = (

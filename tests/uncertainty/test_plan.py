@@ -9,23 +9,15 @@ import numpy as np
 import pytest
 
 import mrwork as mr
-from mrwork.dampers.spec import DamperSpec, damper
+from mrwork import identify
+from mrwork.dampers import DamperSpec, damper
 from mrwork.errors import MrworkError, RecordError, SettingError, UnknownNameError
-from mrwork.identification.fit import Fit
-from mrwork.identification.identify import identify
-from mrwork.records import DamperTest
-from mrwork.records.window import cut
+from mrwork.identification import Fit
+from mrwork.records import DamperTest, cut
 from mrwork.simulate import Loading, simulate_force
 from mrwork.synthetic import synthetic_test
-from mrwork.uncertainty.identifiability.verdicts import identifiability_of
-from mrwork.uncertainty.planning.candidates import (
-    Candidate,
-    Limits,
-    candidate_grid,
-    excitation_of,
-    motion_of,
-    read_candidates,
-)
+from mrwork.uncertainty import Candidate, Limits, identifiability_of
+from mrwork.uncertainty.planning.candidates import candidate_grid, excitation_of, motion_of, read_candidates
 from mrwork.uncertainty.planning.plan import (
     LinearisedPosterior,
     band_matrix,

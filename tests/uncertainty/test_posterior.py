@@ -14,20 +14,13 @@ import pytest
 from posterior_samples import independent_errors, small_fit, small_test
 from scipy.stats import norm
 
+from mrwork import Journal
 from mrwork.errors import Interrupted, JournalError, SettingError
-from mrwork.store import Journal
 from mrwork.store.codec import array_of
 from mrwork.store.journal_file import line_of, read_lines
-from mrwork.uncertainty.posterior.draws import (
-    Draws,
-    diagnose,
-    draws_content,
-    next_check,
-    read_draws,
-    summary_of,
-)
-from mrwork.uncertainty.posterior.sample import Ensemble, SamplingProgress, sample
-from mrwork.uncertainty.posterior.target import Normal, Uniform
+from mrwork.uncertainty import Draws, Ensemble, Normal, Uniform, sample
+from mrwork.uncertainty.posterior.draws import diagnose, draws_content, next_check, read_draws, summary_of
+from mrwork.uncertainty.posterior.sample import SamplingProgress
 
 
 def standard_normal(position: np.ndarray) -> np.ndarray:

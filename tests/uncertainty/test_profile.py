@@ -9,17 +9,14 @@ import pytest
 from numpy.typing import NDArray
 
 import mrwork as mr
-from mrwork.dampers.coordinates import Box
-from mrwork.dampers.spec import damper
+from mrwork import identify
+from mrwork.dampers import Box, damper
 from mrwork.errors import Interrupted, MrworkError, SettingError, UnknownNameError
-from mrwork.identification.fit import Fit
-from mrwork.identification.identify import identify
-from mrwork.identification.levenberg_marquardt import find_minimum
-from mrwork.identification.objective import Objective
-from mrwork.records import DamperTest
-from mrwork.records.window import cut
+from mrwork.identification import Fit, Objective, find_minimum
+from mrwork.records import DamperTest, cut
 from mrwork.simulate import Loading, simulate_force
 from mrwork.synthetic import synthetic_test
+from mrwork.uncertainty import Profile, Profiles, identifiability_of
 from mrwork.uncertainty.identifiability.curvature import (
     Point,
     Scaled,
@@ -28,8 +25,7 @@ from mrwork.uncertainty.identifiability.curvature import (
     signed_root,
     walk,
 )
-from mrwork.uncertainty.identifiability.profile import Profile, ProfileProgress, Profiles
-from mrwork.uncertainty.identifiability.verdicts import identifiability_of
+from mrwork.uncertainty.identifiability.profile import ProfileProgress
 
 SPEC = damper("static_hysteretic")
 

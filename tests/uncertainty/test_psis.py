@@ -12,10 +12,11 @@ from scipy.special import logsumexp
 from scipy.stats import multivariate_normal, norm
 from sinusoidal_tests import sinusoidal_test
 
+from mrwork import identify
 from mrwork.errors import SettingError
-from mrwork.identification.fit import Fit
-from mrwork.identification.identify import identify
+from mrwork.identification import Fit
 from mrwork.records import DamperTest
+from mrwork.uncertainty import NOISES
 from mrwork.uncertainty.choice.leave_one_out import (
     UNRELIABLE,
     block_densities,
@@ -25,7 +26,6 @@ from mrwork.uncertainty.choice.leave_one_out import (
     target_of,
     variance_of,
 )
-from mrwork.uncertainty.noise import NOISES
 from mrwork.uncertainty.posterior.laplace import draw_about, fisher_ellipsoid
 
 THETA = (800.0, 900.0, 2000.0, 20.0)

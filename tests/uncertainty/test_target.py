@@ -9,18 +9,17 @@ import pytest
 from posterior_samples import MODEL, small_sampling, small_test
 from scipy.stats import lognorm, norm
 
-from mrwork.dampers.coordinates import Box
-from mrwork.dampers.spec import damper
+from mrwork import identify
+from mrwork.dampers import Box, damper
 from mrwork.errors import SettingError, UnknownNameError
+from mrwork.identification import identifiable_form
 from mrwork.identification.covariance import effective_samples
-from mrwork.identification.equivalent import identifiable_form
-from mrwork.identification.identify import identify
 from mrwork.records import Observation
 from mrwork.simulate import Loading, simulate_force
-from mrwork.uncertainty.noise import NOISES, noise_model
-from mrwork.uncertainty.posterior.laplace import first_walkers, mode_near
+from mrwork.uncertainty import NOISES, Lognormal, Normal, first_walkers, noise_model
+from mrwork.uncertainty.posterior.laplace import mode_near
 from mrwork.uncertainty.posterior.sample import SamplingProblem
-from mrwork.uncertainty.posterior.target import Lognormal, Normal, Space
+from mrwork.uncertainty.posterior.target import Space
 
 SPENCER = damper("normalised_bouc_wen")
 

@@ -16,8 +16,9 @@ from study_texts import study_text
 
 import mrwork as mr
 from mrwork.errors import MrworkWarning
+from mrwork.identification import FitSettings
 from mrwork.identification.fit_file import manifest_of, write_run
-from mrwork.identification.settings import FitSettings, method_of, search_named
+from mrwork.identification.settings import method_of, search_named
 from mrwork.store.codec import json_document
 from mrwork.store.destination import Destination
 from mrwork.store.journal_file import read_lines
@@ -36,9 +37,9 @@ from mrwork.store.run_folder import (
     RANKING,
     RESULTS,
 )
+from mrwork.study import Study
 from mrwork.study.folder import study_document
 from mrwork.study.stored_histories import Histories
-from mrwork.study.study import Study
 from mrwork.tuning.results import tuning_document
 from tools.fuzzing.mutants import Structure
 from tools.fuzzing.reader import Reader, Seed

@@ -21,13 +21,13 @@ from scipy.sparse import csc_matrix
 from study_texts import study_text
 
 from mrwork.buildings import read_building, read_system
-from mrwork.dampers.spec import damper
+from mrwork.closed_loop import STANDARD_GRAVITY
+from mrwork.dampers import damper
 from mrwork.motions import read_motion
 from mrwork.records import guess_tests, read_damper_test, read_test_table
-from mrwork.report.expectations import departures
+from mrwork.report import departures
 from mrwork.study import read_study
 from mrwork.uncertainty.planning.candidates import read_candidates
-from mrwork.units import STANDARD_GRAVITY
 from tools.fuzzing.mutants import Structure
 from tools.fuzzing.reader import Reader, Seed
 
