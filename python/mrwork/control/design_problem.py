@@ -93,7 +93,7 @@ class DesignProblem(Summarised):
             replace(device, largest_command=min(command, device.largest_command)) for device in self.devices
         )
         found = replace(self, devices=devices)
-        found._plant.append(self.plant)
+        object.__setattr__(found, "_plant", self._plant)
         return found
 
     @property
