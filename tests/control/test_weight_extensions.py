@@ -153,11 +153,10 @@ def test_the_semi_active_condition_is_met(share: float) -> None:
 
 def force_and_rate(found: DesignedWeights) -> float:
     """Correlation of wanted force and rate of elongation under the Riccati gain on all states."""
-    from mrwork.control.design.riccati_dual import (
-        regulated,  # the covariance of all states is no public number
-    )
+    # The covariance of all states is no public number.
+    from mrwork.control.design.riccati_dual import regulate
 
-    at = regulated(found.system, found.rows, found.multipliers)
+    at = regulate(found.system, found.rows, found.multipliers)
     force, rate = -at.gain[0], found.system.rates[0]
     X = at.covariance
     return float(force @ X @ rate / np.sqrt((force @ X @ force) * (rate @ X @ rate)))
