@@ -87,6 +87,7 @@ class DesignProblem(Summarised):
             self._plant.append(plant_of(self.building, rows, [device.name for device in self.devices]))
         return self._plant[0]
 
+    @checked
     def limited_to(self, command: float) -> DesignProblem:
         """The problem with devices that get at most this command [A or V]; its plant is the same."""
         devices = tuple(
