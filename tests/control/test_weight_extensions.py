@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from mrwork.control import (
     SemiActiveCondition,
     damper_cases,
     design_weights,
+    plant_of,
     soil_cases,
     stiffness_cases,
 )
@@ -151,11 +153,10 @@ def test_the_semi_active_condition_is_met(share: float) -> None:
 
 def force_and_rate(found: DesignedWeights) -> float:
     """Correlation of wanted force and rate of elongation under the Riccati gain on all states."""
-    from mrwork.control.design.riccati_dual import (
-        regulated,  # the covariance of all states is no public number
-    )
+    # The covariance of all states is no public number.
+    from mrwork.control.design.riccati_dual import regulate
 
-    at = regulated(found.system, found.rows, found.multipliers)
+    at = regulate(found.system, found.rows, found.multipliers)
     force, rate = -at.gain[0], found.system.rates[0]
     X = at.covariance
     return float(force @ X @ rate / np.sqrt((force @ X @ force) * (rate @ X @ rate)))
@@ -193,3 +194,25 @@ def test_an_extension_that_cannot_be_is_refused(make: Any, words: str) -> None:
 def test_a_budget_beyond_all_use_is_said_to_be_too_large() -> None:
     with pytest.raises(SettingError, match="give a smaller one"):
         design(budget=5e4, timing=LoopTiming(delay=1e-3, driver_rate=190.0))
+
+
+def test_the_weights_of_a_record_follow_its_content(tmp_path: Path) -> None:
+    record, found = tmp_path / "record.csv", []
+    wishes = mr.control.WeightWishes(rms_drift=2e-3, budget=500.0, record=str(record))
+    for frequency in (2.0, 6.0):
+        time = 0.01 * np.arange(2001)
+        swing = np.sin(2.0 * np.pi * frequency * time) + 0.3 * np.sin(7.0 * time)
+        rows = [f"{t:.2f},{a:.6f}" for t, a in zip(time, swing, strict=True)]
+        record.write_text("\n".join(["time [s],acceleration [m/s2]", *rows]), encoding="utf-8")
+        found.append(wishes.design(plant_of(FRAME, FRAME.storeys[:1])).reachable_ratio)
+    assert abs(found[0] / found[1] - 1.0) > 0.1
+
+
+def test_a_problem_of_another_largest_command_is_designed_once() -> None:
+    spec = mr.damper("static_hysteretic").preset("kwok2006")
+    damper = mr.Device(
+        name="pair", spec=spec.spec, theta=spec.theta, row=FRAME.storeys[0], largest_command=1.88
+    )
+    problem = mr.control.DesignProblem(building=FRAME, devices=[damper], sample_time=1e-3)
+    wishes = mr.control.WeightWishes(rms_drift=2e-3, budget=500.0)
+    assert wishes.of_problem(problem.limited_to(1.0)) is wishes.of_problem(problem)

@@ -87,13 +87,14 @@ class DesignProblem(Summarised):
             self._plant.append(plant_of(self.building, rows, [device.name for device in self.devices]))
         return self._plant[0]
 
+    @checked
     def limited_to(self, command: float) -> DesignProblem:
         """The problem with devices that get at most this command [A or V]; its plant is the same."""
         devices = tuple(
             replace(device, largest_command=min(command, device.largest_command)) for device in self.devices
         )
         found = replace(self, devices=devices)
-        found._plant.append(self.plant)
+        object.__setattr__(found, "_plant", self._plant)
         return found
 
     @property

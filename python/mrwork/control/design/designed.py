@@ -12,7 +12,7 @@ from mrwork.control.design.limits import LimitedOutputs
 from mrwork.control.design.riccati_dual import (
     DualPoint,
     SquaredRows,
-    regulated,
+    regulate,
     riccati_law_gain,
     static_law_gain,
 )
@@ -269,7 +269,7 @@ class DesignedWeights(Summarised):
         scaled[n_limits : n_limits + m] *= control_scale
         if self.system.step:
             return static_law_gain(self.system, self.rows, scaled, self.gain)
-        return riccati_law_gain(self.system, regulated(self.system, self.rows, scaled))
+        return riccati_law_gain(self.system, regulate(self.system, self.rows, scaled))
 
     @checked
     def settings(self, control_scale: float = 1.0) -> dict[str, Weights]:

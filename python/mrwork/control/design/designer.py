@@ -29,7 +29,7 @@ from mrwork.control.design.riccati_dual import (
     DualPoint,
     SquaredRows,
     maximise,
-    regulated,
+    regulate,
     riccati_law_gain,
     rows_of,
     static_law_gain,
@@ -121,7 +121,7 @@ class WeightDesigner:
         w = point.multipliers
         cost = self._cost(outputs, budgets, w, damping)
         if self._timing is None:
-            gain = riccati_law_gain(self._nominal, regulated(self._nominal, of_nominal, w))
+            gain = riccati_law_gain(self._nominal, regulate(self._nominal, of_nominal, w))
         else:
             plant = self.plant
             at_once = solve_riccati(plant.A, plant.B, cost.Q, cost.S, cost.N, scaling=plant.scaling).gain

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import cvxpy as cp
 import numpy as np
 
-from mrwork.control.design.riccati_dual import SquaredRows, first_multipliers, regulated
+from mrwork.control.design.riccati_dual import SquaredRows, first_multipliers, regulate
 from mrwork.control.design.system import DesignSystem
 from mrwork.values import Floats, holds_arrays
 
@@ -56,7 +56,7 @@ class DualProgram:
         rows = [rows_of(system, self._limits, budgets) for system in systems]
         first = first_multipliers(systems, rows, n_limits)
         systems = [
-            system.in_units(np.diag(regulated(system, each, first).riccati) ** -0.5)
+            system.in_units(np.diag(regulate(system, each, first).riccati) ** -0.5)
             for system, each in zip(systems, rows, strict=True)
         ]
         rows = [rows_of(system, self._limits, budgets) for system in systems]

@@ -71,7 +71,7 @@ class Regulated:
     cost: float
 
 
-def regulated(system: DesignSystem, rows: SquaredRows, multipliers: Floats) -> Regulated:
+def regulate(system: DesignSystem, rows: SquaredRows, multipliers: Floats) -> Regulated:
     """The regulator of the multipliers, and the mean squares of the forms."""
     weights = multipliers @ rows.forms
     gain, P = _gain(system, rows, weights)
@@ -152,7 +152,7 @@ def maximise(
     in_sum = np.zeros(n_forms)
     in_sum[:n_limits] = 1.0
     w = first_multipliers(systems, rows, n_limits) if start is None else _inside(start, n_limits)
-    at = [regulated(system, each, w) for system, each in zip(systems, rows, strict=True)]
+    at = [regulate(system, each, w) for system, each in zip(systems, rows, strict=True)]
     squares = np.mean([each.squares for each in at], axis=0)
     level = 1.1 * float(squares[:n_limits].max())
     slack = np.maximum(level * in_sum + bound - squares, 1e-3 * np.where(in_sum > 0.0, level, 1.0))
@@ -212,7 +212,7 @@ def _move(
     for _ in range(30):
         try:
             return [
-                regulated(s, each, w + length * d_w) for s, each in zip(systems, rows, strict=True)
+                regulate(s, each, w + length * d_w) for s, each in zip(systems, rows, strict=True)
             ], length
         except SettingError:
             length *= 0.5
@@ -232,7 +232,7 @@ def first_multipliers(systems: Sequence[DesignSystem], rows: Sequence[SquaredRow
     w[:n_limits] = 1.0 / n_limits
     w[budgets] = 1.0
     for _ in range(12):
-        at = [regulated(system, each, w) for system, each in zip(systems, rows, strict=True)]
+        at = [regulate(system, each, w) for system, each in zip(systems, rows, strict=True)]
         squares = np.mean([each.squares for each in at], axis=0)[budgets]
         if np.all((squares > 0.3) & (squares < 3.0)):
             break
