@@ -194,7 +194,7 @@ def test_a_run_interrupted_while_its_page_is_drawn_loses_nothing(
     place = tmp_path / "run"
     arguments = ["identify", "synthetic:spencer1997", "--model", "viscous_dahl", *READING, "--out", place]
     with monkeypatch.context() as patched:
-        patched.setattr("matplotlib.figure.Figure.draw", interrupt)
+        patched.setattr("matplotlib.figure.Figure.savefig", interrupt)
         with pytest.raises(SystemExit) as ended:
             main([str(each) for each in arguments])
     assert ended.value.code == 130

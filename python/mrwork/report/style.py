@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from contextvars import ContextVar
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -89,7 +88,6 @@ _RC: dict[RcKeyType, Any] = {
     "grid.color": RULE,
     "grid.linewidth": 0.6,
     "xtick.major.size": 3.5,
-    "ytick.left": False,
     "ytick.major.size": 0.0,
     "xtick.major.width": 0.7,
     "ytick.major.pad": 5.0,
@@ -110,25 +108,12 @@ _RC: dict[RcKeyType, Any] = {
 }
 
 
-_in_style = ContextVar("in_style", default=False)
-
-
 @contextmanager
 def drawn_in_style() -> Iterator[None]:
-    """Matplotlib settings of all figures, as a context or a decorator; those of the caller are restored.
-
-    Inside itself it costs nothing, so that a page of many figures sets them once.
-    """
-    if _in_style.get():
-        yield
-        return
+    """Matplotlib settings of all figures, as a context or a decorator; those of the caller are restored."""
     font.register()
-    outside = _in_style.set(True)
-    try:
-        with matplotlib.rc_context(_RC):
-            yield
-    finally:
-        _in_style.reset(outside)
+    with matplotlib.rc_context(_RC):
+        yield
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -14,7 +14,7 @@ from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import reopen
 from mrwork.identification.result import free_run
 from mrwork.records import DamperTest
-from mrwork.report import numbers, style
+from mrwork.report import numbers
 from mrwork.report.comparison import Comparison
 from mrwork.report.fit.agreement import agreement_rows, blocks_of_tests, checked
 from mrwork.report.fit.amplitudes import AMPLITUDES
@@ -87,7 +87,6 @@ def comparisons_of(fit: Fit, tests: Sequence[DamperTest]) -> tuple[Comparison, .
     )
 
 
-@style.drawn_in_style()
 def fit_page(
     run: StoredRun,
     comparisons: Sequence[Comparison],
