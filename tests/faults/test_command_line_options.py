@@ -16,7 +16,7 @@ from study_texts import study_text
 
 from mrwork.cli.door import parser, verbs
 from mrwork.cli.numbers import Listed, OrWord, Range
-from mrwork.cli.paths import named_path
+from mrwork.cli.options import named_path
 
 NO_NUMBERS = (
     *("nan", "-nan", "inf", "-inf", "1e400", "-1e400", "1e30", "-1e30", str(2**70), str(-(2**70))),

@@ -18,7 +18,7 @@ from fontTools.ttLib import TTFont
 from matplotlib import font_manager
 from report_samples import comparison
 
-from mrwork.report import figures, font, style
+from mrwork.report import figures, style
 from mrwork.report.svg import inline_svg, svg_bytes
 
 # ASCII, Latin with accents, Greek, and the punctuation and mathematical signs of labels.
@@ -26,7 +26,7 @@ _CHARACTERS = (
     *(range(0x20, 0x7F), range(0xA0, 0x100), range(0x391, 0x3CA), range(0x2070, 0x208F)),
     [ord(sign) for sign in "\u2002\u2007\u2009\u202f–—‘’“”•…′″←→∂∆∈−∙√∝∞∫≈≠≤≥"],
 )
-_SUBSETS = Path(font.__file__).parent / "templates"
+_SUBSETS = Path(style.__file__).parent / "templates"
 # Copyright, licence and its address stay in the file.
 _KEPT_NAMES = [0, 1, 2, 3, 4, 5, 6, 13, 14]
 
@@ -42,9 +42,9 @@ print(hashlib.sha256(svg_bytes(figure) + inline_svg(figure, identifier="f", desc
 
 @pytest.mark.parametrize("weight", [400, 700])
 def test_the_family_is_the_file_that_matplotlib_ships(weight: int) -> None:
-    font.register()
-    found = font_manager.findfont(font_manager.FontProperties(family=font.FAMILY, weight=weight))
-    assert Path(found).samefile(font.path_of(weight))
+    style.register()
+    found = font_manager.findfont(font_manager.FontProperties(family=style.FAMILY, weight=weight))
+    assert Path(found).samefile(style.path_of(weight))
 
 
 def outlines(file: TTFont, name: str) -> list[object]:
@@ -56,7 +56,7 @@ def outlines(file: TTFont, name: str) -> list[object]:
 
 @pytest.mark.parametrize("weight", [400, 700])
 def test_the_embedded_subset_is_drawn_like_the_whole_font(weight: int) -> None:
-    whole, part = TTFont(font.path_of(weight)), TTFont(_SUBSETS / font.subset_name(weight))
+    whole, part = TTFont(style.path_of(weight)), TTFont(_SUBSETS / style.subset_name(weight))
     names, kept = whole.getBestCmap(), part.getBestCmap()
     expected = {code for characters in _CHARACTERS for code in characters} & names.keys()
     assert kept.keys() >= expected
@@ -67,13 +67,13 @@ def test_the_embedded_subset_is_drawn_like_the_whole_font(weight: int) -> None:
 
 def test_no_other_family_is_drawn() -> None:
     text = inline_svg(figures.force_history(comparison()), identifier="f", description="")
-    assert font.FAMILY in text
+    assert style.FAMILY in text
     assert "DejaVu" not in text
     assert "sans-serif" not in text
 
 
 def test_the_page_brings_the_font_along() -> None:
-    faces = font.font_faces()
+    faces = style.font_faces()
     assert faces.count("@font-face") == 2
     assert faces.count("data:font/woff;base64,") == 2
     assert len(faces) < 100_000
@@ -108,11 +108,11 @@ def write_subsets() -> None:
             flavor="woff", layout_features=["kern"], hinting=False, name_IDs=_KEPT_NAMES, notdef_outline=True
         )
         options.drop_tables = [*options.drop_tables, "FFTM"]
-        file = subset.load_font(io.BytesIO(font.path_of(weight).read_bytes()), options)
+        file = subset.load_font(io.BytesIO(style.path_of(weight).read_bytes()), options)
         subsetter = subset.Subsetter(options)
         subsetter.populate(unicodes=[code for characters in _CHARACTERS for code in characters])
         subsetter.subset(file)
-        subset.save_font(file, _SUBSETS / font.subset_name(weight), options)
+        subset.save_font(file, _SUBSETS / style.subset_name(weight), options)
 
 
 if __name__ == "__main__":

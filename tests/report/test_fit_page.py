@@ -26,7 +26,7 @@ from mrwork.records import Finding, cut
 from mrwork.report.comparison import Comparison
 from mrwork.report.fit.page import comparisons_of, fit_page, open_run, write_page
 from mrwork.report.fit.search import waterfall_panel
-from mrwork.report.progress import PageProgress
+from mrwork.report.section import PageProgress
 from mrwork.store.codec import json_document
 from mrwork.synthetic import synthetic_test
 from mrwork.uncertainty import Prediction

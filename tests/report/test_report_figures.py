@@ -24,10 +24,10 @@ from mrwork import StoredRun
 from mrwork.identification import SearchTrace
 from mrwork.report import figures, style
 from mrwork.report.comparison import Comparison
-from mrwork.report.cycles import even_samples, scattered_samples, zoom_window
 from mrwork.report.fit import search
-from mrwork.report.fit.files import run_figures, write_figures
-from mrwork.report.progress import PageProgress
+from mrwork.report.fit.page import run_figures, write_figures
+from mrwork.report.history_parts import even_samples, scattered_samples, zoom_window
+from mrwork.report.section import PageProgress
 from mrwork.report.svg import inline_svg, svg_bytes
 
 

@@ -15,11 +15,10 @@ from blank_pictures import blank
 from counted_calls import calls_of
 
 from mrwork.cli.study_text import study_text
-from mrwork.report.study.criteria_tables import overview_table, ratio_table, value_table
 from mrwork.report.study.figures import strokes
-from mrwork.report.study.history_figures import envelope
+from mrwork.report.study.histories import envelope
 from mrwork.report.study.page import study_page
-from mrwork.report.study.shown_rows import MOST_DRAWN, MOST_LISTED
+from mrwork.report.study.tables import MOST_DRAWN, MOST_LISTED, overview_table, ratio_table, value_table
 from mrwork.study import StudyResults, compared
 from mrwork.study.study import Row
 

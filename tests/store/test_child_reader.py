@@ -16,8 +16,8 @@ import pytest
 from counted_calls import calls_of
 
 from mrwork.store import child_reader
-from mrwork.store.allowance import LEAST
 from mrwork.store.child_reader import Format, TooLargeError, UnreadableError, read_members
+from mrwork.store.input_file import LEAST
 
 
 def written(path: Path) -> bytes:

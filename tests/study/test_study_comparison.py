@@ -9,8 +9,8 @@ import pytest
 import study_samples
 
 from mrwork.cli.study_text import study_text
-from mrwork.report.study.comparison_tables import change_table, leading_table
 from mrwork.report.study.page import study_page
+from mrwork.report.study.tables import change_table, leading_table
 from mrwork.study import StudyResults, compared
 from mrwork.study.comparison import ADD_BEST_PASSIVE, compared_quantities
 from mrwork.study.folder import study_document

@@ -23,7 +23,7 @@ from typing import Any, Final, get_args
 
 from mrwork.errors import MrworkError, MrworkWarning
 from mrwork.store import child_reader
-from mrwork.store.allowance import allowed
+from mrwork.store.input_file import allowed
 from tools.fuzzing.reader import Reader
 
 SECONDS: Final = 10.0

@@ -32,7 +32,7 @@ from mrwork.store.run_folder import FIT_RUN, REPORT
 from mrwork.store.unfinished import INTERRUPTED, is_complete
 
 if TYPE_CHECKING:
-    from mrwork.report.progress import OnDrawn
+    from mrwork.report.section import OnDrawn
     from mrwork.uncertainty.choice.law_table import LawTable
     from mrwork.uncertainty.choice.ranking import Ranking
 

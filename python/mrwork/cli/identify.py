@@ -32,13 +32,13 @@ from mrwork.cli.options import (
     command_unit,
     laws_are_chosen,
     laws_of,
+    named_path,
     nuisances_of,
     observation_of,
     parse_bounds,
     reading_of,
     tests_of,
 )
-from mrwork.cli.paths import named_path
 from mrwork.cli.progress import IdentificationInWords
 from mrwork.cli.terminal import note
 from mrwork.dampers.spec import DamperSpec, damper

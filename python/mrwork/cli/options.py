@@ -20,7 +20,14 @@ from mrwork.identification.settings import Reading, is_synthetic
 from mrwork.records import DamperTest, parse_column_option
 from mrwork.records.observing import DETECT, VALUES_IN_WORDS, as_words
 from mrwork.records.repairs import AMOUNTS_IN_WORDS, REPAIR_KINDS, RepairKind
-from mrwork.records.rig_table import EveryUse, ListedTest, Use, check_given_once, files_not_read, listed_tests
+from mrwork.records.rig_table import (
+    EveryUse,
+    ListedTest,
+    Use,
+    check_given_once,
+    files_not_read,
+    listed_tests,
+)
 from mrwork.units import COMMAND_SCALES, CommandUnit
 
 _NONE = "none"

@@ -21,7 +21,7 @@ from mrwork.summary import Summarised, aligned
 
 if TYPE_CHECKING:
     from mrwork.identification.fit import Fit
-    from mrwork.report.progress import OnDrawn
+    from mrwork.report.section import OnDrawn
 
 
 def print_json(document: object) -> None:

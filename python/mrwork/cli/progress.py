@@ -15,7 +15,7 @@ from mrwork.identification.progress import Progress
 
 if TYPE_CHECKING:
     from mrwork.identification.settings import OnRead
-    from mrwork.report.progress import PageProgress
+    from mrwork.report.section import PageProgress
     from mrwork.study.run import StudyProgress
     from mrwork.tuning.law_tuning import TuningProgress
     from mrwork.uncertainty.choice.choose import ChoiceProgress

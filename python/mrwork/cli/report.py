@@ -12,7 +12,7 @@ from mrwork.records import DamperTest
 from mrwork.store.run_folder import FIGURES, REPORT
 
 if TYPE_CHECKING:
-    from mrwork.report.progress import OnDrawn
+    from mrwork.report.section import OnDrawn
 
 
 def add_parser(verbs: Any) -> None:
@@ -45,8 +45,7 @@ def run(options: argparse.Namespace) -> int:
 
     def draw(on_progress: OnDrawn) -> None:
         # Matplotlib is slow to load.
-        from mrwork.report.fit.files import write_figures
-        from mrwork.report.fit.page import open_run, write_page
+        from mrwork.report.fit.page import open_run, write_figures, write_page
 
         opened, comparisons = open_run(place)
         tests.extend(each.test for each in comparisons)

@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+import argparse
+import platform
+import shlex
+import sys
+from datetime import UTC, datetime
 from math import isfinite
 from pathlib import Path
 from textwrap import wrap
+from typing import TYPE_CHECKING, Any
 
+from mrwork import __version__
 from mrwork.cli.output import table_lines
 from mrwork.closed_loop.evaluation import SCORE, criterion
+from mrwork.store import digest_of
 from mrwork.store.run_folder import REPORT
 from mrwork.study.comparison import (
     ADD_BEST_PASSIVE,
@@ -23,6 +31,35 @@ from mrwork.study.comparison import (
 from mrwork.study.results import OFF_BALANCE, ON_OFF, StudyResults, largest_step_changes
 from mrwork.study.study import Kind
 from mrwork.summary import with_decimals
+
+if TYPE_CHECKING:
+    from mrwork.study.study import StudyFile
+
+
+def command_line() -> str:
+    """The command as it was given."""
+    return shlex.join(["mrwork", *sys.argv[1:]])
+
+
+def study_manifest(
+    options: argparse.Namespace, study_file: StudyFile, *, kind: str, title: str, status: str, seconds: float
+) -> dict[str, Any]:
+    """The manifest of a run on the file `options.study`, as it was read, with the seed `options.seed`."""
+    return {
+        "kind": kind,
+        "title": title,
+        "status": status,
+        "command": command_line(),
+        "seed": options.seed,
+        "study": {
+            "path": str(options.study),
+            "content": digest_of(study_file.text),
+        },
+        "versions": {"mrwork": __version__, "python": platform.python_version()},
+        "created": datetime.now(UTC).isoformat(timespec="seconds"),
+        "seconds": seconds,
+    }
+
 
 _WIDTH = 100
 # Quantities whose changes the tables show; the page and the results file have all.

@@ -24,7 +24,7 @@ from mrwork.identification.settings import ROOT_MEAN_SQUARE, FitSettings, Multis
 from mrwork.records import DamperTest, observed
 from mrwork.records.command_signal import Command, command_in_words, command_level
 from mrwork.store import Journal, digest_of
-from mrwork.store.fingerprint import package_version
+from mrwork.store.codec import package_version
 from mrwork.summary import listed
 
 _PACKAGES = ("mrwork", "numpy", "scipy", "jax", "optimistix")

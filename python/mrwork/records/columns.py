@@ -11,20 +11,18 @@ from mrwork.arguments import checked
 from mrwork.errors import MrworkError, RecordError, SettingError, UnitError
 from mrwork.records.column_names import (
     QUANTITIES,
+    Missing,
+    ReadColumn,
     TestQuantity,
+    column_option,
     is_plain,
     is_second_choice,
+    no_numbers,
     scalar_unit_in_name,
+    suggested_options,
     unit_at_end,
     unit_in_name,
     without_unit,
-)
-from mrwork.records.column_suggestions import (
-    Missing,
-    ReadColumn,
-    column_option,
-    no_numbers,
-    suggested_options,
 )
 from mrwork.records.command_signal import LARGEST_COMMAND, impossible_command
 from mrwork.summary import listed

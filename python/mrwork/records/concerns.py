@@ -7,8 +7,7 @@ from dataclasses import replace
 from typing import Final, Literal, get_args
 
 from mrwork.records.damper_test import DamperTest, Finding
-from mrwork.records.detectors.labels import mislabelled
-from mrwork.records.detectors.repeats import repeated_records
+from mrwork.records.detectors.labels import mislabelled, repeated_records
 from mrwork.records.findings import SharedFinding, gathered_findings
 from mrwork.records.repairs import REPAIR_KINDS
 

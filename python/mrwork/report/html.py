@@ -11,7 +11,7 @@ from markupsafe import Markup
 
 from mrwork.arguments import checked
 from mrwork.escaping import escaped_lines
-from mrwork.report import font, style
+from mrwork.report import style
 from mrwork.report.typeset import breakable, coded, symbol
 
 # Stroke width and dash pattern of the lines a key can show.
@@ -60,7 +60,7 @@ def _styles() -> str:
         "fonts": ", ".join(f'"{name}"' for name in style.PAGE_FONTS) + ", sans-serif",
     }
     variables = "".join(f"--{name}: {value};" for name, value in colours.items())
-    return f"{font.font_faces()}:root {{{variables}}}\n{_resource('report.css')}"
+    return f"{style.font_faces()}:root {{{variables}}}\n{_resource('report.css')}"
 
 
 def _resource(name: str) -> str:

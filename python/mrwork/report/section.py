@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -10,9 +10,29 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from mrwork.arguments import checked
+from mrwork.report.comparison import Comparison
 from mrwork.report.numbers import fixed
 from mrwork.report.svg import inline_svg
+from mrwork.stored import StoredRun
 from mrwork.summary import Summarised
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PageProgress:
+    """Parts of a page, or figure files, that are `done` of `total`, and the next `task` in words."""
+
+    done: int
+    total: int
+    task: str
+
+
+OnDrawn = Callable[[PageProgress], None]
+"""Receives the progress of a page."""
+
+
+def unobserved(_: PageProgress) -> None:
+    """Ignore progress."""
+
 
 Layout = Literal["columns", "small", "whole"]
 """Layout of figures: two in a row, four small ones in a row, or one at its natural width, scrolled sideways."""
@@ -118,3 +138,15 @@ def panel(identifier: str, title: str, figure: Figure, description: str, note: s
     svg = inline_svg(figure, identifier=identifier, description=description)
     width = round(_PIXELS_PER_INCH * figure.get_figwidth())
     return Panel(title=title, svg=Markup(svg), note=note, width=width)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SectionKind:
+    """A section as `page.SECTIONS` lists it.
+
+    `make` returns the section of a run and of its fit's tests, or `None` where the run has no data for it; the page
+    then shows `absent`, which names the command that adds it.
+    """
+
+    make: Callable[[StoredRun, Sequence[Comparison]], Section | None]
+    absent: Absent | None = None

@@ -3,7 +3,7 @@
 The file of a type is defined beside the type.
 """
 
-from mrwork.store.fingerprint import digest_of
+from mrwork.store.codec import digest_of
 from mrwork.store.journal import Counters, Journal
 
 __all__ = ["Counters", "Journal", "digest_of"]

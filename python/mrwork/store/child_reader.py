@@ -25,8 +25,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.errors import LibraryError
-from mrwork.store.allowance import allowed
 from mrwork.store.child_program import NO_MEMORY
+from mrwork.store.input_file import allowed
 from mrwork.values import holds_arrays
 
 Format = Literal["hdf5", "parquet", "xlsx"]

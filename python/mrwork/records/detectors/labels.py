@@ -15,7 +15,26 @@ from mrwork.arguments import checked
 from mrwork.records.checks import mean_over_travel
 from mrwork.records.damper_test import DamperTest, Finding, Measured
 from mrwork.records.motion import motion_of
+from mrwork.summary import listed
 from mrwork.values import holds_arrays
+
+
+def repeated_records(tests: Sequence[DamperTest]) -> tuple[Finding, ...]:
+    """Warn of records that are the same byte for byte, such as copies under two names."""
+    copies: dict[str, list[str]] = defaultdict(list)
+    for test in tests:
+        if test.sha256:
+            copies[test.sha256].append(test.label)
+    return tuple(
+        Finding.warning(
+            "record_repeated",
+            f"{listed(labels)} are the same record, byte for byte, which counts {len(labels)} times",
+            action="give it once",
+        )
+        for labels in copies.values()
+        if len(labels) > 1
+    )
+
 
 _FEWEST_ALIKE: Final = 3
 # Pairs of peak velocities with a smaller logarithmic distance are too noisy for the slope.

@@ -20,8 +20,7 @@ from numpy.typing import NDArray
 from mrwork.errors import RecordError
 from mrwork.records.formats.hdf5 import hdf5_variables
 from mrwork.records.table import ColumnTable, VectorTable, unused_parts
-from mrwork.store.allowance import LEAST, Allowance
-from mrwork.store.input_file import RECORD, bytes_of
+from mrwork.store.input_file import LEAST, RECORD, Allowance, bytes_of
 
 _HDF5: Final = b"\x89HDF"
 # Bytes that matrices may take in all, also of a small file: three sparse ones of a building with 4096 coordinates.

@@ -13,8 +13,7 @@ from mrwork.records.damper_test import DamperTest
 from mrwork.records.motion import half_cycle_ends
 from mrwork.report import numbers
 from mrwork.report.comparison import Comparison
-from mrwork.report.fit.kind import SectionKind
-from mrwork.report.section import Group, Section, Table, table
+from mrwork.report.section import Group, Section, SectionKind, Table, table
 from mrwork.values import holds_arrays
 
 Array = NDArray[np.float64]

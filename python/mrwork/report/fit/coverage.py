@@ -12,9 +12,8 @@ from mrwork.records import DamperTest
 from mrwork.report import numbers, style
 from mrwork.report.canvas import column_axes, draw_points, room_for
 from mrwork.report.comparison import Comparison
-from mrwork.report.fit.kind import SectionKind
 from mrwork.report.numbers import percent
-from mrwork.report.section import Absent, Group, Section, Table, panel, table
+from mrwork.report.section import Absent, Group, Section, SectionKind, Table, panel, table
 from mrwork.stored import StoredRun
 from mrwork.uncertainty.bands.calibration_files import StoredBands
 from mrwork.uncertainty.bands.conformal import LEVELS, LeftOutCoverage

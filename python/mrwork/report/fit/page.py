@@ -4,40 +4,45 @@ from __future__ import annotations
 
 import itertools
 import math
+import re
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 from markupsafe import Markup
+from matplotlib.figure import Figure
 
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import reopen
 from mrwork.identification.result import free_run
 from mrwork.records import DamperTest
-from mrwork.report import numbers
+from mrwork.report import figures, numbers
 from mrwork.report.comparison import Comparison
-from mrwork.report.fit.agreement import agreement_rows, blocks_of_tests, checked
+from mrwork.report.fit.agreement import (
+    agreement_rows,
+    blocks_of_tests,
+    checked,
+    drawn_in_full,
+    has_small_loops,
+    overview,
+)
 from mrwork.report.fit.amplitudes import AMPLITUDES
 from mrwork.report.fit.bands import BANDS
 from mrwork.report.fit.coverage import COVERAGE
-from mrwork.report.fit.identifiability import IDENTIFIABILITY
-from mrwork.report.fit.kind import SectionKind
-from mrwork.report.fit.laws import LAWS
-from mrwork.report.fit.overview import drawn_in_full, has_small_loops, overview
-from mrwork.report.fit.parameters import caution, parameter_rows
-from mrwork.report.fit.plan import PLAN
+from mrwork.report.fit.parameters import IDENTIFIABILITY, LAWS, TESTED_RANGE, caution, parameter_rows
+from mrwork.report.fit.plan import PLAN, plan_figure
 from mrwork.report.fit.posterior import POSTERIOR
-from mrwork.report.fit.profiles import PROFILES
-from mrwork.report.fit.ranking import RANKING
+from mrwork.report.fit.profiles import PROFILES, profiles_figure
+from mrwork.report.fit.ranking import RANKING, ranking_figure
 from mrwork.report.fit.residuals import RESIDUALS
-from mrwork.report.fit.search import search_facts, search_panels
-from mrwork.report.fit.tested_range import TESTED_RANGE
+from mrwork.report.fit.search import search_facts, search_figure, search_panels
 from mrwork.report.html import filled_in
-from mrwork.report.progress import OnDrawn, PageProgress, unobserved
-from mrwork.report.section import Absent, Section
+from mrwork.report.section import Absent, OnDrawn, PageProgress, Section, SectionKind, unobserved
+from mrwork.report.svg import png_bytes, svg_bytes
 from mrwork.report.typeset import equation_html
 from mrwork.store.output_file import write_files
-from mrwork.store.run_folder import REPORT
+from mrwork.store.run_folder import FIGURES, REPORT
 from mrwork.stored import StoredRun, with_additions
 from mrwork.uncertainty.identifiability.verdicts import identifiability_of
 
@@ -281,3 +286,49 @@ def _shortened(parts: list[str], separator: str) -> str:
     if len(parts) <= _SETTINGS_SHOWN:
         return separator.join(parts)
     return f"{separator.join(parts[:_SETTINGS_SHOWN])} and {len(parts) - _SETTINGS_SHOWN} more"
+
+
+def write_figures(
+    run: StoredRun, comparisons: Sequence[Comparison], *, on_progress: OnDrawn = unobserved
+) -> tuple[str, ...]:
+    """Write every figure of a run as an SVG and a PNG file into its folder; return their names without suffix.
+
+    Raises
+    ------
+    OutputError
+        Where a file cannot be written; earlier figures stay.
+    """
+    drawn = run_figures(run, comparisons)
+    for number, (name, draw) in enumerate(drawn.items()):
+        on_progress(PageProgress(done=number, total=len(drawn), task=f"figure {name}"))
+        figure = draw()
+        write_files(
+            run.place,
+            {f"{FIGURES}/{name}.svg": svg_bytes(figure), f"{FIGURES}/{name}.png": png_bytes(figure)},
+        )
+    return tuple(drawn)
+
+
+def run_figures(run: StoredRun, comparisons: Sequence[Comparison]) -> dict[str, Callable[[], Figure]]:
+    """Functions that draw the figures of a run, by name of file; of several tests the name starts with the test's."""
+    unit = figures.common_force_unit(comparisons)
+    drawn: dict[str, Callable[[], Figure]] = {"convergence": partial(search_figure, run.fit)}
+    for number, comparison in enumerate(comparisons, start=1):
+        test = comparison.test
+        prefix = "" if len(comparisons) == 1 else f"{number:02d}_{_file_stem(test.name)}_"
+        drawn[f"{prefix}force_history"] = partial(figures.force_history, comparison, unit)
+        drawn[f"{prefix}hysteresis_loops"] = partial(figures.hysteresis_loops, comparison, unit)
+        if test.original is not None:
+            drawn[f"{prefix}repair"] = partial(figures.repair_panel, test, test.original, unit)
+    if run.profiles is not None:
+        drawn["profiles"] = partial(profiles_figure, run.profiles)
+    if run.ranking is not None:
+        drawn["ranking"] = partial(ranking_figure, run.ranking)
+    if run.plan is not None:
+        current = run.fit.spec.current
+        drawn["plan"] = partial(plan_figure, run.plan.plan, None if current is None else current.unit)
+    return drawn
+
+
+def _file_stem(name: str) -> str:
+    return re.sub(r"[^A-Za-z0-9.-]+", "_", name).strip("._") or "test"

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import get_args
 
-from mrwork.identification.fit import Estimate, Fit, Intervals
+from mrwork.identification.fit import Direction, Estimate, Fit, Identifiability, Intervals, VerdictName
 from mrwork.report import numbers
+from mrwork.report.comparison import Comparison
+from mrwork.report.section import Absent, Group, Section, SectionKind, Table, table
+from mrwork.stored import StoredRun
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -119,3 +123,149 @@ def _aligned(texts: Sequence[str]) -> list[Aligned]:
     parts = [numbers.at_point(text) for text in texts]
     width = max((len(tail) for _, tail in parts), default=0)
     return [Aligned(head=head, tail=tail, width=width) for head, tail in parts]
+
+
+def _laws_section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
+    """The sentence and the table of a choice, and how its numbers are defined."""
+    laws = run.laws
+    if laws is None:
+        return None
+    chosen = laws.chosen
+    columns: tuple[str, ...] = ("Laws", "Parameters", "Fit %", "Left-out fit %", "Median", "Worst", "Remark")
+    rows = tuple((each.in_words, *each.cells[:-1]) for each in laws.tried)
+    words: tuple[int, ...] = (6,)
+    in_words = chosen.in_words
+    if laws.is_of_several:
+        columns = ("Model", *columns)
+        rows = tuple((each.model, *row) for each, row in zip(laws.tried, rows, strict=True))
+        words = (1, 7)
+        in_words = f"{laws.model}, {in_words}"
+    return Section(
+        anchor="laws",
+        title="Choice of current laws",
+        summary=f"Choice of laws: {in_words}, of {len(laws.tried)} sets of laws; left-out fit "
+        f"{chosen.left_out_percent:.2f} %.",
+        groups=(
+            Group(
+                prose=(laws.sentence, *(f"{note}." for note in laws.notes)),
+                table=table(label="Laws that were tried", columns=columns, words=words, rows=rows),
+                points=laws.definitions,
+            ),
+        ),
+    )
+
+
+LAWS = SectionKind(
+    make=_laws_section,
+    absent=Absent(
+        title="Choice of current laws",
+        command="mrwork identify TESTS --law auto",
+        description="chooses which parameters follow the command, and by which law, by predictions of tests left out, "
+        "and writes a run folder of its own.",
+    ),
+)
+
+
+_ADVICE: dict[VerdictName, str] = {
+    "weakly identifiable": "Quote a weakly identifiable parameter with its interval only.",
+    "sign unknown": "Of a parameter of unknown sign not even the direction of its force is known: fix it at zero if it "
+    "may be left out.",
+    "negligible": "A negligible parameter hardly changes the force: fix it at zero.",
+    "not identifiable": "Do not use the value of a parameter that is not identifiable. Fix it at a known value, choose "
+    "a model without it, or add a test in which it has an effect.",
+}
+"""What to do with a parameter, by its verdict."""
+
+
+def _identifiability_section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
+    """Verdict per parameter, and the directions in parameter space that change no force."""
+    found = run.fit.identifiability
+    if found is None:
+        return None
+    judged = {each.name: run.fit.verdict_on(each.name) for each in found.verdicts}
+    points = tuple(_sentence(each) for each in found.informative)
+    return Section(
+        anchor="identifiability",
+        title="Identifiability",
+        summary=_summary(judged),
+        groups=(Group(prose=_prose(run.fit, found, judged), table=_table(judged), points=points),),
+    )
+
+
+def _summary(judged: Mapping[str, tuple[str, str]]) -> str:
+    names = {
+        word: [name for name, (verdict, _) in judged.items() if verdict == word]
+        for word in get_args(VerdictName)
+    }
+    certain = names.pop("identifiable")
+    parts = [f"{len(certain)} of {len(judged)} parameters are identifiable"]
+    parts += [f"{word}: {', '.join(those)}" for word, those in names.items() if those]
+    return f"Identifiability: {'; '.join(parts)}."
+
+
+def _prose(fit: Fit, found: Identifiability, judged: Mapping[str, tuple[str, str]]) -> tuple[str, ...]:
+    effective = numbers.fixed(found.n_effective, 0)
+    counted = (
+        f"The {numbers.fixed(found.n_time, 0)} residuals count as {effective} effective samples, because they are "
+        "correlated."
+    )
+    if fit.intervals is None:
+        basis = (
+            "The verdicts follow from the standard errors, which take the force to be linear in the parameters over "
+            "that range; profiles and posterior draws do not."
+        )
+    else:
+        basis = (
+            f"The verdicts follow from the {fit.intervals.heading}s, the directions below from the derivatives at the "
+            "fit."
+        )
+    words = {verdict for verdict, _ in judged.values()}
+    advice = [_ADVICE[word] for word in get_args(VerdictName) if word in _ADVICE and word in words]
+    return tuple(filter(None, (f"{counted} {basis}", " ".join(advice))))
+
+
+def _sentence(direction: Direction) -> str:
+    """The sentence of a direction, capitalised unless it starts with the name of a parameter."""
+    sentence = direction.sentence
+    return f"{sentence if direction.starts_with_name else sentence[0].upper() + sentence[1:]}."
+
+
+def _table(judged: Mapping[str, tuple[str, str]]) -> Table:
+    return table(
+        label="Identifiability of each parameter",
+        columns=("Parameter", "Verdict", "Reason"),
+        words=(1, 2),
+        rows=tuple((name, *words) for name, words in judged.items()),
+    )
+
+
+IDENTIFIABILITY = SectionKind(make=_identifiability_section)
+
+
+def _range_section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
+    """The table of ranges; none for a fit of an earlier version whose tests could not be read."""
+    tested = run.fit.tested
+    if tested is None:
+        return None
+    return Section(
+        anchor="tested",
+        title="Tested range",
+        summary=f"Tested range: {tested.in_words}.",
+        groups=(
+            Group(
+                table=Table(
+                    label="Ranges of the tests",
+                    columns=("Quantity", "Tested"),
+                    rows=tuple((name[:1].upper() + name[1:], span) for name, span in tested.rows()),
+                    words=(1,),
+                    note="The stroke is half the peak-to-peak displacement; velocity and force are peaks; the mean "
+                    "power is the largest dissipated by a test; the frequency is that of the cycles. `mrwork predict` "
+                    "and `mrwork respond` say where the damper is used outside these ranges.",
+                )
+            ),
+        ),
+    )
+
+
+TESTED_RANGE = SectionKind(make=_range_section)
+"""The ranges in which the damper was tested."""

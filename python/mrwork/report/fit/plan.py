@@ -12,8 +12,7 @@ from matplotlib.figure import Figure
 from mrwork.report import numbers, style
 from mrwork.report.canvas import grid_of_axes, name_ordinate
 from mrwork.report.comparison import Comparison
-from mrwork.report.fit.kind import SectionKind
-from mrwork.report.section import Absent, Group, Section, panel, table
+from mrwork.report.section import Absent, Group, Section, SectionKind, panel, table
 from mrwork.stored import StoredRun
 from mrwork.uncertainty.planning.plan import Gain, Plan
 from mrwork.units import CommandUnit

@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 from mrwork.report import numbers, style
 from mrwork.report.canvas import axes_between, name_small_axes, plain_ticks, small_axes
 from mrwork.report.comparison import Comparison
-from mrwork.report.fit.kind import SectionKind
 from mrwork.report.fit.parameters import shown_unit
-from mrwork.report.section import Absent, Group, Section, Table, panel, table
+from mrwork.report.section import Absent, Group, Section, SectionKind, Table, panel, table
 from mrwork.stored import StoredRun
 from mrwork.uncertainty.posterior.draws import LARGEST_RHAT, LEAST_ESS, Draws, DrawsStatus
 

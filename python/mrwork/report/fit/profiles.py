@@ -13,10 +13,9 @@ from numpy.typing import NDArray
 from mrwork.report import numbers, style
 from mrwork.report.canvas import SMALL_WIDTH, grid_of_axes, plain_ticks, small_axes
 from mrwork.report.comparison import Comparison
-from mrwork.report.fit.kind import SectionKind
 from mrwork.report.fit.parameters import shown_unit
 from mrwork.report.numbers import shortest
-from mrwork.report.section import Absent, Group, Panel, Section, Table, panel, table
+from mrwork.report.section import Absent, Group, Panel, Section, SectionKind, Table, panel, table
 from mrwork.stored import StoredRun
 from mrwork.uncertainty.identifiability.profile import Profile, Profiles
 

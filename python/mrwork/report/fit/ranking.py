@@ -12,9 +12,8 @@ from matplotlib.ticker import MaxNLocator
 from mrwork.report import numbers, style
 from mrwork.report.canvas import blank, name_ordinate, room_for
 from mrwork.report.comparison import Comparison
-from mrwork.report.fit.kind import SectionKind
 from mrwork.report.ranking_rows import HEADINGS, ranking_rows
-from mrwork.report.section import Absent, Group, Section, panel, table
+from mrwork.report.section import Absent, Group, Section, SectionKind, panel, table
 from mrwork.stored import StoredRun
 from mrwork.uncertainty.choice.ranking import Ranking, Standing
 

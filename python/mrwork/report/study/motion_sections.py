@@ -12,7 +12,7 @@ from mrwork.report.canvas import column_axes, room_for
 from mrwork.report.numbers import fixed, significant
 from mrwork.report.section import NOTHING, Group, Section, Table, panel
 from mrwork.report.study.figures import short, strokes
-from mrwork.report.study.shown_rows import ShownRows
+from mrwork.report.study.tables import ShownRows
 from mrwork.study.comparison import (
     StudyComparison,
     chosen_in_words,

@@ -5,22 +5,27 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from mrwork.closed_loop.evaluation import criterion
+import numpy as np
+
+from mrwork.closed_loop.evaluation import SCORE, criterion, ratio
+from mrwork.records.operating_range import OperatingRange, covering
 from mrwork.report.html import filled_in
-from mrwork.report.numbers import MINUS, fixed
-from mrwork.report.section import Group, Section
-from mrwork.report.study.comparison_tables import change_table, leading_table, signed_percent
-from mrwork.report.study.criteria_tables import overview_table, ratio_table, value_table
-from mrwork.report.study.history_sections import ReadHistory, device_section, history_section
+from mrwork.report.numbers import MINUS, fixed, significant
+from mrwork.report.section import NOTHING, Group, Section, Table, panel
+from mrwork.report.study.figures import energy_figure, profile_figure
+from mrwork.report.study.histories import ReadHistory, device_section, history_section
 from mrwork.report.study.motion_sections import motion_section, spread_section
-from mrwork.report.study.sections import (
-    demand_section,
-    energy_section,
-    profile_section,
-    step_section,
-    uncertainty_section,
+from mrwork.report.study.tables import (
+    ShownRows,
+    change_table,
+    leading_table,
+    overview_table,
+    ratio_table,
+    shown_rows,
+    signed_percent,
+    value_table,
 )
-from mrwork.report.study.shown_rows import ShownRows, shown_rows
+from mrwork.study.batches import BAND, RealisationBand
 from mrwork.study.comparison import (
     ADD_BEST_PASSIVE,
     MOST_IN_DETAIL,
@@ -28,7 +33,220 @@ from mrwork.study.comparison import (
     compared,
     judged_in_words,
 )
-from mrwork.study.results import OFF_BALANCE, StudyResults
+from mrwork.study.results import OFF_BALANCE, ON_OFF, StudyResults, largest_step_changes
+
+_QUANTITIES = (("peak_drift", "Peak drift"), ("peak_acceleration", "Peak acceleration"))
+
+
+def profile_section(results: StudyResults, detailed: int, shown: ShownRows) -> Section:
+    """Peak drift and acceleration over the height: of the motion of the time histories, and of others if few."""
+    others = range(len(results.motions)) if len(results.motions) <= MOST_IN_DETAIL else ()
+    order = [detailed, *(number for number in others if number != detailed)]
+    groups = tuple(
+        Group(
+            title=results.motions[motion].name,
+            synthetic=results.motions[motion].synthetic,
+            panels=tuple(
+                panel(
+                    f"profile-{motion}-{quantity.replace('_', '-')}",
+                    title,
+                    profile_figure(results, motion, quantity, shown.drawn),
+                    f"{title} of each storey or floor under {results.motions[motion].name}, for {len(shown.drawn)} "
+                    "arrangements",
+                )
+                for quantity, title in _QUANTITIES
+            ),
+        )
+        for motion in order
+        if results.finished(motion)
+    )
+    return Section(
+        anchor="profiles",
+        title="Storey profiles",
+        summary=f"peak drift and absolute acceleration over the height, for {_drawn_in_words(results, shown)}.",
+        groups=groups,
+    )
+
+
+def energy_section(results: StudyResults, motion: int, shown: ShownRows) -> Section | None:
+    """Distribution of the input energy, and the error of its balance."""
+    if not results.finished(motion):
+        return None
+    name = results.motions[motion].name
+    return Section(
+        anchor="energy",
+        title="Energy",
+        summary=_balance_in_words(results),
+        groups=(
+            Group(
+                title=name,
+                synthetic=results.motions[motion].synthetic,
+                panels=(
+                    panel(
+                        "energy",
+                        "Energy at the end of the motion",
+                        energy_figure(results, motion, shown.drawn),
+                        f"Energy dissipated by dampers and structure under {name}, for "
+                        f"{_drawn_in_words(results, shown)}",
+                    ),
+                ),
+            ),
+            Group(title="Balance", table=_balance_table(results, shown.listed)),
+        ),
+    )
+
+
+def _drawn_in_words(results: StudyResults, shown: ShownRows) -> str:
+    count, total = len(shown.drawn), len(results.rows)
+    return "every arrangement" if count == total else f"{count} of {total} arrangements"
+
+
+def demand_section(results: StudyResults) -> Section | None:
+    """The largest demand of all runs on one damper at each place, and the ranges it was tested in."""
+    demands = [each for key in results.runs for each in results.demands(*key)]
+    if not demands:
+        return None
+    columns = ("stroke", "velocity", "frequency", "command", "force", "mean power")
+
+    def row(label: str, shown: OperatingRange | None) -> tuple[str, ...]:
+        spans = {} if shown is None else dict(shown.rows())
+        return (label, *(spans.get(name, NOTHING) for name in columns))
+
+    rows = []
+    for device in results.devices:
+        rows += [
+            row(device.name, covering([each.demand for each in demands if each.device == device.name])),
+            row("tested", device.tested),
+        ]
+    outside = sorted({name for each in demands for name in each.outside.names})
+    known = any(each.outside.known for each in demands)
+    summary = f"outside the tested range in {', '.join(outside)}." if outside else "within the tested range."
+    return Section(
+        anchor="demand",
+        title="Demand on the dampers",
+        summary=summary if known else "the tested ranges of these dampers are not known.",
+        groups=(
+            Group(
+                table=Table(
+                    label="Largest demand on one damper, and the range it was tested in",
+                    columns=("", *(name[:1].upper() + name[1:] for name in columns)),
+                    rows=tuple(rows),
+                    words=tuple(range(1, 1 + len(columns))),
+                    note="Of all runs. Stroke, velocity and force are peaks, the power is the mean over the motion. "
+                    "The frequency is that of a sinusoid with the peak velocity and the peak stroke of a run.",
+                )
+            ),
+        ),
+    )
+
+
+def _balance_table(results: StudyResults, listed: Sequence[int]) -> Table:
+    rows = []
+    for number in listed:
+        row = results.rows[number]
+        runs = [results.runs.get((number, motion)) for motion in range(len(results.motions))]
+        done = [run for run in runs if run is not None and run.finished]
+        if not done:
+            continue
+        spent = ratio(
+            np.array([np.sum(run.device_energy) for run in done]),
+            np.array([run.input_energy for run in done]),
+        )
+        rows.append(
+            (
+                row.label,
+                fixed(100.0 * float(np.mean(spent)), 1),
+                significant(max(run.energy_error for run in done), 2),
+                fixed(max(run.steps for run in done), 0),
+            )
+        )
+    return Table(
+        label="Balance of energy",
+        columns=("", "Dissipated by dampers (%)", "Largest error of balance", "Most steps per sample"),
+        rows=tuple(rows),
+        note="Input = kinetic + strain + structural damping + dampers, integrated with the same stages as the motion. "
+        "The error is the imbalance over the largest energy, the largest of all motions.",
+    )
+
+
+def _balance_in_words(results: StudyResults) -> str:
+    errors = [run.energy_error for run in results.runs.values() if run.finished]
+    if not errors:
+        return "no run finished."
+    return f"the largest error of the energy balance is {significant(max(errors), 2)} of the largest energy."
+
+
+def step_section(results: StudyResults, shown: ShownRows) -> Section | None:
+    """The largest change of each row; `None` if the step was not checked."""
+    changes = largest_step_changes(results)
+    if not changes:
+        return None
+    compared = [each for each in changes if each.criterion]
+    summary = "no runs can be compared."
+    if compared:
+        worst = max(compared, key=lambda each: each.change)
+        summary = (
+            f"half the step changes no criterion by more than {significant(worst.change, 2)} of its value, that of "
+            f"{results.rows[worst.row].label}."
+        )
+    return Section(
+        anchor="step",
+        title="Half the step",
+        summary=summary,
+        groups=(
+            Group(
+                table=Table(
+                    label="Largest change of a criterion with half the step",
+                    columns=("", "Largest change", "Criterion, motion"),
+                    rows=tuple(
+                        (
+                            results.rows[each.row].label,
+                            significant(each.change if each.criterion else None, 2),
+                            each.in_words(results),
+                        )
+                        for each in changes
+                        if each.row in shown.listed
+                    ),
+                    words=(2,),
+                    note=f"Every run was repeated with half its integration step; changes are relative to the value. "
+                    f"{ON_OFF}",
+                )
+            ),
+        ),
+    )
+
+
+def uncertainty_section(results: StudyResults, shown: ShownRows) -> Section | None:
+    """Bands of score and ratios over the realisations of the study, if it has any."""
+    varied = results.varied
+    if varied is None or not varied.rows:
+        return None
+    off = results.row_of("passive_off")
+    rows = []
+    for number in shown.listed:
+        row = results.rows[number]
+        bands = [varied.score_band(number, off, results.judged)]
+        bands += [varied.ratio_band(number, off, results.judged, name) for name in SCORE]
+        rows.append((row.label, *map(_band, bands)))
+    table = Table(
+        label="Bands over realisations",
+        columns=("", "Score", *(criterion(name).short for name in SCORE)),
+        rows=tuple(rows),
+        note=f"Median, and the ends between which {BAND:.0%} of the {varied.count} realisations lie; each number is a "
+        "mean over the motions, over i = 0 in the same realisation. All rows have the same realisations; the laws are "
+        "those of the nominal study.",
+    )
+    summary = f"{varied.count} realisations of what is not known exactly."
+    return Section(anchor="bands", title="Under uncertainty", summary=summary, groups=(Group(table=table),))
+
+
+def _band(band: RealisationBand | None) -> str:
+    return (
+        NOTHING
+        if band is None
+        else f"{fixed(band.median, 3)} ({fixed(band.lower, 3)}–{fixed(band.upper, 3)})"
+    )
+
 
 # Quantities of the headline; the section of changes has all of them.
 _HEADLINE = ("peak_drift", "peak_acceleration", "peak_base_shear")

@@ -21,8 +21,7 @@ from mrwork.records.command_signal import Command
 from mrwork.records.damper_test import frozen
 from mrwork.records.likeness import alike_groups
 from mrwork.store.arrays_file import finite_numbers, read_arrays
-from mrwork.store.codec import json_document
-from mrwork.store.fingerprint import digest_of
+from mrwork.store.codec import digest_of, json_document
 from mrwork.store.input_file import is_there, stored, text_of
 from mrwork.store.output_file import write_files
 from mrwork.store.record import parsed, read_document, record_of

@@ -30,8 +30,7 @@ from mrwork.identification.fit import Fit, Provenance
 from mrwork.identification.problem import Problem
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
-from mrwork.store.codec import array_of
-from mrwork.store.fingerprint import digest_of, package_version
+from mrwork.store.codec import array_of, digest_of, package_version
 from mrwork.store.journal import Journal
 from mrwork.summary import Summarised
 from mrwork.uncertainty.identifiability.verdicts import Scale

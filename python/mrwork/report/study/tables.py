@@ -1,0 +1,356 @@
+"""Rows that the page of a study shows: all of few, the best of many.
+
+Tables and figures of hundreds of rows cannot be read, and take minutes to draw; `criteria.csv` and `results.json` have
+every row.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+
+from mrwork.closed_loop.evaluation import Criterion, criterion
+from mrwork.report.numbers import fixed, significant
+from mrwork.report.section import NOTHING, Table
+from mrwork.study.comparison import (
+    LAWS,
+    RANKS,
+    QuantityChange,
+    StudyComparison,
+    compared_quantities,
+    judged_in_words,
+    rounds_to_increase,
+)
+from mrwork.study.results import StudyCriteria, StudyResults
+from mrwork.study.study import Kind
+
+MOST_LISTED = 60
+"""Most rows of a table."""
+
+MOST_DRAWN = 24
+"""Most rows of a figure, as many as there are lines that can be told apart, and most rows with histories."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ShownRows:
+    """Indices of the rows in tables, in figures, and in histories, each in the order of the study.
+
+    `in_words` says which rows these are, empty where all rows are shown.
+    """
+
+    listed: tuple[int, ...]
+    drawn: tuple[int, ...]
+    with_histories: tuple[int, ...]
+    in_words: str
+
+
+def shown_rows(comparison: StudyComparison, chosen: Collection[int]) -> ShownRows:
+    """The rows that a page shows; of the histories, those among the `chosen` ones."""
+    total = len(comparison.results.rows)
+    listed, drawn = (
+        _best_rows(comparison, range(total), MOST_LISTED),
+        _best_rows(comparison, range(total), MOST_DRAWN),
+    )
+    with_histories = _best_rows(comparison, chosen, MOST_DRAWN)
+    sentences = []
+    if len(listed) < total:
+        sentences.append(f"tables show {len(listed)} of {total} arrangements, and mark the best of these")
+    if len(drawn) < total:
+        sentences.append(f"figures show {len(drawn)} of {total}")
+    if len(with_histories) < len(chosen):
+        sentences.append(f"histories are drawn of {len(with_histories)} of {len(chosen)}")
+    text = ", ".join(sentences)
+    return ShownRows(
+        listed=listed,
+        drawn=drawn,
+        with_histories=with_histories,
+        in_words=""
+        if not text
+        else f"{text[:1].upper()}{text[1:]}: the references, the best of each kind, and then the lowest scores, "
+        "control laws first. All numbers are in `criteria.csv` and `results.json`; `controllers` of `[report]` chooses "
+        "other histories.",
+    )
+
+
+def _best_rows(comparison: StudyComparison, among: Collection[int], most: int) -> tuple[int, ...]:
+    """All of few rows; of more, the references, the first of each rank, and then the others from rank to rank."""
+    if len(among) <= most:
+        return tuple(among)
+    rows = set(among)
+    off = comparison.results.row_of("passive_off")
+    order = dict.fromkeys(
+        [
+            *comparison.references,
+            *([] if off is None else [off]),
+            *(ranked[0] for _, ranked in comparison.ranks),
+            *(row for _, ranked in comparison.ranks for row in ranked),
+        ]
+    )
+    return tuple(sorted([row for row in order if row in rows][:most]))
+
+
+# Criterion, its name in a narrow column, displayed unit, and factor to that unit.
+_MILLIMETRE, _KILONEWTON = ("mm", 1e3), ("kN", 1e-3)
+_ACCELERATION = ("m/s²", 1.0)
+_VALUES = (
+    ("peak_drift", "Drift", *_MILLIMETRE),
+    ("peak_acceleration", "Acceleration", *_ACCELERATION),
+    ("peak_base_shear", "Base shear", *_KILONEWTON),
+    ("rms_drift", "RMS drift", *_MILLIMETRE),
+    ("rms_acceleration", "RMS acc.", *_ACCELERATION),
+    ("peak_force", "Force", *_KILONEWTON),
+    ("peak_stroke", "Stroke", *_MILLIMETRE),
+    ("rms_current", "RMS", "", 1.0),
+)
+_RATIOS = ("peak_drift", "peak_acceleration", "peak_base_shear", "rms_drift", "rms_acceleration")
+_AGAINST: tuple[Kind, ...] = ("uncontrolled", "passive_off")
+_DECIMALS = 3
+
+
+def overview_table(comparison: StudyComparison, shown: Collection[int]) -> Table:
+    """The score, and the mean of each ratio over the motions, the rows of each rank together."""
+    results = comparison.results
+    ranks = [
+        (rank, found) for rank, rows in comparison.ranks if (found := [row for row in rows if row in shown])
+    ]
+    order = [row for _, rows in ranks for row in rows]
+    columns = [[results.score(row) for row in order], *_ratio_columns(results, order, results.judged)]
+    return _ratio_table(
+        results,
+        order,
+        columns,
+        label=f"Score and mean ratios over {judged_in_words(results)}",
+        first=("Score",),
+        headings={order.index(rows[0]): rank.title for rank, rows in ranks},
+        note="The score is our own: the mean over the motions of peak and RMS drift and acceleration, each over "
+        "its value with the dampers without a command. A low score may hide a quantity that became worse: see the "
+        "changes. Ratios are means over the motions. Control laws, passive dampers and other devices are ranked apart, "
+        "and the best of each column is bold in each."
+        + "".join(f" {rank.note}" for rank, _ in ranks if rank.note),
+    )
+
+
+def ratio_table(results: StudyResults, motion: int, rows: Sequence[int]) -> Table:
+    """The ratios under one motion."""
+    columns = _ratio_columns(results, rows, (motion,))
+    return _ratio_table(
+        results, rows, columns, label=f"Ratios under {results.motions[motion].name}", first=(), note=""
+    )
+
+
+def _ratio_columns(results: StudyCriteria, rows: Sequence[int], motions: Sequence[int]) -> list[list[float]]:
+    """A column for each reference and ratio: its mean over the motions for each row."""
+    columns: list[list[float]] = []
+    for against in _AGAINST:
+        found = [[results.ratios(row, motion, against) for motion in motions] for row in rows]
+        columns += [[float(np.mean([each[name] for each in of_row])) for of_row in found] for name in _RATIOS]
+    return columns
+
+
+def value_table(results: StudyResults, motions: Sequence[int], rows: Sequence[int]) -> Table:
+    """The criteria themselves under one motion, or their medians over several."""
+    unit = results.command_unit
+    several, under = len(motions) > 1, results.motions[motions[0]].name
+    cells: list[tuple[str, ...]] = []
+    columns: list[list[float]] = []
+    found = [[_values(results, row, motion) for motion in motions] for row in rows]
+    for name, _, _, factor in _VALUES:
+        numbers = [factor * float(np.median([each[name] for each in of_row])) for of_row in found]
+        columns.append(numbers)
+        cells.append(tuple(significant(number, 3) for number in numbers))
+    drive = f"RMS {'current' if unit == 'A' else 'voltage'} ({unit})"
+    heads = tuple(f"{head} ({shown})" if shown else drive for _, head, shown, _ in _VALUES)
+    return Table(
+        label=f"Criteria{f', median of {len(motions)} motions' if several else f' under {under}'}",
+        columns=("", *heads),
+        rows=tuple(
+            (results.rows[row].label, *(column[place] for column in cells)) for place, row in enumerate(rows)
+        ),
+        strong=_best(results, rows, columns[:5]),
+        note="Peaks unless stated otherwise, of the worst floor, storey or damper. The best control law and the best "
+        "passive damper of each column are bold.",
+    )
+
+
+def _values(results: StudyResults, row: int, motion: int) -> dict[str, float]:
+    """The criteria; NaN if the run did not finish, or has nothing of a quantity: no dampers, no stroke."""
+    found = results.criteria(row, motion)
+    if found is None:
+        return {name: math.nan for name, *_ in _VALUES}
+    run = results.runs[row, motion]
+    return {
+        name: found[name] if np.size(getattr(run, criterion(name).quantity)) else math.nan
+        for name, *_ in _VALUES
+    }
+
+
+def _ratio_table(
+    results: StudyCriteria,
+    rows: Sequence[int],
+    columns: Sequence[Sequence[float]],
+    *,
+    label: str,
+    first: tuple[str, ...],
+    note: str,
+    headings: Mapping[int, str] = MappingProxyType({}),
+) -> Table:
+    cells = [[fixed(number, _DECIMALS) for number in column] for column in columns]
+    return Table(
+        label=label,
+        columns=("", *first, *(criterion(name).short for _ in _AGAINST for name in _RATIOS)),
+        rows=tuple(
+            (results.rows[row].label, *(column[place] for column in cells)) for place, row in enumerate(rows)
+        ),
+        over=(("", 1 + len(first)), *((_over(results, against), len(_RATIOS)) for against in _AGAINST)),
+        strong=_best(results, rows, columns),
+        headings=headings,
+        note=note,
+    )
+
+
+def _over(results: StudyCriteria, against: Kind) -> str:
+    """Heading of the ratios to a reference."""
+    reference = results.row_of(against)
+    if against == "uncontrolled" or reference is None:
+        return "over no dampers" if against == "uncontrolled" else "over i = 0"
+    return f"over {results.rows[reference].label}"
+
+
+def _best(
+    results: StudyCriteria, rows: Sequence[int], columns: Sequence[Sequence[float]]
+) -> frozenset[tuple[int, int]]:
+    """Cells with the smallest printed number of each column, among the rows of each rank; none of a rank of one."""
+    strong = set()
+    for rank in RANKS:
+        candidates = [place for place, row in enumerate(rows) if results.rows[row].kind in rank.kinds]
+        for cell, column in enumerate(columns, start=1):
+            known = [column[place] for place in candidates if not math.isnan(column[place])]
+            if len(known) > 1:
+                least = significant(min(known), 3)
+                strong |= {(place, cell) for place in candidates if significant(column[place], 3) == least}
+    return frozenset(strong)
+
+
+def leading_table(comparison: StudyComparison, row: int) -> Table:
+    """The changes of one row, quantity by quantity, against each reference."""
+    results = comparison.results
+    references = [each for each in comparison.references if each != row]
+    several = len(results.judged) > 1
+    heads = ("Mean (%)", "Largest (%)", "Under") if several else ("Change (%)",)
+    cells: list[tuple[str, ...]] = []
+    alarming = set()
+    for line, entry in enumerate(compared_quantities()):
+        found: list[str] = [entry.title]
+        for reference in references:
+            change = comparison.changes(row, reference)[entry.name]
+            numbers = (change.mean, change.largest) if several else (change.mean,)
+            alarming |= {
+                (line, len(found) + place)
+                for place, number in enumerate(numbers)
+                if rounds_to_increase(number)
+            }
+            found += [signed_percent(number) for number in numbers]
+            if several:
+                found.append(NOTHING if math.isnan(change.mean) else results.motions[change.motion].name)
+        cells.append(tuple(found))
+    return Table(
+        label=f"Changes of {results.rows[row].label}",
+        columns=("", *(head for _ in references for head in heads)),
+        rows=tuple(cells),
+        words=tuple(len(heads) * (number + 1) for number in range(len(references))) if several else (),
+        over=(("", 1), *((f"Against {results.rows[each].label}", len(heads)) for each in references)),
+        alarming=frozenset(alarming),
+        note="Negative changes are improvements; increases are coloured."
+        + (f" Mean over {judged_in_words(results)}, and the largest change under one." if several else ""),
+    )
+
+
+def change_table(comparison: StudyComparison, reference: int, shown: Collection[int]) -> Table:
+    """The changes of the shown rows against a reference, the rows of each rank together."""
+    results = comparison.results
+    quantities = compared_quantities()
+    several = len(results.judged) > 1
+    cells: list[tuple[str, ...]] = []
+    headings: dict[int, str] = {}
+    strong: set[tuple[int, int]] = set()
+    alarming: set[tuple[int, int]] = set()
+    for rank, rows in comparison.ranks:
+        others = [row for row in rows if row != reference and row in shown]
+        if not others:
+            continue
+        start = len(cells)
+        headings[start] = rank.title
+        changes = [comparison.changes(row, reference) for row in others]
+        for line, (row, found) in enumerate(zip(others, changes, strict=True), start):
+            largest = [_largest(comparison, found, quantities)] if several else []
+            cells.append(
+                (
+                    results.rows[row].label,
+                    *(signed_percent(found[entry.name].mean) for entry in quantities),
+                    *largest,
+                )
+            )
+            alarming |= {
+                (line, place) for place, entry in enumerate(quantities, 1) if found[entry.name].worse
+            }
+        for place, entry in enumerate(quantities, 1):
+            means = [found[entry.name].mean for found in changes]
+            known = [mean for mean in means if not math.isnan(mean)]
+            strong |= {
+                (start + number, place)
+                for number, mean in enumerate(means)
+                if len(known) > 1 and signed_percent(mean) == signed_percent(min(known))
+            }
+    return Table(
+        label=f"Changes against {results.rows[reference].label}",
+        columns=(
+            "",
+            *(entry.short for entry in quantities),
+            *(["Largest increase under one motion"] if several else []),
+        ),
+        rows=tuple(cells),
+        foot=_worse_laws(comparison, reference, several=several),
+        words=(len(quantities) + 1,) if several else (),
+        strong=frozenset(strong),
+        alarming=frozenset(alarming),
+        headings=headings,
+        note=f"Change in per cent{f', mean over {judged_in_words(results)}' if several else ''}; increases are "
+        "coloured, and the best of each kind is bold. Peaks unless stated otherwise."
+        + "".join(f" {rank.note}" for rank, _ in comparison.ranks if rank.note),
+    )
+
+
+def signed_percent(change: float) -> str:
+    """A change in whole per cent, with its sign."""
+    text = fixed(100.0 * change, 0)
+    return f"+{text}" if rounds_to_increase(change) else text
+
+
+def _largest(
+    comparison: StudyComparison, changes: dict[str, QuantityChange], quantities: tuple[Criterion, ...]
+) -> str:
+    """The largest increase of a quantity under one motion; empty if none increases."""
+    found = [(changes[entry.name], entry) for entry in quantities]
+    known = [(change.largest, change.motion, entry) for change, entry in found if not math.isnan(change.mean)]
+    if not known:
+        return NOTHING
+    largest, motion, entry = max(known, key=lambda each: each[0])
+    if not rounds_to_increase(largest):
+        return "none"
+    return f"{entry.short} {signed_percent(largest)}, {comparison.results.motions[motion].name}"
+
+
+def _worse_laws(comparison: StudyComparison, reference: int, *, several: bool) -> tuple[str, ...]:
+    laws = sum(len(rows) for rank, rows in comparison.ranks if rank is LAWS)
+    if laws < 2:
+        return ()
+    counts = comparison.worse_counts(reference)
+    return (
+        f"Control laws that are worse, of {laws}",
+        *(fixed(counts[entry.name], 0) for entry in compared_quantities()),
+        *([""] if several else []),
+    )
