@@ -5,12 +5,12 @@ from __future__ import annotations
 import hypothesis.strategies as st
 import jax
 import jax.numpy as jnp
-import mrwork.twins._base  # noqa: F401  (sets double precision)
 import numpy as np
 import pytest
 from examples import examples
 from hypothesis import given
 
+import mrwork.twins.equations  # noqa: F401  (sets double precision)
 from mrwork.dampers import Box
 from mrwork.errors import SettingError
 

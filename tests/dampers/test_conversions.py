@@ -9,11 +9,11 @@ from inspect import getmembers, isfunction
 from itertools import pairwise
 
 import jax
-import mrwork.twins._base  # noqa: F401  (sets double precision)
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+import mrwork.twins.equations  # noqa: F401  (sets double precision)
 from mrwork.dampers import (
     OpenSeesBoucWen,
     bouc_wen_from_normalised,

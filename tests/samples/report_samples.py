@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 from mrwork.identification import Estimate, Fit, FitQuality, SearchTrace
 from mrwork.identification.fit import ErrorNorms, FitStatus, Provenance
 from mrwork.records import DamperTest, Finding
+from mrwork.records.likeness import RecordedMotion
+from mrwork.records.operating_range import OperatingRange
 from mrwork.report.comparison import Comparison
 
 
@@ -76,8 +78,11 @@ def fit(
     nrmse = float(np.mean([entry.nrmse for entry in qualities]))
     evaluations = np.arange(1, 41) * 64
     best = np.maximum(0.9 * np.exp(-evaluations / 500), 1.1 * nrmse)
+    tests = [entry.test for entry in comparisons]
     return Fit(
         model="normalised_bouc_wen",
+        tested=OperatingRange.of_tests(tests, None),
+        motions=tuple(RecordedMotion.of(test) for test in tests),
         estimates=(
             Estimate(name="c", unit="N s/m", value=1843.7263, standard_error=6.2, lower=0, upper=1e5),
             Estimate(name="k", unit="N/m", value=-2310.8, standard_error=114.0, lower=-1e5, upper=1e5),
