@@ -184,7 +184,7 @@ def test_jax_that_does_not_start_is_one_sentence_and_what_was_computed_is_kept(
     assert (tmp_path / "run.part" / "journal.jsonl").is_file()
 
 
-# Signals
+# StopSignals
 
 # The signal comes from the process itself, at one of its imports: a point that no load of the machine moves.
 SIGNALLED = """
@@ -236,7 +236,7 @@ def imports() -> int:
     [*((signal.SIGINT, point) for point in range(12)), *((signal.SIGTERM, point) for point in (0, 4, 8))],
 )
 def test_a_signal_while_modules_are_loaded_is_no_traceback(
-    number: signal.Signals, twelfth: int, imports: int
+    number: signal.StopSignals, twelfth: int, imports: int
 ) -> None:
     point = 1 + twelfth * (imports - 1) // 12
     ended = signalled(number, point, "check", "synthetic:spencer1997")
@@ -253,9 +253,9 @@ def test_before_signals_are_answered_next_to_nothing_is_loaded() -> None:
 
 LOST = """
 import os, signal, sys, time, weakref
-from mrwork.cli.signals import Signals
+from mrwork.cli.signals import StopSignals
 
-signals = Signals.of_this_process()
+signals = StopSignals.of_this_process()
 signals.interrupt()
 
 class Thing:
@@ -295,9 +295,9 @@ import sys
 import time
 from importlib.machinery import ExtensionFileLoader
 
-from mrwork.cli.signals import Signals
+from mrwork.cli.signals import StopSignals
 
-signals = Signals.of_this_process()
+signals = StopSignals.of_this_process()
 signals.interrupt()
 
 class Loader(ExtensionFileLoader):
@@ -345,7 +345,7 @@ SIZES = ("--model", "bingham", "--every", "20", "--population", "8", "--generati
     ids=lambda value: value[0] if isinstance(value, tuple) else value.name,
 )
 def test_an_interrupted_page_loses_no_result_and_is_drawn_by_resume(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: signal.Signals, words: tuple[str, ...]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: signal.StopSignals, words: tuple[str, ...]
 ) -> None:
     monkeypatch.chdir(tmp_path)
     for name, text in STUDIES.items():

@@ -12,8 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mrwork.errors import MrworkError
-from mrwork.records.formats.delimited import DelimitedTable, decoded, open_delimited
-from mrwork.records.formats.regular import RegularTable
+from mrwork.records.formats.delimited import DelimitedTable, RegularTable, decoded, open_delimited
 from mrwork.records.table import ColumnTable
 
 NUMBERS = st.one_of(

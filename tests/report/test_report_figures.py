@@ -23,10 +23,9 @@ from report_samples import comparison, fit, quality
 from mrwork import StoredRun
 from mrwork.identification import SearchTrace
 from mrwork.report import figures, style
-from mrwork.report.comparison import Comparison
+from mrwork.report.comparison import Comparison, even_samples, scattered_samples, zoom_window
 from mrwork.report.fit import search
 from mrwork.report.fit.page import run_figures, write_figures
-from mrwork.report.history_parts import even_samples, scattered_samples, zoom_window
 from mrwork.report.section import PageProgress
 from mrwork.report.svg import inline_svg, svg_bytes
 

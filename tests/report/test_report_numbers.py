@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mrwork.report import numbers, symbol
-from mrwork.report.typeset import equation_html
+from mrwork.report.html import equation_html
 
 
 @pytest.mark.parametrize(

@@ -132,7 +132,7 @@ def _read_here() -> None:
                 raise child_reader.UnreadableError("incomplete") from None
 
     for module in (
-        "mrwork.records.formats.hdf5",
+        "mrwork.records.formats.matlab",
         "mrwork.records.formats.workbook",
         "mrwork.records.table",
         "mrwork.uncertainty.posterior.draws",

@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 import sys
 
-from mrwork.cli.signals import Signals
+from mrwork.cli.signals import StopSignals
 
 # Nothing else is loaded here: until `main` runs, Ctrl-C is a traceback.
 TYPE_CHECKING = False
@@ -24,7 +24,7 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     Without `arguments` it is that of this process, whose signals and streams are then taken over; with them, those are
     of the calling program.
     """
-    signals = Signals.of_this_process() if arguments is None else Signals()
+    signals = StopSignals.of_this_process() if arguments is None else StopSignals()
     from mrwork.cli.door import status_of
     from mrwork.cli.terminal import let_go, take_streams
 

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from importlib import import_module
 from typing import NoReturn, TextIO
 
-from mrwork.cli.signals import Signals
+from mrwork.cli.signals import StopSignals
 from mrwork.cli.terminal import note, show_all
 from mrwork.errors import MrworkError, MrworkWarning, reason_of
 from mrwork.escaping import escaped
@@ -66,7 +66,7 @@ def parser(arguments: Sequence[str] = ()) -> argparse.ArgumentParser:
     return root
 
 
-def status_of(arguments: Sequence[str], signals: Signals) -> int:
+def status_of(arguments: Sequence[str], signals: StopSignals) -> int:
     """Run a command line; return its exit status."""
     try:
         with warnings_in_one_line():
@@ -82,7 +82,7 @@ def status_of(arguments: Sequence[str], signals: Signals) -> int:
     return signals.status if status == 130 else status
 
 
-def _ended(arguments: Sequence[str], signals: Signals) -> int:
+def _ended(arguments: Sequence[str], signals: StopSignals) -> int:
     try:
         options = parser(arguments).parse_args(arguments)
         signals.interrupt()

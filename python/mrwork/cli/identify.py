@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, get_args
 
-from mrwork.cli import choose, choose_laws
+from mrwork.cli import choose
 from mrwork.cli.choose import add_choice, is_choice
 from mrwork.cli.identified import (
     close_run,
@@ -32,13 +32,13 @@ from mrwork.cli.options import (
     command_unit,
     laws_are_chosen,
     laws_of,
-    named_path,
     nuisances_of,
     observation_of,
     parse_bounds,
     reading_of,
     tests_of,
 )
+from mrwork.cli.paths import named_path
 from mrwork.cli.progress import IdentificationInWords
 from mrwork.cli.terminal import note
 from mrwork.dampers.spec import DamperSpec, damper
@@ -189,7 +189,7 @@ def run(options: argparse.Namespace) -> int:
     settings = settings_of(options)
     several = is_choice(options)
     if laws_are_chosen(options):
-        return choose_laws.run(options, settings, several=several)
+        return choose.run_choice_of_laws(options, settings, several=several)
     if several:
         if options.engine != "lanes":
             raise SettingError(

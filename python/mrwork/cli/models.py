@@ -7,8 +7,9 @@ from dataclasses import asdict
 from typing import Any
 
 from mrwork.cli.numbers import AMPLITUDE, FREQUENCY, add_number
-from mrwork.cli.options import add_json, named_path
+from mrwork.cli.options import add_json
 from mrwork.cli.output import print_json
+from mrwork.cli.paths import named_path
 from mrwork.cli.terminal import show
 from mrwork.dampers.spec import DamperSpec, Preset, damper, damper_models
 from mrwork.errors import SettingError

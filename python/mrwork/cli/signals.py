@@ -15,7 +15,7 @@ from types import FrameType
 _AGAIN = 0.01
 
 
-class Signals:
+class StopSignals:
     """The signals among `numbers` that a command answers: those for which the process has no answer of its own."""
 
     def __init__(self, numbers: tuple[int, ...] = ()) -> None:
@@ -24,7 +24,7 @@ class Signals:
         self._received: int = signal.SIGINT
 
     @classmethod
-    def of_this_process(cls) -> Signals:
+    def of_this_process(cls) -> StopSignals:
         """Ctrl-C and SIGTERM, each of which ends the process at once: nothing has been begun that could be kept."""
         signals = cls((signal.SIGINT, signal.SIGTERM))
         signals._answer(signals._leave_in_words)

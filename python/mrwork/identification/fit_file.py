@@ -13,10 +13,18 @@ from mrwork.records import DamperTest
 from mrwork.store.codec import json_document
 from mrwork.store.destination import Destination
 from mrwork.store.input_file import exists, is_folder, is_there, stored, text_of
-from mrwork.store.manifest import check_manifest, read_manifest
 from mrwork.store.output_folder import write_folder
 from mrwork.store.record import parsed, read_document, record_from_json, record_of
-from mrwork.store.run_folder import FIT, FIT_RUN, JOURNAL, MANIFEST, REPORT, is_part
+from mrwork.store.run_folder import (
+    FIT,
+    FIT_RUN,
+    JOURNAL,
+    MANIFEST,
+    REPORT,
+    check_manifest,
+    is_part,
+    read_manifest,
+)
 from mrwork.store.unfinished import INTERRUPTED
 
 if TYPE_CHECKING:

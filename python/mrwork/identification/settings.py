@@ -11,9 +11,9 @@ from typing import Any, Literal, Protocol, TypeAlias, get_args, get_type_hints
 
 from mrwork.arguments import Count, Level, Seed, checked
 from mrwork.errors import RecordError, SettingError, UnknownNameError
-from mrwork.identification.nuisance import NONE, NuisanceName
+from mrwork.identification.nuisance import NuisanceName
 from mrwork.records import DamperTest, read_damper_test, repair
-from mrwork.records.observing import DETECT, as_words
+from mrwork.records.observing import DETECT, NONE, as_words
 from mrwork.records.repairs import RepairKind
 from mrwork.records.window import counted_from, cut
 from mrwork.search.loop import Optimiser

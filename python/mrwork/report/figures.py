@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from mrwork.records.damper_test import DamperTest
 from mrwork.report import canvas, style
 from mrwork.report.canvas import axes_between, draw_points, finish_signed, legend
-from mrwork.report.comparison import Comparison
-from mrwork.report.history_parts import even_samples, scattered_samples, zoom_window
+from mrwork.report.comparison import Comparison, even_samples, scattered_samples, zoom_window
 from mrwork.report.style import DisplayUnit
 
 POINTS_IN_WINDOW = 150

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from html import escape
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -12,7 +14,107 @@ from markupsafe import Markup
 from mrwork.arguments import checked
 from mrwork.escaping import escaped_lines
 from mrwork.report import style
-from mrwork.report.typeset import breakable, coded, symbol
+
+_GREEK = {
+    "alpha": "α",
+    "beta": "β",
+    "gamma": "γ",
+    "delta": "δ",
+    "epsilon": "ε",
+    "zeta": "ζ",
+    "eta": "η",
+    "theta": "θ",
+    "kappa": "κ",
+    "lambda": "λ",
+    "mu": "μ",
+    "nu": "ν",
+    "xi": "ξ",
+    "rho": "ρ",
+    "sigma": "σ",
+    "tau": "τ",
+    "phi": "φ",
+    "chi": "χ",
+    "psi": "ψ",
+    "omega": "ω",
+}
+_FUNCTIONS = frozenset(
+    ("sgn", "sign", "tanh", "exp", "ln", "log", "sqrt", "sin", "cos", "abs", "max", "min", "sat")
+)
+_TAGS = ("sub", "sup", "i", "b", "em", "strong", "br")
+
+_TOKEN = re.compile(
+    r"(?P<tag></?(?:" + "|".join(_TAGS) + r")\s*/?>)"
+    r"|\^\((?P<power>[^()]*)\)"
+    r"|\^(?P<exponent>-?\w+)"
+    r"|(?P<name>[A-Za-z]\w*(?:\.\d)?)(?P<primes>'*)"
+    r"|(?P<unit>\[[AV]\])"
+    r"|(?P<minus>-)"
+    r"|(?P<other>.)",
+    re.DOTALL,
+)
+
+
+@checked
+def symbol(name: str) -> str:
+    """A parameter's name as a symbol: `k_w` as k with subscript w, `alpha` as its Greek letter.
+
+    A coefficient of a current law has its number as one more subscript: `k_w.1`.
+    """
+    name, dot, coefficient = name.partition(".")
+    match = re.fullmatch(r"([A-Za-z]+?)_?(\d\w*|(?<=_).+)?", name)
+    if match is None:
+        return escape(name + dot + coefficient)
+    base, subscript = match.group(1), match.group(2)
+    letter = _GREEK.get(base, base)
+    if len(letter) > 1:
+        return escape(name + dot + coefficient)
+    subscripts = [part for part in (_GREEK.get(subscript or "", subscript), coefficient) if part]
+    set_subscript = f"<sub>{escape(','.join(subscripts))}</sub>" if subscripts else ""
+    return f"<i>{escape(letter)}</i>{set_subscript}"
+
+
+def breakable(name: str) -> str:
+    """A name that may be broken after an underscore, but not between a number and its unit."""
+    return re.sub(r"(?<=\d) (?=[A-Za-z]{1,2}\b)", "\N{NO-BREAK SPACE}", escape(name)).replace("_", "_<wbr>")
+
+
+def coded(sentence: str) -> str:
+    """A sentence with `commands` between backticks as HTML; a per cent sign and `i = 0` are not broken apart."""
+    bound = escape(sentence).replace(" %", "\N{NO-BREAK SPACE}%")
+    bound = bound.replace("i = 0", "i\N{NO-BREAK SPACE}=\N{NO-BREAK SPACE}0")
+    return re.sub(r"`([^`]+)`", r"<code>\1</code>", bound)
+
+
+def equation_html(equation: str) -> str:
+    """An equation as HTML: Greek letters, subscripts, powers and a true minus.
+
+    A few simple tags (`sub`, `sup`, `i`, `b`, `br`) pass through; everything else is escaped.
+    """
+    return "".join(_set(match) for match in _TOKEN.finditer(equation.strip()))
+
+
+def _set(match: re.Match[str]) -> str:
+    if match["tag"]:
+        return match["tag"]
+    power = match["power"] if match["power"] is not None else match["exponent"]
+    if power is not None:
+        return f"<sup>{equation_html(power)}</sup>"
+    if match["name"]:
+        return _name(match["name"]) + "′" * len(match["primes"])
+    if match["unit"]:
+        return match["unit"]
+    if match["minus"]:
+        return "\N{MINUS SIGN}"
+    return escape(match["other"])
+
+
+def _name(name: str) -> str:
+    if name in _FUNCTIONS:
+        return name
+    if len(name) == 1 or name in _GREEK or re.fullmatch(r"[A-Za-z]+(\d\w*|_\w+|(\w*\.\d))", name):
+        return symbol(name)
+    return escape(name)
+
 
 # Stroke width and dash pattern of the lines a key can show.
 _STROKES = {

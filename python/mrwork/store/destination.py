@@ -101,7 +101,7 @@ class Destination:
         run = self._run()
         return [] if run is None else run.of_user()
 
-    def _run(self) -> _Run | None:
+    def _run(self) -> _FolderOfRun | None:
         place = self.place
         if "\0" in str(self.path):
             raise OutputError(
@@ -125,11 +125,11 @@ class Destination:
                 f"the {MANIFEST} of {self.path} is not that of a run of mrwork, so the folder is left as it is; "
                 "choose another folder"
             )
-        return _Run(place=place, kind=kind, manifest=manifest, taken=self.kind.entries)
+        return _FolderOfRun(place=place, kind=kind, manifest=manifest, taken=self.kind.entries)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Run:
+class _FolderOfRun:
     """A run folder with what its manifest states; `taken` are names in it that will be used."""
 
     place: Path

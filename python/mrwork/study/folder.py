@@ -18,7 +18,6 @@ from mrwork.errors import RecordError
 from mrwork.records.operating_range import Exceedance, OperatingRange
 from mrwork.store.codec import finite, json_document
 from mrwork.store.destination import Destination
-from mrwork.store.manifest import check_manifest, read_manifest
 from mrwork.store.output_folder import write_folder
 from mrwork.store.record import OrInfinite, OrNan, Related, read_document
 from mrwork.store.run_folder import (
@@ -30,6 +29,8 @@ from mrwork.store.run_folder import (
     RESULTS,
     STUDY,
     STUDY_RUN,
+    check_manifest,
+    read_manifest,
 )
 from mrwork.store.unfinished import INTERRUPTED
 from mrwork.study.batches import RealisationBand

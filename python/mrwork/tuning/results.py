@@ -17,11 +17,20 @@ from mrwork.closed_loop.evaluation import Spread
 from mrwork.errors import RecordError
 from mrwork.store.codec import finite, json_document
 from mrwork.store.destination import Destination
-from mrwork.store.manifest import check_manifest, read_manifest
 from mrwork.store.output_folder import write_folder
 from mrwork.store.parse import toml_table
 from mrwork.store.record import OrInfinite, OrNan, Related, read_document
-from mrwork.store.run_folder import CHOSEN, JOURNAL, REPORT, RESULTS, SCORES_TABLE, STUDY, TUNING_RUN
+from mrwork.store.run_folder import (
+    CHOSEN,
+    JOURNAL,
+    REPORT,
+    RESULTS,
+    SCORES_TABLE,
+    STUDY,
+    TUNING_RUN,
+    check_manifest,
+    read_manifest,
+)
 from mrwork.study.batches import RealisationBand
 from mrwork.study.study import StudyFile
 from mrwork.summary import Summarised, Summary, listed, rounded, with_decimals

@@ -24,10 +24,9 @@ from mrwork.motions.formats.format import (
 )
 from mrwork.motions.ground_motion import GroundMotion
 from mrwork.records.column_names import LONGEST_NAME
-from mrwork.records.formats.delimited import DelimitedTable, encoding_of
+from mrwork.records.formats.delimited import DelimitedTable, encoding_of, regular_table
 from mrwork.records.formats.layout import DECIMAL_COMMA
 from mrwork.records.formats.matlab import open_matlab, read_matlab_matrices
-from mrwork.records.formats.regular import regular_table
 from mrwork.records.sampling import rounded_grid
 from mrwork.records.table import ColumnTable, VectorTable
 from mrwork.units import factor_of, factor_to_si, known_units

@@ -9,14 +9,74 @@ import io
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Final, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.records.formats.cells import Cells, number_in
-from mrwork.records.formats.layout import MISSING, RULE
+from mrwork.errors import RecordError
+from mrwork.records.formats.layout import DECIMAL_COMMA, MISSING, NUMBER, RULE, split
 from mrwork.values import holds_arrays
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cells:
+    """Cells of the table of a file: the file for messages, the names of the columns, and the delimiter."""
+
+    source: str
+    names: tuple[str, ...]
+    delimiter: str | None
+
+    def of_line(self, line: str) -> list[str]:
+        """Fields of a row without its remark; empty ones at its end that have no name are left out."""
+        fields = [field.strip() for field in split(line.partition("#")[0], self.delimiter)]
+        while len(fields) > len(self.names) and not fields[-1]:
+            fields.pop()
+        return fields
+
+    def refuse_width(self, line: int, n_fields: int) -> NoReturn:
+        """Refuse a line, counted from 1, for its number of fields."""
+        hint = (
+            "these may be decimal commas between commas: export with decimal points, or with semicolons between "
+            "the columns"
+            if self.delimiter == "," and n_fields > len(self.names)
+            else "complete or delete the line"
+        )
+        raise RecordError(
+            f"{self.source}: line {line} has {_count(n_fields, 'field')} where the header "
+            f"names {_count(len(self.names), 'column')}; {hint}"
+        )
+
+    def refuse_text(self, line: int, column: int, text: str) -> NoReturn:
+        """Refuse a cell that is no number, in a line counted from 1 and a column counted from 0."""
+        where = f"{self.source}: line {line}, column '{self.names[column]}'"
+        shown = text if len(text) <= 40 else text[:40] + "..."
+        raise RecordError(f"{where} holds '{shown}' where a number was expected; correct or delete the line")
+
+    def refuse_time(self, line: int, column: int, text: str) -> NoReturn:
+        """Refuse a cell that is no time of the day in a column of these."""
+        where = f"{self.source}: line {line}, column '{self.names[column]}'"
+        shown = text if len(text) <= 40 else text[:40] + "..."
+        raise RecordError(
+            f"{where} holds '{shown}' where a time such as 2024-05-01 12:00:00.010 was expected; correct or delete the "
+            "line"
+        )
+
+
+def number_in(text: str, *, with_commas: bool) -> float | None:
+    """Number of a cell, NaN where it is missing; `None` if it is neither."""
+    if NUMBER.fullmatch(text):
+        return float(text)
+    if text.casefold() in MISSING:
+        return float("nan")
+    if with_commas and DECIMAL_COMMA.fullmatch(text):
+        return float(text.replace(",", "."))
+    return None
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+
 
 # Bytes of the rows that are read at once.
 _BLOCK: Final = 1 << 17
@@ -37,7 +97,7 @@ _LIKE_ASCII: Final = re.compile(r"[\s\d]")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Form:
+class RowForm:
     """Form of the rows of a table.
 
     `texts` are the columns that are not read by place, each with the first row, and its text, that is no number.
@@ -91,7 +151,7 @@ def without_empty_lines(data: bytes) -> tuple[bytes, NDArray[np.int64]]:
     return data, np.array(dropped, dtype=np.int64)
 
 
-def read_rows(rows: bytes, form: Form) -> Rows | None:
+def read_rows(rows: bytes, form: RowForm) -> Rows | None:
     """Read rows without comments and blank lines; `None` where all lines must be looked at one by one."""
     delimiter = form.cells.delimiter
     with_quotes, with_remarks, with_commas = b'"' in rows, b"#" in rows, delimiter != "," and b"," in rows
@@ -152,7 +212,7 @@ def _blocks(rows: bytes) -> Iterator[bytes]:
         start = stop + 1
 
 
-def _by_numpy(text: bytes, form: Form) -> Rows | None:
+def _by_numpy(text: bytes, form: RowForm) -> Rows | None:
     """Rows as NumPy reads them; `None` where one differs."""
     stream = io.TextIOWrapper(io.BytesIO(text), encoding="ascii")
     kinds = [(str(place), "S1" if place in form.texts else "f8") for place in range(len(form.cells.names))]
@@ -168,7 +228,7 @@ def _by_numpy(text: bytes, form: Form) -> Rows | None:
     return Rows(n_rows=block.size, columns={place: block[str(place)] for place in form.numbers})
 
 
-def _without_gaps(text: bytes, form: Form) -> bytes:
+def _without_gaps(text: bytes, form: RowForm) -> bytes:
     """Rows with one word in every field without a number, and without the fields that have no name."""
     end = b"\n"
     lines = end + text + end
@@ -182,7 +242,7 @@ def _without_gaps(text: bytes, form: Form) -> bytes:
     return re.sub(gap, rb"\1nan", lines, flags=re.IGNORECASE)[1:-1]
 
 
-def _line_by_line(block: bytes, form: Form, *, with_commas: bool) -> Rows | None:
+def _line_by_line(block: bytes, form: RowForm, *, with_commas: bool) -> Rows | None:
     """Rows, with what must be refused in them; `None` where a line is no row."""
     texts: list[list[str]] = []
     lines = block.decode(form.encoding).split("\n")

@@ -13,9 +13,8 @@ from mrwork.identification.result import FitSpread
 from mrwork.records.damper_test import DamperTest, Finding
 from mrwork.records.findings import gathered_findings
 from mrwork.report import figures, numbers
-from mrwork.report.comparison import Comparison
+from mrwork.report.comparison import Comparison, zoom_window
 from mrwork.report.figures import common_force_unit, small_velocity_loops
-from mrwork.report.history_parts import zoom_window
 from mrwork.report.section import Group, Panel, Section, panel
 from mrwork.report.style import DisplayUnit
 

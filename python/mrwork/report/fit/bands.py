@@ -21,10 +21,9 @@ from mrwork.records import DamperTest
 from mrwork.records.motion import whole_cycles
 from mrwork.report import numbers, style
 from mrwork.report.canvas import column_axes, draw_points, finish_signed, legend, name_small_axes, small_axes
-from mrwork.report.comparison import Comparison
+from mrwork.report.comparison import Comparison, even_samples
 from mrwork.report.figures import common_force_unit
 from mrwork.report.fit.coverage import MAIN_LEVEL, conditions_in_words
-from mrwork.report.history_parts import even_samples
 from mrwork.report.numbers import percent
 from mrwork.report.section import Group, Panel, Section, SectionKind, panel
 from mrwork.report.style import DisplayUnit

@@ -37,10 +37,9 @@ from mrwork.report.fit.profiles import PROFILES, profiles_figure
 from mrwork.report.fit.ranking import RANKING, ranking_figure
 from mrwork.report.fit.residuals import RESIDUALS
 from mrwork.report.fit.search import search_facts, search_figure, search_panels
-from mrwork.report.html import filled_in
+from mrwork.report.html import equation_html, filled_in
 from mrwork.report.section import Absent, OnDrawn, PageProgress, Section, SectionKind, unobserved
 from mrwork.report.svg import png_bytes, svg_bytes
-from mrwork.report.typeset import equation_html
 from mrwork.store.output_file import write_files
 from mrwork.store.run_folder import FIGURES, REPORT
 from mrwork.stored import StoredRun, with_additions

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from mrwork.report import numbers, style
 from mrwork.report.canvas import column_axes, draw_points, finish_signed, legend
-from mrwork.report.comparison import Comparison
+from mrwork.report.comparison import Comparison, scattered_samples
 from mrwork.report.figures import common_force_unit
 from mrwork.report.fit.residual_tests import (
     LAGS,
@@ -24,7 +24,6 @@ from mrwork.report.fit.residual_tests import (
     autocorrelation,
     residual_tests,
 )
-from mrwork.report.history_parts import scattered_samples
 from mrwork.report.numbers import most_of, percent, probability, shortest, tests_of
 from mrwork.report.section import Group, Panel, Section, SectionKind, Table, panel, table
 from mrwork.report.style import DisplayUnit

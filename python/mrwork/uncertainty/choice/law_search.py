@@ -22,12 +22,12 @@ from mrwork.identification.fit import Fit
 from mrwork.identification.law_coefficients import joint_box, with_other_laws
 from mrwork.identification.level_search import PER_CYCLE, command_is_constant, levels_of, spec_by_values
 from mrwork.identification.levenberg_marquardt import within_stiffness
-from mrwork.identification.nuisance import NONE
 from mrwork.identification.objective import shares_of
 from mrwork.identification.progress import interruptible, on_every_test
 from mrwork.identification.residual import ObservedTest
 from mrwork.identification.settings import FitSettings, Start
 from mrwork.records import DamperTest
+from mrwork.records.observing import NONE
 from mrwork.records.window import middle_excerpt
 from mrwork.store import Journal, digest_of
 from mrwork.uncertainty.bands.prediction import Fold, folds_of
