@@ -51,7 +51,7 @@ ELSEWHERE = {
     "records/formats/delimited.py": "lines in memory",
     "records/formats/tdms.py": "bytes in memory",
     "records/formats/rows.py": "bytes in memory",
-    "report/font.py": "a file of the package",
+    "report/style.py": "a file of the package",
     "report/html.py": "files of the package",
     "store/child_reader.py": "what its child process prints",
     "store/child_hdf5.py": "bytes in memory",

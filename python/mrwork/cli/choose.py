@@ -1,4 +1,4 @@
-"""`mrwork identify --model all`: identify several models from the same tests, and rank them."""
+"""`mrwork identify --model all` and `--law auto`: models, or current laws, chosen by the fit to tests left out."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Results of a study on the terminal: changes of every quantity first, then criteria of each motion, then scores."""
+"""Results of a study on the terminal and in its manifest: changes of every quantity first, then criteria and scores."""
 
 from __future__ import annotations
 

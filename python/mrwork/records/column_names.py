@@ -1,4 +1,4 @@
-"""Meaning of a column's name: which quantity it is the measured signal of, and in which unit."""
+"""Meaning of a column's name, its quantity and unit, and the `--column` options that a message suggests from it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One measured test beside the force a model gives for it."""
+"""One measured test beside the force a model gives for it, and the parts of histories that figures show."""
 
 from __future__ import annotations
 

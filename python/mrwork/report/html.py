@@ -1,4 +1,4 @@
-"""Self-contained HTML pages: templates with their content, and the style sheet."""
+"""Self-contained HTML pages: templates with their content, the style sheet, names and equations as mathematics."""
 
 from __future__ import annotations
 

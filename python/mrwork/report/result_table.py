@@ -1,4 +1,4 @@
-"""A table, once for a terminal and once for a page."""
+"""What studies share: a table for terminal and page, and figures compared with those that a file expects."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Contents of a section of a page: text, tables and figures."""
+"""What a page is made of: its sections with text, tables and figures, their kinds, and the progress of drawing them."""
 
 from __future__ import annotations
 

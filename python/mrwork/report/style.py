@@ -1,4 +1,4 @@
-"""The style of figures and pages: colours, fonts, sizes, and the units of axes.
+"""The style of figures and pages: colours, the font that ships with matplotlib, sizes, and the units of axes.
 
 Data are grey, the model is blue and the residual rust. The three differ in lightness as well as in
 hue, so that colour-blind readers and grey-scale prints can distinguish them.

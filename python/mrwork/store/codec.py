@@ -1,4 +1,4 @@
-"""Conversion of typed values to JSON and back, in two forms.
+"""Typed values as JSON and back, and fingerprints of the inputs of a run with the differences between two.
 
 Exact form, for journals (`plain`, `rebuilt`): reading restores the same bits. JSON has no infinity and no NaN, so these
 are written as the strings "inf", "-inf" and "nan"; every other float as the shortest text that reads back as the same

@@ -1,4 +1,4 @@
-"""Folder of a run: names of its files, the verbs that write one, and its place.
+"""Folder of a run: names of its files, the verbs that write one, and its manifest, read back and compared.
 
 The contents of each file are defined in the module of its type.
 """

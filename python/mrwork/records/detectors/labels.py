@@ -1,4 +1,4 @@
-"""Detector of tests in a set whose force does not match their stated command."""
+"""Detectors among several tests: a force that does not match its stated command, and files with the same bytes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The tests of a fit on its page: agreement with the model, figures, and findings of the checks."""
+"""The tests of a fit on its page: all at a glance, and each with its agreement, figures and findings."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The page of a fit: its own results, and a section for each addition of a later verb."""
+"""The page of a fit with a section for each addition of a later verb, and the figure files of a run."""
 
 from __future__ import annotations
 

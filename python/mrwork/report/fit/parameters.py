@@ -1,4 +1,4 @@
-"""The parameters of a fit as a table, and the assumption of their standard errors."""
+"""Sections of a fit's page that are tables: parameters, the choice of current laws, identifiability, tested ranges."""
 
 from __future__ import annotations
 

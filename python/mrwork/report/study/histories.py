@@ -1,4 +1,4 @@
-"""Figures of the history of a run: drift, command, energies, and force loops of a damper."""
+"""Histories under one motion on a study's page: drift, and force loops, command and energies of a damper."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The page of a study: changes of every quantity, tables of criteria, profiles, histories, loops, energies."""
+"""The page of a study: changes of every quantity, tables of criteria, storey profiles, histories, loops, energies."""
 
 from __future__ import annotations
 

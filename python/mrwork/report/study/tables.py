@@ -1,4 +1,4 @@
-"""Rows that the page of a study shows: all of few, the best of many.
+"""Tables of a study's page: which rows it shows, their criteria and ratios, and the changes of every quantity.
 
 Tables and figures of hundreds of rows cannot be read, and take minutes to draw; `criteria.csv` and `results.json` have
 every row.

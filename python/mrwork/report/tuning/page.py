@@ -1,4 +1,4 @@
-"""The page of a tuning: scores on training and test motions, settings with certificates, searches, every motion."""
+"""The page of a tuning: scores with their spread, settings with certificates, searches, Pareto fronts, every motion."""
 
 from __future__ import annotations
 
