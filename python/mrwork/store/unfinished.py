@@ -17,7 +17,8 @@ from types import TracebackType
 from mrwork.errors import JournalError, LibraryError, MrworkError, OutputError
 from mrwork.store.destination import Destination
 from mrwork.store.input_file import bytes_of, stored, text_of
-from mrwork.store.journal import JOURNAL_FILE, Journal
+from mrwork.store.journal import Journal
+from mrwork.store.journal_file import JOURNAL_FILE
 from mrwork.store.lock import Lock, is_lock
 from mrwork.store.output_file import new_file, refuse_link
 from mrwork.store.parse import json_value
