@@ -33,3 +33,9 @@ def test_the_extremes_of_stroke_and_velocity_are_taken_in_the_order_of_the_tests
     ends = [sine_test(0.001, 20.0), sine_test(0.1, 0.2), sine_test(0.1, 20.0)]
     tests = [middle[0], ends[0], middle[1], ends[1], ends[2], middle[2]]
     assert unlike_tests(tests, 3) == (ends[0], ends[1], ends[2])
+
+
+def test_of_repeated_motions_each_test_is_taken_once() -> None:
+    tests = [replace(sine_test(0.01, 1.0), name=f"repeat {number}") for number in range(5)]
+    taken = unlike_tests(tests, 3)
+    assert len({test.name for test in taken}) == 3

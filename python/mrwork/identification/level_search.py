@@ -279,10 +279,13 @@ def unlike_tests(tests: Sequence[DamperTest], most: int) -> tuple[DamperTest, ..
     """
     if len(tests) <= most:
         return tuple(tests)
-    size = np.log([[np.ptp(test.displacement), np.abs(test.velocity).max()] for test in tests])
+    extents = [[np.ptp(test.displacement), np.abs(test.velocity).max()] for test in tests]
+    size = np.log(np.maximum(extents, np.finfo(np.float64).tiny))
     taken = [int(np.argmax(size[:, 1]))]
     while len(taken) < most:
         distance = np.linalg.norm(size[:, None] - size[taken], axis=2).min(axis=1)
+        # A motion that is repeated has no distance from itself.
+        distance[taken] = -1.0
         taken.append(int(np.argmax(distance)))
     return tuple(tests[index] for index in sorted(taken))
 
