@@ -22,7 +22,7 @@ HOMES = {
     ),
     ("emcee", "xarray"): ("uncertainty.posterior",),
     ("h5py",): ("store.child_hdf5",),
-    ("nptdms",): ("records.formats.tdms",),
+    ("nptdms",): ("files.tdms",),
     ("pyarrow",): ("store.child_parquet",),
     ("python_calamine",): ("store.child_xlsx",),
     ("matplotlib", "fontTools", "jinja2"): ("report",),

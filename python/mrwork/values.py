@@ -108,3 +108,10 @@ def _arrays_within(value: object) -> Iterator[np.ndarray[Any, Any]]:
 
 
 _METHODS: dict[str, Any] = {"__eq__": _equal, "__hash__": None, "__reduce__": _reduced}
+
+
+def frozen(samples: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Contiguous read-only copy of an array."""
+    kept = np.array(samples, dtype=np.float64, order="C")
+    kept.setflags(write=False)
+    return kept

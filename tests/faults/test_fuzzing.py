@@ -18,9 +18,9 @@ from pathlib import Path
 import pytest
 
 from mrwork.errors import MrworkWarning, RecordError
+from mrwork.files.open_table import EXTENSIONS
 from mrwork.motions.formats.format import Lines
 from mrwork.motions.read import FORMATS
-from mrwork.records.formats.open import EXTENSIONS
 from mrwork.store.run_folder import (
     ADDITIONS,
     CHAIN,

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from odd_files import KN, MM, NEWTON, TIME, assert_is_the_test, write_table
 
 from mrwork.errors import MrworkError, RecordError, UnitError
+from mrwork.files.column_names import TestQuantity, likely_unit
 from mrwork.records import parse_column_option, read_damper_test
-from mrwork.records.column_names import TestQuantity, likely_unit
 
 
 def suggested(message: str) -> dict[str, str]:

@@ -11,7 +11,7 @@ from examples import examples
 from hypothesis import given
 
 from mrwork.errors import RecordError
-from mrwork.records.formats.delimited import open_delimited
+from mrwork.files.delimited import open_delimited
 
 NAMES = [
     *("t_s", "Time (s)", "displacement_mm", "Position(Linear) (mm)", "force_kN", "F [N]", "v_m_s", "Kraft"),

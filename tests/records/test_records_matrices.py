@@ -11,7 +11,7 @@ from scipy.io import savemat
 from scipy.sparse import csc_matrix
 
 from mrwork.errors import RecordError
-from mrwork.records.formats.matlab import read_matlab_matrices as read
+from mrwork.files.matlab import read_matlab_matrices as read
 
 FULL = np.array([[4.0, -1.0, 0.0], [0.5, 3.0, 0.0]])
 

@@ -12,8 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mrwork.errors import MrworkError
-from mrwork.records.formats.delimited import DelimitedTable, RegularTable, decoded, open_delimited
-from mrwork.records.table import ColumnTable
+from mrwork.files.delimited import DelimitedTable, RegularTable, decoded, open_delimited
+from mrwork.files.named_columns import ColumnTable
 
 NUMBERS = st.one_of(
     st.floats(allow_nan=False, width=64).map(repr),

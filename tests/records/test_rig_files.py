@@ -269,6 +269,6 @@ def test_a_wrong_cell_below_a_header_block_is_named_by_its_line(tmp_path: Path) 
 def test_a_file_larger_than_any_test_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "rig.txt"
     path.write_text(text(MTS, rows("n", "t", "x", "f")))
-    monkeypatch.setattr("mrwork.records.formats.open.RECORD", replace(RECORD, largest=1000))
+    monkeypatch.setattr("mrwork.files.open_table.RECORD", replace(RECORD, largest=1000))
     with pytest.raises(RecordError, match="export one test"):
         read_damper_test(path)

@@ -48,9 +48,9 @@ OPENERS = {
 }
 ELSEWHERE = {
     "cli/terminal.py": "the null device in place of a closed output",
-    "records/formats/delimited.py": "lines in memory",
-    "records/formats/tdms.py": "bytes in memory",
-    "records/formats/rows.py": "bytes in memory",
+    "files/delimited.py": "lines in memory",
+    "files/tdms.py": "bytes in memory",
+    "files/rows.py": "bytes in memory",
     "report/style.py": "a file of the package",
     "report/html.py": "files of the package",
     "store/child_reader.py": "what its child process prints",

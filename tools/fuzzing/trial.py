@@ -132,9 +132,9 @@ def _read_here() -> None:
                 raise child_reader.UnreadableError("incomplete") from None
 
     for module in (
-        "mrwork.records.formats.matlab",
-        "mrwork.records.formats.workbook",
-        "mrwork.records.table",
+        "mrwork.files.matlab",
+        "mrwork.files.workbook",
+        "mrwork.files.named_columns",
         "mrwork.uncertainty.posterior.draws",
     ):
         vars(importlib.import_module(module))["read_members"] = read_members

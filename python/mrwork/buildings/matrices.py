@@ -14,9 +14,8 @@ from mrwork.arguments import NotNegative, Positive, Within, checked
 from mrwork.buildings.modes import damping_ratios_of, damping_warnings, growing_modes, is_positive, modes_of
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.keys import control_in
-from mrwork.records.damper_test import frozen
 from mrwork.summary import Summarised, Summary, rounded
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, frozen, holds_arrays
 
 
 @holds_arrays

@@ -17,9 +17,8 @@ from mrwork.buildings.matrices import Building, carried
 from mrwork.buildings.modes import modes_of
 from mrwork.buildings.shear import number_names
 from mrwork.errors import ArgumentError, SettingError, UnknownNameError
-from mrwork.records.damper_test import frozen
 from mrwork.summary import Summarised
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, frozen, holds_arrays
 
 if TYPE_CHECKING:
     from control import StateSpace

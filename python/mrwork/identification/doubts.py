@@ -30,8 +30,8 @@ from mrwork.identification.polish import Polished, missing_lag
 from mrwork.identification.problem import Problem
 from mrwork.identification.progress import on_every_test
 from mrwork.records import DamperTest
-from mrwork.records.damper_test import frozen
 from mrwork.records.motion import Smoother, spectrum
+from mrwork.values import frozen
 
 
 def doubts_on_fit(problem: Problem, points: StartingPoints, polished: Polished, fit: Fit) -> tuple[str, ...]:

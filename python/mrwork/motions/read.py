@@ -11,12 +11,12 @@ import numpy as np
 
 from mrwork.arguments import checked
 from mrwork.errors import RecordError
+from mrwork.files.delimited import read_text_bytes
+from mrwork.files.named_columns import listed_files
 from mrwork.motions.formats.format import Format, Stated, lines_of, refuse_absurd, refuse_needless
 from mrwork.motions.formats.networks import COSMOS, ESM, K_NET, PEER_AT2, refuse_false_at2
 from mrwork.motions.formats.table import TABLE, read_matrix_motion, read_regular_motion
 from mrwork.motions.ground_motion import GroundMotion
-from mrwork.records.formats.delimited import read_text_bytes
-from mrwork.records.table import listed_files
 from mrwork.store.input_file import RECORD, is_file, is_folder, start_of
 
 # Each format recognises its content; a table is the fallback and comes last.

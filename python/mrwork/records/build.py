@@ -15,7 +15,7 @@ from mrwork.errors import RecordError
 from mrwork.records import checks
 from mrwork.records.command import command_of, motion_matches_name
 from mrwork.records.command_signal import Command, ringing_samples, without_ringing
-from mrwork.records.damper_test import DamperTest, Finding, VelocitySource, frozen
+from mrwork.records.damper_test import DamperTest, Finding, VelocitySource
 from mrwork.records.detectors.cycles import drift_finding, mass_finding
 from mrwork.records.detectors.delay import delay_finding
 from mrwork.records.detectors.smoothing import smoothing_finding, smoothing_of
@@ -25,6 +25,7 @@ from mrwork.records.motion import Smoother, SmoothMotion, motion_of
 from mrwork.records.sampling import Signals, check_time, complete_rows, uniform_step
 from mrwork.records.window import settling_samples, spans_with, uncompared_spans
 from mrwork.units import CommandUnit
+from mrwork.values import frozen
 
 _DETECTORS: Final[tuple[Callable[[DamperTest, SmoothMotion], tuple[Finding, ...]], ...]] = (
     smoothing_finding,

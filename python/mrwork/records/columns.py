@@ -9,7 +9,7 @@ from typing import Final, Literal
 
 from mrwork.arguments import checked
 from mrwork.errors import MrworkError, RecordError, SettingError, UnitError
-from mrwork.records.column_names import (
+from mrwork.files.column_names import (
     QUANTITIES,
     Missing,
     ReadColumn,
@@ -24,6 +24,8 @@ from mrwork.records.column_names import (
     unit_in_name,
     without_unit,
 )
+from mrwork.files.layout import numbered_names
+from mrwork.files.named_columns import ColumnTable
 from mrwork.records.command_signal import LARGEST_COMMAND, impossible_command
 from mrwork.summary import listed
 from mrwork.units import (
@@ -76,11 +78,6 @@ class ColumnChoice:
     def specification(self) -> str:
         """The choice as an entry of a mapping of columns."""
         return f"{self.column}:{self.unit}"
-
-
-def numbered_names(count: int) -> tuple[str, ...]:
-    """Names of columns that have none: their numbers from 1."""
-    return tuple(str(number + 1) for number in range(count))
 
 
 @checked
@@ -548,3 +545,9 @@ def _find(column: str, names: Sequence[str], source: str) -> str:
         raise RecordError(f"{source}: the column name '{column}' occurs {len(alike)} times; make it unique")
     shown = ", ".join(f"'{name}'" for name in names)
     raise RecordError(f"{source}: there is no column '{column}'; the columns are {shown}")
+
+
+def tells_a_test(table: ColumnTable, *, source: str) -> bool:
+    """Whether the headings of a table of the file `source` tell time, displacement and force."""
+    chosen, _ = guess_columns(table.names, units=table.units, stamps=table.stamps, source=source)
+    return all(quantity in chosen for quantity in REQUIRED)

@@ -16,7 +16,7 @@ from mrwork.records.command_signal import Command, command_in_words, part_of_com
 from mrwork.records.observation import AS_IT_IS, Observation
 from mrwork.summary import Summarised, Summary
 from mrwork.units import CommandUnit
-from mrwork.values import holds_arrays, keep_arrays
+from mrwork.values import frozen, holds_arrays, keep_arrays
 
 Severity = Literal["note", "warning", "repaired"]
 Channel = Literal["displacement", "force"]
@@ -302,10 +302,3 @@ def same_commands(one: DamperTest, other: DamperTest) -> bool:
         and same_command(one.command, other.command)
         and one.command_unit == other.command_unit
     )
-
-
-def frozen(samples: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Contiguous read-only copy of an array."""
-    kept = np.array(samples, dtype=np.float64, order="C")
-    kept.setflags(write=False)
-    return kept

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -13,21 +14,22 @@ from numpy.typing import ArrayLike, NDArray
 
 from mrwork.arguments import checked
 from mrwork.errors import RecordError
+from mrwork.files.column_names import TestQuantity
+from mrwork.files.named_columns import ColumnTable
+from mrwork.files.open_table import open_table
 from mrwork.records.build import build_damper_test
-from mrwork.records.column_names import TestQuantity
 from mrwork.records.columns import (
     COMMAND,
     COMMANDS,
     StatedCommand,
     choose_columns,
     scalar_command,
+    tells_a_test,
     unclear_commands,
 )
 from mrwork.records.command import nominal_from_name, with_nominal_command
 from mrwork.records.damper_test import DamperTest, Finding
-from mrwork.records.formats.open import open_table
 from mrwork.records.rig_table import EVERY_USE, EveryUse, Use, files_not_read, listed_tests
-from mrwork.records.table import ColumnTable
 from mrwork.summary import listed
 
 # Columns that a note names; more are counted.
@@ -76,7 +78,7 @@ def read_damper_test(path: str | os.PathLike[str], *, columns: Mapping[str, str]
     """
     file = Path(path)
     source = str(file)
-    table = open_table(file)
+    table = open_table(file, partial(tells_a_test, source=str(file)))
     given = dict(columns or {})
     stated = StatedCommand.of(given.pop(COMMAND)) if COMMAND in given else None
     scalar: StatedCommand | None = None

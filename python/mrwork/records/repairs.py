@@ -11,12 +11,13 @@ import numpy as np
 from mrwork.arguments import checked
 from mrwork.errors import SettingError
 from mrwork.records.checks import mean_over_travel, rest_before_motion, samples_at_rest
-from mrwork.records.damper_test import DamperTest, Finding, Measured, frozen
+from mrwork.records.damper_test import DamperTest, Finding, Measured
 from mrwork.records.detectors.cycles import moving_mass
 from mrwork.records.detectors.delay import force_delay
 from mrwork.records.detectors.velocity import OFF_BY_FACTOR
 from mrwork.records.motion import motion_of, spectrum
 from mrwork.records.window import cut
+from mrwork.values import frozen
 
 RepairKind = Literal["rest", "delay", "offset", "mass", "velocity"]
 REPAIR_KINDS: Final[tuple[RepairKind, ...]] = get_args(RepairKind)

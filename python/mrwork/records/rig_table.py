@@ -12,11 +12,11 @@ from typing import Final, Literal, get_args
 
 from mrwork.arguments import checked
 from mrwork.errors import MrworkError, OutputError, RecordError, SettingError
+from mrwork.files.delimited import decoded, read_text_bytes
+from mrwork.files.layout import delimiter_of, is_data, split
+from mrwork.files.named_columns import listed_files
+from mrwork.files.open_table import EXTENSIONS, TEXT_EXTENSIONS
 from mrwork.records.columns import COMMAND, REQUIRED, check_specification
-from mrwork.records.formats.delimited import decoded, read_text_bytes
-from mrwork.records.formats.layout import delimiter_of, is_data, split
-from mrwork.records.formats.open import EXTENSIONS, TEXT_EXTENSIONS
-from mrwork.records.table import listed_files
 from mrwork.store.input_file import RECORD, exists, is_file, is_folder, start_of
 from mrwork.store.output_file import replacing
 from mrwork.store.run_folder import real_place

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Final
 
 from mrwork.arguments import checked
 from mrwork.errors import MrworkError
-from mrwork.records.column_names import TestQuantity
+from mrwork.files.column_names import TestQuantity
+from mrwork.files.open_table import open_table
 from mrwork.records.columns import (
     COMMAND,
     COMMANDS,
@@ -18,10 +20,10 @@ from mrwork.records.columns import (
     StatedCommand,
     guess_columns,
     scalar_command,
+    tells_a_test,
     unclear_commands,
 )
 from mrwork.records.command import nominal_from_name
-from mrwork.records.formats.open import open_table
 from mrwork.records.read import read_damper_test
 from mrwork.records.rig_table import UNKNOWN, ListedTest
 
@@ -42,7 +44,7 @@ def guess_tests(files: Sequence[Path]) -> tuple[ListedTest, ...]:
 
 def _guess(file: Path) -> ListedTest:
     try:
-        table = open_table(file)
+        table = open_table(file, partial(tells_a_test, source=str(file)))
     except MrworkError as error:
         return ListedTest(file=str(file), doubt=_plain(error, file))
     try:

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from mrwork.errors import RecordError, SettingError
+from mrwork.files.delimited import decoded
 from mrwork.motions.ground_motion import GroundMotion
-from mrwork.records.formats.delimited import decoded
 from mrwork.values import Floats
 
 _HEADER_SHOWN = 60

@@ -11,6 +11,12 @@ from typing import Final
 import numpy as np
 
 from mrwork.errors import RecordError, SettingError, UnitError
+from mrwork.files.column_names import LONGEST_NAME
+from mrwork.files.delimited import DelimitedTable, encoding_of, regular_table
+from mrwork.files.layout import DECIMAL_COMMA
+from mrwork.files.matlab import open_matlab, read_matlab_matrices
+from mrwork.files.named_columns import ColumnTable, VectorTable
+from mrwork.files.time_column import rounded_grid
 from mrwork.keys import SMALLEST
 from mrwork.motions.formats.format import (
     Format,
@@ -23,12 +29,6 @@ from mrwork.motions.formats.format import (
     shown,
 )
 from mrwork.motions.ground_motion import GroundMotion
-from mrwork.records.column_names import LONGEST_NAME
-from mrwork.records.formats.delimited import DelimitedTable, encoding_of, regular_table
-from mrwork.records.formats.layout import DECIMAL_COMMA
-from mrwork.records.formats.matlab import open_matlab, read_matlab_matrices
-from mrwork.records.sampling import rounded_grid
-from mrwork.records.table import ColumnTable, VectorTable
 from mrwork.units import factor_of, factor_to_si, known_units
 from mrwork.values import Floats
 

@@ -18,7 +18,6 @@ from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import addition_content, fit_from_json, read_addition
 from mrwork.records import DamperTest, Observation, RecordedMotion
 from mrwork.records.command_signal import Command
-from mrwork.records.damper_test import frozen
 from mrwork.records.likeness import alike_groups
 from mrwork.store.arrays_file import finite_numbers, read_arrays
 from mrwork.store.codec import digest_of, json_document
@@ -30,6 +29,7 @@ from mrwork.summary import Summarised, Summary
 from mrwork.uncertainty.bands.conformal import Calibration, LeftOutCoverage
 from mrwork.uncertainty.bands.prediction import Prediction
 from mrwork.units import CommandUnit
+from mrwork.values import frozen
 
 # Significant digits of a stored score; the errors that it is compared with are not known more precisely.
 _DIGITS = 5

@@ -15,8 +15,8 @@ from warnings import warn
 import numpy as np
 
 from mrwork.errors import MrworkWarning, RecordError, reason_of
-from mrwork.records.column_names import unit_in_name
-from mrwork.records.table import ColumnTable, VectorTable, unused_parts
+from mrwork.files.column_names import unit_in_name
+from mrwork.files.named_columns import ColumnTable, VectorTable, unused_parts
 from mrwork.store.input_file import RECORD, bytes_of
 
 _UNIT_PROPERTIES: Final = ("unit_string", "NI_UnitDescription", "Unit", "unit")

@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import hashlib
 import importlib.util
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 from mrwork.errors import RecordError
-from mrwork.records.columns import REQUIRED, guess_columns
-from mrwork.records.formats.delimited import table_of_text
-from mrwork.records.table import ColumnTable
+from mrwork.files.delimited import table_of_text
+from mrwork.files.named_columns import ColumnTable
 from mrwork.store.child_reader import TooLargeError, UnreadableError, read_members
 from mrwork.store.input_file import RECORD, bytes_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Sheet:
-    """A sheet that has a table: its name, the length of its text, and whether its headings tell a test."""
+    """A sheet that has a table: its name, the length of its text, and whether it is what the caller looks for."""
 
     name: str
     length: int
@@ -25,8 +25,8 @@ class _Sheet:
     is_record: bool
 
 
-def open_workbook(path: Path) -> ColumnTable:
-    """Open an .xlsx workbook: its first sheet whose headings tell time, displacement and force, else the longest one.
+def open_workbook(path: Path, is_record: Callable[[ColumnTable], bool]) -> ColumnTable:
+    """Open an .xlsx workbook: its first sheet that `is_record`, else the longest one.
 
     A sheet is read as a text table is, so that header blocks, rows of units and times of the day are found. Formulas
     have the values that were saved with them.
@@ -54,7 +54,7 @@ def open_workbook(path: Path) -> ColumnTable:
         for member in members.values()
         if member.array is not None and member.array.size
     }
-    sheets = [sheet for name, text in texts.items() for sheet in _opened(path, name, text, digest)]
+    sheets = [sheet for name, text in texts.items() for sheet in _opened(path, name, text, digest, is_record)]
     if not sheets:
         listed = ", ".join(f"'{name}'" for name in texts) or "it has none with cells"
         raise RecordError(f"{path}: no sheet has a table of numbers ({listed}); put one test into a sheet")
@@ -68,11 +68,11 @@ def open_workbook(path: Path) -> ColumnTable:
     return read.table
 
 
-def _opened(path: Path, name: str, text: bytes, digest: str) -> tuple[_Sheet, ...]:
+def _opened(
+    path: Path, name: str, text: bytes, digest: str, is_record: Callable[[ColumnTable], bool]
+) -> tuple[_Sheet, ...]:
     try:
         table = table_of_text(text, source=f"{path}, sheet '{name}'", sha256=digest)
     except RecordError:
         return ()
-    chosen, _ = guess_columns(table.names, units=table.units, stamps=table.stamps, source=str(path))
-    told = all(quantity in chosen for quantity in REQUIRED)
-    return (_Sheet(name=name, length=len(text), table=table, is_record=told),)
+    return (_Sheet(name=name, length=len(text), table=table, is_record=is_record(table)),)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from mrwork.errors import RecordError
-from mrwork.records.formats.layout import NUMBER, Layout, is_number
+from mrwork.files.layout import NUMBER, Layout, is_number
 
 _FIRST_WORDS: Final = "LabVIEW Measurement"
 _END: Final = "***End_of_Header***"

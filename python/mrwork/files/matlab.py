@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.errors import RecordError
-from mrwork.records.table import ColumnTable, VectorTable, unused_parts
+from mrwork.files.named_columns import ColumnTable, VectorTable, unused_parts
 from mrwork.store.child_reader import Member, TooLargeError, UnreadableError, read_members
 from mrwork.store.input_file import LEAST, RECORD, Allowance, bytes_of
 

@@ -15,7 +15,6 @@ from itertools import islice
 from typing import Final
 
 from mrwork.errors import RecordError
-from mrwork.records.columns import numbered_names
 from mrwork.units import quantity_of
 
 MISSING: Final = frozenset({"", "na", "n/a", "nan", "null", "none"})
@@ -344,3 +343,8 @@ def _named_by_comment(lines: Sequence[str], filled: Sequence[int], rows: _Run) -
         units=(),
         data=tuple(index for index in filled if index >= rows.first),
     )
+
+
+def numbered_names(count: int) -> tuple[str, ...]:
+    """Names of columns that have none: their numbers from 1."""
+    return tuple(str(number + 1) for number in range(count))

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
 from mrwork.errors import RecordError
-from mrwork.records.formats.delimited import open_delimited
-from mrwork.records.formats.matlab import open_matlab
-from mrwork.records.formats.tdms import open_tdms
-from mrwork.records.formats.workbook import open_workbook
-from mrwork.records.table import ColumnTable, open_parquet
+from mrwork.files.delimited import open_delimited
+from mrwork.files.matlab import open_matlab
+from mrwork.files.named_columns import ColumnTable, open_parquet
+from mrwork.files.tdms import open_tdms
+from mrwork.files.workbook import open_workbook
 from mrwork.store.input_file import RECORD, check_file
 
 TEXT_EXTENSIONS: Final = (".csv", ".tsv", ".txt", ".dat", ".asc", ".lvm")
@@ -18,8 +19,8 @@ EXTENSIONS: Final = (*TEXT_EXTENSIONS, ".mat", ".tdms", ".xlsx", ".parquet", ".p
 """Extensions of the files that can hold a test."""
 
 
-def open_table(path: Path) -> ColumnTable:
-    """Open a text, .mat, .tdms, .xlsx or Parquet file as named columns.
+def open_table(path: Path, is_record: Callable[[ColumnTable], bool]) -> ColumnTable:
+    """Open a text, .mat, .tdms, .xlsx or Parquet file as named columns; of several sheets the first that `is_record`.
 
     Raises
     ------
@@ -35,7 +36,7 @@ def open_table(path: Path) -> ColumnTable:
     if extension == ".tdms":
         return open_tdms(path)
     if extension == ".xlsx":
-        return open_workbook(path)
+        return open_workbook(path, is_record)
     if extension in (".parquet", ".pq"):
         return open_parquet(path)
     came = f"the extension is '{extension}'" if extension else "there is no extension"

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.errors import RecordError
-from mrwork.records.formats.layout import DECIMAL_COMMA, MISSING, NUMBER, RULE, split
+from mrwork.files.layout import DECIMAL_COMMA, MISSING, NUMBER, RULE, split
 from mrwork.values import holds_arrays
 
 

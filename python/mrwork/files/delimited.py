@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.errors import RecordError
-from mrwork.records.formats.labview import is_labview, labview_layout
-from mrwork.records.formats.layout import (
+from mrwork.files.labview import is_labview, labview_layout
+from mrwork.files.layout import (
     DECIMAL_COMMA,
     MISSING,
     NUMBER,
@@ -27,8 +27,8 @@ from mrwork.records.formats.layout import (
     sampled_layout,
     split,
 )
-from mrwork.records.formats.rows import Cells, RowForm, Rows, number_in, read_rows, without_empty_lines
-from mrwork.records.table import ColumnTable
+from mrwork.files.named_columns import ColumnTable
+from mrwork.files.rows import Cells, RowForm, Rows, number_in, read_rows, without_empty_lines
 from mrwork.store.input_file import RECORD, bytes_of, start_of
 
 # 2024-05-01 12:00:00.010, with T, / or a zone; 01.05.2024 12:00:00; 12:00:00,010.

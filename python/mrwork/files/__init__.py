@@ -1,0 +1,1 @@
+"""Formats of files as named columns."""
