@@ -96,18 +96,23 @@ class LevelFit(Summarised):
 
 
 def points_from_levels(
-    problem: Problem, search: Multistart | Optimiser[Any], *, on_search: OnSearch
+    problem: Problem,
+    search: Multistart | Optimiser[Any],
+    *,
+    on_search: OnSearch,
+    per_command: int | None = _PER_COMMAND,
 ) -> StartingPoints:
     """Fit the plain model at each constant command, then laws to all tests, from the minima at single commands.
 
     Laws that are no polynomials are searched as they are; polynomials by as many values at tested commands, and fitted
-    to the tests from there.
+    to the tests from there. Of each command at most `per_command` tests find the minima; all of them where the others
+    cannot be simulated at these.
     """
     objective, form, rng = problem.objective, problem.form, problem.settings.rng
     excerpts = tuple(middle_excerpt(test, per_cycle=PER_CYCLE) for test in objective.tests)
     constant = levels_of(form.spec, [test for test in excerpts if command_is_constant(test, form.spec)])
     commands = np.array(sorted(constant))
-    levels = {command: unlike_tests(tests, _PER_COMMAND) for command, tests in constant.items()}
+    levels = {command: unlike_tests(tests, per_command or len(tests)) for command, tests in constant.items()}
     left_out = {id(test) for tests in constant.values() for test in tests} - {
         id(test) for tests in levels.values() for test in tests
     }
@@ -178,9 +183,10 @@ def points_from_levels(
         alone = _fit_each(problem, excerpts, fits)
         found = search_joint(starts, rng)
         theta, misfit = on_all_tests(found)
+        is_simulated = not len(theta) or bool(np.isfinite(misfit[0]))
         worse = alone.worse_in(on_tests, theta)
         is_limited = len(theta) > 0 and leaves_range(joint.spec, theta[0], commands)
-        if len(theta) and (worse.size or is_limited):
+        if len(theta) and is_simulated and (worse.size or is_limited):
             # More starts: each command that has such tests takes the parameters of their own fits.
             more = _starts_of_levels(joint.spec, alone.at(worse, fits), relative, rng + 1)
             if is_limited:
@@ -207,6 +213,8 @@ def points_from_levels(
         raise interrupted_at(
             in_own_laws(best[None])[0], objective.on(form.spec, excerpts), own_form, trace
         ) from interrupt
+    if left_out and not is_simulated:
+        return points_from_levels(problem, search, on_search=on_search, per_command=None)
     if not len(theta):
         raise no_simulation(form.spec, found.evaluations[-1])
     return StartingPoints(
