@@ -57,12 +57,12 @@ def ways(tool: str, threads: int) -> Iterator[tuple[str, Prepare]]:
             from studies.speed import loop_numba
 
             for way in loop_numba.LIBRARY if tool == "numba" else loop_numba.SERIES:
-                yield way.describe(), lambda workload, way=way: loop_numba.prepare(workload, way)  # type: ignore[misc]
+                yield way.describe(), lambda workload, way=way: loop_numba.prepare(workload, way)  # type: ignore[misc]  # its type is that of the default
         case "jax":
             from studies.speed import loop_jax
 
             for form in loop_jax.VARIANTS:
-                yield form.describe(), lambda workload, form=form: loop_jax.prepare(workload, form)  # type: ignore[misc]
+                yield form.describe(), lambda workload, form=form: loop_jax.prepare(workload, form)  # type: ignore[misc]  # its type is that of the default
         case "solve_ivp":
             from studies.speed import loop_scipy
 

@@ -1,7 +1,7 @@
 """Weights among the settings of a law, of a regulator or a Lyapunov function: given ones, or designed from limits."""
 
 # `_declare_weight` is a dataclass field with notes.
-# ruff: noqa: RUF009
+# ruff: noqa: RUF009  # see the line above
 
 from __future__ import annotations
 

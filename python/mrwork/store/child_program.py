@@ -14,7 +14,7 @@ try:
     import resource
 except ImportError:
     # Windows; the parent limits the time there.
-    resource = None  # type: ignore[assignment]
+    resource = None  # type: ignore[assignment]  # on systems without it
 
 NO_MEMORY = 3
 """Exit status where the memory that this process was started with is too little."""

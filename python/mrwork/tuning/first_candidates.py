@@ -203,7 +203,7 @@ def references_of(benches: Benches, objective: TuningObjective, basis: Basis) ->
                 digest_of(each.law, each.candidates),
                 Scores,
                 (len(each.candidates),),
-                lambda each=each: score_candidates(benches.training, objective, each.law, each.candidates),  # type: ignore[misc]
+                lambda each=each: score_candidates(benches.training, objective, each.law, each.candidates),  # type: ignore[misc]  # its type is that of the default
             )
             best = each.candidates[scores.best]
         train, test = benches.judgements(each.law, best, objective, robust=False)
