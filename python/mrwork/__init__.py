@@ -9,9 +9,9 @@ from __future__ import annotations
 
 def __getattr__(name: str) -> object:
     # The reader of stubs takes longer to load than all else of a command that has only started.
-    import lazy_loader
+    from mrwork.namespace import attach
 
-    found, names, listed = lazy_loader.attach_stub(__name__, __file__)
+    found, names, listed = attach(__name__, __file__)
     globals().update(__getattr__=found, __dir__=names, __all__=listed)
     return listed if name == "__all__" else found(name)
 

@@ -79,14 +79,6 @@ def damper_calls(_: Path) -> Calls:
         "bouc_wen_from_normalised": lambda: call(
             dampers.bouc_wen_from_normalised, theta=mr.damper("normalised_bouc_wen").nominal, A=1.0
         ),
-        "normalised_from_modified_bouc_wen": lambda: call(
-            dampers.normalised_from_modified_bouc_wen, theta=mr.damper("modified_bouc_wen").nominal
-        ),
-        "modified_bouc_wen_from_normalised": lambda: call(
-            dampers.modified_bouc_wen_from_normalised,
-            theta=mr.damper("normalised_modified_bouc_wen").nominal,
-            A=1.0,
-        ),
         "rescaled_bouc_wen": lambda: call(dampers.rescaled_bouc_wen, theta=bouc_wen, A=2.0),
     }
 
@@ -200,9 +192,6 @@ def record_calls(files: Path) -> Calls:
         "Observation.reach": lambda: call(
             records.Observation(delay_seconds=0.02, average_seconds=0.05).reach, dt=test.dt
         ),
-        "mislabelled": lambda: call(records.mislabelled, tests=[test, small_test(6), small_test(6)]),
-        "detect_smoothing": lambda: call(records.detect_smoothing, test=test),
-        "parse_column_option": lambda: call(records.parse_column_option, option="force=F:kN"),
         "guess_tests": lambda: call(records.guess_tests, files=[record()]),
         "ListedTest": lambda: call(
             records.ListedTest, file="rig.csv", use="fit", columns={"force": "F:kN"}, doubt="none"
@@ -222,10 +211,6 @@ def record_calls(files: Path) -> Calls:
         "OperatingRange.exceeded_by": lambda: call(
             records.OperatingRange.of_test(test, None).exceeded_by,
             demand=records.OperatingRange.of_test(test, None),
-        ),
-        "RecordedMotion.of": lambda: call(records.RecordedMotion.of, test=test),
-        "RecordedMotion.correlation": lambda: call(
-            records.RecordedMotion.of(test).correlation, seen=records.RecordedMotion.of(small_test(6))
         ),
     }
 
@@ -270,17 +255,13 @@ def motion_calls(files: Path) -> Calls:
             mr.response_spectrum, motion=motion, periods=[0.2, 1.0], damping=0.05
         ),
         "fitted_spectrum": lambda: call(motions.fitted_spectrum, motion=motion, kind="kanai_tajimi"),
-        "is_copy": lambda: call(motions.is_copy, one=motion, other=motion),
         "baseline_corrected": lambda: call(motions.baseline_corrected, motion=motion, order=1),
-        "brought_to_rest": lambda: call(motions.brought_to_rest, motion=motion),
         "resampled": lambda: call(motions.resampled, motion=motion, dt=0.01),
         "resampled_band_limited": lambda: call(motions.resampled_band_limited, motion=motion, dt=0.04),
         "scaled": lambda: call(motions.scaled, motion=motion, factor=2.0),
         "scaled_to_peak": lambda: call(motions.scaled_to_peak, motion=motion, peak=2.0),
         "time_scaled": lambda: call(motions.time_scaled, motion=motion, factor=0.5),
         "trimmed": lambda: call(motions.trimmed, motion=motion, start=0.5, end=1.5),
-        "half_sine": lambda: call(motions.half_sine, amplitude=1.0, width=0.5, rest=0.1, dt=0.01),
-        "ricker": lambda: call(motions.ricker, amplitude=1.0, frequency=2.0, dt=0.01),
         "sine": lambda: call(motions.sine, amplitude=1.0, frequency=2.0, cycles=2.0, dt=0.01),
         "sine_sweep": lambda: call(
             motions.sine_sweep, amplitude=1.0, start=1.0, end=3.0, duration=2.0, dt=0.01
@@ -293,13 +274,8 @@ def motion_calls(files: Path) -> Calls:
         "CloughPenzien": lambda: call(
             motions.CloughPenzien, soil=motions.KanaiTajimi(), frequency=1.5, damping=0.6
         ),
-        "CloughPenzien.transfer": lambda: call(motions.CloughPenzien().transfer, w=np.linspace(0.1, 50.0, 5)),
         "Envelope": lambda: call(motions.Envelope, rise=1.0, plateau_end=2.0, decay=0.1),
-        "Envelope.at": lambda: call(motions.Envelope().at, time=np.linspace(0.0, 20.0, 5)),
         "GammaEnvelope": lambda: call(motions.GammaEnvelope, significant_duration=5.0, shape=5.0),
-        "GammaEnvelope.time_of": lambda: call(
-            motions.GammaEnvelope(significant_duration=5.0).time_of, share=0.5
-        ),
         "ShakeTable": lambda: call(
             motions.ShakeTable, stroke=0.1, velocity=0.5, acceleration=9.0, bandwidth=20.0, damping=0.7
         ),

@@ -34,26 +34,10 @@ def material_calls(_: Path) -> Calls:
         "MRFluid": lambda: call(
             design.MRFluid, name="mine", particle_fraction=0.3, viscosity=0.1, density=3e3, flow_index=0.9
         ),
-        "MRFluid.yield_stress": lambda: call(_FLUID.yield_stress, field=np.array([0.0, 1e5])),
-        "MRFluid.flux_density": lambda: call(_FLUID.flux_density, field=np.array([0.0, 1e5])),
         "steel": lambda: call(design.steel, name="AISI 1010"),
         "Steel": lambda: call(design.Steel, name="mine", field=(0.0, 300.0), flux_density=(0.0, 0.5)),
-        "Steel.field_of": lambda: call(_STEEL.field_of, flux_density=np.array([0.0, 1.5, 3.0])),
         "Slot": lambda: call(design.Slot, inner_radius=0.05, gap=0.001, length=0.03),
         "annular_pressure": lambda: call(design.annular_pressure, slot=_SLOT, **flow, wall_speed=0.1),
-        "plate_pressure": lambda: call(design.plate_pressure, slot=_SLOT, **flow, wall_speed=0.1),
-        "summed_pressure": lambda: call(
-            design.summed_pressure, slot=_SLOT, **flow, wall_speed=0.1, coefficient=2.5
-        ),
-        "shear_force": lambda: call(
-            design.shear_force,
-            area=0.01,
-            gap=1e-3,
-            speed=0.1,
-            yield_stress=1e4,
-            viscosity=0.3,
-            flow_index=0.9,
-        ),
         "MagneticCircuit": lambda: call(
             design.MagneticCircuit,
             fluid=_FLUID,
@@ -71,7 +55,6 @@ def material_calls(_: Path) -> Calls:
         "MagneticCircuit.rise_time": lambda: call(
             _circuit().rise_time, current=1.0, resistance=7.0, supply=20.0, share=0.5
         ),
-        "wire_diameter": lambda: call(design.wire_diameter, gauge=20),
     }
 
 
@@ -87,14 +70,6 @@ def damper_design_calls(_: Path) -> Calls:
         "DamperDesign.inductance": lambda: call(large.inductance, current=np.array([0.0, 1.0])),
         "DamperDesign.response_time": lambda: call(large.response_time, supply=100.0),
         "DamperDesign.as_model": lambda: call(large.as_model, supply=100.0, transition=0.01),
-        "least_active_volume": lambda: call(
-            design.least_active_volume,
-            yield_stress=5e4,
-            viscosity=1.0,
-            ratio=10.0,
-            power=2e4,
-            coefficient=2.1,
-        ),
         "cross_section_figure": lambda: call(report.cross_section_figure, design=large),
         "DamperWishes": lambda: call(
             design.DamperWishes,

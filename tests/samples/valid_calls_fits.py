@@ -69,9 +69,8 @@ def _streams() -> search.Streams:
 def identification_calls(_: Path) -> Calls:
     """Fits, objectives and their minimisation."""
     theta = _BINGHAM.nominal
-    laws = _BINGHAM.with_current_laws({"f_c": "linear"})
     target, start = small_sampling().target, small_sampling().start
-    objective, box = target.objective, target.form.box
+    objective = target.objective
     fit, test = small_fit(), small_test()
     return {
         "identify": lambda: call(
@@ -124,43 +123,8 @@ def identification_calls(_: Path) -> Calls:
         "Objective": lambda: call(objective, theta=start[None], thresholds=np.array([9.0])),
         "Objective.misfits": lambda: call(objective.misfits, theta=start[None]),
         "Objective.residuals": lambda: call(objective.residuals, theta=start[None]),
-        "find_minimum": lambda: call(
-            identification.find_minimum, objective=objective, box=box, start=start, max_evaluations=2
-        ),
-        "find_minima": lambda: call(
-            identification.find_minima,
-            objective=objective,
-            box=box,
-            starts=start[None],
-            max_iterations=2,
-            tolerance=1e-7,
-        ),
-        "search_starts": lambda: call(
-            identification.search_starts,
-            objective=objective,
-            box=box,
-            searched=identification.search_box(mr.damper(MODEL), box, (test,)),
-            settings=_QUICK,
-            rng=0,
-            mirrored=(3,),
-            nested=start[None],
-        ),
         "search_box": lambda: call(
             identification.search_box, spec=_BINGHAM, bounds=mr.Box.of(_BINGHAM), tests=(test,)
-        ),
-        "free_run": lambda: call(
-            identification.free_run, spec=_BINGHAM, theta=theta, test=test, nuisances=("level",)
-        ),
-        "identifiable_form": lambda: call(identification.identifiable_form, spec=_BINGHAM, bounds=_FREE),
-        "levels_of": lambda: call(
-            identification.levels_of, spec=laws, tests=[_with_command(0.0), _with_command(1.0)]
-        ),
-        "joint_starts": lambda: call(
-            identification.joint_starts,
-            spec=laws,
-            levels=[identification.LevelFit(command=each, minima=theta[None]) for each in (0.0, 1.0)],
-            n_starts=2,
-            rng=0,
         ),
         "LevelFit": lambda: call(identification.LevelFit, command=1.0, minima=theta[None]),
     }
@@ -168,10 +132,7 @@ def identification_calls(_: Path) -> Calls:
 
 def uncertainty_calls(_: Path) -> Calls:
     """Predictions, bands, posteriors and plans."""
-    target, start = small_sampling().target, small_sampling().start
-    objective = target.objective
     fit, test = small_fit(), small_test()
-    rows = np.tile(_BINGHAM.nominal, (3, 1))
     return {
         "predict": lambda: call(mr.predict, fit=fit, test=_other_test(), nuisances=("offset",)),
         "predict_left_out": lambda: call(
@@ -181,16 +142,8 @@ def uncertainty_calls(_: Path) -> Calls:
             identify_rest=lambda tests: small_fit(),
         ),
         "calibrate": lambda: call(mr.calibrate, predictions=[_prediction()], held_out="not seen"),
-        "measured_coverage": lambda: call(
-            uncertainty.measured_coverage,
-            predictions=[_prediction(), mr.predict(fit, _other_test(3.0))],
-            levels=(0.5,),
-        ),
         "Band": lambda: call(
             uncertainty.Band, kind="prediction", level=0.9, lower=np.zeros(9), upper=np.ones(9), basis="a"
-        ),
-        "Band.about": lambda: call(
-            uncertainty.Band.about, centre=np.zeros(9), half=np.ones(9), level=0.9, basis="a"
         ),
         "score": lambda: call(
             uncertainty.score,
@@ -209,28 +162,9 @@ def uncertainty_calls(_: Path) -> Calls:
             mean=0.0,
             rng=np.random.default_rng(0),
         ),
-        "simulate_draws": lambda: call(
-            uncertainty.simulate_draws, spec=_BINGHAM, theta=rows, test=test, threads=1
-        ),
         "noise_model": lambda: call(uncertainty.noise_model, name="iid"),
-        "Noise.draw": lambda: call(
-            uncertainty.noise_model("iid").draw,
-            force=np.ones((5, 9)),
-            noise=np.full((5, 1), 0.1),
-            rng=np.random.default_rng(0),
-        ),
-        "Noise.estimate": lambda: call(
-            uncertainty.noise_model("iid").estimate, residual=np.linspace(0.0, 1.0, 9), force=np.ones(9)
-        ),
         "Candidate": lambda: call(uncertainty.Candidate, amplitude=0.01, frequency=1.0, command=0.5),
-        "Candidate.in_words": lambda: call(
-            uncertainty.Candidate(amplitude=0.01, frequency=1.0).in_words, unit="A"
-        ),
         "Limits": lambda: call(uncertainty.Limits, stroke=0.1, peak_velocity=1.0),
-        "Limits.allow": lambda: call(
-            uncertainty.Limits(stroke=0.1).allow,
-            candidate=uncertainty.Candidate(amplitude=0.01, frequency=1.0),
-        ),
         "plan": lambda: call(
             mr.plan,
             fit=fit,
@@ -261,25 +195,6 @@ def uncertainty_calls(_: Path) -> Calls:
         "Uniform": lambda: call(uncertainty.Uniform, lower=0.0, upper=1.0),
         "convergence": lambda: call(
             uncertainty.convergence, chains=np.random.default_rng(0).standard_normal((4, 40))
-        ),
-        "kept": lambda: call(uncertainty.kept, n_steps=40),
-        "Target.of": lambda: call(
-            uncertainty.Target.of,
-            form=target.form,
-            objective=objective,
-            noise=uncertainty.noise_model("iid"),
-            start=start,
-            priors={},
-            tempering=0.5,
-        ),
-        "Target": lambda: call(target, position=target.position_of(start)[None]),
-        "Target.log_likelihood": lambda: call(
-            target.log_likelihood, values=np.concatenate([start, [0.1]])[None]
-        ),
-        "Target.noise_at": lambda: call(target.noise_at, theta=start),
-        "Target.position_of": lambda: call(target.position_of, theta=start),
-        "first_walkers": lambda: call(
-            uncertainty.first_walkers, target=target, start=start, n_walkers=8, rng=np.random.default_rng(0)
         ),
         "choose_model": lambda: call(
             mr.choose_model,

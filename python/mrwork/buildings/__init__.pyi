@@ -5,18 +5,8 @@ from .additions import with_modal_damping as with_modal_damping
 from .additions import with_rayleigh_coefficients as with_rayleigh_coefficients
 from .additions import with_rayleigh_damping as with_rayleigh_damping
 from .additions import with_viscous_damper as with_viscous_damper
-from .free_vibration import ModeEstimate as ModeEstimate
-from .free_vibration import fourier_peak as fourier_peak
-from .free_vibration import logarithmic_decrement as logarithmic_decrement
-from .free_vibration import mode_estimate as mode_estimate
 from .from_file import read_building as read_building
 from .matrices import Building as Building
-from .matrices import PassiveElement as PassiveElement
-from .passive_devices import TUNINGS as TUNINGS
-from .passive_devices import Tuning as Tuning
-from .passive_devices import column_length as column_length
-from .passive_devices import head_loss_of as head_loss_of
-from .passive_devices import liquid_column_optimum as liquid_column_optimum
 from .passive_devices import with_friction_damper as with_friction_damper
 from .passive_devices import with_lead_rubber_bearings as with_lead_rubber_bearings
 from .passive_devices import with_liquid_column as with_liquid_column
@@ -28,7 +18,6 @@ from .shear import building as building
 from .shear import buildings as buildings
 from .shear import chain as chain
 from .shear import shear_building as shear_building
-from .state_space import BalancedReduction as BalancedReduction
 from .state_space import LinearSystem as LinearSystem
 from .state_space import balanced_truncation as balanced_truncation
 from .state_space import building_of as building_of
@@ -36,3 +25,16 @@ from .state_space import from_control as from_control
 from .state_space import modal_truncation as modal_truncation
 from .state_space import read_system as read_system
 from .state_space import system_of as system_of
+
+if True:  # the lower tier
+    from .free_vibration import ModeEstimate as ModeEstimate
+    from .free_vibration import fourier_peak as fourier_peak
+    from .free_vibration import logarithmic_decrement as logarithmic_decrement
+    from .free_vibration import mode_estimate as mode_estimate
+    from .matrices import PassiveElement as PassiveElement
+    from .passive_devices import TUNINGS as TUNINGS
+    from .passive_devices import Tuning as Tuning
+    from .passive_devices import column_length as column_length
+    from .passive_devices import head_loss_of as head_loss_of
+    from .passive_devices import liquid_column_optimum as liquid_column_optimum
+    from .state_space import BalancedReduction as BalancedReduction

@@ -1,5 +1,5 @@
 """Buildings with dampers and controllers under ground motions, simulated in batches; evaluation criteria by name."""
 
-import lazy_loader
+from mrwork.namespace import attach
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -1,24 +1,26 @@
-from .clairvoyant_search import Clairvoyant as Clairvoyant
-from .clairvoyant_search import ClairvoyantProgress as ClairvoyantProgress
 from .clairvoyant_search import ClairvoyantSettings as ClairvoyantSettings
-from .clairvoyant_search import ClairvoyantStart as ClairvoyantStart
 from .clairvoyant_search import clairvoyant as clairvoyant
-from .evaluation import SCORE as SCORE
-from .evaluation import STANDARD_GRAVITY as STANDARD_GRAVITY
-from .evaluation import Criterion as Criterion
 from .evaluation import criteria as criteria
-from .evaluation import criterion as criterion
-from .evaluation import ratio as ratio
-from .evaluation import score as score
-from .evaluation import values as values
 from .hardware import Fault as Fault
 from .hardware import Hardware as Hardware
-from .responses import History as History
 from .responses import Responses as Responses
 from .simulate import Device as Device
 from .simulate import PrescribedCommands as PrescribedCommands
-from .simulate import loop_observer as loop_observer
 from .simulate import simulate_loop as simulate_loop
 from .simulate import simulate_prescribed as simulate_prescribed
 from .user_law import LoopSample as LoopSample
 from .user_law import UserLaw as UserLaw
+
+if True:  # the lower tier
+    from .clairvoyant_search import Clairvoyant as Clairvoyant
+    from .clairvoyant_search import ClairvoyantProgress as ClairvoyantProgress
+    from .clairvoyant_search import ClairvoyantStart as ClairvoyantStart
+    from .evaluation import SCORE as SCORE
+    from .evaluation import STANDARD_GRAVITY as STANDARD_GRAVITY
+    from .evaluation import Criterion as Criterion
+    from .evaluation import criterion as criterion
+    from .evaluation import ratio as ratio
+    from .evaluation import score as score
+    from .evaluation import values as values
+    from .responses import History as History
+    from .simulate import loop_observer as loop_observer

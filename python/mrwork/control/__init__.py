@@ -1,5 +1,5 @@
 """Control laws, and the regulators, Lyapunov functions, observers, surfaces and networks they are designed with."""
 
-import lazy_loader
+from mrwork.namespace import attach
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

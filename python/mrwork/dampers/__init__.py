@@ -1,5 +1,5 @@
 """Damper models declared by the Rust core: parameters, current laws, sets, conversions; their `design`."""
 
-import lazy_loader
+from mrwork.namespace import attach
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

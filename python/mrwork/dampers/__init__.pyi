@@ -2,19 +2,21 @@ from . import design as design
 from .conversions import OpenSeesBoucWen as OpenSeesBoucWen
 from .conversions import bouc_wen_from_normalised as bouc_wen_from_normalised
 from .conversions import bouc_wen_from_opensees as bouc_wen_from_opensees
-from .conversions import modified_bouc_wen_from_normalised as modified_bouc_wen_from_normalised
 from .conversions import normalised_from_bouc_wen as normalised_from_bouc_wen
-from .conversions import normalised_from_modified_bouc_wen as normalised_from_modified_bouc_wen
 from .conversions import opensees_from_bouc_wen as opensees_from_bouc_wen
-from .conversions import rescaled_bouc_wen as rescaled_bouc_wen
 from .coordinates import Box as Box
-from .parameters import Coefficient as Coefficient
 from .parameters import CurrentLaws as CurrentLaws
-from .parameters import LawName as LawName
-from .parameters import ParamSpec as ParamSpec
-from .presets import PUBLISHED_SETS as PUBLISHED_SETS
-from .presets import PublishedSet as PublishedSet
 from .spec import DamperSpec as DamperSpec
-from .spec import Preset as Preset
 from .spec import damper as damper
 from .spec import damper_models as damper_models
+
+if True:  # the lower tier
+    from .conversions import modified_bouc_wen_from_normalised as modified_bouc_wen_from_normalised
+    from .conversions import normalised_from_modified_bouc_wen as normalised_from_modified_bouc_wen
+    from .conversions import rescaled_bouc_wen as rescaled_bouc_wen
+    from .parameters import Coefficient as Coefficient
+    from .parameters import LawName as LawName
+    from .parameters import ParamSpec as ParamSpec
+    from .presets import PUBLISHED_SETS as PUBLISHED_SETS
+    from .presets import PublishedSet as PublishedSet
+    from .spec import Preset as Preset

@@ -140,7 +140,6 @@ def bouc_wen_from_normalised_jacobian(theta: Floats, A: float) -> Floats:
     return slopes
 
 
-@checked
 @_QUIET
 def rescaled_bouc_wen(theta: AnyArray, A: float) -> Array:
     """Rescale a `bouc_wen`, shape (..., 8), to another `A`: z is multiplied by s = A_new/A, the force is the same."""
@@ -295,7 +294,6 @@ def _finite(theta: NDArray[np.float64], names: tuple[str, ...]) -> None:
             raise SettingError(f"{name} is {value}; a finite number is expected")
 
 
-@checked
 def normalised_from_modified_bouc_wen(theta: AnyArray) -> Array:
     """Parameters of `normalised_modified_bouc_wen`, shape (..., 9), equal in force to those of `modified_bouc_wen`.
 
@@ -310,7 +308,6 @@ def normalised_from_modified_bouc_wen_jacobian(theta: Floats) -> Floats:
     return _with_loop_jacobian(theta, normalised_from_bouc_wen_jacobian(_plain(theta)))
 
 
-@checked
 def modified_bouc_wen_from_normalised(theta: AnyArray, A: float) -> Array:
     """Parameters of `modified_bouc_wen`, shape (..., 10), equal in force to those of `normalised_modified_bouc_wen`.
 

@@ -264,24 +264,13 @@ def open_delimited(path: Path) -> ColumnTable:
     Lines that start with ``#`` are comments; if no header follows them, the last one is the header, as written by
     `numpy.savetxt`. Decimal commas are read where the delimiter is no comma. Text that is not UTF-8 is taken as
     Latin-1, which concerns units such as \N{MICRO SIGN}m and remarks only.
-
-    Raises
-    ------
-    RecordError
-        The file is empty, not text, too large, or it has no data line.
     """
     data = read_text_bytes(path)
     return table_of_text(data, source=str(path), sha256=hashlib.sha256(data).hexdigest())
 
 
 def table_of_text(data: bytes, *, source: str, sha256: str) -> ColumnTable:
-    """As `open_delimited`, of the bytes of a text.
-
-    Raises
-    ------
-    RecordError
-        It has no data line.
-    """
+    """As `open_delimited`, of the bytes of a text."""
 
     def line_by_line() -> DelimitedTable:
         lines = decoded(data).replace("\r\n", "\n").replace("\r", "\n").split("\n")
@@ -388,13 +377,7 @@ class DelimitedTable(ColumnTable):
         return seconds_since_first(times, with_dates=any(map(has_date, cells[:1])))
 
     def _has_decimal_commas(self, texts: Sequence[Sequence[str]], columns: Sequence[int]) -> bool:
-        """Whether the numbers have decimal commas.
-
-        Raises
-        ------
-        RecordError
-            Where some have commas and others points, or the commas may separate thousands.
-        """
+        """Whether the numbers have decimal commas."""
         place = dict[str, tuple[int, int, str]]()
         sure = False
         for index, row in zip(self._data, texts, strict=True):

@@ -28,11 +28,6 @@ def labview_layout(lines: list[str], source: str) -> tuple[list[str], Layout]:
 
     Remarks behind the rows are cut off, decimal commas become points, and times are written into rows without them. The
     first column is called Time where it is one.
-
-    Raises
-    ------
-    RecordError
-        The header is incomplete, blocks have other channels, or channels have different times.
     """
     settings = dict(_entries(lines, 0, _separator(lines)))
     separator = _separator(lines)

@@ -69,13 +69,7 @@ class _Header:
 
 
 def layout_of(lines: Sequence[str], source: str) -> Layout:
-    """Find delimiter, names, units and rows of a text table.
-
-    Raises
-    ------
-    RecordError
-        There is no header, or no data line after it.
-    """
+    """Find delimiter, names, units and rows of a text table."""
     filled = [index for index, line in enumerate(lines) if is_data(line)]
     if not filled:
         raise RecordError(f"{source}: the file holds no header and no data; check the export")

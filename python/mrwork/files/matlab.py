@@ -27,11 +27,6 @@ def hdf5_variables(data: bytes, path: Path) -> dict[str, NDArray[np.generic] | N
     """Variables of a version 7.3 file, or the fields of its only struct; `None` for other contents than real numbers.
 
     Links to other files are not followed.
-
-    Raises
-    ------
-    RecordError
-        The file is damaged, or claims more data than a test has.
     """
     try:
         members = read_members(data, "hdf5")
@@ -90,13 +85,7 @@ Block = bytes | memoryview
 
 
 def open_matlab(path: Path) -> ColumnTable:
-    """Open a .mat file; the columns are its numeric vectors, or those in the fields of its only struct.
-
-    Raises
-    ------
-    RecordError
-        The file is damaged, claims more data than it holds, or has no numeric vector.
-    """
+    """Open a .mat file; the columns are its numeric vectors, or those in the fields of its only struct."""
     data, variables = _variables(path)
     columns = {
         name: array.ravel()
@@ -119,13 +108,7 @@ def open_matlab(path: Path) -> ColumnTable:
 
 
 def read_matlab_matrices(path: Path) -> dict[str, NDArray[np.float64]]:
-    """Read the real matrices of a .mat file by name, or those of its only struct; sparse ones become dense.
-
-    Raises
-    ------
-    RecordError
-        The file is damaged, or claims more data than it holds.
-    """
+    """Read the real matrices of a .mat file by name, or those of its only struct; sparse ones become dense."""
     _, variables = _variables(path, least=_LEAST_FOR_MATRICES)
     return {
         name: array.astype(np.float64, copy=False)

@@ -40,11 +40,6 @@ class ColumnTable(ABC):
         """Columns by name, each of shape (n_time,); an empty cell is NaN.
 
         A constant may have shape (1,) if the format stores scalars.
-
-        Raises
-        ------
-        RecordError
-            A cell of a requested column is not a number, or the columns differ in length.
         """
 
     @abstractmethod
@@ -103,13 +98,7 @@ def unused_parts(noun: str, names: Sequence[str], why: str) -> tuple[str, ...]:
 
 
 def open_parquet(path: Path) -> ColumnTable:
-    """Open a .parquet file.
-
-    Raises
-    ------
-    RecordError
-        pyarrow is not installed, or the file is damaged or claims more data than a test has.
-    """
+    """Open a .parquet file."""
     if importlib.util.find_spec("pyarrow") is None:
         raise RecordError(f"{path}: reading Parquet needs pyarrow; run: pip install 'mrwork[parquet]'")
     data = bytes_of(path, RECORD)
@@ -128,13 +117,7 @@ def open_parquet(path: Path) -> ColumnTable:
 
 
 def listed_files(paths: str | os.PathLike[str] | Iterable[str | os.PathLike[str]], *, none: str) -> list[str]:
-    """Return the files of a sequence of paths in its order, or of a glob pattern in name order.
-
-    Raises
-    ------
-    RecordError
-        No file matches the pattern, or there is no path; `none` is the message of the latter.
-    """
+    """Return the files of a sequence of paths in its order, or of a glob pattern in name order."""
     if isinstance(paths, str | os.PathLike):
         pattern = os.fspath(paths)
         _refuse_nameless(pattern)

@@ -20,13 +20,7 @@ EXTENSIONS: Final = (*TEXT_EXTENSIONS, ".mat", ".tdms", ".xlsx", ".parquet", ".p
 
 
 def open_table(path: Path, is_record: Callable[[ColumnTable], bool]) -> ColumnTable:
-    """Open a text, .mat, .tdms, .xlsx or Parquet file as named columns; of several sheets the first that `is_record`.
-
-    Raises
-    ------
-    RecordError
-        The path is missing, a directory, of an unknown extension, unreadable, or its content is refused.
-    """
+    """Open a .mat, .tdms, .xlsx, Parquet or text file as columns; of several sheets, the first that `is_record`."""
     extension = path.suffix.lower()
     check_file(path, RECORD)
     if extension in TEXT_EXTENSIONS:

@@ -28,11 +28,6 @@ def open_tdms(path: Path) -> ColumnTable:
 
     Channels of several groups are called GROUP/CHANNEL where names are in several. Where no channel is a time, one is
     made from the increment that all channels share.
-
-    Raises
-    ------
-    RecordError
-        npTDMS is not installed, or the file is damaged or has no numeric channel.
     """
     try:
         from nptdms import TdmsFile

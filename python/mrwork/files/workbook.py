@@ -30,12 +30,6 @@ def open_workbook(path: Path, is_record: Callable[[ColumnTable], bool]) -> Colum
 
     A sheet is read as a text table is, so that header blocks, rows of units and times of the day are found. Formulas
     have the values that were saved with them.
-
-    Raises
-    ------
-    RecordError
-        python-calamine is not installed, the file is damaged or claims more data than a test has, or no sheet has a
-        table of numbers.
     """
     if importlib.util.find_spec("python_calamine") is None:
         raise RecordError(f"{path}: reading .xlsx needs python-calamine; run: pip install 'mrwork[xlsx]'")

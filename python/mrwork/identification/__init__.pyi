@@ -1,20 +1,22 @@
-from .equivalent import identifiable_form as identifiable_form
 from .equivalent import search_box as search_box
-from .fit import Estimate as Estimate
 from .fit import Fit as Fit
-from .fit import FitQuality as FitQuality
-from .fit import SearchTrace as SearchTrace
-from .level_search import LevelFit as LevelFit
-from .level_search import joint_starts as joint_starts
-from .level_search import levels_of as levels_of
-from .levenberg_marquardt import find_minima as find_minima
-from .levenberg_marquardt import find_minimum as find_minimum
-from .levenberg_marquardt_twin import find_minimum_on_twin as find_minimum_on_twin
-from .multistart import MultistartResult as MultistartResult
-from .multistart import search_starts as search_starts
 from .objective import Objective as Objective
 from .problem import start_from as start_from
-from .progress import Progress as Progress
-from .result import free_run as free_run
 from .settings import FitSettings as FitSettings
 from .settings import Multistart as Multistart
+
+if True:  # the lower tier
+    from .equivalent import identifiable_form as identifiable_form
+    from .fit import Estimate as Estimate
+    from .fit import FitQuality as FitQuality
+    from .fit import SearchTrace as SearchTrace
+    from .level_search import LevelFit as LevelFit
+    from .level_search import joint_starts as joint_starts
+    from .level_search import levels_of as levels_of
+    from .levenberg_marquardt import find_minima as find_minima
+    from .levenberg_marquardt import find_minimum as find_minimum
+    from .levenberg_marquardt_twin import find_minimum_on_twin as find_minimum_on_twin
+    from .multistart import MultistartResult as MultistartResult
+    from .multistart import search_starts as search_starts
+    from .progress import Progress as Progress
+    from .result import free_run as free_run

@@ -48,17 +48,11 @@ class Form:
     mirrored: tuple[int, ...] = ()
 
 
-@checked
 def identifiable_form(spec: DamperSpec, bounds: Mapping[str, tuple[float, float]]) -> Form:
     """Return the form in which a model is identified, with the user's bounds.
 
     A Spencer form of Bouc-Wen is searched in its normalised form: alpha, gamma, beta and A are determined only up to
     a common scale. A is fixed at the value that the bounds give, or else at its nominal value.
-
-    Raises
-    ------
-    SettingError
-        Where a bound is impossible, or cannot be converted to that form.
     """
     equivalent = _EQUIVALENTS.get(spec.name)
     if equivalent is not None and spec.current is not None:

@@ -211,7 +211,6 @@ class Estimate:
     upper: UpperBound
     remark: Literal["", "fixed", "at lower bound", "at upper bound", "not identifiable"] = ""
 
-    @checked
     def judged(self, verdict: Verdict | None) -> Estimate:
         """The estimate with the standard error that its verdict is by; as it is where it has no verdict."""
         if verdict is None:

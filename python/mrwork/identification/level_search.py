@@ -377,15 +377,8 @@ def _by_level(spec: DamperSpec, tests: Sequence[DamperTest]) -> dict[float, tupl
     }
 
 
-@checked
 def levels_of(spec: DamperSpec, tests: Sequence[DamperTest]) -> dict[float, tuple[DamperTest, ...]]:
-    """The tests at each command, lowest first.
-
-    Raises
-    ------
-    SettingError
-        Where there are fewer commands than a law has coefficients.
-    """
+    """The tests at each command, lowest first."""
     levels = _by_level(spec, tests)
     if spec.current is not None:
         refuse_few_levels(spec, len(levels))
@@ -536,7 +529,6 @@ def _starts_of_levels(
     return np.array([first, *shapes, *others])
 
 
-@checked
 def joint_starts(
     spec: DamperSpec,
     levels: list[LevelFit],

@@ -19,7 +19,7 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.arguments import Count, Shape, Within, checked
+from mrwork.arguments import Count, Shape, Within
 from mrwork.dampers.coordinates import Box
 from mrwork.errors import JournalError
 from mrwork.identification.objective import Objective, linearised
@@ -160,7 +160,6 @@ class LocalMinimum:
     converged: bool
 
 
-@checked
 def find_minimum(
     objective: Objective,
     box: Box,
@@ -313,7 +312,6 @@ class Hopeless:
         return np.asarray(hopeless)
 
 
-@checked
 def find_minima(
     objective: Objective,
     box: Box,

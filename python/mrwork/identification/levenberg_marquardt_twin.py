@@ -14,7 +14,6 @@ import numpy as np
 import optimistix as optx
 from numpy.typing import NDArray
 
-from mrwork.arguments import checked
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec
 from mrwork.identification.levenberg_marquardt import check_recalled_minimum
@@ -170,7 +169,6 @@ class TwinMinimum:
     converged: bool
 
 
-@checked
 def find_minimum_on_twin(
     objective: Objective, box: Box, start: NDArray[np.float64], *, on_step: OnStep | None = None
 ) -> TwinMinimum:

@@ -19,7 +19,7 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.arguments import Seed, Shape, Within, checked
+from mrwork.arguments import Seed, Shape, Within
 from mrwork.dampers.coordinates import ON_BOUND, Box
 from mrwork.errors import Interrupted, SettingError
 from mrwork.identification.levenberg_marquardt import Hopeless, LocalMinima, find_minima
@@ -157,7 +157,6 @@ class MultistartResult(Summarised):
     median: tuple[float, ...]
 
 
-@checked
 def search_starts(
     objective: Objective,
     box: Box,
@@ -191,11 +190,6 @@ def search_starts(
         Least misfit above which the search does not end early, because a simpler description is as good.
     on_iteration
         Called after every iteration with the result so far and the share of the allowed iterations that is used up.
-
-    Raises
-    ------
-    Interrupted
-        On Ctrl-C once a candidate was simulated, carrying the `MultistartResult` so far.
     """
     n_free, n_params = len(searched.free), len(box.names)
     if (nested is not None and nested.shape[1] != n_params) or any(each >= n_params for each in mirrored):

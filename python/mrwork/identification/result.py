@@ -11,7 +11,6 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mrwork.arguments import checked
 from mrwork.dampers.coordinates import ON_BOUND, Box
 from mrwork.dampers.spec import DamperSpec, law_limits
 from mrwork.errors import SimulationError
@@ -34,7 +33,6 @@ from mrwork.simulate import loading_of, stiffness_shares
 from mrwork.summary import listed
 
 
-@checked
 def free_run(
     spec: DamperSpec,
     theta: NDArray[np.float64],
@@ -49,11 +47,6 @@ def free_run(
     ----------
     nuisances
         Parameters that are estimated from the test itself before the comparison.
-
-    Raises
-    ------
-    SimulationError
-        Where the simulation diverges or cannot be resolved.
     """
     observed = ObservedTest.of(spec, test, nuisances)
     force, nuisance, substeps = observed.predicted(theta, substep_factor=substep_factor)

@@ -1,7 +1,5 @@
 from .ground_motion import GroundMotion as GroundMotion
 from .ground_motion import baseline_corrected as baseline_corrected
-from .ground_motion import brought_to_rest as brought_to_rest
-from .ground_motion import is_copy as is_copy
 from .ground_motion import resampled as resampled
 from .ground_motion import resampled_band_limited as resampled_band_limited
 from .ground_motion import scaled as scaled
@@ -10,19 +8,23 @@ from .ground_motion import time_scaled as time_scaled
 from .ground_motion import trimmed as trimmed
 from .read import read_motion as read_motion
 from .read import read_motions as read_motions
-from .spectral_density import CloughPenzien as CloughPenzien
 from .spectral_density import KanaiTajimi as KanaiTajimi
 from .spectrum import ResponseSpectrum as ResponseSpectrum
 from .spectrum import ShakeTable as ShakeTable
-from .spectrum import TableDemand as TableDemand
 from .spectrum import fitted_spectrum as fitted_spectrum
 from .spectrum import response_spectrum as response_spectrum
 from .suites import suite as suite
-from .synthetic import Envelope as Envelope
-from .synthetic import GammaEnvelope as GammaEnvelope
-from .synthetic import half_sine as half_sine
 from .synthetic import near_fault_pulse as near_fault_pulse
-from .synthetic import ricker as ricker
 from .synthetic import sine as sine
 from .synthetic import sine_sweep as sine_sweep
 from .synthetic import synthetic_motion as synthetic_motion
+
+if True:  # the lower tier
+    from .ground_motion import brought_to_rest as brought_to_rest
+    from .ground_motion import is_copy as is_copy
+    from .spectral_density import CloughPenzien as CloughPenzien
+    from .spectrum import TableDemand as TableDemand
+    from .synthetic import Envelope as Envelope
+    from .synthetic import GammaEnvelope as GammaEnvelope
+    from .synthetic import half_sine as half_sine
+    from .synthetic import ricker as ricker

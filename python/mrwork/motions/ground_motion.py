@@ -141,7 +141,6 @@ def likeness(one: GroundMotion, other: GroundMotion) -> float:
     return found
 
 
-@checked
 def is_copy(one: GroundMotion, other: GroundMotion) -> bool:
     """Whether two motions are the same record up to its scale, a shift, cut ends, another step or time axis."""
     return likeness(one, other) > _COPY
@@ -364,17 +363,11 @@ def baseline_corrected(motion: GroundMotion, *, order: int) -> GroundMotion:
     return changed(motion, motion.acceleration - drift, motion.dt, change)
 
 
-@checked
 def brought_to_rest(motion: GroundMotion) -> GroundMotion:
     """Correct a motion so that velocity and displacement of the ground are zero at its end.
 
     The correction of the acceleration is `sin^2(pi t / T) (a + b t)` over the whole length T, zero at both ends and
     slower than the motion; a and b follow from the two conditions.
-
-    Raises
-    ------
-    SettingError
-        The motion has fewer than five samples.
     """
     if motion.n_time < 5:
         raise SettingError(

@@ -124,7 +124,6 @@ class Envelope:
         if not 0.0 <= self.decay < np.inf:
             raise SettingError(f"envelope decays at {self.decay} 1/s; give a rate of 0 or more")
 
-    @checked
     def at(self, time: Floats) -> Floats:
         """Values between 0 and 1 at times [s], in the shape of `time`."""
         rising = np.minimum(time / self.rise, 1.0) ** 2 if self.rise > 0.0 else np.ones_like(time)
@@ -165,14 +164,12 @@ class GammaEnvelope:
         first, last = gammaincinv(self.shape, np.array([0.05, 0.95]))
         return float(self.significant_duration / (last - first))
 
-    @checked
     def time_of(self, share: float) -> float:
         """Time until which a share of the energy has come [s]."""
         from scipy.special import gammaincinv
 
         return float(self.scale * gammaincinv(self.shape, share))
 
-    @checked
     def at(self, time: Floats) -> Floats:
         """Values between 0 and 1 at times [s], in the shape of `time`."""
         over_peak = time / ((self.shape - 1.0) * self.scale)
@@ -199,7 +196,6 @@ def sine_sweep(
     return _motion(f"sweep {start:g} to {end:g} Hz", dt, amplitude * np.sin(phase))
 
 
-@checked
 def half_sine(*, amplitude: float, width: float, rest: float = 0.0, dt: float = 0.001) -> GroundMotion:
     """Half-sine pulse of acceleration, `width` [s] long, followed by `rest` [s] of zeros."""
     time = _time(_positive("width", width) + rest, dt)
@@ -207,7 +203,6 @@ def half_sine(*, amplitude: float, width: float, rest: float = 0.0, dt: float = 
     return _motion(f"half sine {width:g} s", dt, acceleration)
 
 
-@checked
 def ricker(*, amplitude: float, frequency: float, dt: float = 0.001) -> GroundMotion:
     """Ricker pulse of acceleration, `amplitude (1 - 2 u) exp(-u)` with `u = (pi frequency (t - t_0))^2`.
 

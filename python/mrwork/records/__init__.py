@@ -1,5 +1,5 @@
 """Damper test records: reading, checks, conversion to SI, repairs and the observation model."""
 
-import lazy_loader
+from mrwork.namespace import attach
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

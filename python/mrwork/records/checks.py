@@ -24,13 +24,7 @@ _SIGN_SHARE: Final = 0.05
 
 
 def check_possible(samples: NDArray[np.float64], quantity: str, *, source: str) -> None:
-    """Check that no sample is so large that its powers overflow.
-
-    Raises
-    ------
-    RecordError
-        One is above 1e15 in SI.
-    """
+    """Check that no sample is so large that its powers overflow."""
     peak = float(np.abs(samples).max(initial=0.0))
     if not peak <= _LARGEST:
         raise RecordError(
@@ -39,13 +33,7 @@ def check_possible(samples: NDArray[np.float64], quantity: str, *, source: str) 
 
 
 def check_varies(samples: NDArray[np.float64], quantity: str, unit: str, *, source: str) -> None:
-    """Check that a channel is not constant.
-
-    Raises
-    ------
-    RecordError
-        The range of the samples is below a nanometre or a nanonewton.
-    """
+    """Check that a channel is not constant."""
     if np.ptp(samples) < _SMALLEST_RANGE:
         value = "zero" if abs(samples[0]) < _SMALLEST_RANGE else f"constant at {samples[0]:g} {unit}"
         raise RecordError(f"{source}: the {quantity} is {value} throughout; check the channel and its wiring")

@@ -7,7 +7,6 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final, Literal
 
-from mrwork.arguments import checked
 from mrwork.errors import MrworkError, RecordError, SettingError, UnitError
 from mrwork.files.column_names import (
     QUANTITIES,
@@ -80,18 +79,10 @@ class ColumnChoice:
         return f"{self.column}:{self.unit}"
 
 
-@checked
 def parse_column_option(option: str) -> tuple[str, str]:
     """Split ``"force=F:kN"`` into ``("force", "F:kN")``, checking quantity and unit.
 
     The quantity may also be the command, a column or a number with its unit, as in ``"command=0.5 A"``.
-
-    Raises
-    ------
-    SettingError
-        The text has another form, or does not name a quantity of a damper test.
-    UnitError
-        The unit is unknown or measures another quantity.
 
     Examples
     --------
@@ -108,15 +99,7 @@ def parse_column_option(option: str) -> tuple[str, str]:
 
 
 def check_specification(name: str, specification: str) -> None:
-    """Check an entry of a mapping of columns without a file.
-
-    Raises
-    ------
-    SettingError
-        It has another form, or `name` is neither a quantity of a damper test nor the command.
-    UnitError
-        The unit is unknown or measures another quantity.
-    """
+    """Check an entry of a mapping of columns without a file."""
     if name == COMMAND:
         StatedCommand.of(specification)
     else:
@@ -137,15 +120,7 @@ class StatedCommand:
     unit: CommandUnit | None = None
 
     def in_file(self, names: Sequence[str], units: Mapping[str, str], source: str) -> StatedCommand:
-        """A command that is a column with the unit that its name or the file gives it.
-
-        Raises
-        ------
-        RecordError
-            There is no such column.
-        UnitError
-            Neither its name nor the file gives it a unit of a command.
-        """
+        """A command that is a column with the unit that its name or the file gives it."""
         if self.quantity is not None or self.value is not None:
             return self
         name = _find(self.column, names, source)
@@ -164,15 +139,7 @@ class StatedCommand:
 
     @classmethod
     def of(cls, text: str) -> StatedCommand:
-        """Read ``"0.5 A"``, ``"COLUMN:UNIT"`` or ``"COLUMN"``.
-
-        Raises
-        ------
-        SettingError
-            The text has another form.
-        UnitError
-            The unit is none of a command.
-        """
+        """Read ``"0.5 A"``, ``"COLUMN:UNIT"`` or ``"COLUMN"``."""
         number = _NUMBER_AND_UNIT.fullmatch(text.strip())
         unit = number[2] if number else text.rpartition(":")[2].strip()
         quantity = next((each for each in COMMANDS if quantity_of(unit) == each), None)
@@ -217,13 +184,7 @@ class StatedCommand:
 
 
 def scalar_command(names: Sequence[str], units: Mapping[str, str], *, source: str) -> StatedCommand | None:
-    """The column whose name means a command that is neither a current nor a voltage, with its unit; else `None`.
-
-    Raises
-    ------
-    RecordError
-        There are several.
-    """
+    """The column whose name means a command that is neither a current nor a voltage, with its unit; else `None`."""
     found = [
         (name, unit) for name in names for unit in [scalar_unit_in_name(name, units.get(name, ""))] if unit
     ]
@@ -265,15 +226,6 @@ def choose_columns(
         Quantities that must have a column.
     read
         Reads a column by its name, for the unit that a message suggests.
-
-    Raises
-    ------
-    RecordError
-        A required quantity has no column, a mapped column does not exist, or two columns match one quantity.
-    UnitError
-        A required column has no unit, a unit of another quantity, or two different units.
-    SettingError
-        The mapping is malformed.
     """
     named = _Names(
         names=names, free=names, units=units or {}, stamps=stamps, source=source, required=required

@@ -39,11 +39,6 @@ def command_of(
     """Return a command as a number, its median, if it varies no more than a measured constant does; else as it varies.
 
     A varying command comes with a note on its range and one where it rings below zero, a negative one with a warning.
-
-    Raises
-    ------
-    RecordError
-        Every sample is missing, one is infinite, or a command is beyond any driver.
     """
     present = samples[~np.isnan(samples)]
     if present.size == 0 or np.isinf(present).any():

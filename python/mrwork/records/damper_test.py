@@ -263,13 +263,7 @@ def _spans_of_part(
 
 
 def as_tests(tests: DamperTest | Sequence[DamperTest]) -> tuple[DamperTest, ...]:
-    """One test or several as a tuple, each of other data.
-
-    Raises
-    ------
-    RecordError
-        The samples of a test are those of another one, so that the same data would count twice.
-    """
+    """One test or several as a tuple, each of other data."""
     if isinstance(tests, DamperTest):
         return (tests,)
     found = tuple(tests)

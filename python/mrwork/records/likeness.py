@@ -15,7 +15,7 @@ from typing import ClassVar, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.arguments import NotNegative, Positive, checked
+from mrwork.arguments import NotNegative, Positive
 from mrwork.records.command_signal import Command, command_range
 from mrwork.records.damper_test import DamperTest
 from mrwork.records.motion import regular_cycles, spectrum
@@ -81,7 +81,6 @@ class RecordedMotion(Related):
     command_unit: CommandUnit | None = None
 
     @classmethod
-    @checked
     def of(cls, test: DamperTest) -> RecordedMotion:
         """The motion and command of a test from its sample `n_settle` on."""
         # The motion is the same with and without an observation model.
@@ -139,7 +138,6 @@ class RecordedMotion(Related):
             return np.zeros_like(self.displacement)
         return self.force_mean + self.half_force * _decoded(self.force_shape)
 
-    @checked
     def same_command(self, other: RecordedMotion) -> bool:
         """Whether the commands are equal; where one is unknown, whether the forces are of one size.
 
@@ -165,7 +163,6 @@ class RecordedMotion(Related):
         ]
         return all(known) if known else None
 
-    @checked
     def correlation(self, seen: RecordedMotion) -> float | None:
         """Correlation of this motion with the part of another that contains it, or most of it; `None` without one."""
         found = self._aligned(seen)

@@ -39,13 +39,7 @@ class Observation:
     offset: float = 0.0
 
     def __post_init__(self) -> None:
-        """Check the settings.
-
-        Raises
-        ------
-        SettingError
-            If a window or a frequency is negative, the gain is zero, or a number is beyond any rig.
-        """
+        """Check the settings."""
         for name, (least, most, unit) in RANGES.items():
             value = getattr(self, name)
             none = name == "lowpass_hz" and value == 0.0

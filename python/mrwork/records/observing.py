@@ -33,13 +33,7 @@ _OF_PERIOD: Final = ("average", "delay")
 
 
 def as_words(observe: str | Sequence[str]) -> tuple[str, ...]:
-    """The words of an observation setting, checked: `detect`, `none` or WHAT=VALUE each.
-
-    Raises
-    ------
-    SettingError
-        Where there is no word, a word or a value is not understood, or `none` is not alone.
-    """
+    """The words of an observation setting, checked: `detect`, `none` or WHAT=VALUE each."""
     words = (observe,) if isinstance(observe, str) else tuple(observe)
     if not words or (NONE in words and len(words) > 1):
         raise SettingError(

@@ -64,12 +64,6 @@ def listed_tests(
 
     A folder stands for its table `tests.csv`, or without one for all files in it that can hold a test. Of a table, the
     rows with the given use are returned; files that are given by themselves are always.
-
-    Raises
-    ------
-    RecordError
-        No file is given or found, a folder has no test, a table is invalid or has no row with that use, or a
-        file is given twice.
     """
     rows: list[ListedTest] = []
     for file in listed_files(paths, none="no record given; name at least one file, folder or table of tests"):
@@ -85,13 +79,7 @@ def listed_tests(
 
 
 def check_given_once(rows: Sequence[ListedTest]) -> None:
-    """Refuse a file that is given twice, as by a pattern that takes in a table of tests and its records.
-
-    Raises
-    ------
-    RecordError
-        There is such a file.
-    """
+    """Refuse a file that is given twice, as by a pattern that takes in a table of tests and its records."""
     groups: dict[object, list[ListedTest]] = {}
     for row in rows:
         groups.setdefault(real_place(row.file), []).append(row)
@@ -107,13 +95,7 @@ def check_given_once(rows: Sequence[ListedTest]) -> None:
 
 
 def records_in(folder: Path) -> tuple[Path, ...]:
-    """Files of a folder that can hold a test, in name order, without its table.
-
-    Raises
-    ------
-    RecordError
-        There is none.
-    """
+    """Files of a folder that can hold a test, in name order, without its table."""
     try:
         inside = sorted(folder.iterdir())
     except OSError as reason:

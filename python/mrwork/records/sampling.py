@@ -62,11 +62,6 @@ def complete_rows(
     """Drop rows at either end in which a channel is missing (NaN).
 
     Return the complete signals, the file row at which they start, and findings on dropped rows.
-
-    Raises
-    ------
-    RecordError
-        A value is missing between complete rows, infinite or implausibly large, or fewer than 10 rows are complete.
     """
     for name, channel in signals.channels():
         absurd = np.abs(channel) > _LARGEST
@@ -104,13 +99,7 @@ def complete_rows(
 
 
 def check_time(time: NDArray[np.float64], *, source: str, locate: Callable[[int], str]) -> None:
-    """Check that time increases.
-
-    Raises
-    ------
-    RecordError
-        Time does not increase; the message names the first such row.
-    """
+    """Check that time increases."""
     wrong = np.flatnonzero(np.diff(time) <= _SAME)
     if wrong.size == 0:
         return
@@ -150,11 +139,6 @@ def uniform_step(signals: Signals, spiky: NDArray[np.bool_], *, source: str) -> 
     keeping the first and the last sample: by a cubic spline, or by PCHIP, which does not overshoot, if there are
     gaps. A command that changes in steps is held between its samples, another one is interpolated linearly. Times that
     are uniform except for rounding to few digits are not resampled, because their samples were taken uniformly.
-
-    Raises
-    ------
-    RecordError
-        The step is below 0.1 us, or more than half of the duration has no samples.
     """
     time = signals.time
     steps = np.diff(time)

@@ -197,13 +197,7 @@ def middle_excerpt(test: DamperTest, *, per_cycle: int) -> DamperTest:
 
 
 def counted_from(test: DamperTest, settle: float) -> DamperTest:
-    """Return the test with the first `settle` seconds simulated but not compared.
-
-    Raises
-    ------
-    SettingError
-        If fewer than 10 samples would be compared, or the time is negative.
-    """
+    """Return the test with the first `settle` seconds simulated but not compared."""
     n_settle = ceil(settle / test.dt - 1e-9)
     if settle < 0 or test.n_time - n_settle < _FEWEST:
         raise SettingError(

@@ -1,36 +1,38 @@
-from .course import Course as Course
-from .course import Proposal as Proposal
-from .course import Trace as Trace
 from .differential_evolution import DifferentialEvolution as DifferentialEvolution
 from .efficient_genetic import EfficientGA as EfficientGA
-from .efficient_genetic import GAState as GAState
-from .loop import AbortableObjective as AbortableObjective
-from .loop import GenerationEvent as GenerationEvent
-from .loop import Objective as Objective
-from .loop import OnGeneration as OnGeneration
-from .loop import Optimiser as Optimiser
-from .loop import ReplicatedSearch as ReplicatedSearch
-from .loop import RunTrace as RunTrace
-from .loop import SearchResult as SearchResult
-from .loop import run_replicates as run_replicates
 from .loop import run_search as run_search
-from .particle_swarm import CONSTRICTION as CONSTRICTION
 from .particle_swarm import ParticleSwarm as ParticleSwarm
-from .particle_swarm import SwarmState as SwarmState
-from .peers import library as library
-from .population import Ceiling as Ceiling
-from .population import PopulationState as PopulationState
-from .population import SearchState as SearchState
-from .population import arrays_of as arrays_of
-from .population import select as select
-from .population import state_from_arrays as state_from_arrays
 from .registry import OPTIMISERS as OPTIMISERS
 from .registry import PEERS as PEERS
-from .rules import EliteRule as EliteRule
-from .rules import ExpectedTermination as ExpectedTermination
 from .rules import StopRules as StopRules
-from .rules import distinct_best as distinct_best
-from .rules import expected_termination as expected_termination
 from .standard_genetic import StandardGA as StandardGA
-from .unit_cube import Streams as Streams
-from .unit_cube import latin_hypercube as latin_hypercube
+
+if True:  # the lower tier
+    from .course import Course as Course
+    from .course import Proposal as Proposal
+    from .course import Trace as Trace
+    from .efficient_genetic import GAState as GAState
+    from .loop import AbortableObjective as AbortableObjective
+    from .loop import GenerationEvent as GenerationEvent
+    from .loop import Objective as Objective
+    from .loop import OnGeneration as OnGeneration
+    from .loop import Optimiser as Optimiser
+    from .loop import ReplicatedSearch as ReplicatedSearch
+    from .loop import RunTrace as RunTrace
+    from .loop import SearchResult as SearchResult
+    from .loop import run_replicates as run_replicates
+    from .particle_swarm import CONSTRICTION as CONSTRICTION
+    from .particle_swarm import SwarmState as SwarmState
+    from .peers import library as library
+    from .population import Ceiling as Ceiling
+    from .population import PopulationState as PopulationState
+    from .population import SearchState as SearchState
+    from .population import arrays_of as arrays_of
+    from .population import select as select
+    from .population import state_from_arrays as state_from_arrays
+    from .rules import EliteRule as EliteRule
+    from .rules import ExpectedTermination as ExpectedTermination
+    from .rules import distinct_best as distinct_best
+    from .rules import expected_termination as expected_termination
+    from .unit_cube import Streams as Streams
+    from .unit_cube import latin_hypercube as latin_hypercube

@@ -24,13 +24,7 @@ _LARGEST: Final = 256 << 20
 
 
 def read_arrays(path: Path, kind: FileKind) -> dict[str, NDArray[Any]]:
-    """The arrays of a file by name.
-
-    Raises
-    ------
-    RecordError
-        The file cannot be read, is damaged, or claims more than its `kind` has.
-    """
+    """The arrays of a file by name."""
     data = bytes_of(path, kind)
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
@@ -43,13 +37,7 @@ def read_arrays(path: Path, kind: FileKind) -> dict[str, NDArray[Any]]:
 
 
 def finite_numbers(arrays: Mapping[str, NDArray[Any]], name: str) -> NDArray[np.float64]:
-    """One of the arrays of a file, of floating-point numbers.
-
-    Raises
-    ------
-    ValueError
-        It is not there, it has no floating-point numbers, or one that is not finite.
-    """
+    """One of the arrays of a file, of floating-point numbers."""
     if name not in arrays:
         raise ValueError(f"it has no {name}")
     found = arrays[name]

@@ -74,15 +74,6 @@ def read_members(data: bytes, form: Format) -> dict[str, Member]:
     names that begin with `#` are left out. Of Parquet they are the columns, with float64 numbers. Of
     .xlsx they are the sheets in their order, by number, with their `name`; the array has the bytes of a text, in which
     tabs are between cells.
-
-    Raises
-    ------
-    UnreadableError
-        If the file is damaged, or reading it takes too much time or memory.
-    TooLargeError
-        If its data claim more than what is `allowed`.
-    LibraryError
-        If the child has come to a limit that this process was started with.
     """
     seconds = _SECONDS + _SECONDS_PER_BYTE * len(data)
     child = subprocess.Popen(
@@ -130,15 +121,7 @@ def _send(stdin: IO[bytes], data: bytes) -> None:
 
 
 def received(stdout: IO[bytes], most: int) -> dict[str, Member]:
-    """Members as the program of the child has written them, of `most` bytes in all.
-
-    Raises
-    ------
-    EOFError
-        If they are not complete.
-    TooLargeError
-        If they claim more.
-    """
+    """Members as the program of the child has written them, of `most` bytes in all."""
     line = stdout.readline(_LONGEST_HEAD)
     if not line.endswith(b"\n"):
         raise EOFError
@@ -165,13 +148,7 @@ def received(stdout: IO[bytes], most: int) -> dict[str, Member]:
 
 
 def _reason(child: subprocess.Popen[bytes], seconds: float) -> str:
-    """Why the child has ended.
-
-    Raises
-    ------
-    LibraryError
-        If it has reached a limit that this process was started with, too, as by `ulimit`.
-    """
+    """Why the child has ended."""
     lines = cast(IO[bytes], child.stderr).read().decode(errors="replace").strip().splitlines()
     status = child.wait()
     if status == NO_MEMORY:

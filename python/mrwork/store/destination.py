@@ -61,23 +61,11 @@ class Destination:
         return real_place(self.path)
 
     def check_owner(self) -> None:
-        """Check that a run can be put there: nothing, an empty folder or a run folder.
-
-        Raises
-        ------
-        OutputError
-            It is a file, a folder that no verb has written, or a name that no folder can have.
-        """
+        """Check that a run can be put there: nothing, an empty folder or a run folder."""
         self._run()
 
     def check_losses(self) -> None:
-        """Check that nothing is lost there without leave.
-
-        Raises
-        ------
-        OutputError
-            As from `check_owner`, or something would be; the message names it.
-        """
+        """Check that nothing is lost there without leave."""
         run = self._run()
         if run is None or self.replace:
             return

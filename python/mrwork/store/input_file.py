@@ -40,13 +40,7 @@ class Allowance:
         self._whole = self._left = allowed(size, least=least)
 
     def take(self, count: int, what: str) -> None:
-        """Count the bytes of `what`.
-
-        Raises
-        ------
-        RecordError
-            They are more than what is left.
-        """
+        """Count the bytes of `what`."""
         self._left -= count
         if self._left < 0:
             raise RecordError(
@@ -113,24 +107,12 @@ def stored(verb: str, *, name: str = "a file of the run") -> FileKind:
 
 
 def bytes_of(path: Path, kind: FileKind) -> bytes:
-    """Content of a file, as long as it was when it was opened.
-
-    Raises
-    ------
-    RecordError
-        There is no such file, it is not an ordinary one, it is too large, or it cannot be read.
-    """
+    """Content of a file, as long as it was when it was opened."""
     return start_of(path, kind, kind.largest)
 
 
 def start_of(path: Path, kind: FileKind, count: int) -> bytes:
-    """The first bytes of a file, at most `count`.
-
-    Raises
-    ------
-    RecordError
-        As from `bytes_of`.
-    """
+    """The first bytes of a file, at most `count`."""
     try:
         _check(os.stat(path), path, kind)  # noqa: PTH116 - `Path` refuses some names with other errors
         descriptor = os.open(path, _FLAGS)
@@ -145,13 +127,7 @@ def start_of(path: Path, kind: FileKind, count: int) -> bytes:
 
 
 def digest_of_file(path: Path) -> str:
-    """Digest of an ordinary file of any size, as `digest_of_content`; a link is followed.
-
-    Raises
-    ------
-    OSError
-        It cannot be read.
-    """
+    """Digest of an ordinary file of any size, as `digest_of_content`; a link is followed."""
     with os.fdopen(os.open(path, _FLAGS), "rb") as stream:
         return f"{_DIGEST}:{hashlib.file_digest(stream, _DIGEST).hexdigest()}"
 
@@ -162,24 +138,12 @@ def digest_of_content(content: bytes) -> str:
 
 
 def text_of(path: Path, kind: FileKind) -> str:
-    """Text of a UTF-8 file; a byte-order mark at its start is left out.
-
-    Raises
-    ------
-    RecordError
-        As from `bytes_of`, or if the file is not UTF-8.
-    """
+    """Text of a UTF-8 file; a byte-order mark at its start is left out."""
     return text_in(bytes_of(path, kind), path, kind)
 
 
 def text_in(content: bytes, path: Path, kind: FileKind) -> str:
-    """Text of the content of a file, as `text_of`.
-
-    Raises
-    ------
-    RecordError
-        If it is not UTF-8.
-    """
+    """Text of the content of a file, as `text_of`."""
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError as reason:
@@ -189,13 +153,7 @@ def text_in(content: bytes, path: Path, kind: FileKind) -> str:
 
 
 def is_there(path: Path, kind: FileKind) -> bool:
-    """Whether there is a file at `path`.
-
-    Raises
-    ------
-    RecordError
-        There is something that is not an ordinary file, it is too large, or its name is impossible.
-    """
+    """Whether there is a file at `path`."""
     try:
         _check(os.stat(path), path, kind)  # noqa: PTH116 - as in `start_of`
     except (FileNotFoundError, NotADirectoryError):
@@ -208,13 +166,7 @@ def is_there(path: Path, kind: FileKind) -> bool:
 
 
 def check_file(path: Path, kind: FileKind) -> None:
-    """Check that there is an ordinary file at `path` that is not too large.
-
-    Raises
-    ------
-    RecordError
-        As from `bytes_of`.
-    """
+    """Check that there is an ordinary file at `path` that is not too large."""
     if not is_there(path, kind):
         _refuse(path, kind, FileNotFoundError())
 

@@ -37,11 +37,6 @@ def read_lines(content: bytes, path: Path) -> tuple[list[dict[str, Any]], int]:
     If the process dies, at most the last line is incomplete. A power cut may damage the last few lines, because the
     program does not wait for the disk after each. A damaged end is therefore ignored; damage before an intact line is
     an error.
-
-    Raises
-    ------
-    JournalError
-        If the file is not a journal, has another format, or is damaged before its end.
     """
     lines = content.split(b"\n")
     # An intact last line ends with a newline, after which `split` returns an empty item.

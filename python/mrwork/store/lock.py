@@ -27,15 +27,7 @@ _FLAGS = os.O_RDWR | os.O_CREAT
 
 
 class Lock:
-    """Lock of the file or folder at `path`, which need not exist, taken at once and held until `release`.
-
-    Raises
-    ------
-    JournalError
-        If another writer holds it.
-    OutputError
-        If the lock file cannot be written, or is a link.
-    """
+    """Lock of the file or folder at `path`, which need not exist, taken at once and held until `release`."""
 
     def __init__(self, path: Path) -> None:
         self._place = path.with_name(f".{path.name}.lock")

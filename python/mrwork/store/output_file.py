@@ -20,13 +20,7 @@ _NEW: Final = os.O_WRONLY | os.O_CREAT | os.O_EXCL | _NO_LINK | getattr(os, "O_B
 
 
 def refuse_link(path: Path) -> None:
-    """Check that there is no symbolic link at `path`.
-
-    Raises
-    ------
-    OutputError
-        There is one; the message names it.
-    """
+    """Check that there is no symbolic link at `path`."""
     if os.path.islink(path):  # noqa: PTH114 - `Path.is_symlink` raises errors for some names
         raise OutputError(
             f"{path} is a symbolic link, and mrwork follows none within the folders that it writes; "
@@ -35,15 +29,7 @@ def refuse_link(path: Path) -> None:
 
 
 def open_to_write(path: Path, flags: int) -> int:
-    """Descriptor of the file at `path`, which is not a link.
-
-    Raises
-    ------
-    OutputError
-        It is a link.
-    OSError
-        It cannot be opened.
-    """
+    """Descriptor of the file at `path`, which is not a link."""
     refuse_link(path)
     return os.open(path, flags | _NO_LINK, 0o666)
 
@@ -56,13 +42,7 @@ def new_file(path: Path) -> BinaryIO:
 
 @contextmanager
 def replacing(path: Path) -> Iterator[BinaryIO]:
-    """A file open for writing under a temporary name, which is renamed to `path` at the end of the block.
-
-    Raises
-    ------
-    OutputError
-        If the file cannot be written; an earlier file at `path` is then unchanged.
-    """
+    """A file open for writing under a temporary name, which is renamed to `path` at the end of the block."""
     if "\0" in str(path):
         raise OutputError(f"cannot write {str(path)!r}: no file has such a name; give another")
     beside = path.with_name(f".{path.name}.{os.getpid()}.new")
@@ -89,11 +69,6 @@ def write_files(
     """Write files into a run folder; keys are paths inside the folder.
 
     When all are written, under temporary names, `then` is called; after that none can lack space, and they are renamed.
-
-    Raises
-    ------
-    OutputError
-        If a file cannot be written, or a folder on its way is a link; earlier files are then unchanged.
     """
     with ExitStack() as renamed:
         for name, content in contents.items():

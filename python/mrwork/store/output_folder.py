@@ -31,13 +31,7 @@ _DISK_FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
 
 
 def check_destination(destination: Destination) -> None:
-    """Check that a run can be written to its destination, before any computation.
-
-    Raises
-    ------
-    OutputError
-        If it is a file or a folder that is not a run folder, or if nothing can be written there.
-    """
+    """Check that a run can be written to its destination, before any computation."""
     parent = destination.place.parent
     try:
         destination.check_owner()
@@ -77,12 +71,6 @@ def write_folder(
         Folders to create even if they stay empty.
     flush
         Whether to wait until the folder is on the disk.
-
-    Raises
-    ------
-    OutputError
-        If the destination is a file or a folder that is not a run folder, if something would be lost there without
-        leave, or if writing fails; the earlier run is unchanged.
     """
     place = destination.place
     try:

@@ -22,13 +22,7 @@ _TOO_DEEP: Final = f"tables and arrays are nested more than {_DEEPEST} deep"
 
 
 def json_value(text: str) -> Any:
-    """The value of a JSON text.
-
-    Raises
-    ------
-    ValueError
-        The text is not JSON, or JSON that no program of this package writes; the message says what is wrong.
-    """
+    """The value of a JSON text."""
     try:
         value = _DECODER.decode(text)
     except RecursionError:
@@ -38,13 +32,7 @@ def json_value(text: str) -> Any:
 
 
 def toml_table(text: str) -> dict[str, Any]:
-    """The tables of a TOML text.
-
-    Raises
-    ------
-    ValueError
-        The text is not TOML; the message says what is wrong, with the line.
-    """
+    """The tables of a TOML text."""
     if _LONG_KEY.search(text):
         raise ValueError(f"a key has more than {_DEEPEST} parts")
     try:

@@ -75,24 +75,13 @@ def record_from_json(kind: type[T], text: str, *, origin: str, name: str, verb: 
         The document.
     origin, name, verb
         For messages: path of the document, name of such a record, and the verb of `mrwork` that writes it.
-
-    Raises
-    ------
-    RecordError
-        If the text is not JSON or not such a record; the message names the field.
     """
     found: T = record_of(kind, parsed(text, origin=origin, verb=verb), origin=origin, name=name, verb=verb)
     return found
 
 
 def parsed(text: str, *, origin: str, verb: str) -> Any:
-    """The value of a JSON document; `origin` and `verb` as for `record_from_json`.
-
-    Raises
-    ------
-    RecordError
-        If the text is not JSON.
-    """
+    """The value of a JSON document; `origin` and `verb` as for `record_from_json`."""
     try:
         return json_value(text)
     except ValueError as reason:
@@ -100,13 +89,7 @@ def parsed(text: str, *, origin: str, verb: str) -> Any:
 
 
 def record_of(kind: Any, document: Any, *, origin: str, name: str, verb: str) -> Any:
-    """A value of the annotation `kind` from the value of a JSON document, as `record_from_json`.
-
-    Raises
-    ------
-    RecordError
-        If it is not such a value.
-    """
+    """A value of the annotation `kind` from the value of a JSON document, as `record_from_json`."""
     try:
         return built(kind, document, name)
     except MismatchError as reason:
@@ -127,13 +110,7 @@ class MismatchError(ValueError):
 
 
 def built(kind: Any, value: Any, place: str) -> Any:
-    """`value` as an instance of the annotation `kind`; `place` is its path in the document.
-
-    Raises
-    ------
-    MismatchError
-        If it cannot be one.
-    """
+    """`value` as an instance of the annotation `kind`; `place` is its path in the document."""
     return _built(kind, value, place, ())
 
 

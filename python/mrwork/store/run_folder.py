@@ -151,13 +151,7 @@ _SHOWN: Final = 40
 
 
 def read_manifest(place: Path, *, verb: str) -> Mapping[str, Any] | None:
-    """What the manifest of the folder at `place` states, `None` where there is none; `verb` is what writes it.
-
-    Raises
-    ------
-    RecordError
-        Where it is damaged.
-    """
+    """What the manifest of the folder at `place` states, `None` where there is none; `verb` is what writes it."""
     path, kind = place / MANIFEST, stored(verb, name="the manifest")
     if not is_there(path, kind):
         return None
@@ -182,11 +176,6 @@ def check_manifest(
         The values that an entry may have, by its name.
     file, verb
         For messages: name of the file of the results, and the verb of `mrwork` that writes both.
-
-    Raises
-    ------
-    RecordError
-        Where an entry has another value; the message names it.
     """
     for name, permitted in facts.items():
         if name in stated and stated[name] not in [finite(value) for value in permitted]:

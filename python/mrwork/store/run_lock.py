@@ -24,15 +24,7 @@ _NO_LEAVE = frozenset({errno.EACCES, errno.EPERM, errno.EROFS})
 
 @contextmanager
 def replacing_run(destination: Destination) -> Iterator[None]:
-    """Keep others from a run folder, which the block will replace.
-
-    Raises
-    ------
-    JournalError
-        If another process writes it, or adds to it.
-    OutputError
-        If its parent folder cannot be written, or something would be lost without leave.
-    """
+    """Keep others from a run folder, which the block will replace."""
     place = destination.place
     with _of_folder(place):
         for name in _ADDITIONS if place.is_dir() else ():
@@ -46,13 +38,6 @@ def adding(path: str | Path, name: str) -> Iterator[None]:
     """Keep others from replacing the run folder at `path`, and from the file `name` that the block adds to it.
 
     Where there is no run folder, nothing is locked.
-
-    Raises
-    ------
-    JournalError
-        If another process replaces the folder, or adds the same file.
-    OutputError
-        If the folder cannot be written.
     """
     place = real_place(path)
     if not (place / MANIFEST).is_file():

@@ -55,14 +55,7 @@ def is_complete(path: str | Path) -> bool:
 
 @contextmanager
 def run_journal(destination: Destination, *, resume: bool, note: Callable[[str], None]) -> Iterator[Journal]:
-    """The journal of a run, begun or resumed; it and the run folder are locked until the end of the block.
-
-    Raises
-    ------
-    JournalError, OutputError
-        As `begin_journal` and `resume_journal`, where another process adds to the run, and where something would be
-        lost without leave.
-    """
+    """The journal of a run, begun or resumed; it and the run folder are locked until the end of the block."""
     path = destination.path
     with replacing_run(destination):
         journal = resume_journal(path, note=note) if resume else begin_journal(path)
@@ -72,13 +65,7 @@ def run_journal(destination: Destination, *, resume: bool, note: Callable[[str],
 
 @contextmanager
 def addition_journal(kept: Path, *, resume: bool, note: Callable[[str], None]) -> Iterator[Journal]:
-    """The journal of an addition, begun or resumed, that the block moves to `kept`; both are locked until its end.
-
-    Raises
-    ------
-    JournalError, OutputError
-        As `begin_addition` and `resume_addition`, and where another process replaces the run.
-    """
+    """The journal of an addition, begun or resumed, that the block moves to `kept`; both are locked until its end."""
     with adding(kept.parent, kept.name):
         journal = resume_addition(kept, note=note) if resume else begin_addition(kept)
         with _outliving(journal, kept, resume=resume):
@@ -107,15 +94,7 @@ def _comes_again(error: BaseException, *, resume: bool) -> bool:
 
 
 def begin_journal(path: str | Path) -> Journal:
-    """Begin a journal for the run folder at `path`, locked; an earlier run there does not change.
-
-    Raises
-    ------
-    JournalError
-        If another process is writing it.
-    OutputError
-        If the folder for the journal cannot be created, or holds other files.
-    """
+    """Begin a journal for the run folder at `path`, locked; an earlier run there does not change."""
     journal = Journal(_folder(path) / JOURNAL)
     journal.lock()
     return journal
@@ -132,13 +111,6 @@ def resume_journal(path: str | Path, *, note: Callable[[str], None]) -> Journal:
         The run folder.
     note
         Called with a sentence if the end of the journal is damaged and ignored.
-
-    Raises
-    ------
-    JournalError
-        If there is no journal, if it is damaged before its end, or if another process is writing it.
-    OutputError
-        If the journal cannot be written.
     """
     kept = real_place(path) / JOURNAL
     begun = part_of(path) / JOURNAL
@@ -174,15 +146,7 @@ def is_copy(kept: Path, journal: Journal) -> bool:
 
 
 def begin_addition(kept: Path) -> Journal:
-    """Begin a journal that `keep_addition` moves to `kept`; an earlier one there does not change before.
-
-    Raises
-    ------
-    JournalError
-        If another process is writing it.
-    OutputError
-        If it cannot be written.
-    """
+    """Begin a journal that `keep_addition` moves to `kept`; an earlier one there does not change before."""
     journal = Journal(begun_of(kept))
     journal.lock()
     return journal
@@ -201,13 +165,7 @@ def resume_addition(kept: Path, *, note: Callable[[str], None]) -> Journal:
 
 
 def keep_addition(journal: Journal, kept: Path) -> None:
-    """Move a complete journal to its place.
-
-    Raises
-    ------
-    OutputError
-        If that fails, such as where the run folder was replaced meanwhile.
-    """
+    """Move a complete journal to its place."""
     journal.finish()
     try:
         journal.path.replace(kept)
@@ -255,13 +213,6 @@ class StepJournals:
         Whether to continue existing journals; otherwise they are removed.
     note
         Called with a sentence if the end of a journal is damaged and ignored.
-
-    Raises
-    ------
-    JournalError
-        On resuming, if there are no journals. If another process is writing them.
-    OutputError
-        If the folder for the journals cannot be written, or something in the run folder would be lost without leave.
     """
 
     def __init__(

@@ -1,10 +1,12 @@
 from .comparison import Comparison as Comparison
 from .comparison import compared as compared
-from .folder import StoredStudy as StoredStudy
 from .folder import read_results as read_results
 from .reading import read_study as read_study
 from .results import StudyResults as StudyResults
 from .run import run_study as run_study
-from .schema import TuneTable as TuneTable
-from .study import MotionOfStudy as MotionOfStudy
 from .study import Study as Study
+
+if True:  # the lower tier
+    from .folder import StoredStudy as StoredStudy
+    from .schema import TuneTable as TuneTable
+    from .study import MotionOfStudy as MotionOfStudy

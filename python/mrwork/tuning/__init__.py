@@ -1,5 +1,5 @@
 """Laws of a study tuned on its training motions and judged on its test motions."""
 
-import lazy_loader
+from mrwork.namespace import attach
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

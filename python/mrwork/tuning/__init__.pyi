@@ -1,11 +1,13 @@
-from .first_candidates import BEST_CONSTANT as BEST_CONSTANT
-from .law_tuning import TuningProgress as TuningProgress
-from .results import Judgement as Judgement
-from .results import LawResult as LawResult
 from .results import TuningResults as TuningResults
 from .results import read_tuning as read_tuning
 from .run import tune as tune
-from .space import PENALTY as PENALTY
-from .space import Candidate as Candidate
-from .space import Objective as Objective
-from .space import SettingSpace as SettingSpace
+
+if True:  # the lower tier
+    from .first_candidates import BEST_CONSTANT as BEST_CONSTANT
+    from .law_tuning import TuningProgress as TuningProgress
+    from .results import Judgement as Judgement
+    from .results import LawResult as LawResult
+    from .space import PENALTY as PENALTY
+    from .space import Candidate as Candidate
+    from .space import Objective as Objective
+    from .space import SettingSpace as SettingSpace

@@ -1,5 +1,5 @@
 """JAX twins of the damper models and of the closed loop: the same equations, differentiable."""
 
-import lazy_loader
+from mrwork.namespace import attach
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -15,7 +15,6 @@ import jax
 import jax.numpy as jnp
 from jax import Array
 
-from mrwork.arguments import checked
 from mrwork.dampers.parameters import CurrentLaws, interpolate, law_named
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import LibraryError, SettingError, UnknownNameError
@@ -35,16 +34,9 @@ class Twin:
     force: Equation
 
 
-@checked
 @cache
 def twin_of(spec: DamperSpec) -> Twin:
-    """Return the twin of a model: its equations, with the parameters of the spec.
-
-    Raises
-    ------
-    UnknownNameError
-        If the model has no twin.
-    """
+    """Return the twin of a model: its equations, with the parameters of the spec."""
     if spec.current is not None:
         return twin_of(damper(spec.name))
     if spec.name not in EQUATIONS:

@@ -1,52 +1,54 @@
-from .bands.band import Band as Band
-from .bands.band import BandScore as BandScore
 from .bands.band import noise_band as noise_band
 from .bands.band import parameter_band as parameter_band
 from .bands.band import score as score
-from .bands.band import simulate_draws as simulate_draws
-from .bands.calibration_files import StoredBands as StoredBands
 from .bands.conformal import Calibration as Calibration
-from .bands.conformal import LeftOutCoverage as LeftOutCoverage
 from .bands.conformal import calibrate as calibrate
-from .bands.conformal import measured_coverage as measured_coverage
-from .bands.prediction import Fold as Fold
-from .bands.prediction import LeftOut as LeftOut
 from .bands.prediction import Prediction as Prediction
 from .bands.prediction import predict as predict
 from .bands.prediction import predict_left_out as predict_left_out
 from .choice.choose import Choice as Choice
 from .choice.choose import choose_model as choose_model
-from .choice.law_table import LawTable as LawTable
-from .choice.law_table import TriedLaws as TriedLaws
-from .choice.laws import LawChoice as LawChoice
 from .choice.laws import choose_laws as choose_laws
-from .choice.ranking import Ranking as Ranking
-from .identifiability.profile import Profile as Profile
-from .identifiability.profile import Profiles as Profiles
 from .identifiability.profile import profile as profile
 from .identifiability.verdicts import identifiability_of as identifiability_of
-from .noise import NOISES as NOISES
 from .noise import Iid as Iid
-from .noise import Noise as Noise
 from .noise import noise_model as noise_model
-from .planning.candidates import Candidate as Candidate
-from .planning.candidates import Limits as Limits
-from .planning.plan import CheckedPlan as CheckedPlan
-from .planning.plan import Plan as Plan
 from .planning.plan import plan as plan
 from .posterior.draws import Draws as Draws
 from .posterior.draws import convergence as convergence
-from .posterior.draws import kept as kept
-from .posterior.laplace import first_walkers as first_walkers
-from .posterior.nuts import NutsDraws as NutsDraws
-from .posterior.nuts import nuts_of as nuts_of
 from .posterior.nuts import sample_nuts as sample_nuts
-from .posterior.nuts import substeps_at as substeps_at
-from .posterior.nuts import twin_log_posterior as twin_log_posterior
-from .posterior.sample import Ensemble as Ensemble
 from .posterior.sample import sample as sample
 from .posterior.target import Lognormal as Lognormal
 from .posterior.target import Normal as Normal
 from .posterior.target import Prior as Prior
-from .posterior.target import Target as Target
 from .posterior.target import Uniform as Uniform
+
+if True:  # the lower tier
+    from .bands.band import Band as Band
+    from .bands.band import BandScore as BandScore
+    from .bands.band import simulate_draws as simulate_draws
+    from .bands.calibration_files import StoredBands as StoredBands
+    from .bands.conformal import LeftOutCoverage as LeftOutCoverage
+    from .bands.conformal import measured_coverage as measured_coverage
+    from .bands.prediction import Fold as Fold
+    from .bands.prediction import LeftOut as LeftOut
+    from .choice.law_table import LawTable as LawTable
+    from .choice.law_table import TriedLaws as TriedLaws
+    from .choice.laws import LawChoice as LawChoice
+    from .choice.ranking import Ranking as Ranking
+    from .identifiability.profile import Profile as Profile
+    from .identifiability.profile import Profiles as Profiles
+    from .noise import NOISES as NOISES
+    from .noise import Noise as Noise
+    from .planning.candidates import Candidate as Candidate
+    from .planning.candidates import Limits as Limits
+    from .planning.plan import CheckedPlan as CheckedPlan
+    from .planning.plan import Plan as Plan
+    from .posterior.draws import kept as kept
+    from .posterior.laplace import first_walkers as first_walkers
+    from .posterior.nuts import NutsDraws as NutsDraws
+    from .posterior.nuts import nuts_of as nuts_of
+    from .posterior.nuts import substeps_at as substeps_at
+    from .posterior.nuts import twin_log_posterior as twin_log_posterior
+    from .posterior.sample import Ensemble as Ensemble
+    from .posterior.target import Target as Target

@@ -71,7 +71,6 @@ class Noise(ABC):
         """
         return self._log_densities(residual, force, noise)
 
-    @checked
     def draw(
         self, force: Rows, noise: Annotated[Array, Shape(("n_batch", "n_noise"))], rng: np.random.Generator
     ) -> Array:
@@ -83,7 +82,6 @@ class Noise(ABC):
             )
         return self._draw(force, noise, rng)
 
-    @checked
     def estimate(self, residual: Samples, force: Samples) -> Array:
         """Moment estimates of the noise parameters, shape (n_noise,), from the residuals of a fit, (n_time,)."""
         if residual.size < 2:

@@ -1,24 +1,26 @@
 from .damper_design import DamperDesign as DamperDesign
-from .damper_design import DesignedModel as DesignedModel
 from .damper_design import twenty_ton_damper as twenty_ton_damper
-from .flow import PRESSURES as PRESSURES
 from .flow import Slot as Slot
 from .flow import annular_pressure as annular_pressure
-from .flow import least_active_volume as least_active_volume
-from .flow import plate_pressure as plate_pressure
-from .flow import shear_force as shear_force
-from .flow import summed_pressure as summed_pressure
 from .magnetic_circuit import MagneticCircuit as MagneticCircuit
-from .magnetic_circuit import wire_diameter as wire_diameter
-from .materials import FLUIDS as FLUIDS
-from .materials import STEELS as STEELS
-from .materials import MRFluid as MRFluid
-from .materials import Steel as Steel
 from .materials import fluid as fluid
 from .materials import steel as steel
 from .sizing import DamperWishes as DamperWishes
-from .sizing import SizedDamper as SizedDamper
-from .sizing import SizeFront as SizeFront
-from .sizing import SizingProgress as SizingProgress
 from .sizing import size_damper as size_damper
 from .sizing import size_front as size_front
+
+if True:  # the lower tier
+    from .damper_design import DesignedModel as DesignedModel
+    from .flow import PRESSURES as PRESSURES
+    from .flow import least_active_volume as least_active_volume
+    from .flow import plate_pressure as plate_pressure
+    from .flow import shear_force as shear_force
+    from .flow import summed_pressure as summed_pressure
+    from .magnetic_circuit import wire_diameter as wire_diameter
+    from .materials import FLUIDS as FLUIDS
+    from .materials import STEELS as STEELS
+    from .materials import MRFluid as MRFluid
+    from .materials import Steel as Steel
+    from .sizing import SizedDamper as SizedDamper
+    from .sizing import SizeFront as SizeFront
+    from .sizing import SizingProgress as SizingProgress

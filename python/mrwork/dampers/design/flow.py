@@ -123,7 +123,6 @@ def annular_pressure(
     return slot.length * _gradient(moved, slot, flow, tau, viscous)
 
 
-@checked
 def plate_pressure(
     slot: Slot,
     *,
@@ -169,7 +168,6 @@ def plate_pressure(
     return slot.length * _gradient(moved, slot, flow, tau, viscous)
 
 
-@checked
 def summed_pressure(
     slot: Slot,
     *,
@@ -204,7 +202,6 @@ PRESSURES: Final[Mapping[FlowModel, Callable[..., Floats]]] = {
 """Pressure drops by the name of the flow model."""
 
 
-@checked
 def shear_force(
     *,
     area: Annotated[float, Within(least=0.0, most=1e4)],
@@ -222,7 +219,6 @@ def shear_force(
     return area * (np.asarray(yield_stress, dtype=np.float64) + viscosity * rate**flow_index)
 
 
-@checked
 def least_active_volume(
     *,
     yield_stress: Positive,

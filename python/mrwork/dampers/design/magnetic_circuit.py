@@ -134,7 +134,6 @@ class MagneticCircuit(Summarised):
         return float(np.sum(0.5 * (rate[1:] + rate[:-1]) * np.diff(linkage)))
 
 
-@checked
 def wire_diameter(gauge: Annotated[int, Within(least=0, most=50)]) -> float:
     """Diameter of the bare copper of an American wire gauge [m], `0.127 mm 92^((36 - gauge)/39)`."""
     return 0.127e-3 * float(92.0 ** ((36.0 - gauge) / 39.0))

@@ -72,13 +72,11 @@ class MRFluid(Summarised):
         """Yield stress at saturation [Pa]."""
         return _CARRIER_FACTORS[self.carrier] * 271700.0 * float(self.particle_fraction**1.5239)
 
-    @checked
     def yield_stress(self, field: Fields) -> Floats:
         """Yield stress [Pa] in a field [A/m] of any shape."""
         stress: Floats = self.largest_yield_stress * np.tanh(6.33e-6 * np.asarray(field, dtype=np.float64))
         return stress
 
-    @checked
     def flux_density(self, field: Fields) -> Floats:
         """Flux density [T] in a field [A/m] of any shape."""
         vacuum = VACUUM_PERMEABILITY * np.asarray(field, dtype=np.float64)
@@ -153,11 +151,6 @@ class Steel(Summarised):
         Points of the curve [A/m] and [T], both increasing from 0.
     source
         Where the curve is from.
-
-    Raises
-    ------
-    SettingError
-        If the points are not two or more, in pairs, and increasing from 0.
     """
 
     _units: ClassVar[Mapping[str, str]] = {"field": "A/m", "flux_density": "T"}
@@ -179,7 +172,6 @@ class Steel(Summarised):
                 "give them in pairs"
             )
 
-    @checked
     def field_of(self, flux_density: FluxDensities) -> Floats:
         """Field [A/m] at a flux density [T] of any shape."""
         density = np.asarray(flux_density, dtype=np.float64)

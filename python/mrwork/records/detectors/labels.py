@@ -11,7 +11,6 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.arguments import checked
 from mrwork.records.checks import mean_over_travel
 from mrwork.records.damper_test import DamperTest, Finding, Measured
 from mrwork.records.motion import motion_of
@@ -55,7 +54,6 @@ class _Loops:
     command: NDArray[np.float64]
 
 
-@checked
 def mislabelled(tests: Sequence[DamperTest]) -> tuple[Finding, ...]:
     """Warn of tests whose dissipative force does not match that of the other tests at their command.
 

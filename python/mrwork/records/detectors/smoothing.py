@@ -7,7 +7,6 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.arguments import checked
 from mrwork.records.damper_test import Channel, DamperTest, Finding, Measured, Smoothing
 from mrwork.records.motion import SmoothMotion, spectrum
 
@@ -29,7 +28,6 @@ _SIGNIFICANT: Final = 6.0
 _TAPER: Final = 1.94
 
 
-@checked
 def detect_smoothing(test: DamperTest) -> Smoothing | None:
     """Detect a moving average applied to displacement and force of a test; `None` if there is none.
 

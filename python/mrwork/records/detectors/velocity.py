@@ -38,13 +38,7 @@ OFF_BY_FACTOR: Final = "velocity_factor"
 
 
 def refuse_velocity(test: DamperTest) -> None:
-    """Refuse a test whose velocity is a known factor times the derivative of the displacement.
-
-    Raises
-    ------
-    RecordError
-        It is; the message has the factor, and the repair.
-    """
+    """Refuse a test whose velocity is a known factor times the derivative of the displacement."""
     for finding in test.findings:
         if finding.code == OFF_BY_FACTOR:
             raise RecordError(f"{test.label}: {finding.message}")

@@ -17,7 +17,7 @@ import numpy as np
 from jax import Array, lax
 from numpy.typing import NDArray
 
-from mrwork.arguments import Count, Positive, checked
+from mrwork.arguments import Count, Positive
 from mrwork.errors import SettingError
 from mrwork.twins.loop.plant import Devices, LoopPlant, pulls_of, rows_of
 from mrwork.values import holds_arrays
@@ -518,7 +518,6 @@ def _samples(ground: Array, steps_per_sample: int, delay: int) -> int:
 Floats = NDArray[np.float64]
 
 
-@checked
 def half_steps(acceleration: Floats, dt: Positive, step: Positive, n_steps: Count) -> Floats:
     """Ground acceleration every half step: linear between samples, zero after the last.
 
@@ -533,11 +532,6 @@ def half_steps(acceleration: Floats, dt: Positive, step: Positive, n_steps: Coun
     -------
     Floats
         Shape (2 n_steps + 1,) [m/s^2].
-
-    Raises
-    ------
-    SettingError
-        If the record has another shape.
     """
     if acceleration.ndim != 1 or not acceleration.size:
         raise SettingError(f"`acceleration` has shape {acceleration.shape}; give (n_time,)")

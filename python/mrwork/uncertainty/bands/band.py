@@ -58,7 +58,6 @@ class Band(Summarised):
     basis: str
 
     @classmethod
-    @checked
     def about(
         cls,
         centre: Annotated[NDArray[np.float64], _ALONG],
@@ -154,7 +153,6 @@ def _equal_weights(scores: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]
     return np.concatenate([np.full(each.size, 1.0 / (each.size * len(scores))) for each in scores])
 
 
-@checked
 def simulate_draws(
     spec: DamperSpec,
     theta: Annotated[NDArray[np.float64], Shape(("n_draws", "n_params"))],
@@ -168,11 +166,6 @@ def simulate_draws(
     ----------
     theta
         Draws of the parameters, shape (n_draws, n_params).
-
-    Raises
-    ------
-    SimulationError
-        Where more than a tenth of the draws cannot be simulated; fewer are left out.
     """
     forces, failed = ObservedTest.of(spec, test).forces(theta, threads=threads)
     if np.mean(~failed) < 0.9:

@@ -12,7 +12,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.arguments import Positive, Whole, checked
+from mrwork.arguments import Positive, Whole
 from mrwork.errors import RecordError
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import addition_content, fit_from_json, read_addition
@@ -53,7 +53,6 @@ class StoredBands(Summarised):
             facts=(*calibration.facts, ("tests with predictions", str(len(self.predictions)))),
         )
 
-    @checked
     def others(self, prediction: Prediction) -> list[Prediction]:
         """The predictions of the tests that are not alike to one of them."""
         groups = alike_groups([RecordedMotion.of(each.test) for each in self.predictions])
@@ -61,7 +60,6 @@ class StoredBands(Summarised):
         alike = next(members for members in groups if number in members)
         return [each for index, each in enumerate(self.predictions) if index not in alike]
 
-    @checked
     def row(self, prediction: Prediction, level: float) -> LeftOutCoverage | None:
         """Coverage of one test at one level."""
         name = prediction.test.label

@@ -449,17 +449,10 @@ class LeftOutCoverage:
     cycles_inside: OrNan
 
 
-@checked
 def measured_coverage(
     predictions: Sequence[Prediction], levels: Sequence[Level] = LEVELS
 ) -> tuple[LeftOutCoverage, ...]:
-    """Coverage of each test by bands calibrated on the others, at each level; alike tests are left out together.
-
-    Raises
-    ------
-    SettingError
-        Where there are fewer than two tests that are not alike.
-    """
+    """Coverage of each test by bands calibrated on the others, at each level; alike tests are left out together."""
     groups, _, _ = _held_out(predictions)
     if len(groups) < 2:
         count = f"{len(predictions)} was given in all"

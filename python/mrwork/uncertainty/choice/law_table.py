@@ -9,7 +9,7 @@ from typing import ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.arguments import NotNegative, Whole, checked
+from mrwork.arguments import NotNegative, Whole
 from mrwork.dampers.parameters import LawName
 from mrwork.identification.fit import NEGLIGIBLE
 from mrwork.store.record import OrInfinite, Related
@@ -67,7 +67,6 @@ class TriedLaws(Summarised):
     }
 
     @classmethod
-    @checked
     def of(
         cls,
         laws: dict[str, LawName],

@@ -58,7 +58,6 @@ class Candidate:
         """Peak velocity [m/s]."""
         return 2.0 * pi * self.frequency * self.amplitude
 
-    @checked
     def in_words(self, unit: CommandUnit | None) -> str:
         """Description such as "10 mm, 1 Hz, 0.5 A"."""
         command = "" if self.command is None else f", {self.command:g} {unit}"
@@ -92,7 +91,6 @@ class Limits:
             if value is not None and not (isfinite(value) and value > 0.0):
                 raise SettingError(f"`{name}` is {value:g}; a limit is a positive number, in SI")
 
-    @checked
     def allow(self, candidate: Candidate) -> bool:
         """Whether the test is within the limits, up to rounding."""
         within = 1.0 + 1e-9

@@ -138,7 +138,6 @@ def autocorrelation_times(values: Array) -> Array:
         return np.asarray(integrated_time(values, tol=0, has_walkers=True))
 
 
-@checked
 def kept(n_steps: Annotated[int, Within(least=1, most=2**53)]) -> slice:
     """Rows of a chain after the burn-in; its first row is the start."""
     return slice(1 + int(_BURN_IN * n_steps), n_steps + 1)

@@ -12,7 +12,7 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.arguments import Shape, Within, checked
+from mrwork.arguments import Shape, Within
 from mrwork.errors import SettingError
 from mrwork.identification.objective import linearised
 from mrwork.uncertainty.posterior.target import Target
@@ -82,7 +82,6 @@ def _noise_curvature(target: Target, position: Array, index: int) -> float:
     return max(curvature, 0.0) if np.isfinite(curvature) else 0.0
 
 
-@checked
 def first_walkers(
     target: Target,
     start: Annotated[Array, Shape(("n_params",))],
@@ -92,11 +91,6 @@ def first_walkers(
     """Starting positions about `start`, (n_params,), shape (n_walkers, n_dim), all of positive density.
 
     Normal with the inverse of the tempered Fisher information as covariance, reflected at the faces of the box.
-
-    Raises
-    ------
-    SettingError
-        Where positions of positive density are not found near the start.
     """
     space = target.space
     origin, root = centre_and_root(target, start)

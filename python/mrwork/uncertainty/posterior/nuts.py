@@ -26,16 +26,10 @@ Array = NDArray[np.float64]
 LogDensity = Callable[[jax.Array], jax.Array]
 
 
-@checked
 def twin_log_posterior(target: Target, substeps: tuple[int, ...]) -> LogDensity:
     """Log posterior of one position, (n_dim,), equal to that of `target`, with fixed sub-steps for each test.
 
     It is -inf outside the box, and where the simulation is not finite.
-
-    Raises
-    ------
-    SettingError
-        Where the target has an observation model, nuisance parameters or a noise that is not differentiable.
     """
     objective, space = target.objective, target.space
     log_densities: Any = target.noise.log_densities
@@ -73,7 +67,6 @@ def twin_log_posterior(target: Target, substeps: tuple[int, ...]) -> LogDensity:
     return log_posterior
 
 
-@checked
 def substeps_at(target: Target, theta: Any) -> tuple[int, ...]:
     """Sub-steps of the stepping rule for one candidate, (n_params,), on each test."""
     runs = target.objective.misfits(np.asarray(theta)[None])
@@ -161,17 +154,10 @@ def sample_nuts(
     return nuts_of(target, start, warmup=warmup, draws=draws, chains=chains)(rng)
 
 
-@checked
 def nuts_of(
     target: Target, start: Array, *, warmup: Count, draws: Count, chains: Count
 ) -> Callable[[int], NutsDraws]:
-    """The sampler of `sample_nuts` as a function of the seed, compiled on the first call.
-
-    Raises
-    ------
-    SettingError
-        As `sample_nuts`.
-    """
+    """The sampler of `sample_nuts` as a function of the seed, compiled on the first call."""
     try:
         numpyro: Any = import_module("numpyro.infer")
     except ModuleNotFoundError as error:

@@ -110,7 +110,6 @@ class Ensemble(Summarised):
     at: tuple[int, RandomState]
 
     @classmethod
-    @checked
     def begin(cls, target: Callable[[Array], Array], walkers: Array, rng: int) -> Ensemble:
         """An ensemble at its start, shape (n_walkers, n_dim), with its own random stream."""
         # emcee uses the legacy generator.
@@ -132,7 +131,6 @@ class Ensemble(Summarised):
         """Number of walkers."""
         return int(self.positions.shape[1])
 
-    @checked
     def advance(self, until: int, on_step: Callable[[int], None]) -> None:
         """Advance to step `until`; `on_step` is called after each step."""
         done, random_state = self.at

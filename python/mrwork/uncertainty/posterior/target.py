@@ -314,7 +314,6 @@ class Target(Summarised):
     temper: float
 
     @classmethod
-    @checked
     def of(
         cls,
         form: Form,
@@ -334,11 +333,6 @@ class Target(Summarised):
             the residuals at the start. Default "effective" for noise models without correlation, 1 for those with it.
             Residuals of real tests are mostly model error with a lag-1 autocorrelation of 0.9 and more: 2000 count
             as some tens of independent observations, and intervals would be far too narrow if all were counted.
-
-        Raises
-        ------
-        SettingError
-            Where `tempering` is neither, or the start cannot be simulated.
         """
         target = cls(
             form=form,
@@ -359,7 +353,6 @@ class Target(Summarised):
                 raise SettingError(f"`tempering` is {share:g}; give 'effective', or a share above 0 up to 1")
         return replace(target, temper=share)
 
-    @checked
     def __call__(self, position: Annotated[AnyNumbers, Shape(("n_batch", "n_dim"))]) -> Array:
         """Log posterior of each row of `position` (n_batch, n_dim), shape (n_batch,); -inf outside and on failure."""
         if position.shape[1] != self.space.n_dim:
@@ -374,7 +367,6 @@ class Target(Summarised):
             density[rows] = self.space.log_prior(within) + self.temper * self.log_likelihood(within)
         return density
 
-    @checked
     def log_likelihood(self, values: Annotated[AnyNumbers, Shape(("n_batch", "n_values"))]) -> Array:
         """Untempered log-likelihood of parameters and noise, shape (n_batch,); -inf where a simulation failed."""
         n_params, n_noise = self.space.n_params, len(self.noise.parameters)
@@ -397,7 +389,6 @@ class Target(Summarised):
             total[failed] = -np.inf
         return total
 
-    @checked
     def residuals(
         self, theta: Annotated[AnyNumbers, Shape(("n_batch", "n_params"))]
     ) -> Iterator[tuple[Array, Array, NDArray[np.bool_]]]:
@@ -415,7 +406,6 @@ class Target(Summarised):
             force[failed] = 0.0
             yield residual, force, failed
 
-    @checked
     def noise_at(self, theta: Annotated[Array, _PARAMETERS]) -> Array:
         """Moment estimates of the noise parameters, (n_noise,), at `theta` (n_params,), averaged over tests."""
         found = [
@@ -423,7 +413,6 @@ class Target(Summarised):
         ]
         return np.asarray(np.mean(found, axis=0))
 
-    @checked
     def position_of(self, theta: Annotated[Array, _PARAMETERS]) -> Array:
         """Position (n_dim,) of parameters (n_params,), clipped to the box, with the noise of the residuals."""
         values = np.concatenate([theta, self.noise_at(theta)])
