@@ -24,8 +24,7 @@ from mrwork.control import (
 )
 from mrwork.dampers import damper
 from mrwork.errors import SettingError
-from mrwork.keys import Place
-from mrwork.study.declared import located, read_table
+from mrwork.keys import Place, located, read_table
 from mrwork.study.print_schema import laws_text
 from mrwork.study.reading import parse
 

@@ -10,8 +10,7 @@ import pytest
 
 from mrwork.buildings.from_file import KEYS
 from mrwork.errors import SettingError
-from mrwork.keys import Place, is_required
-from mrwork.study.declared import read_table
+from mrwork.keys import Place, is_required, read_table
 from mrwork.study.print_schema import in_words, schema_text, tables
 from mrwork.study.reading import parse
 from mrwork.study.schema import StudyTable

@@ -28,10 +28,9 @@ from mrwork.control.design_problem import DesignProblem, LawSettings
 from mrwork.control.law_design import SETTINGS, design_law
 from mrwork.control.laws import ControlLaw, control_laws
 from mrwork.control.weights import WeightWishes
-from mrwork.keys import Place, keys_of, suggestion
+from mrwork.keys import Place, given_values, keys_of, located, read_table, suggestion
 from mrwork.store import digest_of
 from mrwork.store.input_file import FileKind, text_of
-from mrwork.study.declared import given_values, located, read_table
 from mrwork.study.schema import (
     BaselineTable,
     ClairvoyantTable,

@@ -17,10 +17,9 @@ from mrwork.buildings.devices import Device
 from mrwork.dampers.parameters import LawName, law_named, polynomial_laws
 from mrwork.dampers.spec import DamperSpec, damper, damper_models
 from mrwork.errors import RecordError
-from mrwork.keys import Place, suggestion
+from mrwork.keys import Place, located, suggestion
 from mrwork.records.command_signal import command_level
 from mrwork.records.operating_range import OperatingRange
-from mrwork.study.declared import located
 from mrwork.study.schema import DamperTable
 from mrwork.units import CommandUnit, DriverUnit, number_in
 from mrwork.values import Floats, holds_arrays

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from mrwork.keys import located
 from mrwork.motions import GroundMotion
 from mrwork.motions.ground_motion import (
     baseline_corrected,
@@ -28,7 +29,6 @@ from mrwork.motions.read import motion_files, read_motion
 from mrwork.motions.spectral_density import CloughPenzien, KanaiTajimi, SpectralDensity
 from mrwork.motions.suites import suite
 from mrwork.motions.synthetic import synthetic_motion
-from mrwork.study.declared import located
 from mrwork.study.schema import MotionTable, SuiteTable
 from mrwork.study.study import MotionOfStudy
 from mrwork.units import STANDARD_GRAVITY

@@ -15,7 +15,7 @@ from mrwork.buildings.devices import Device
 from mrwork.buildings.from_file import building_from_table
 from mrwork.closed_loop.hardware import Fault, Hardware
 from mrwork.errors import SettingError
-from mrwork.keys import KeyPath, Place, suggestion
+from mrwork.keys import KeyPath, Place, located, read_table, suggestion
 from mrwork.store.input_file import TOML, bytes_of, text_in
 from mrwork.store.parse import toml_table
 from mrwork.study.arrangements import (
@@ -33,7 +33,6 @@ from mrwork.study.dampers import (
     equip_building,
     identified_damper,
 )
-from mrwork.study.declared import located, read_table
 from mrwork.study.motions import motions_of_study
 from mrwork.study.schema import DamperTable, HardwareTable, ReportTable, StudyTable
 from mrwork.study.study import MotionOfStudy, Realisations, Study, StudyFile, posterior_draws, realisations_of
