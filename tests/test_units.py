@@ -126,7 +126,10 @@ def test_prefixes_and_products_of_units_follow_the_rule(text: str, unit: str, ex
     assert number_in(text, unit) == pytest.approx(expected, rel=1e-15)
 
 
-@pytest.mark.parametrize("symbol", ["mkg", "kkg", "kmin", "Mdeg", "kt", "Mm", "cN", "ks", "kin", "mft", "ckg/m", "N/m/s", "/s", "m/"])  # fmt: skip
+@pytest.mark.parametrize(
+    "symbol",
+    ["mkg", "kkg", "kmin", "Mdeg", "kt", "Mm", "cN", "ks", "kin", "mft", "ckg/m", "N/m/s", "/s", "m/"],
+)
 def test_a_prefix_that_makes_no_usual_unit_is_refused(symbol: str) -> None:
     found = number_in(f"1 {symbol}", "kg")
     assert isinstance(found, str)
