@@ -17,10 +17,10 @@ from typing import Annotated, Any, Literal, TypeVar, Union, cast, get_args, get_
 
 import numpy as np
 
-from mrwork.arguments import May, Within
+from mrwork.arguments import May
 from mrwork.errors import MrworkError, RecordError
 from mrwork.escaping import escaped
-from mrwork.keys import LARGEST
+from mrwork.keys import LARGEST, Within
 from mrwork.store.input_file import is_there, stored, text_of
 from mrwork.store.parse import json_value
 
@@ -171,7 +171,7 @@ def _built(kind: Any, value: Any, place: str, notes: tuple[Any, ...]) -> Any:
     _accepted(fits, value, place, _ARTICLES.get(kind, kind.__name__))
     for note in notes:
         if isinstance(note, Within):
-            _accepted(not note.excludes(value), value, place, f"a whole number {note.in_words}")
+            _accepted(not note.excludes(value), value, place, note.instead_of(value, "whole number"))
         if isinstance(note, OneOf):
             _accepted(value in note.names, value, place, " or ".join(map(repr, note.names)))
     return value
@@ -233,7 +233,7 @@ def _number(value: Any, place: str, notes: tuple[Any, ...]) -> float:
     _accepted(abs(value) <= LARGEST or may_be_larger, value, place, f"a number below {LARGEST:g} in size")
     for note in notes:
         if isinstance(note, Within):
-            _accepted(not note.excludes(value), value, place, f"a number {note.in_words}")
+            _accepted(not note.excludes(value), value, place, note.instead_of(value))
     # An integer of hundreds of digits is beyond any float.
     return (
         float(value) if abs(value) <= LARGEST or isinstance(value, float) else math.copysign(math.inf, value)

@@ -17,7 +17,7 @@ from mrwork.buildings.devices import Device, elongation_rows
 from mrwork.buildings.matrices import Building
 from mrwork.control.plant import Outputs, Plant, accelerations, displacements, drifts, stacked
 from mrwork.errors import InvalidSettingError, SettingError
-from mrwork.keys import check_keys, key, plain_values
+from mrwork.keys import key, plain_values, refuse_repeated
 from mrwork.motions.spectral_density import KanaiTajimi, SpectralDensity
 from mrwork.simulate import Loading, simulate_force
 from mrwork.summary import Summarised
@@ -54,7 +54,7 @@ class RmsLimits:
 
     def __post_init__(self) -> None:
         plain_values(self)
-        check_keys(self)
+        refuse_repeated(self)
 
     @classmethod
     @checked
