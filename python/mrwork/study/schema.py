@@ -265,13 +265,13 @@ class BaselineTable:
 class SoilTable:
     """Filters of a synthetic motion; the default is firm soil."""
 
-    frequency: float | None = key("frequency of the ground [rad/s]", default=None, above=0.0)
+    frequency: float | None = key("frequency of the ground", unit="rad/s", default=None, above=0.0)
     damping: float | None = key("damping ratio of the ground", default=None, above=0.0)
     intensity: float | None = key(
-        "two-sided spectral density of the bedrock [m2/s3]", default=None, above=0.0
+        "two-sided spectral density of the bedrock", unit="m2/s3", default=None, above=0.0
     )
     high_pass_frequency: float | None = key(
-        "frequency of the second filter of clough_penzien [rad/s]", default=None, above=0.0
+        "frequency of the second filter of clough_penzien", unit="rad/s", default=None, above=0.0
     )
     high_pass_damping: float | None = key("damping ratio of the second filter", default=None, above=0.0)
     place: Place
