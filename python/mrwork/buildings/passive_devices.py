@@ -16,7 +16,7 @@ from mrwork.buildings.additions import (
     with_base_isolation_of_period,
     with_coordinate,
 )
-from mrwork.buildings.matrices import Building, PassiveElement, carried
+from mrwork.buildings.matrices import Building, PassiveElement
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.units import STANDARD_GRAVITY
 
@@ -214,34 +214,29 @@ def with_liquid_column(
         If there is no such floor.
     """
     row = building.floor_row(floor)
-    n = building.n_coordinates
-    wider = np.zeros((n + 1, n + 1))
-    wider_mass, damping, stiffness = wider.copy(), wider.copy(), wider.copy()
-    wider_mass[:n, :n] = building.mass + mass * np.outer(row, row)
-    wider_mass[n, :n] = wider_mass[:n, n] = width_ratio * mass * row
-    wider_mass[n, n] = mass
-    damping[:n, :n] = building.damping
-    stiffness[:n, :n] = building.stiffness
-    stiffness[n, n] = mass * (2.0 * pi * frequency) ** 2
-    stroke = np.append(np.zeros(n), 1.0)
-    length = column_length(frequency)
-    return replace(
+    elevation = np.append(np.zeros(building.n_coordinates), 1.0)
+    with_liquid = with_coordinate(
         building,
+        mass=mass,
+        damping=0.0,
+        stiffness=mass * (2.0 * pi * frequency) ** 2,
+        across=elevation,
+        follows_ground=0.0,
+        stroke=elevation,
+        stroke_name=name,
+    )
+    # The liquid moves with the floor, and its elevation accelerates the floor.
+    coupled = with_liquid.mass.copy()
+    coupled[:-1, :-1] += mass * np.outer(row, row)
+    coupled[-1, :-1] = coupled[:-1, -1] = width_ratio * mass * row
+    length = column_length(frequency)
+    orifice = PassiveElement(name=name, row=elevation, head_loss=0.5 * head_loss * mass / length)
+    return replace(
+        with_liquid,
         name=f"{building.name}, {name}",
-        mass=wider_mass,
-        damping=damping,
-        stiffness=stiffness,
-        influence=np.append(building.influence, 0.0),
-        floors=np.pad(building.floors, ((0, 0), (0, 1))),
-        storeys=np.vstack([np.pad(building.storeys, ((0, 0), (0, 1))), stroke]),
-        storey_names=(*building.storey_names, name),
-        n_strokes=building.n_strokes + 1,
-        elements=(
-            *carried(building.elements, np.eye(n, n + 1)),
-            PassiveElement(name=name, row=stroke, head_loss=0.5 * head_loss * mass / length),
-        ),
+        mass=coupled,
+        elements=(*with_liquid.elements, orifice),
         source=f"{building.source}; {name} of {mass:g} kg, {length:.4g} m long, added".removeprefix("; "),
-        status="ours",
     )
 
 
