@@ -16,7 +16,7 @@ import numpy as np
 
 from mrwork.arguments import NotNegative, Positive, checked
 from mrwork.buildings import Building
-from mrwork.buildings.devices import Device, elongation_rows
+from mrwork.buildings.matrices import Device, elongation_rows
 from mrwork.control.counterpart import is_curve, static_counterpart
 from mrwork.control.design.limits import LoopTiming
 from mrwork.control.plant import Plant, plant_of

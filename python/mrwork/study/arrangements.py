@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mrwork.buildings import Building
-from mrwork.buildings.devices import Device
 from mrwork.buildings.from_file import read_matrix
+from mrwork.buildings.matrices import Device
 from mrwork.closed_loop.clairvoyant_search import ClairvoyantSettings
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.simulate import samples_of

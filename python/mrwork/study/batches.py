@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from mrwork.buildings import Building
-from mrwork.buildings.devices import Device
+from mrwork.buildings.matrices import Device
 from mrwork.closed_loop.evaluation import SCORE, criteria, ratio, values
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.responses import Responses, run_quantities

@@ -13,7 +13,7 @@ import numpy as np
 
 from mrwork.buildings import Building
 from mrwork.buildings.additions import with_brace
-from mrwork.buildings.devices import Device
+from mrwork.buildings.matrices import Device
 from mrwork.dampers.parameters import LawName, law_named, polynomial_laws
 from mrwork.dampers.spec import DamperSpec, damper, damper_models
 from mrwork.errors import RecordError, SettingError

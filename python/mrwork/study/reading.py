@@ -11,7 +11,7 @@ import numpy as np
 
 from mrwork.arguments import Seed, checked
 from mrwork.buildings import Building
-from mrwork.buildings.devices import Device
+from mrwork.buildings.matrices import Device
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.errors import SettingError
 from mrwork.keys import KeyPath, Place, read_table, suggestion

@@ -8,7 +8,7 @@ from typing import Annotated, Any, get_type_hints
 
 import numpy as np
 
-from mrwork.buildings.devices import Device
+from mrwork.buildings.matrices import Device
 from mrwork.closed_loop.responses import (
     ENERGY_TOLERANCE,
     History,

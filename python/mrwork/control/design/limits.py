@@ -13,8 +13,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from mrwork.arguments import Count, Level, NotNegative, Positive, checked
-from mrwork.buildings.devices import Device, elongation_rows
-from mrwork.buildings.matrices import Building
+from mrwork.buildings.matrices import Building, Device, elongation_rows
 from mrwork.control.plant import Outputs, Plant, accelerations, displacements, drifts, stacked
 from mrwork.errors import InvalidSettingError, SettingError
 from mrwork.keys import key, plain_values, refuse_repeated
