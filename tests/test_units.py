@@ -104,6 +104,43 @@ def test_a_unit_of_another_quantity_is_refused(unit: tuple[str, str], other: tup
     assert isinstance(found, float) == (other[1] in FACTORS[unit[0]])
 
 
+@pytest.mark.parametrize(
+    ("text", "unit", "expected"),
+    [
+        ("12 MN/m", "N/m", 12e6),
+        ("5 kN s/mm", "N s/m", 5e6),
+        ("80 uN", "N", 80e-6),
+        ("0.25 GN", "N", 0.25e9),
+        ("3 N ms/mm", "N s/m", 3.0),
+        ("2 kN s2/m2", "N s2/m2", 2e3),
+        ("20 t", "kg", 20e3),
+        ("2 min", "s", 120.0),
+        ("7 mrad/s", "rad/s", 7e-3),
+        ("100 cm2/s3", "m2/s3", 1e-2),
+        ("1 1/kN2", "1/N2", 1e-6),
+        ("30 mA", "A or V", 0.03),
+        ("2 V/ms", "A/s or V/s", 2e3),
+    ],
+)
+def test_prefixes_and_products_of_units_follow_the_rule(text: str, unit: str, expected: float) -> None:
+    assert number_in(text, unit) == pytest.approx(expected, rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    "symbol",
+    ["mkg", "kkg", "kmin", "Mdeg", "kt", "Mm", "cN", "ks", "kin", "mft", "ckg/m", "N/m/s", "/s", "m/"],
+)
+def test_a_prefix_that_makes_no_usual_unit_is_refused(symbol: str) -> None:
+    found = number_in(f"1 {symbol}", "kg")
+    assert isinstance(found, str)
+    assert "whose unit is not known" in found
+
+
+def test_a_frequency_in_hz_is_no_circular_frequency() -> None:
+    for text, unit in (("1 Hz", "rad/s"), ("1 rad/s", "Hz"), ("1 Hz", "1/s"), ("1 1/s", "Hz")):
+        assert "is expected" in str(number_in(text, unit))
+
+
 @examples(100)
 @given(text=st.text(max_size=12) | st.from_regex(r"[+-]?[0-9.eE]{0,5} ?[A-Za-z/^*2µ ]{0,8}", fullmatch=True))
 def test_any_text_is_a_number_or_a_reason(text: str) -> None:

@@ -12,8 +12,8 @@ from . import study as study
 from . import tuning as tuning
 from . import uncertainty as uncertainty
 from ._rust import __version__ as __version__
-from .buildings.devices import Device as Device
 from .buildings.matrices import Building as Building
+from .buildings.matrices import Device as Device
 from .buildings.shear import building as building
 from .closed_loop.hardware import Hardware as Hardware
 from .closed_loop.responses import Responses as Responses

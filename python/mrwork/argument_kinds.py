@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mrwork.errors import ArgumentError, MrworkError, SettingError, UnknownChoiceError
-from mrwork.keys import LARGEST, SMALLEST, suggestion
+from mrwork.keys import LARGEST, Within, suggestion
 
 # As many characters of a value as a message repeats.
 _SHOWN = 40
@@ -30,40 +30,6 @@ class May(Enum):
     BE_INFINITE = auto()
     BE_NAN = auto()
     BE_TRACED = auto()
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Within:
-    """Range of a number, or of every number of an array."""
-
-    least: float = -math.inf
-    above: float = -math.inf
-    most: float = math.inf
-    below: float = math.inf
-
-    @property
-    def in_words(self) -> str:
-        """The range as a message states it."""
-        ends = (
-            ("at least", self.least),
-            ("above", self.above),
-            ("at most", self.most),
-            ("below", self.below),
-        )
-        return " and ".join(
-            f"{word} {end if isinstance(end, int) else format(end, 'g')}"
-            for word, end in ends
-            if math.isfinite(end)
-        )
-
-    def excludes(self, values: Any) -> Any:
-        """Which numbers lie outside; NaN does not. What must be positive may be divided by, and squared."""
-        return (
-            (values < self.least)
-            | (values <= self.above) & (self.above > -math.inf)
-            | (values < SMALLEST) & (self.above == 0.0)
-            | (values > self.most) | (values >= self.below) & (self.below < math.inf)
-        )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,11 +89,17 @@ class Kind:
     rank: int = 1
 
 
-def kind_of(hint: Any, default: Any = None) -> Kind:
-    """The kind that a hint declares; numbers may be infinite or NaN where the default is."""
+def kind_of(hint: Any, default: Any = None, declared: Mapping[str, Any] | None = None) -> Kind:
+    """The kind that a hint declares, with the range that the notes of its `key` declare, if it has one.
+
+    Numbers may be infinite or NaN where the default is.
+    """
+    notes: tuple[Any, ...] = ()
+    if declared is not None:
+        notes = (declared["within"], *((May.BE_NAN,) if declared["may_be_nan"] else ()))
     if isinstance(default, float) and not math.isfinite(default):
-        return _kind(hint, (May.BE_NAN if math.isnan(default) else May.BE_INFINITE,))
-    return _kind(hint, ())
+        notes = (*notes, May.BE_NAN if math.isnan(default) else May.BE_INFINITE)
+    return _kind(hint, notes)
 
 
 def _kind(hint: Any, notes: tuple[Any, ...]) -> Kind:
@@ -217,7 +189,8 @@ def _int(notes: tuple[Any, ...]) -> Kind:
             raise OtherKind(value, words) from None
         for each in notes:
             if isinstance(each, Within) and each.excludes(number):
-                raise _out_of(each, number)
+                wanted = each.instead_of(number, "whole number")
+                raise Refusal(f"is {_described(number)}; give {wanted}", SettingError)
         if not -(2**63) <= number < 2**64:
             raise Refusal(f"is {_described(number)}; give a whole number of 64 bits", SettingError)
         return number
@@ -340,12 +313,8 @@ def _check_numbers(values: Any, notes: tuple[Any, ...]) -> None:
     for each in notes:
         if isinstance(each, Within) and np.any(out := each.excludes(values)):
             first = values if np.ndim(values) == 0 else values[np.asarray(out)][0]
-            tiny = 0.0 < first < SMALLEST
-            words = f"of at least {SMALLEST:g}" if tiny and each.above == 0.0 else each.in_words
-            raise Refusal(
-                f"{_worst(values, out)}; give {'numbers' if np.ndim(values) else 'a number'} {words}",
-                SettingError,
-            )
+            wanted = each.instead_of(first, "numbers" if np.ndim(values) else "number")
+            raise Refusal(f"{_worst(values, out)}; give {wanted}", SettingError)
 
 
 def _worst(values: Any, out: Any) -> str:
@@ -355,15 +324,13 @@ def _worst(values: Any, out: Any) -> str:
     return f"is {values[first]:g} at {first[0] if len(first) == 1 else first}"
 
 
-def _out_of(within: Within, number: int) -> Refusal:
-    return Refusal(f"is {_described(number)}; give a whole number {within.in_words}", SettingError)
-
-
 # Containers
 
 
 def _sequence(item: Any, notes: tuple[Any, ...]) -> Kind:
-    of = _kind(item, notes)
+    # A range is that of a number or of an array of numbers; entries beside the diagonal of a matrix have none.
+    is_matrix = get_origin(item) in (tuple, Sequence)
+    of = _kind(item, tuple(each for each in notes if not (is_matrix and isinstance(each, Within))))
     words = f"a list, each item {of.words}"
 
     def accept(value: Any) -> Any:

@@ -2,9 +2,9 @@
 
 `@checked` stands on functions, and on dataclasses that users build. A number or an array is finite unless its default
 is infinite or NaN, or its annotation says otherwise, as `Annotated[ArrayLike, May.BE_NAN]`; a range is written
-`Annotated[float, Within(above=0.0)]`. What must be above zero is at least 1e-100, so that its inverse and its
-square are finite; other numbers are taken as they are. Lists become tuples, and numbers become arrays, where the
-annotation says so. An annotation that cannot be checked, such as `Any` or a type of a library
+`Annotated[float, Within(above=0.0)]`, or declared by the `key` of a field. What must be above zero is at least 1e-100,
+so that its inverse and its square are finite; other numbers are taken as they are. Lists become tuples, and numbers
+become arrays, where the annotation says so. An annotation that cannot be checked, such as `Any` or a type of a library
 that is loaded late, takes everything.
 A class says in `_made_by` how a user gets one of its objects.
 """
@@ -22,9 +22,10 @@ from typing import Annotated, Any, TypeVar, cast, get_type_hints
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mrwork.argument_kinds import Kind, May, Refusal, Shape, Within, kind_of, shape_of
+from mrwork.argument_kinds import Kind, May, Refusal, Shape, kind_of, shape_of
 from mrwork.errors import InvalidSettingError, MrworkError, SettingError
 from mrwork.escaping import escaped
+from mrwork.keys import Within, keys_of
 
 __all__ = [
     "AnyArray",
@@ -172,8 +173,11 @@ def _kinds_of(function: Any, signature: inspect.Signature, owner: type = object)
         for name in vars(each).get("__annotations__", ())
     }
     own = inspect.unwrap(function).__globals__
+    declared = {entry.name: entry.metadata for entry in keys_of(owner)} if is_dataclass(owner) else {}
     return {
-        name: kind_of(_resolved(parameter.annotation, homes.get(name, own)), parameter.default)
+        name: kind_of(
+            _resolved(parameter.annotation, homes.get(name, own)), parameter.default, declared.get(name)
+        )
         for name, parameter in signature.parameters.items()
         if parameter.annotation is not parameter.empty and parameter.kind is not parameter.VAR_KEYWORD
     }

@@ -1,21 +1,27 @@
-"""Keys of declared tables, with meaning, unit and range on each dataclass field, and their places in documents.
+"""Declared tables: the meaning, unit and range of each key, and the reader of a table of a document.
 
-Readers of files, the printed schema and scripts that build the same values all use these notes.
+A table is a dataclass. The annotation of a field is the type of its value; `key` declares the rest. Readers of files,
+the printed schema and scripts that build the same values all use these notes.
 """
 
 from __future__ import annotations
 
 import math
+import textwrap
+import types
 import unicodedata
 from abc import ABCMeta
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import MISSING, Field, dataclass, field, fields
+from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass, replace
 from difflib import get_close_matches
-from typing import Any, NoReturn, cast
+from typing import Any, Literal, NoReturn, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
 from mrwork.errors import InvalidSettingError, MrworkError, SettingError
+from mrwork.units import number_in
+
+T = TypeVar("T")
 
 _REQUIRED: Any = MISSING
 # Products of three numbers up to this size are finite, and so are those of their inverses.
@@ -26,6 +32,9 @@ LARGEST_SEED = 2**53 - 1
 """Largest seed, an integer that every reader of JSON keeps."""
 # Whole numbers that a computer word holds.
 _LARGEST_WHOLE = 2**63 - 1
+# Characters of a line of the printed schema, and words in it.
+_WIDTH = 110
+_WORDS = {str: "text", float: "number", int: "whole number", bool: "true or false", Any: "any"}
 # Controls, separators of lines and paragraphs.
 _CONTROLS = frozenset({"Cc", "Zl", "Zp"})
 
@@ -38,16 +47,17 @@ class Place:
     """Where a table or value stands in a document; begins a message.
 
     With `lines`, the line of each path, a place reads "study.toml, line 12"; without them it names the keys, as in
-    "frame.toml, rayleigh.ratios".
+    "frame.toml, rayleigh.ratios". `title` is what messages call the document.
     """
 
     origin: str
     path: KeyPath = ()
     lines: Mapping[KeyPath, int] = field(default_factory=dict)
+    title: str = "the study"
 
     def within(self, *keys: str | int) -> Place:
         """The place of something inside."""
-        return Place(origin=self.origin, path=(*self.path, *keys), lines=self.lines)
+        return replace(self, path=(*self.path, *keys))
 
     def __str__(self) -> str:
         return (
@@ -70,7 +80,7 @@ class Place:
         """What messages call the table: [hardware], [[damper]]."""
         keys = [str(part) for part in self.path if isinstance(part, str)]
         if not keys:
-            return "the study"
+            return self.title
         return f"[[{'.'.join(keys)}]]" if isinstance(self.path[-1], int) else f"[{'.'.join(keys)}]"
 
     def refuse(self, sentence: str) -> NoReturn:
@@ -78,12 +88,16 @@ class Place:
         raise self.error(SettingError, sentence)
 
     @contextmanager
-    def prefixed(self) -> Iterator[None]:
-        """Begin the message of an error in the block with this place; the type of the error stays."""
+    def prefixed(self, kind: type[MrworkError] | None = None) -> Iterator[None]:
+        """Begin the message of an error in the block with this place; the type is `kind`, or stays."""
         try:
             yield
         except MrworkError as error:
-            raise self.about(error, type(error)) from error
+            known = error.document == self.origin
+            if known and (kind is None or isinstance(error, kind)):
+                raise
+            changed = kind or type(error)
+            raise (self._as(changed, str(error)) if known else self.about(error, changed)) from error
 
     def about(self, error: MrworkError, kind: type[MrworkError]) -> MrworkError:
         """The error of a value of this table as one whose message begins with the line of that value."""
@@ -93,8 +107,11 @@ class Place:
 
     def error(self, kind: type[MrworkError], sentence: str) -> MrworkError:
         """An error whose message begins with this place."""
+        return self._as(kind, f"{self}: {sentence}")
+
+    def _as(self, kind: type[MrworkError], text: str) -> MrworkError:
         # A place says more than the key of an InvalidSettingError.
-        error = (SettingError if kind is InvalidSettingError else kind)(f"{self}: {sentence}")
+        error = (SettingError if kind is InvalidSettingError else kind)(text)
         error.document = self.origin
         return error
 
@@ -110,6 +127,47 @@ def suggestion(name: object, known: Sequence[str], *, otherwise: str = "choose o
     return f", did you mean {near[0]}" if near else f"; {otherwise} {', '.join(known) or 'none'}"
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Within:
+    """Range of a number, or of every number of an array."""
+
+    least: float = -math.inf
+    above: float = -math.inf
+    most: float = math.inf
+    below: float = math.inf
+
+    @property
+    def in_words(self) -> str:
+        """The range as a message states it."""
+        if math.isfinite(self.least) and math.isfinite(self.most):
+            return f"from {_end(self.least)} to {_end(self.most)}"
+        ends = (
+            ("at least", self.least),
+            ("above", self.above),
+            ("at most", self.most),
+            ("below", self.below),
+        )
+        return " and ".join(f"{word} {_end(end)}" for word, end in ends if math.isfinite(end))
+
+    def excludes(self, values: Any) -> Any:
+        """Which numbers lie outside; NaN does not. What must be positive may be divided by, and squared."""
+        return (
+            (values < self.least)
+            | (values <= self.above) & (self.above > -math.inf)
+            | (values < SMALLEST) & (self.above == 0.0)
+            | (values > self.most) | (values >= self.below) & (self.below < math.inf)
+        )  # fmt: skip
+
+    def instead_of(self, value: float, kind: str = "number") -> str:
+        """What to give instead of a number out of the range, as "a number above 0"; `kind` may be a plural."""
+        words = f"of at least {SMALLEST:g}" if self.above == 0.0 < value < SMALLEST else self.in_words
+        return f"{'' if kind.endswith('s') else 'a '}{kind} {words}"
+
+
+def _end(value: float) -> str:
+    return str(value) if isinstance(value, int) or float(f"{value:g}") != value else f"{value:g}"
+
+
 def key(
     says: str,
     *,
@@ -118,11 +176,14 @@ def key(
     least: float = -math.inf,
     above: float = -math.inf,
     most: float = math.inf,
+    below: float = math.inf,
     most_items: float = math.inf,
     may_be_nan: bool = False,
     matrix: bool = False,
     label: bool = False,
     span: object = None,
+    from_one: bool = False,
+    named: str = "",
 ) -> Any:
     """Declare a key of a table.
 
@@ -134,8 +195,8 @@ def key(
         SI unit of a number. A file may also give such a number as a text with another unit.
     default
         Value if the key is absent; a key without a default is required.
-    least, above, most
-        Bounds of a number: it must not be less than `least`, must exceed `above`, and must not be more than `most`.
+    least, above, most, below
+        Range of a number, as of `Within`.
     most_items
         Largest length of an array.
     may_be_nan
@@ -146,18 +207,22 @@ def key(
         Whether a text is a name in tables and figures, which has no control characters.
     span
         Range in which a search looks for it, for those tables that are searched.
+    from_one
+        Whether the number counts from 1 in a file, where it counts from 0 in Python.
+    named
+        Name of the key in a file, where it is another one than in Python.
     """
     notes = {
         "says": says,
         "unit": unit,
-        "least": least,
-        "above": above,
-        "most": most,
+        "within": Within(least=least, above=above, most=most, below=below),
         "most_items": most_items,
         "may_be_nan": may_be_nan,
         "matrix": matrix,
         "label": label,
         "span": span,
+        "from_one": from_one,
+        "named": named,
     }
     return field(metadata=notes) if default is MISSING else field(default=default, metadata=notes)
 
@@ -165,6 +230,11 @@ def key(
 def keys_of(table: type) -> tuple[Field[Any], ...]:
     """The keys of a table: its fields declared by `key`."""
     return tuple(entry for entry in fields(cast(Any, table)) if "says" in entry.metadata)
+
+
+def name_in_file(entry: Field[Any]) -> str:
+    """Name of a key in a file."""
+    return entry.metadata["named"] or entry.name
 
 
 class DeclaredTable(ABCMeta):
@@ -200,29 +270,6 @@ def described(entry: Field[Any]) -> str:
     return f"{entry.metadata['says']}{f' [{unit}]' if unit else ''}"
 
 
-def out_of_range(name: str, value: float, entry: Field[Any]) -> str:
-    """Message for a number out of the range of its key; empty if it is in range."""
-    least, above, most = (entry.metadata[bound] for bound in ("least", "above", "most"))
-    # A number whose default is infinite may be so, too: it means no limit.
-    if (math.isnan(value) and not entry.metadata["may_be_nan"]) or (
-        math.isinf(value) and entry.default != math.inf
-    ):
-        return f"{name} is {value}; give a finite number"
-    if isinstance(value, int) and abs(value) > _LARGEST_WHOLE:
-        return f"{name} is a whole number of {len(str(abs(value)))} digits; give one of at most 18"
-    if value < least:
-        return f"{name} is {value:g}; it can be no less than {least:g}"
-    if value <= above:
-        return f"{name} is {value:g}; it must be more than {above:g}"
-    if value > most:
-        return f"{name} is {value:g}; it can be no more than {most:.10g}"
-    if abs(value) > LARGEST and not math.isinf(value):
-        return f"{name} is {value:g}; give a number of at most {LARGEST:g}"
-    if above == 0.0 and value < SMALLEST:
-        return f"{name} is {value:g}; a positive number is at least {SMALLEST:g}"
-    return ""
-
-
 def repeated(name: str, values: Sequence[object]) -> str:
     """Message for a text that stands in an array twice; empty if there is none."""
     texts = [value for value in values if isinstance(value, str)]
@@ -231,13 +278,20 @@ def repeated(name: str, values: Sequence[object]) -> str:
 
 
 def range_in_words(entry: Field[Any]) -> str:
-    """The range of a key as the schema states it, as "at least 0, at most 1"; empty without bounds."""
-    notes = entry.metadata
-    bounds = (("at least", notes["least"]), ("above", notes["above"]), ("at most", notes["most"]))
-    parts = [f"{words} {bound:.10g}" for words, bound in bounds if math.isfinite(bound)]
-    if math.isfinite(notes["most_items"]):
-        parts.append(f"at most {notes['most_items']} of them")
-    return ", ".join(parts)
+    """The range of a key as the schema states it; empty without bounds."""
+    items = entry.metadata["most_items"]
+    parts = [_range_of(entry).in_words, f"at most {items} of them" if math.isfinite(items) else ""]
+    return ", ".join(filter(None, parts))
+
+
+def _range_of(entry: Field[Any]) -> Within:
+    """The range of the number of a key in a file."""
+    within: Within = entry.metadata["within"]
+    return (
+        replace(within, least=within.least + 1, most=within.most + 1)
+        if entry.metadata["from_one"]
+        else within
+    )
 
 
 def control_in(label: str) -> str:
@@ -260,18 +314,294 @@ def _plain_value(given: Any) -> Any:
     return tuple(map(_plain_value, listed)) if isinstance(listed, list | tuple) else listed
 
 
-def check_keys(table: Any) -> None:
-    """Check the numbers of a table that a script has built.
-
-    Raises
-    ------
-    InvalidSettingError
-        If one is out of range, or a name stands twice in an array.
-    """
+def refuse_repeated(table: Any) -> None:
+    """Refuse a name that stands twice in an array of a table that a script has built."""
     for entry in fields(table):
         given = getattr(table, entry.name)
         if isinstance(given, tuple) and (refusal := repeated(entry.name, given)):
             raise InvalidSettingError(entry.name, refusal)
-        for value in given if isinstance(given, tuple) else (given,):
-            if isinstance(value, int | float) and (refusal := out_of_range(entry.name, value, entry)):
-                raise InvalidSettingError(entry.name, refusal)
+
+
+def read_table(kind: type[T], table: Mapping[str, Any], place: Place) -> T:
+    """Read a table into the dataclass `kind`; its field `place`, if it has one, is the place."""
+    values = given_values(kind, table, place)
+    for entry in keys_of(kind):
+        if is_required(entry):
+            refuse_missing(entry, values, place)
+    if "place" in get_type_hints(kind):
+        values["place"] = place
+    with place.prefixed(SettingError):
+        return kind(**values)
+
+
+def refuse_missing(entry: Field[Any], given: Collection[str], place: Place) -> None:
+    """Refuse a table that does not give a key."""
+    if entry.name not in given:
+        place.refuse(f"{place.table} has no {name_in_file(entry)}; give {described(entry)}")
+
+
+def given_values(kind: type, table: Mapping[str, Any], place: Place) -> dict[str, Any]:
+    """The values of the keys that a table gives, in the types of the dataclass `kind` and in SI."""
+    known = {name_in_file(entry): entry for entry in keys_of(kind)}
+    for name in table:
+        if name not in known:
+            near = suggestion(name, list(known), otherwise="it has")
+            place.within(name).refuse(f"{place.table} has no key {name!r}{near}")
+    hints = get_type_hints(kind)
+    return {
+        entry.name: _value(hints[entry.name], table[name], place.within(name), entry)
+        for name, entry in known.items()
+        if name in table
+    }
+
+
+def choose_way(table: Any, ways: Sequence[Sequence[str]], place: Place) -> int:
+    """Number of the one of several ways to give a table, each with keys of its own, of which keys are given.
+
+    Keys that all ways have tell nothing. A table with keys of two ways is refused, or with none.
+    """
+    own = [[name for name in way if any(name not in other for other in ways)] for way in ways]
+    given = [[name for name in names if getattr(table, name) is not None] for names in own]
+    used = [number for number, names in enumerate(given) if names]
+    choice = " or by ".join(" and ".join(filter(None, (", ".join(way[:-1]), way[-1]))) for way in own)
+    if not used:
+        place.refuse(f"{place.table} is given by {choice}; here by none of them")
+    if len(used) > 1:
+        # The way of which fewer keys are given is the one that was not meant.
+        odd = min(used, key=lambda number: (len(given[number]), -number))
+        place.within(given[odd][0]).refuse(f"{place.table} is given by {choice}; keep one")
+    return used[0]
+
+
+def _value(kind: Any, value: Any, place: Place, entry: Field[Any]) -> Any:
+    origin, arguments = get_origin(kind), get_args(kind)
+    if origin in (Union, types.UnionType):
+        kinds = [each for each in arguments if each is not type(None)]
+        near = next((each for each in kinds if _is_near(each, value)), None)
+        if near is None and set(kinds) == {int, str}:
+            _refuse(place, value, "a whole number or a text in quotes")
+        return _value(near or kinds[0], value, place, entry)
+    if is_dataclass(kind):
+        if not isinstance(value, dict):
+            _refuse(place, value, f"a table [{place.path[-1]}]")
+        return read_table(cast(type, kind), value, place)
+    if origin is Literal:
+        if value not in arguments:
+            place.refuse(f"{_name(place)} is {value!r}{suggestion(value, arguments)}")
+        return value
+    if origin is tuple:
+        if not isinstance(value, list):
+            example = 'an array, as ["name"]' if arguments[0] is str else "an array, as [1, 2]"
+            _refuse(
+                place, value, f"tables, as [[{place.path[-1]}]]" if is_dataclass(arguments[0]) else example
+            )
+        if not value and place.path[-1] == name_in_file(entry) and not is_dataclass(arguments[0]):
+            leave = "" if is_required(entry) else ", or leave it out"
+            place.refuse(f"{_name(place)} is empty; give {described(entry)}{leave}")
+        if len(value) > entry.metadata["most_items"]:
+            place.refuse(
+                f"{_name(place)} has {len(value)} entries; give at most {entry.metadata['most_items']}"
+            )
+        names = arguments[0] is str or get_origin(arguments[0]) is Literal
+        if names and (twice := repeated(_name(place), value)):
+            place.refuse(twice)
+        if arguments[1:] != (...,) and len(value) != len(arguments):
+            place.refuse(
+                f"{_name(place)} has {len(value)} entries; give {len(arguments)}, {described(entry)}"
+            )
+        if _is_nested(kind):
+            _check_rows(value, place)
+            # A range is that of a number or of an array of numbers; entries beside the diagonal of a matrix have none.
+            entry = field(metadata={**entry.metadata, "within": Within()})
+        return tuple(
+            _value(arguments[0], each, place.within(number), entry) for number, each in enumerate(value)
+        )
+    if origin in (dict, Mapping):
+        if not isinstance(value, dict):
+            _refuse(place, value, "a table, as { name = 1 }")
+        if not value and arguments and arguments[1] is not Any:
+            place.refuse(f"{_name(place)} is empty; give {described(entry)}, or leave it out")
+        return {
+            name: _value(arguments[1], each, place.within(name), entry) if arguments else each
+            for name, each in value.items()
+        }
+    return value if kind is Any else _plain(kind, value, place, entry)
+
+
+def _plain(kind: Any, value: Any, place: Place, entry: Field[Any]) -> Any:
+    unit = entry.metadata["unit"]
+    if kind is float and isinstance(value, str) and unit:
+        number = number_in(value, unit)
+        if isinstance(number, str):
+            place.refuse(f"{_name(place)} {number}")
+        value = number
+    if kind in (float, int):
+        whole = isinstance(value, int) or (isinstance(value, float) and kind is float)
+        if isinstance(value, bool) or not whole:
+            _refuse(place, value, f"a {'whole ' if kind is int else ''}number{f' [{unit}]' if unit else ''}")
+        if wanted := _wanted_instead_of(kind(value), entry):
+            number = f"{value:g}" if isinstance(value, float) or abs(value) < LARGEST else "too large"
+            place.refuse(f"{_name(place)} is {number}; give {wanted}")
+        return kind(value) - entry.metadata["from_one"]
+    if not isinstance(value, kind):
+        _refuse(place, value, {str: "a text in quotes", bool: "true or false"}[kind])
+    if kind is str and entry.metadata["label"] and (control := control_in(value)):
+        place.refuse(f"{_name(place)} has the control character {control}; give printable text on one line")
+    return value
+
+
+def _wanted_instead_of(value: float, entry: Field[Any]) -> str:
+    """What to give instead of a number that a key cannot have; empty if it can have it."""
+    within = _range_of(entry)
+    # A number whose default is infinite may be so, too: it means no limit.
+    if (math.isnan(value) and not entry.metadata["may_be_nan"]) or (
+        math.isinf(value) and entry.default != math.inf
+    ):
+        return "a finite number"
+    if isinstance(value, int) and abs(value) > _LARGEST_WHOLE:
+        return "a whole number of at most 18 digits"
+    if within.excludes(value):
+        return within.instead_of(value, "whole number" if isinstance(value, int) else "number")
+    return f"a number of at most {LARGEST:g}" if LARGEST < abs(value) < math.inf else ""
+
+
+def _check_rows(rows: Sequence[Any], place: Place) -> None:
+    """Refuse rows of a matrix that are none, or of different lengths."""
+    if not all(isinstance(row, list) for row in rows):
+        _refuse(place, rows, "rows of numbers, as [[2, -1], [-1, 1]]")
+    for number, row in enumerate(rows):
+        if len(row) != len(rows[0]):
+            lengths = f"{len(rows[0])} and {len(row)}"
+            sentence = f"{_name(place)} has rows of different lengths, {lengths}; complete row {number + 1}"
+            place.within(number).refuse(sentence)
+
+
+def _is_near(kind: Any, value: Any) -> bool:
+    """Whether a value has the form of a type of a union; errors are then those of that type."""
+    origin = get_origin(kind)
+    if is_dataclass(kind) or origin in (dict, Mapping):
+        return isinstance(value, dict)
+    if origin is tuple:
+        return isinstance(value, list) and _is_nested(kind) == any(isinstance(each, list) for each in value)
+    if origin is Literal:
+        return value in get_args(kind)
+    if kind is float:
+        return isinstance(value, int | float) and not isinstance(value, bool)
+    return isinstance(value, kind) and not (kind is int and isinstance(value, bool))
+
+
+def _is_nested(kind: Any) -> bool:
+    """Whether the type is that of a matrix, a tuple of tuples."""
+    return get_origin(get_args(kind)[0]) is tuple
+
+
+def _refuse(place: Place, value: Any, expected: str) -> NoReturn:
+    place.refuse(f"{_name(place)} is {shown(value)}; give {expected}")
+
+
+def _name(place: Place) -> str:
+    """Name of a value in messages: the key, with the index of an element."""
+    length = max(n for n, part in enumerate(place.path, start=1) if isinstance(part, str))
+    return str(place.path[length - 1]) + "".join(f"[{number}]" for number in place.path[length:])
+
+
+def tables(kind: type, path: str = "") -> Iterator[tuple[str, type]]:
+    """Headings and declarations of a table and all tables in it, outer tables first, each declaration once."""
+    found = {path: kind}
+    for entry in keys_of(kind):
+        inner, repeated = _inner(get_type_hints(kind)[entry.name])
+        if inner is not None:
+            name = ".".join(filter(None, (path.strip("[]"), name_in_file(entry))))
+            for heading, each in tables(inner, f"[[{name}]]" if repeated else f"[{name}]"):
+                if each not in found.values():
+                    found[heading] = each
+    yield from found.items()
+
+
+def _inner(hint: Any) -> tuple[type | None, bool]:
+    """The table that a key holds, and whether it may hold several."""
+    if is_dataclass(hint):
+        return cast(type, hint), False
+    inner = [_inner(each) for each in get_args(hint)]
+    kind = next((each for each, _ in inner if each is not None), None)
+    return kind, get_origin(hint) is tuple or any(repeated for _, repeated in inner)
+
+
+def heading_lines(heading: str, prose: str) -> list[str]:
+    """A heading of the printed schema and the prose below it."""
+    words = textwrap.wrap(" ".join(prose.split()), _WIDTH, initial_indent="  ", subsequent_indent="  ")
+    return [heading, *words]
+
+
+def key_lines(kind: type) -> list[str]:
+    """The keys of a table, their meanings, defaults and types."""
+    keys, hints = keys_of(kind), get_type_hints(kind)
+    names = max((len(name_in_file(entry)) for entry in keys), default=0)
+    defaults = max((len(_default(entry)) for entry in keys), default=0)
+    lines = []
+    for entry in keys:
+        unit = entry.metadata["unit"]
+        bounds = f", {words}" if (words := range_in_words(entry)) else ""
+        file = " or name of a text file" if entry.metadata["matrix"] else ""
+        form = f"{in_words(hints[entry.name])}{file}{f' [{unit}]' if unit else ''}{bounds}"
+        meaning = f"{entry.metadata['says']} ({form}){_searched(entry)}"
+        head = f"  {name_in_file(entry):<{names}}  {_default(entry):<{defaults}}  "
+        lines += textwrap.wrap(
+            meaning,
+            width=_WIDTH,
+            initial_indent=head,
+            subsequent_indent=" " * len(head),
+            break_long_words=False,
+        )
+    return lines
+
+
+def _searched(entry: Field[Any]) -> str:
+    """Whether a search of settings changes the key by itself, or where it is asked to."""
+    span = entry.metadata["span"]
+    return (
+        ""
+        if span is None
+        else "; searched by mrwork tune"
+        if span.free
+        else "; can be searched by mrwork tune"
+    )
+
+
+def _default(entry: Field[Any]) -> str:
+    if is_required(entry):
+        return "required"
+    value: Any = entry.default
+    if entry.metadata["from_one"] and value is not None:
+        value += 1
+    if value is None or value in ("", ()) or is_dataclass(value):
+        return "-"
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, tuple):
+        return ", ".join(map(str, value))
+    if isinstance(value, float):
+        return "inf" if math.isinf(value) else f"{value:g}"
+    return str(value)
+
+
+def in_words(hint: Any) -> str:
+    """An annotation in words, as "text or number"."""
+    origin, arguments = get_origin(hint), get_args(hint)
+    if origin in (Union, types.UnionType):
+        return " or ".join(in_words(each) for each in arguments if each is not type(None))
+    if is_dataclass(hint):
+        return "table"
+    if origin is Literal:
+        return ", ".join(map(str, arguments))
+    if origin is tuple and get_origin(arguments[0]) is tuple:
+        return "rows of a matrix"
+    if origin is tuple:
+        if is_dataclass(arguments[0]):
+            return "tables"
+        plural = "" if get_origin(arguments[0]) is Literal else "s"
+        return f"array of {in_words(arguments[0])}{plural}"
+    if origin in (dict, Mapping) or hint is Mapping:
+        inner = in_words(arguments[1])
+        return "table" if inner == "any" else f"table of {inner}"
+    return _WORDS[hint]

@@ -11,8 +11,8 @@ from mrwork.escaping import escaped
 from mrwork.identification.equivalent import identifiable_form
 from mrwork.identification.fit import Fit, Intervals
 from mrwork.identification.fit_file import read_addition, read_fit
+from mrwork.store.codec import read_document
 from mrwork.store.input_file import exists, is_file
-from mrwork.store.record import read_document
 from mrwork.store.run_folder import FIT, LAWS, PLAN, PROFILES, RANKING, RESULTS
 from mrwork.summary import Summarised, Summary
 from mrwork.uncertainty.bands.calibration_files import StoredBands, read_bands

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final, Literal, get_args
@@ -109,42 +110,96 @@ _COMMAND_SPELLINGS: Final[Mapping[str, CommandUnit]] = {
 # A pound-force is 0.45359237 kg times standard gravity, both exact by definition.
 _POUND_FORCE: Final = 4.4482216152605
 
+_PREFIXES: Final[Mapping[str, float]] = {
+    "": 1.0, "G": 1e9, "M": 1e6, "k": 1e3, "c": 1e-2, "m": 1e-3, "u": 1e-6, "n": 1e-9,
+}  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class _Unit:
+    """Factor to SI, powers of the base units of which the unit is a product, and the prefixes usual with it."""
+
+    factor: float
+    powers: Mapping[str, int]
+    prefixes: str = ""
+
+
+_FORCE: Final = {"kg": 1, "m": 1, "s": -2}
+_ACCELERATION_POWERS: Final = {"m": 1, "s": -2}
+# The radian, the cycle of a Hz and the volt count as base units. A prefix that is not usual makes no unit, as in kmin
+# or mkg, nor does one that makes another unit: milli-inches would be minutes.
+_SYMBOLS: Final[Mapping[str, _Unit]] = {
+    "1": _Unit(1.0, {}),
+    "s": _Unit(1.0, {"s": 1}, "mun"),
+    "min": _Unit(60.0, {"s": 1}),
+    "Hz": _Unit(1.0, {"cycle": 1, "s": -1}, "kMm"),
+    "rad": _Unit(1.0, {"rad": 1}, "m"),
+    "m": _Unit(1.0, {"m": 1}, "kcmun"),
+    "in": _Unit(0.0254, {"m": 1}),
+    "ft": _Unit(0.3048, {"m": 1}),
+    "gal": _Unit(1e-2, _ACCELERATION_POWERS),
+    "g": _Unit(STANDARD_GRAVITY, _ACCELERATION_POWERS, "m"),
+    "kg": _Unit(1.0, {"kg": 1}),
+    "t": _Unit(1e3, {"kg": 1}),
+    "N": _Unit(1.0, _FORCE, "GMkmu"),
+    "lbf": _Unit(_POUND_FORCE, _FORCE),
+    "kip": _Unit(1e3 * _POUND_FORCE, _FORCE),
+    "kgf": _Unit(STANDARD_GRAVITY, _FORCE),
+    "tf": _Unit(1e3 * STANDARD_GRAVITY, _FORCE),
+    "Pa": _Unit(1.0, {"kg": 1, "m": -1, "s": -2}, "GMk"),
+    "J": _Unit(1.0, {"kg": 1, "m": 2, "s": -2}, "GMkm"),
+    "A": _Unit(1.0, {"A": 1}, "kmun"),
+    "V": _Unit(1.0, {"V": 1}, "kmun"),
+}
+_PREFIXED: Final[Mapping[str, _Unit]] = {
+    f"{prefix}{name}": _Unit(_PREFIXES[prefix] * unit.factor, unit.powers)
+    for name, unit in _SYMBOLS.items()
+    for prefix in ("", *unit.prefixes)
+}
+
+
+def _unit_of(text: str) -> _Unit | None:
+    """The unit of a text as "kN s/mm", symbols with blanks between and at most one slash; `None` if it is not known."""
+    factor, powers = 1.0, Counter[str]()
+    for sign, part in zip((1, -1), text.split("/", 1), strict=False):
+        symbols = part.split()
+        if not symbols:
+            return None
+        for symbol in symbols:
+            power = int(symbol[-1]) if len(symbol) > 1 and symbol[-1] in "234" else 1
+            unit = _PREFIXED.get(symbol[:-1] if power > 1 else symbol)
+            if unit is None:
+                return None
+            size = unit.factor**power
+            factor = factor * size if sign > 0 else factor / size
+            powers.update({base: sign * power * exponent for base, exponent in unit.powers.items()})
+    return _Unit(factor, {base: exponent for base, exponent in powers.items() if exponent})
+
+
+_KNOWN: Final[Mapping[MeasuredQuantity, str]] = {
+    "time": "s, ms, us, min",
+    "frequency": "Hz",
+    "rate": "1/s",
+    "displacement": "m, cm, mm, um, in",
+    "velocity": "m/s, cm/s, mm/s, in/s",
+    "acceleration": "m/s2, cm/s2, gal, mm/s2, g, mg, in/s2, ft/s2",
+    "mass": "kg, t",
+    "force": "N, kN, lbf, kip, kgf, tf, MN",
+    "stiffness": "N/m, kN/m, MN/m, N/mm",
+    "damping": "N s/m, kN s/m, MN s/m",
+    "current": "A, mA",
+    "voltage": "V, mV",
+    "current rate": "A/s",
+    "voltage rate": "V/s",
+}
+
 FACTORS: Final[Mapping[MeasuredQuantity, Mapping[str, float]]] = MappingProxyType(
     {
-        "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0},
-        "frequency": {"Hz": 1.0},
-        "rate": {"1/s": 1.0},
-        "displacement": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254},
-        "velocity": {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3, "in/s": 0.0254},
-        "acceleration": {
-            "m/s2": 1.0,
-            "cm/s2": 1e-2,
-            "gal": 1e-2,
-            "mm/s2": 1e-3,
-            "g": STANDARD_GRAVITY,
-            "mg": 1e-3 * STANDARD_GRAVITY,
-            "in/s2": 0.0254,
-            "ft/s2": 0.3048,
-        },
-        "mass": {"kg": 1.0, "t": 1e3},
-        "force": {
-            "N": 1.0,
-            "kN": 1e3,
-            "lbf": _POUND_FORCE,
-            "kip": 1e3 * _POUND_FORCE,
-            "kgf": STANDARD_GRAVITY,
-            "tf": 1e3 * STANDARD_GRAVITY,
-            "MN": 1e6,
-        },
-        "stiffness": {"N/m": 1.0, "kN/m": 1e3, "MN/m": 1e6, "N/mm": 1e3},
-        "damping": {"N s/m": 1.0, "kN s/m": 1e3, "MN s/m": 1e6},
-        "current": {"A": 1.0, "mA": 1e-3},
-        "voltage": {"V": 1.0, "mV": 1e-3},
-        "current rate": {"A/s": 1.0},
-        "voltage rate": {"V/s": 1.0},
+        quantity: {name: unit.factor for name in names.split(", ") if (unit := _unit_of(name)) is not None}
+        for quantity, names in _KNOWN.items()
     }
 )
-"""Factor to SI of each unit of a quantity; the first unit is that of SI."""
+"""Factor to SI of each unit of a quantity that records have; the first unit is that of SI."""
 
 _MEGA: Final = "M"
 
@@ -177,36 +232,39 @@ _WORDS: Final = {
 }  # fmt: skip
 
 
-# Quantities of a number by its SI unit; that of a command depends on the damper.
-_MEASURES: Final[Mapping[str, tuple[MeasuredQuantity, ...]]] = {
-    **{next(iter(units)): (quantity,) for quantity, units in FACTORS.items()},
-    "A or V": ("current", "voltage"),
-    "A/s or V/s": ("current rate", "voltage rate"),
-}
-
-
 # Characters of the longest spelling of a unit, with room.
 _LONGEST: Final = 60
 
 
 def number_in(text: str, unit: str) -> float | str:
-    """A number in SI from a text such as "1 ms", or the reason why it is not one, as the rest of a sentence."""
-    factors = {name: factor for quantity in _MEASURES[unit] for name, factor in FACTORS[quantity].items()}
-    known, example = ", ".join(factors), f'"1 {list(factors)[:2][-1]}"'
-    number, _, given = text.strip().partition(" ")
+    """A number in SI from a text such as "1 ms", or the reason why it is not one, as the rest of a sentence.
+
+    The text may have any unit of the dimension of `unit`, which may be several with "or" between.
+    """
+    number, _, given = (part.strip() for part in text.strip().partition(" "))
+    known = ", ".join(name for each in unit.split(" or ") for name in _units_like(each))
+    example = f'"1 {known.split(", ")[:2][-1]}"'
     try:
         value = float(number)
     except ValueError:
         return f"is {text!r}; give a number [{unit}], or one with its unit as in {example}"
-    if given.strip() in factors:
-        return value * factors[given.strip()]
     if not given:
         return (
             f"is the text {text!r}; give the number without quotes [{unit}], or with its unit as in {example}"
         )
-    if any(given.strip() in units for units in FACTORS.values()):
+    if given in unit.split(" or "):
+        return value
+    found = _unit_of(given) if len(given) <= _LONGEST else None
+    if found is None:
+        return f"is {text!r}, whose unit is not known; its unit may be {known}"
+    if found.powers not in [like.powers for each in unit.split(" or ") if (like := _unit_of(each))]:
         return f"is {text!r}, where a number [{unit}] is expected; its unit may be {known}"
-    return f"is {text!r}, whose unit is not known; its unit may be {known}"
+    return value * found.factor
+
+
+def _units_like(unit: str) -> Iterable[str]:
+    """Usual units of the dimension of a unit, this one first."""
+    return next((units for units in FACTORS.values() if unit in units), (unit,))
 
 
 def factor_of(unit: str, quantity: MeasuredQuantity) -> float | None:

@@ -182,8 +182,8 @@ def test_a_building_that_nothing_holds_has_a_mode_without_frequency() -> None:
     ("masses", "stiffnesses", "storey_damping", "expected"),
     [
         ([1.0, 1.0], [1.0], [], "1 stiffnesses for 2 masses"),
-        ([1.0], [0.0], [], "stiffness of storey 1 is 0"),
-        ([1.0], [1.0], [-2.0], "damping of storey 1 is -2"),
+        ([1.0], [0.0], [], r"`stiffnesses\[0\]` of shear_building is 0"),
+        ([1.0], [1.0], [-2.0], r"`storey_damping\[0\]` of shear_building is -2"),
         ([1.0], [float("nan")], [], r"`stiffnesses\[0\]` of shear_building is nan"),
         ([0.0], [1.0], [], "mass of coordinate 1 is 0 kg"),
     ],

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import inspect
 import tomllib
 from pathlib import Path
+from typing import get_type_hints
 
 import numpy as np
 import pytest
@@ -27,9 +29,9 @@ from mrwork.buildings import (
     with_viscous_damper,
     with_yielding_damper,
 )
-from mrwork.buildings.from_file import KEYS, building_from_table
+from mrwork.buildings.from_file import Addition, BuildingTable
 from mrwork.errors import MrworkError, RecordError, SettingError
-from mrwork.keys import Place
+from mrwork.keys import Place, Within, keys_of, read_table
 
 FIELDS = ("mass", "damping", "stiffness", "influence", "floors", "storeys")
 MATRICES = """
@@ -45,9 +47,8 @@ storey_damping = [0.3, 0.2]
 
 
 def stated(text: str, folder: Path = Path()) -> Building:
-    return building_from_table(
-        tomllib.loads(text), Place(origin="study.toml", path=("building",)), folder=folder
-    )
+    place = Place(origin="study.toml", path=("building",))
+    return read_table(BuildingTable, tomllib.loads(text), place).build(folder)
 
 
 def assert_same(ours: Building, theirs: Building) -> None:
@@ -213,30 +214,34 @@ def test_additions_come_in_the_order_that_is_documented_not_in_that_of_the_table
         (SHEAR + 'published = "uts"', "building: ", "here by published and masses"),
         ('published = "utz"', "building.published: ", "no published building is called 'utz'"),
         ("published = 3", "building.published: ", "published is 3; give a text"),
-        ("massses = [1.0]", "building.massses: ", "no key 'massses'; did you mean masses?"),
+        ("massses = [1.0]", "building.massses: ", "no key 'massses', did you mean masses"),
         ('published = "uts"\nstorey_damping = [1.0]', "building.storey_damping: ", "goes with masses"),
         (SHEAR + "mass = [[1.0]]", "building.mass: ", "mass goes with matrices"),
-        ('masses = [1.0, "2"]\nstiffnesses = [1.0, 1.0]', "building.masses: ", "give numbers"),
-        ("masses = [1.0]", "building: ", "stiffnesses is missing"),
+        ('masses = [1.0, "2"]\nstiffnesses = [1.0, 1.0]', "building.masses[2]: ", "without quotes"),
+        ("masses = [1.0]", "building: ", "has no stiffnesses; give"),
         (SHEAR + "n_storeys = 3", "building.masses: ", "masses has 2 numbers for 3 storeys; give one, or one for each"),
-        (SHEAR + "n_storeys = 0", "building.n_storeys: ", "give 1 or more"),
+        (SHEAR + "n_storeys = 0", "building.n_storeys: ", "give a whole number at least 1"),
         ('published = "uts"\nn_storeys = 3', "building.n_storeys: ", "goes with masses"),
-        ("masses = [0.0]\nstiffnesses = [1.0]", "building: ", "mass of coordinate 1 is 0 kg"),
+        ("masses = [0.0]\nstiffnesses = [1.0]", "building.masses[1]: ", "give a number above 0"),
         ("mass = [[1.0]]", "building: ", "needs mass (M), stiffness (K)"),
-        ("mass = [[1.0, 2.0], [3.0]]\nstiffness = [[1.0]]", "building.mass: ", "row 2 of mass is not 2 numbers"),
+        ("mass = [[1.0, 2.0], [3.0]]\nstiffness = [[1.0]]", "building.mass[2]: ", "complete row 2"),
         ("mass = [1.0]\nstiffness = [[1.0]]", "building.mass: ", "give rows of numbers"),
         ("mass = [[0.0]]\nstiffness = [[1.0]]", "building: ", "singular"),
         ('file = "nowhere.mat"', "building.file: ", "there is no such file"),
         ('file = "nowhere.docx"', "building.file: ", "comes as a .toml or .mat file"),
-        ('published = "uts"\n[rayleigh]\nratios = [0.1]', "building.rayleigh.ratios: ", "two ratios"),
-        ('published = "uts"\n[rayleigh]\na0 = 1.0', "building.rayleigh: ", "a1 is missing"),
+        ('published = "uts"\n[rayleigh]\nratios = [0.1]', "building.rayleigh.ratios: ", "give 2, damping"),
+        ('published = "uts"\n[rayleigh]\na0 = 1.0', "building.rayleigh: ", "has no a1; give"),
         ('published = "uts"\n[rayleigh]\na0 = 1.0\nratios = [0.1, 0.1]', "building.rayleigh.ratios: ", "keep one"),
         (
             'published = "uts"\n[rayleigh]\na0 = 1.0\na1 = 0.0\n[modal_damping]\nratios = [0.1]',
             "building.modal_damping: ",
             "keep one",
         ),
-        ('published = "uts"\n[isolation]\nmass = 1.0\nperiod = -2.0\nratio = 0.1', "building.isolation: ", "period"),
+        (
+            'published = "uts"\n[isolation]\nmass = 1.0\nperiod = -2.0\nratio = 0.1',
+            "building.isolation.period: ",
+            "above 0",
+        ),
         (
             'published = "uts"\n[isolation]\nmass = 1.0\nperiod = 2.0\nstiffness = 1.0',
             "building.isolation.period: ",
@@ -250,8 +255,8 @@ def test_additions_come_in_the_order_that_is_documented_not_in_that_of_the_table
         ),
         (
             'published = "uts"\n[friction]\nstorey = 1\nslip_load = -1\nstiffness = 1.0',
-            "building.friction: ",
-            "slip load",
+            "building.friction.slip_load: ",
+            "give a number above 0",
         ),
         (
             'published = "uts"\n[yielding]\nstorey = 1\nyield = 1',
@@ -266,12 +271,12 @@ def test_additions_come_in_the_order_that_is_documented_not_in_that_of_the_table
         (
             'published = "uts"\n[liquid_column]\nfloor = 5\nwidth_ratio = 0.5\nmass = 1\nfrequency = 1\nmode = 1',
             "building.liquid_column.mode: ",
-            "goes with mass_ratio",
+            "by mass_ratio, rms_velocity and mode or by mass, frequency and head_loss; keep one",
         ),
         ('published = "uts"\n[[viscous]]\nstorey = 9\ndamping = 1.0', "building.viscous[1]: ", "no storey 9"),
-        ('published = "uts"\n[[viscous]]\nstorey = 1.5\ndamping = 1.0', "building.viscous[1].storey: ", "or its name"),
+        ('published = "uts"\n[[viscous]]\nstorey = 1.5\ndamping = 1.0', "building.viscous[1].storey: ", "or a text"),
         ('published = "uts"\nviscous = 3', "building.viscous: ", "[[viscous]]"),
-        ('published = "uts"\n[brace]\nstorey = 1\nstiffness = 1.0', "building.brace: ", "mass is missing"),
+        ('published = "uts"\n[brace]\nstorey = 1\nstiffness = 1.0', "building.brace: ", "has no mass; give"),
         ('published = "uts"\n[brace]\nstorey = true\nstiffness = 1.0', "building.brace.storey: ", "storey is True"),
         (
             'published = "uts"\n[tuned_mass]\nfloor = 5\nmass_ratio = 0.1\nmass = 3.0',
@@ -352,9 +357,16 @@ def test_a_mat_file_without_matrices_of_a_building_says_what_it_has(tmp_path: Pa
         read_building(tmp_path / "plant.mat")
 
 
-def test_every_key_is_documented_where_the_reader_is() -> None:
-    import mrwork.buildings.from_file as module
-
-    assert module.__doc__ is not None
-    missing = [key for key in KEYS if key not in module.__doc__]
-    assert not missing
+@pytest.mark.parametrize("kind", Addition.__subclasses__())
+def test_the_keys_of_an_addition_are_the_arguments_of_its_functions_with_their_ranges(
+    kind: type[Addition],
+) -> None:
+    keys = {entry.name: entry for entry in keys_of(kind)}
+    taken = set()
+    for way in kind.ways:
+        hints = get_type_hints(way, include_extras=True)
+        taken |= {name for name in inspect.signature(way).parameters if name != "building"}
+        for name in taken & hints.keys():
+            stated = [note for note in getattr(hints[name], "__metadata__", ()) if isinstance(note, Within)]
+            assert not stated or stated == [keys[name].metadata["within"]], name
+    assert taken == set(keys)

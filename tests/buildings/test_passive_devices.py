@@ -103,27 +103,27 @@ def test_the_head_loss_of_a_damping_ratio_dissipates_as_much() -> None:
 WRONG = [
     (
         lambda: of.with_yielding_damper(FRAME, storey=1, yield_force=0.0, yield_displacement=1.0),
-        "yield force",
+        "`yield_force`",
     ),
     (
         lambda: of.with_yielding_damper(
             FRAME, storey=1, yield_force=1.0, yield_displacement=1.0, post_yield_ratio=1.0
         ),
-        "post-yield ratio",
+        "`post_yield_ratio`",
     ),
-    (lambda: of.with_friction_damper(FRAME, storey=1, slip_load=-1.0, stiffness=1.0), "slip load"),
+    (lambda: of.with_friction_damper(FRAME, storey=1, slip_load=-1.0, stiffness=1.0), "`slip_load`"),
     (
         lambda: of.with_lead_rubber_bearings(FRAME, mass=1.0, period=2.0, yield_force=0.0),
-        "yield force",
+        "`yield_force`",
     ),
     (
         lambda: of.with_liquid_column(
             FRAME, floor=1, mass=1.0, frequency=1.0, width_ratio=1.0, head_loss=1.0
         ),
-        "width ratio",
+        "`width_ratio`",
     ),
-    (lambda: of.liquid_column_optimum(0.0, 0.5), "mass ratio"),
-    (lambda: of.head_loss_of(0.1, 1.0, 0.0), "rms velocity"),
+    (lambda: of.liquid_column_optimum(0.0, 0.5), "`mass_ratio`"),
+    (lambda: of.head_loss_of(0.1, 1.0, 0.0), "`rms_velocity`"),
 ]
 
 

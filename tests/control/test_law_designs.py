@@ -33,7 +33,7 @@ def test_a_designed_law_is_the_one_made_by_hand() -> None:
     ("law", "settings", "words"),
     [
         ("clipped_optimal", {}, "has no control_weight; give R of the force"),
-        ("clipped_optimal", {"control_weight": -1.0}, "must be more than 0"),
+        ("clipped_optimal", {"control_weight": -1.0}, "give a number above 0"),
         ("clipped_optimal", {"control_weight": float("nan")}, "give a finite number"),
         (
             "clipped_optimal",

@@ -219,7 +219,7 @@ def test_designed_weights_say_what_they_are_for() -> None:
         ({"limits": {"peak_drift": 1e-3}}, "limits are rms values.*rms_drift"),
         ({"limits": {"rms_dirft": 1e-3}}, "no limit is called 'rms_dirft'"),
         ({"limits": {"rms_drift": [1e-3, 2e-3]}}, "has 2 limits, and there are 5 storeys"),
-        ({"limits": {"rms_drift": -1e-3}}, "must be more than 0"),
+        ({"limits": {"rms_drift": -1e-3}}, "give a number above 0"),
         ({"limits": {"rms_force": 10.0}}, "no response is limited"),
         ({"limits": {}}, "no response is limited"),
         ({"budget": 0.0}, "give a positive rms force"),

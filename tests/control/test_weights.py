@@ -171,7 +171,7 @@ REFUSED = [
     ),
     ("velocities", np.eye(3) - 0.5, "not positive semidefinite: .* smallest eigenvalue is -1"),
     ("state_weight", np.eye(3), "there are 6 states"),
-    ("relative_velocities", -1.0, "can be no less than 0"),
+    ("relative_velocities", -1.0, "give a number at least 0"),
 ]
 
 
@@ -197,7 +197,7 @@ def test_a_weight_that_is_not_a_number_is_refused() -> None:
     [
         (np.eye(3), "there are 2 devices"),
         ([[1.0, 2.0], [2.0, 1.0]], "not positive semidefinite"),
-        (0.0, "more than 0"),
+        (0.0, "above 0"),
     ],
 )
 def test_a_control_weight_that_cannot_be_is_refused(given: Any, words: str) -> None:
@@ -227,7 +227,7 @@ def test_a_study_file_gives_matrices_inline_or_by_file(tmp_path: Path) -> None:
         (f"drifts = {(matrix - 0.5).tolist()}", "line 17: drifts is not positive semidefinite"),
         ("drifts = 'none.csv'", "line 17: .*none.csv"),
         ("drifts = [[1, 2], [3]]", "line 17: drifts has rows of different lengths"),
-        ("drifts = [-1, 1, 1, 1, 1]", r"line 17: drifts\[0\] is -1; it can be no less than 0"),
+        ("drifts = [-1, 1, 1, 1, 1]", r"line 17: drifts\[0\] is -1; give a number at least 0"),
     ):
         with pytest.raises(MrworkError, match=words):
             gain(weights)

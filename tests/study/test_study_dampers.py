@@ -9,10 +9,9 @@ import pytest
 
 from mrwork.dampers import damper
 from mrwork.errors import RecordError, SettingError
-from mrwork.keys import Place
+from mrwork.keys import Place, read_table
 from mrwork.records import OperatingRange
 from mrwork.study.dampers import ChosenDamper, IdentifiedDamper, chosen_damper
-from mrwork.study.declared import read_table
 from mrwork.study.reading import parse
 from mrwork.study.schema import DamperTable
 

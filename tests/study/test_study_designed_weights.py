@@ -21,7 +21,7 @@ from mrwork.control import (
 )
 from mrwork.errors import InvalidSettingError, SettingError
 from mrwork.motions import fitted_spectrum
-from mrwork.study.print_schema import laws_text
+from mrwork.study.arrangements import laws_text
 from mrwork.tuning.results import chosen_study
 
 WISHES = "designed = { rms_drift = '4 mm', rms_acceleration = '0.5 g', budget = '0.9 kN' }"

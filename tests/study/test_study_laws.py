@@ -24,9 +24,8 @@ from mrwork.control import (
 )
 from mrwork.dampers import damper
 from mrwork.errors import SettingError
-from mrwork.keys import Place
-from mrwork.study.declared import located, read_table
-from mrwork.study.print_schema import laws_text
+from mrwork.keys import Place, read_table
+from mrwork.study.arrangements import laws_text
 from mrwork.study.reading import parse
 
 # What each law is told here; those that need nothing are told nothing.
@@ -71,7 +70,7 @@ def design(law: str, text: str, on: DesignProblem | None = None) -> Design:
     document, lines = parse(text, "study.toml")
     place = Place(origin="study.toml", lines=lines)
     settings: LawSettings = read_table(SETTINGS[law], document, place)
-    with located(place):
+    with place.prefixed(SettingError):
         return settings.design(on or design_problem())
 
 
@@ -160,7 +159,7 @@ def test_the_force_of_a_sliding_law_pushes_its_surface_down() -> None:
         (
             "clipped_optimal",
             "drifts = -1\ncontrol_weight = 1",
-            r"line 1: drifts is -1; it can be no less than 0",
+            r"line 1: drifts is -1; give a number at least 0",
         ),
         ("passive", "command = 3", r"line 1: command is 3, and the driver gives 1.88 at most"),
         (

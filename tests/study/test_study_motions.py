@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 from mrwork.errors import SettingError
-from mrwork.keys import Place
+from mrwork.keys import Place, read_table
 from mrwork.motions import GroundMotion, suite, synthetic_motion
 from mrwork.study import MotionOfStudy
-from mrwork.study.declared import read_table
 from mrwork.study.motions import motions_of_study
 from mrwork.study.reading import parse
 from mrwork.study.schema import MotionTable

@@ -18,12 +18,13 @@ import pytest
 from test_study_values import Document, places, with_headers
 
 import mrwork
+from mrwork.buildings.from_file import Addition
 from mrwork.control import SETTINGS, WeightWishes
 from mrwork.errors import MrworkError
-from mrwork.keys import KeyPath, keys_of
+from mrwork.keys import KeyPath, keys_of, name_in_file, tables
 from mrwork.study import read_study
-from mrwork.study.print_schema import tables
 from mrwork.study.reading import parse
+from mrwork.study.schema import StudyTable
 from mrwork.tuning.space import objective_of
 
 SOUND: Document = {
@@ -38,6 +39,49 @@ SOUND: Document = {
     "tune": [{"laws": ["lyapunov"], "risk": "cvar"}],
     "baseline": [],
 }
+
+
+BUILDINGS: list[Document] = [
+    {
+        "masses": [300.0, 200.0],
+        "stiffnesses": [1e6, 8e5],
+        "storey_damping": [10.0, 20.0],
+        "modal_damping": {"ratios": [0.02]},
+        "isolation": {"mass": 300.0, "period": 2.0, "ratio": 0.1},
+        "viscous": [{"storey": 1, "damping": 10.0}],
+        "yielding": [{"storey": 1, "yield_force": 10.0, "yield_displacement": 0.01, "post_yield_ratio": 0.1}],
+        "friction": [{"storey": 1, "slip_load": 10.0, "stiffness": 1e5, "sharpness": 2.0}],
+        "brace": [{"storey": 1, "stiffness": 1e7, "mass": 1.0, "damping": 1.0}],
+        "tuned_mass": [{"floor": 1, "mass": 5.0, "frequency": 2.0, "ratio": 0.1}],
+        "liquid_column": [
+            {"floor": 1, "mass": 5.0, "frequency": 0.5, "width_ratio": 0.5, "head_loss": 1.0},
+        ],
+    },
+    {
+        "mass": [[300.0, 0.0], [0.0, 200.0]],
+        "stiffness": [[2e6, -1e6], [-1e6, 1e6]],
+        "damping": [[10.0, 0.0], [0.0, 10.0]],
+        "influence": [1.0, 1.0],
+        "lead_rubber": {
+            "mass": 300.0,
+            "period": 2.0,
+            "yield_force": 10.0,
+            "yield_displacement": 0.01,
+            "ratio": 0.1,
+        },
+        "tuned_mass": [{"floor": 1, "mass_ratio": 0.01, "mode": 1}],
+        "liquid_column": [
+            {"floor": 1, "mass_ratio": 0.01, "width_ratio": 0.5, "rms_velocity": 0.1, "mode": 1}
+        ],
+    },
+    {
+        "masses": [300.0],
+        "stiffnesses": [1e6],
+        "n_storeys": 2,
+        "rayleigh": {"ratios": [0.02, 0.02], "modes": [1, 2]},
+    },
+]
+"""With every addition to a building and each of its forms."""
 
 
 def with_controller(table: Document) -> Document:
@@ -85,15 +129,17 @@ def place_of(heading: str) -> KeyPath:
 
 
 def numbers_out_of_range(entry: Field[Any], kind: type) -> Iterator[float]:
-    notes = entry.metadata
-    if math.isfinite(notes["least"]):
-        yield notes["least"] - 1
-    if math.isfinite(notes["above"]):
-        yield notes["above"] if kind is float else int(notes["above"])
-        if kind is float and notes["above"] == 0.0:
+    notes, within, first = entry.metadata, entry.metadata["within"], int(entry.metadata["from_one"])
+    if math.isfinite(within.least):
+        yield within.least + first - 1
+    if math.isfinite(within.above):
+        yield within.above if kind is float else int(within.above)
+        if kind is float and within.above == 0.0:
             yield 1e-200
-    if math.isfinite(notes["most"]):
-        yield notes["most"] + 1
+    if math.isfinite(within.most):
+        yield within.most + first + 1
+    if math.isfinite(within.below):
+        yield within.below
     if kind is int:
         yield from (2**63, -(2**63) - 1)
     else:
@@ -117,9 +163,14 @@ def numeric(hint: Any) -> type | None:
 
 def documents() -> Iterator[tuple[Document, KeyPath, type]]:
     """Every table that a study file may have: a document with it, its place, and its declaration."""
-    for heading, kind in tables():
+    for heading, kind in tables(StudyTable):
+        _, *inner = heading.strip("[]").split(".")
         if heading in TABLES:
             yield (*TABLES[heading], kind)
+        elif inner and issubclass(kind, Addition):
+            building = next(each for each in BUILDINGS if inner[0] in each)
+            several = isinstance(building[inner[0]], list)
+            yield {**SOUND, "building": building}, ("building", inner[0], *((0,) if several else ())), kind
         else:
             yield SOUND, place_of(heading), kind
     for law, kind in SETTINGS.items():
@@ -137,7 +188,7 @@ def mistakes_in(
         if any(is_dataclass(each) for each in (hint, *get_args(hint))) or (found := numeric(hint)) is None:
             continue
         for number in numbers(entry, found):
-            yield Mistake(document=document, path=(*place, entry.name), number=number)
+            yield Mistake(document=document, path=(*place, name_in_file(entry)), number=number)
 
 
 @cache
@@ -211,49 +262,6 @@ def test_an_absurd_number_is_read_or_refused_by_a_line(
         if sentence and (not begins or names_code(sentence, tmp_path)):
             wrong.append(f"{mistake}: {sentence}")
     assert not wrong, "\n".join(wrong)
-
-
-BUILDINGS: list[Document] = [
-    {
-        "masses": [300.0, 200.0],
-        "stiffnesses": [1e6, 8e5],
-        "storey_damping": [10.0, 20.0],
-        "modal_damping": {"ratios": [0.02]},
-        "isolation": {"mass": 300.0, "period": 2.0, "ratio": 0.1},
-        "viscous": [{"storey": 1, "damping": 10.0}],
-        "yielding": [{"storey": 1, "yield_force": 10.0, "yield_displacement": 0.01, "post_yield_ratio": 0.1}],
-        "friction": [{"storey": 1, "slip_load": 10.0, "stiffness": 1e5, "sharpness": 2.0}],
-        "brace": [{"storey": 1, "stiffness": 1e7, "mass": 1.0, "damping": 1.0}],
-        "tuned_mass": [{"floor": 1, "mass": 5.0, "frequency": 2.0, "ratio": 0.1}],
-        "liquid_column": [
-            {"floor": 1, "mass": 5.0, "frequency": 0.5, "width_ratio": 0.5, "head_loss": 1.0},
-        ],
-    },
-    {
-        "mass": [[300.0, 0.0], [0.0, 200.0]],
-        "stiffness": [[2e6, -1e6], [-1e6, 1e6]],
-        "damping": [[10.0, 0.0], [0.0, 10.0]],
-        "influence": [1.0, 1.0],
-        "lead_rubber": {
-            "mass": 300.0,
-            "period": 2.0,
-            "yield_force": 10.0,
-            "yield_displacement": 0.01,
-            "ratio": 0.1,
-        },
-        "tuned_mass": [{"floor": 1, "mass_ratio": 0.01, "mode": 1}],
-        "liquid_column": [
-            {"floor": 1, "mass_ratio": 0.01, "width_ratio": 0.5, "rms_velocity": 0.1, "mode": 1}
-        ],
-    },
-    {
-        "masses": [300.0],
-        "stiffnesses": [1e6],
-        "n_storeys": 2,
-        "rayleigh": {"ratios": [0.02, 0.02], "modes": [1, 2]},
-    },
-]
-"""With every addition to a building and each of its forms."""
 
 
 def numbers_in(document: Document) -> Iterator[KeyPath]:

@@ -169,7 +169,7 @@ def test_every_building_of_the_literature_is_stated_without_python(name: str, tm
         (
             "[hardware]\n",
             '[[hardware.fault]]\nsignal = "force"\nstart = 2\nend = 1\n[hardware]\n',
-            r"line 26: the fault lasts from 2 to 1 s",
+            r"line 26: a fault lasts from 2.0 s to 1.0 s",
         ),
         ("[hardware]\n", '[report]\nmotion = "x"\n[hardware]\n', r"line 27: no motion is called 'x'"),
         (

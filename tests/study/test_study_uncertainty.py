@@ -141,7 +141,7 @@ def test_a_band_of_a_run_that_failed_is_open() -> None:
     ("more", "sentence"),
     [
         ("[uncertainty]\n", "nothing in .uncertainty. is uncertain"),
-        ("[uncertainty]\nstiffness = 1.5\n", "no more than 0.999"),
+        ("[uncertainty]\nstiffness = 1.5\n", "give a number from 0 to 0.999"),
         ("[uncertainty]\nstifness = 0.1\n", "did you mean stiffness"),
     ],
 )

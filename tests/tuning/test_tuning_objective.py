@@ -90,7 +90,7 @@ def test_an_exceeded_limit_costs_more_than_any_gain_of_the_score() -> None:
         ({"criteria": {"peak_drift": -1.0}}, "positive number"),
         ({"constraints": {"peak_stroke": "10 kN"}}, "where a number"),
         ({"constraints": {"peak_stroke": 0.0}}, "positive limit"),
-        ({"tail": 1.5, "risk": "cvar"}, "no more than 1"),
+        ({"tail": 1.5, "risk": "cvar"}, "give a number above 0 and at most 1"),
         ({"criteria": ("peak_drift", "rms_drift", "peak_drift")}, "criteria has 'peak_drift' twice"),
         ({"objectives": ("peak_drift", "peak_drift")}, "objectives has 'peak_drift' twice"),
         ({"tail": 0.2}, "tail has no effect on the risk 'mean'"),

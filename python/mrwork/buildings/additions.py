@@ -8,11 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import block_diag, eigh
 
-from mrwork.arguments import checked
+from mrwork.arguments import NotNegative, Positive, checked
 from mrwork.buildings.matrices import Building, carried
 from mrwork.buildings.modes import modes_of
 from mrwork.errors import SettingError
-from mrwork.keys import SMALLEST
 from mrwork.values import Floats
 
 
@@ -98,7 +97,7 @@ def _check_ratios(ratios: Sequence[float], name: str) -> None:
 
 
 @checked
-def with_viscous_damper(building: Building, *, storey: int | str, damping: float) -> Building:
+def with_viscous_damper(building: Building, *, storey: int | str, damping: NotNegative) -> Building:
     """Return the building with a linear viscous damper across a storey: C grows by `damping e'e`.
 
     Parameters
@@ -117,7 +116,6 @@ def with_viscous_damper(building: Building, *, storey: int | str, damping: float
     """
     row = building.storey_row(storey)
     name = building.storey_name(storey)
-    check_not_negative(damping, f"viscous damper in {name}: the damping is {damping:g} N s/m")
     return replace(
         building,
         name=f"{building.name}, viscous damper in {name}",
@@ -171,9 +169,9 @@ def with_brace(
     building: Building,
     *,
     storey: int | str,
-    stiffness: float,
-    mass: float,
-    damping: float = 0.0,
+    stiffness: Positive,
+    mass: Positive,
+    damping: NotNegative = 0.0,
     name: str = "",
 ) -> Building:
     """Return the building with a brace in series with a damper: the two share the drift of a storey.
@@ -207,10 +205,6 @@ def with_brace(
     """
     row = building.storey_row(storey)
     where = building.storey_name(storey)
-    check_positive(stiffness, f"brace in {where}: the stiffness is {stiffness:g} N/m")
-    example = ", such as a thousandth of a floor"
-    check_positive(mass, f"brace in {where}: the mass is {mass:g} kg", example)
-    check_not_negative(damping, f"brace in {where}: the damping is {damping:g} N s/m")
     end = np.append(np.zeros(building.n_coordinates), 1.0)
     braced = with_coordinate(
         building,
@@ -230,7 +224,9 @@ def with_brace(
 
 
 @checked
-def with_base_isolation(building: Building, *, mass: float, stiffness: float, damping: float) -> Building:
+def with_base_isolation(
+    building: Building, *, mass: Positive, stiffness: Positive, damping: NotNegative
+) -> Building:
     """Return the building on a base slab with isolators between slab and ground.
 
     The displacement u of the slab relative to the ground is a new first coordinate. The building stands on the slab, so
@@ -249,9 +245,6 @@ def with_base_isolation(building: Building, *, mass: float, stiffness: float, da
     SettingError
         If the mass or the stiffness is not positive, or the damping is negative.
     """
-    check_positive(mass, f"base isolation of {building.name}: the mass is {mass:g}")
-    check_positive(stiffness, f"base isolation of {building.name}: the stiffness is {stiffness:g}")
-    check_not_negative(damping, f"base isolation of {building.name}: the damping is {damping:g}")
     # Displacements relative to the slab, q - r u.
     relative = np.hstack([-building.influence[:, None], np.eye(building.n_coordinates)])
     slab = np.concatenate([[1.0], np.zeros(building.n_coordinates)])
@@ -275,7 +268,7 @@ def with_base_isolation(building: Building, *, mass: float, stiffness: float, da
 
 @checked
 def with_base_isolation_of_period(
-    building: Building, *, mass: float, period: float, ratio: float
+    building: Building, *, mass: Positive, period: Positive, ratio: NotNegative
 ) -> Building:
     """Return the building on a base slab with isolators given by their period and damping ratio.
 
@@ -296,7 +289,6 @@ def with_base_isolation_of_period(
     SettingError
         If the mass or the period is not positive, or the ratio is negative.
     """
-    check_positive(period, f"base isolation of {building.name}: the period is {period:g} s")
     omega = 2.0 * np.pi / period
     total = building.total_mass + mass
     return with_base_isolation(
@@ -332,16 +324,3 @@ def mode_at_floor(building: Building, floor: int | str, mode: int, name: str) ->
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = float(np.divide(shape @ building.damping @ shape, 2.0 * omega))
     return ModeAtFloor(omega=omega, ratio=ratio, entry=entry)
-
-
-def check_positive(value: float, message: str, example: str = "") -> None:
-    """Refuse a number of an addition that is not positive; `message` begins the message, `example` ends it."""
-    if not (np.isfinite(value) and value >= SMALLEST):
-        words = "above zero" if value <= 0.0 else f"of at least {SMALLEST:g}"
-        raise SettingError(f"{message}; give a number {words}{example}")
-
-
-def check_not_negative(value: float, message: str) -> None:
-    """Refuse a number of an addition that is negative; `message` begins the message."""
-    if not (np.isfinite(value) and value >= 0.0):
-        raise SettingError(f"{message}; give a number from zero")

@@ -1,45 +1,18 @@
-"""Read a building from a file or from a parsed table.
+"""Read a building from a file or from a table of a study file: the table is `BuildingTable`.
 
-A table gives a building in one of four forms, and may then change it:
-
-=====================  ==================================================================================
-key                    meaning
-=====================  ==================================================================================
-published              name of a published building, as "uts"
-file                   .toml, .mat (M, C, K by name), or a folder with M.csv, C.csv, K.csv
-mass, stiffness,       matrices [kg], [N/m], [N s/m], as rows of numbers or the name of a text file; with
-damping                `published` or `file` they replace the matrices of that building
-masses, stiffnesses,   floors [kg] and storeys [N/m], [N s/m] of a shear building, lowest first
-storey_damping
-n_storeys              of that building; a single mass, stiffness or damping then applies to all storeys
-influence, floors,     as in `Building`; by default each coordinate is the displacement of a floor
-storeys
-floor_names,           names in reports
-storey_names
-name, source           name of the building, and origin of its numbers
-[rayleigh]             ratios = [0.02, 0.02], modes = [1, 3]; or a0 [1/s], a1 [s]
-[modal_damping]        ratios = [0.01], one for all or one for each mode
-[isolation]            mass [kg] of the slab; period [s], ratio, or stiffness [N/m], damping [N s/m]
-[lead_rubber]          mass [kg] of the slab; period [s], ratio of the rubber; yield_force [N],
-                       yield_displacement [m], sharpness, name
-[[viscous]]            storey, damping [N s/m]
-[[yielding]]           storey, yield_force [N], yield_displacement [m], post_yield_ratio, sharpness, name
-[[friction]]           storey, slip_load [N], stiffness [N/m] of the brace, sharpness, name
-[[brace]]              storey, stiffness [N/m], mass [kg], damping [N s/m], name
-[[tuned_mass]]         floor, mass_ratio, tuning, mode; or mass [kg], frequency [Hz], ratio; name
-[[liquid_column]]      floor, width_ratio; mass_ratio, rms_velocity [m/s], mode; or mass [kg], frequency [Hz],
-                       head_loss; name
-=====================  ==================================================================================
+An addition is what such a table puts into a building: a field of `BuildingTable` whose type is a class with the keys
+and the function that puts it in, or several of which the keys choose one. Additions are applied in the order of the
+fields, so that damping ratios refer to the bare building, and storey 1 of an isolated building is the isolators.
 """
 
 from __future__ import annotations
 
+import inspect
 import re
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
-from difflib import get_close_matches
 from pathlib import Path
-from typing import Any, Final, NoReturn
+from typing import Any, ClassVar, Final
 
 import numpy as np
 
@@ -67,9 +40,9 @@ from mrwork.buildings.shear import building as published_building
 from mrwork.buildings.shear import check_storeys, number_names, shear_building
 from mrwork.errors import RecordError
 from mrwork.files.matlab import read_matlab_matrices
-from mrwork.keys import Place, shown
+from mrwork.keys import Place, choose_way, key, keys_of, read_table, refuse_missing
 from mrwork.store.input_file import MATRIX, TOML, is_folder, text_of
-from mrwork.store.parse import toml_table
+from mrwork.store.parse import toml_lines, toml_table
 from mrwork.store.run_folder import real_place
 from mrwork.values import Floats
 
@@ -125,333 +98,282 @@ def _number(field: str, where: str) -> float:
         ) from None
 
 
-@dataclass(frozen=True, slots=True)
-class Entries:
-    """A parsed table and its place in a document.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Addition:
+    """What a table puts into a building: by a function, or by the one of several whose keys are given."""
 
-    Every method raises a SettingError if a value is missing or of another type.
-    """
-
-    table: Mapping[str, object]
+    ways: ClassVar[tuple[Callable[..., Building], ...]]
     place: Place
 
-    def __contains__(self, key: str) -> bool:
-        return key in self.table
-
-    def refuse(self, sentence: str, *keys: str) -> NoReturn:
-        """Raise an error that begins with the place of a key."""
-        self.place.within(*keys).refuse(sentence)
-
-    def allow(self, known: Sequence[str]) -> None:
-        """Check that all keys are among those known."""
-        for key in self.table:
-            if key not in known:
-                near = get_close_matches(key, known, n=1)
-                hint = f"did you mean {near[0]}?" if near else f"there are {', '.join(known)}"
-                self.refuse(f"there is no key {key!r}; {hint}", key)
-
-    def number(self, key: str, default: float | None = None) -> float:
-        """Return a number."""
-        value = self._get(key, "a number", default)
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            self.refuse(f"{key} is {shown(value)}; give a number", key)
-        return float(value)
-
-    def whole(self, key: str, default: int | None = None) -> int:
-        """Return a whole number."""
-        value = self._get(key, "a whole number", default)
-        if isinstance(value, bool) or not isinstance(value, int):
-            self.refuse(f"{key} is {shown(value)}; give a whole number", key)
-        return value
-
-    def text(self, key: str, default: str | None = None) -> str:
-        """Return a text."""
-        value = self._get(key, "a text", default)
-        if not isinstance(value, str):
-            self.refuse(f"{key} is {shown(value)}; give a text in quotes", key)
-        return value
-
-    def floor(self, key: str) -> int | str:
-        """Return the number or name of a floor or storey."""
-        value = self._get(key, "its number from 1 or its name")
-        if isinstance(value, bool) or not isinstance(value, int | str):
-            self.refuse(f"{key} is {shown(value)}; give its number from 1 or its name", key)
-        return value
-
-    def numbers(self, key: str) -> tuple[float, ...]:
-        """Return an array of numbers."""
-        value = self._get(key, "numbers, as [1.0, 2.0]")
-        if not isinstance(value, list) or not all(_is_number(each) for each in value):
-            self.refuse(f"{key} is {shown(value)}; give numbers, as [1.0, 2.0]", key)
-        return tuple(float(each) for each in value)
-
-    def texts(self, key: str) -> tuple[str, ...]:
-        """Return an array of texts."""
-        value = self._get(key, 'texts, as ["a", "b"]')
-        if not isinstance(value, list) or not all(isinstance(each, str) for each in value):
-            self.refuse(f'{key} is {shown(value)}; give texts, as ["a", "b"]', key)
-        return tuple(value)
-
-    def rows(self, key: str) -> Floats:
-        """Return a matrix, given row by row."""
-        value = self._get(key, "rows of numbers")
-        example = "give rows of numbers, as [[2.0, -1.0], [-1.0, 1.0]]"
-        if not isinstance(value, list) or not value or not all(isinstance(row, list) for row in value):
-            self.refuse(f"{key} is {shown(value)}; {example}, or the name of a file", key)
-        for number, row in enumerate(value, start=1):
-            if len(row) != len(value[0]) or not all(_is_number(each) for each in row):
-                self.refuse(f"row {number} of {key} is not {len(value[0])} numbers; {example}", key)
-        return np.array(value, dtype=np.float64)
-
-    def inner(self, key: str) -> Entries:
-        """Return a nested table."""
-        value = self._get(key, "a table")
-        if not isinstance(value, dict):
-            self.refuse(f"{key} is {shown(value)}; give a table, as [{key}]", key)
-        return Entries(value, self.place.within(key))
-
-    def inner_all(self, key: str) -> tuple[Entries, ...]:
-        """Return the tables of an array, none if the key is absent; a single table counts as an array of one."""
-        value = self.table.get(key, [])
-        tables = [value] if isinstance(value, dict) else value
-        if not isinstance(tables, list) or not all(isinstance(each, dict) for each in tables):
-            self.refuse(f"{key} is {shown(value)}; give one or more tables, as [[{key}]]", key)
-        if isinstance(value, dict):
-            return (Entries(value, self.place.within(key)),)
-        return tuple(Entries(each, self.place.within(key, number)) for number, each in enumerate(tables))
-
-    def _get(self, key: str, expected: str, default: object = None) -> object:
-        value = self.table.get(key, default)
-        if value is None:
-            self.refuse(f"{key} is missing; give {expected}")
-        return value
+    def applied(self, building: Building) -> Building:
+        """The building with it; keys that are not given have the defaults of the function."""
+        takes = [inspect.signature(way).parameters for way in self.ways]
+        names = [[name for name in each if name != "building"] for each in takes]
+        number = choose_way(self, names, self.place) if len(self.ways) > 1 else 0
+        given = {name: value for name in names[number] if (value := getattr(self, name)) is not None}
+        for entry in keys_of(type(self)):
+            if entry.name in names[number] and takes[number][entry.name].default is inspect.Parameter.empty:
+                refuse_missing(entry, given, self.place)
+        with self.place.prefixed():
+            return self.ways[number](building, **given)
 
 
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
+_STOREY: Final = "storey: its number from 1, or its name"
+_FLOOR: Final = "floor: its number from 1, or its name"
+_SHARP: Final = "sharpness of the knee: 1 is round, 10 nearly bilinear"
 
 
-def _rayleigh(building: Building, entries: Entries) -> Building:
-    entries.allow(("ratios", "modes", "a0", "a1"))
-    if "ratios" not in entries:
-        a0, a1 = entries.number("a0"), entries.number("a1")
-        with entries.place.prefixed():
-            return with_rayleigh_coefficients(building, a0=a0, a1=a1)
-    if "a0" in entries or "a1" in entries:
-        entries.refuse("Rayleigh damping is given by ratios in two modes or by a0 and a1; keep one", "ratios")
-    ratios = entries.numbers("ratios")
-    modes = entries.numbers("modes") if "modes" in entries else (1.0, 2.0)
-    if len(ratios) != 2 or len(modes) != 2 or not all(mode.is_integer() for mode in modes):
-        entries.refuse(
-            "Rayleigh damping takes two ratios and two modes, as ratios = [0.02, 0.02], modes = [1, 3]",
-            "ratios",
-        )
-    with entries.place.prefixed():
-        return with_rayleigh_damping(
-            building, ratios=(ratios[0], ratios[1]), modes=(int(modes[0]), int(modes[1]))
-        )
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RayleighTable(Addition):
+    """Rayleigh damping, C = a0 M + a1 K, by a0 and a1 or by damping ratios in two modes."""
 
-
-def _modal(building: Building, entries: Entries) -> Building:
-    entries.allow(("ratios",))
-    ratios = entries.numbers("ratios")
-    with entries.place.prefixed():
-        return with_modal_damping(building, ratios=ratios)
-
-
-def _isolation(building: Building, entries: Entries) -> Building:
-    entries.allow(("mass", "period", "ratio", "stiffness", "damping"))
-    mass = entries.number("mass")
-    if "period" in entries:
-        if "stiffness" in entries or "damping" in entries:
-            entries.refuse(
-                "isolators are given by period and ratio or by stiffness and damping; keep one", "period"
-            )
-        period, ratio = entries.number("period"), entries.number("ratio")
-        with entries.place.prefixed():
-            return with_base_isolation_of_period(building, mass=mass, period=period, ratio=ratio)
-    stiffness, damping = entries.number("stiffness"), entries.number("damping")
-    with entries.place.prefixed():
-        return with_base_isolation(building, mass=mass, stiffness=stiffness, damping=damping)
-
-
-def _viscous(building: Building, entries: Entries) -> Building:
-    entries.allow(("storey", "damping"))
-    storey, damping = entries.floor("storey"), entries.number("damping")
-    with entries.place.prefixed():
-        return with_viscous_damper(building, storey=storey, damping=damping)
-
-
-def _brace(building: Building, entries: Entries) -> Building:
-    entries.allow(("storey", "stiffness", "mass", "damping", "name"))
-    storey, name = entries.floor("storey"), entries.text("name", "")
-    stiffness, mass, damping = (
-        entries.number("stiffness"),
-        entries.number("mass"),
-        entries.number("damping", 0.0),
+    ways = (with_rayleigh_coefficients, with_rayleigh_damping)
+    a0: float | None = key("coefficient of the mass", unit="1/s", default=None)
+    a1: float | None = key("coefficient of the stiffness", unit="s", default=None)
+    ratios: tuple[float, float] | None = key(
+        "damping ratios in two modes, as [0.02, 0.02]", default=None, least=0.0, most=1.0
     )
-    with entries.place.prefixed():
-        return with_brace(building, storey=storey, stiffness=stiffness, mass=mass, damping=damping, name=name)
-
-
-def _tuned_mass(building: Building, entries: Entries) -> Building:
-    entries.allow(("floor", "mass_ratio", "tuning", "mode", "mass", "frequency", "ratio", "name"))
-    floor, name = entries.floor("floor"), entries.text("name", "tuned mass")
-    if "mass_ratio" in entries:
-        for key in ("mass", "frequency", "ratio"):
-            if key in entries:
-                entries.refuse(
-                    "a tuned mass is given by mass_ratio or by mass, frequency and ratio; keep one", key
-                )
-        mass_ratio, tuning = entries.number("mass_ratio"), entries.text("tuning", "warburton")
-        mode = entries.whole("mode", 1)
-        with entries.place.prefixed():
-            return with_optimal_tuned_mass(
-                building, floor=floor, mass_ratio=mass_ratio, tuning=tuning, mode=mode, name=name
-            )
-    mass, frequency, ratio = entries.number("mass"), entries.number("frequency"), entries.number("ratio")
-    with entries.place.prefixed():
-        return with_tuned_mass(building, floor=floor, mass=mass, frequency=frequency, ratio=ratio, name=name)
-
-
-def _yielding(building: Building, entries: Entries) -> Building:
-    entries.allow(("storey", "yield_force", "yield_displacement", "post_yield_ratio", "sharpness", "name"))
-    storey, name = entries.floor("storey"), entries.text("name", "")
-    numbers = {
-        "yield_force": entries.number("yield_force"),
-        "yield_displacement": entries.number("yield_displacement"),
-        **_given(entries, "post_yield_ratio", "sharpness"),
-    }
-    with entries.place.prefixed():
-        return with_yielding_damper(building, storey=storey, name=name, **numbers)
-
-
-def _friction(building: Building, entries: Entries) -> Building:
-    entries.allow(("storey", "slip_load", "stiffness", "sharpness", "name"))
-    storey, name = entries.floor("storey"), entries.text("name", "")
-    slip_load, stiffness = entries.number("slip_load"), entries.number("stiffness")
-    numbers = _given(entries, "sharpness")
-    with entries.place.prefixed():
-        return with_friction_damper(
-            building, storey=storey, name=name, slip_load=slip_load, stiffness=stiffness, **numbers
-        )
-
-
-def _lead_rubber(building: Building, entries: Entries) -> Building:
-    if "isolation" in building.storey_names:
-        entries.refuse("isolation and lead_rubber both stand under the building; keep one")
-    entries.allow(("mass", "period", "ratio", "yield_force", "yield_displacement", "sharpness", "name"))
-    name = entries.text("name", "lead-rubber bearings")
-    mass, period = entries.number("mass"), entries.number("period")
-    yield_force = entries.number("yield_force")
-    numbers = _given(entries, "yield_displacement", "ratio", "sharpness")
-    with entries.place.prefixed():
-        return with_lead_rubber_bearings(
-            building, mass=mass, period=period, yield_force=yield_force, name=name, **numbers
-        )
-
-
-def _liquid_column(building: Building, entries: Entries) -> Building:
-    entries.allow(
-        (
-            "floor",
-            "mass_ratio",
-            "width_ratio",
-            "rms_velocity",
-            "mode",
-            "mass",
-            "frequency",
-            "head_loss",
-            "name",
-        )
+    modes: tuple[int, int] | None = key(
+        "numbers of these modes, as [1, 3]; [1, 2] by default", default=None, least=1
     )
-    floor, name = entries.floor("floor"), entries.text("name", "liquid column")
-    width_ratio = entries.number("width_ratio")
-    if "mass_ratio" in entries:
-        for key in ("mass", "frequency", "head_loss"):
-            if key in entries:
-                entries.refuse(
-                    "a liquid column is given by mass_ratio and rms_velocity or by mass, frequency and head_loss; "
-                    "keep one",
-                    key,
-                )
-        mass_ratio, rms_velocity = entries.number("mass_ratio"), entries.number("rms_velocity")
-        mode = entries.whole("mode", 1)
-        with entries.place.prefixed():
-            return with_optimal_liquid_column(
-                building,
-                floor=floor,
-                mass_ratio=mass_ratio,
-                width_ratio=width_ratio,
-                rms_velocity=rms_velocity,
-                mode=mode,
-                name=name,
-            )
-    for key in ("rms_velocity", "mode"):
-        if key in entries:
-            entries.refuse(f"{key} goes with mass_ratio; leave it out, or give mass_ratio", key)
-    mass, frequency = entries.number("mass"), entries.number("frequency")
-    head_loss = entries.number("head_loss")
-    with entries.place.prefixed():
-        return with_liquid_column(
-            building,
-            floor=floor,
-            mass=mass,
-            frequency=frequency,
-            width_ratio=width_ratio,
-            head_loss=head_loss,
-            name=name,
-        )
 
 
-def _given(entries: Entries, *keys: str) -> dict[str, float]:
-    """The numbers of a table that it has; the others are left to the defaults of the function."""
-    return {key: entries.number(key) for key in keys if key in entries}
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ModalDampingTable(Addition):
+    """Damping by the ratios of the modes."""
+
+    ways = (with_modal_damping,)
+    ratios: tuple[float, ...] = key(
+        "damping ratios, as [0.01]: one for all modes or one for each", least=0.0, most=1.0
+    )
 
 
-_ONE: Final[Mapping[str, Callable[[Building, Entries], Building]]] = {
-    "rayleigh": _rayleigh,
-    "modal_damping": _modal,
-    "isolation": _isolation,
-    "lead_rubber": _lead_rubber,
-}
-_SEVERAL: Final[Mapping[str, Callable[[Building, Entries], Building]]] = {
-    "viscous": _viscous,
-    "yielding": _yielding,
-    "friction": _friction,
-    "brace": _brace,
-    "tuned_mass": _tuned_mass,
-    "liquid_column": _liquid_column,
-}
-ADDITIONS: Final = (*_ONE, *_SEVERAL)
-"""Keys of additions, in the order in which they are applied."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class IsolationTable(Addition):
+    """A base slab on isolators, given by stiffness and damping or by period and ratio."""
+
+    ways = (with_base_isolation, with_base_isolation_of_period)
+    mass: float = key("mass of the slab", unit="kg", above=0.0)
+    stiffness: float | None = key("stiffness of all isolators", unit="N/m", default=None, above=0.0)
+    damping: float | None = key("damping of all isolators", unit="N s/m", default=None, least=0.0)
+    period: float | None = key(
+        "period of the rigid building on its isolators", unit="s", default=None, above=0.0
+    )
+    ratio: float | None = key("damping ratio of that motion", default=None, least=0.0)
 
 
-def with_additions(building: Building, entries: Entries) -> Building:
-    """Return the building with the additions of a table, applied in the order of `ADDITIONS`.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LeadRubberTable(Addition):
+    """A base slab on lead-rubber bearings: a spring of rubber, and leads that yield."""
 
-    Damping ratios therefore refer to the bare building, and storey 1 of an isolated building is the isolators.
+    ways = (with_lead_rubber_bearings,)
+    mass: float = key("mass of the slab", unit="kg", above=0.0)
+    period: float = key("period of the rigid building on the rubber alone", unit="s", above=0.0)
+    ratio: float | None = key("damping ratio of the rubber, 0 by default", default=None, least=0.0)
+    yield_force: float = key("characteristic strength of all leads together", unit="N", above=0.0)
+    yield_displacement: float | None = key(
+        "displacement at which the leads yield, 0.01 m by default", unit="m", default=None, above=0.0
+    )
+    sharpness: float | None = key(f"{_SHARP}; 2 by default", default=None, least=1.0, most=50.0)
+    name: str | None = key("name in tables", default=None, label=True)
+
+    def applied(self, building: Building) -> Building:
+        """The building on its bearings."""
+        if "isolation" in building.storey_names:
+            self.place.refuse("isolation and lead_rubber both stand under the building; keep one")
+        return Addition.applied(self, building)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ViscousTable(Addition):
+    """A linear viscous damper across a storey."""
+
+    ways = (with_viscous_damper,)
+    storey: int | str = key(_STOREY)
+    damping: float = key("sum over all dampers of the storey", unit="N s/m", least=0.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class YieldingTable(Addition):
+    """A metallic yielding damper across a storey."""
+
+    ways = (with_yielding_damper,)
+    storey: int | str = key(_STOREY)
+    yield_force: float = key("force at which it yields, along the drift", unit="N", above=0.0)
+    yield_displacement: float = key("displacement at which it yields, with its brace", unit="m", above=0.0)
+    post_yield_ratio: float | None = key(
+        "stiffness after yielding over that before, 0.05 by default", default=None, least=0.0, below=1.0
+    )
+    sharpness: float | None = key(f"{_SHARP}; 10 by default", default=None, least=1.0, most=50.0)
+    name: str | None = key("name in tables", default=None, label=True)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FrictionTable(Addition):
+    """A friction damper in a brace across a storey."""
+
+    ways = (with_friction_damper,)
+    storey: int | str = key(_STOREY)
+    slip_load: float = key("force at which it slips, along the drift", unit="N", above=0.0)
+    stiffness: float = key("stiffness of the brace until it slips", unit="N/m", above=0.0)
+    sharpness: float | None = key(f"{_SHARP}; 20 by default", default=None, least=1.0, most=50.0)
+    name: str | None = key("name in tables", default=None, label=True)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BraceOfBuildingTable(Addition):
+    """A brace in series with a damper of the storey."""
+
+    ways = (with_brace,)
+    storey: int | str = key(_STOREY)
+    stiffness: float = key("stiffness of the brace", unit="N/m", above=0.0)
+    mass: float = key(
+        "mass that moves with the deformation of the brace, such as a thousandth of a floor",
+        unit="kg",
+        above=0.0,
+    )
+    damping: float | None = key("damping of the brace, 0 by default", unit="N s/m", default=None, least=0.0)
+    name: str | None = key("name of the stroke of the damper in tables", default=None, label=True)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TunedMassTable(Addition):
+    """A tuned mass on a floor: an optimum by mass_ratio, or given by mass, frequency and ratio."""
+
+    ways = (with_optimal_tuned_mass, with_tuned_mass)
+    floor: int | str = key(_FLOOR)
+    mass_ratio: float | None = key(
+        "mass over that of the building, as 0.02, with a published tuning", default=None, above=0.0
+    )
+    tuning: str | None = key(
+        "warburton for ground motion, the default, den_hartog or sadek; with mass_ratio", default=None
+    )
+    mode: int | None = key("mode it is tuned to, 1 by default; with mass_ratio", default=None, least=1)
+    mass: float | None = key("mass", unit="kg", default=None, above=0.0)
+    frequency: float | None = key(
+        "frequency of the mass on its spring, on the fixed floor", unit="Hz", default=None, above=0.0
+    )
+    ratio: float | None = key("damping ratio of that motion", default=None, least=0.0)
+    name: str | None = key("name in tables", default=None, label=True)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LiquidColumnTable(Addition):
+    """A liquid column on a floor: an optimum by mass_ratio and rms_velocity, or by mass, frequency and head_loss."""
+
+    ways = (with_optimal_liquid_column, with_liquid_column)
+    floor: int | str = key(_FLOOR)
+    width_ratio: float = key("horizontal share of the length of the column", above=0.0, below=1.0)
+    mass_ratio: float | None = key(
+        "mass of the liquid over that of the building, as 0.02", default=None, above=0.0
+    )
+    rms_velocity: float | None = key(
+        "velocity of the liquid at which its damping is the optimum; with mass_ratio",
+        unit="m/s",
+        default=None,
+        above=0.0,
+    )
+    mode: int | None = key("mode it is tuned to, 1 by default; with mass_ratio", default=None, least=1)
+    mass: float | None = key("mass of the liquid", unit="kg", default=None, above=0.0)
+    frequency: float | None = key(
+        "frequency of the liquid on the fixed floor", unit="Hz", default=None, above=0.0
+    )
+    head_loss: float | None = key("coefficient of head loss of orifice and tube", default=None, least=0.0)
+    name: str | None = key("name in tables", default=None, label=True)
+
+
+_Numbers = tuple[float, ...]
+_Rows = tuple[_Numbers, ...]
+_Names = tuple[str, ...]
+_OR_FILE: Final = (
+    ", as rows or the name of a text file; with `published` or `file` it replaces that of the building"
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BuildingTable:
+    """A building: a published one, that of a file, a shear building by its masses, or matrices; then its additions.
+
+    Additions are applied in the order of these keys.
     """
-    if "rayleigh" in entries and "modal_damping" in entries:
-        entries.refuse("rayleigh and modal_damping both give the damping; keep one", "modal_damping")
-    for key, add in _ONE.items():
-        if key in entries:
-            building = add(building, entries.inner(key))
-    for key, add in _SEVERAL.items():
-        for inner in entries.inner_all(key):
-            building = add(building, inner)
-    return building
+
+    published: str | None = key("name of a published building, as uts", default=None)
+    file: str | None = key(
+        "file of the building: .toml, .mat (M, C, K by name), or a folder with M.csv, C.csv, K.csv",
+        default=None,
+    )
+    mass: _Rows | str | None = key(f"mass matrix{_OR_FILE}", unit="kg", default=None)
+    damping: _Rows | str | None = key(f"damping matrix{_OR_FILE}", unit="N s/m", default=None)
+    stiffness: _Rows | str | None = key(f"stiffness matrix{_OR_FILE}", unit="N/m", default=None)
+    masses: _Numbers | None = key(
+        "masses of the floors of a shear building, lowest first", unit="kg", default=None, above=0.0
+    )
+    stiffnesses: _Numbers | None = key("stiffnesses of its storeys", unit="N/m", default=None, above=0.0)
+    storey_damping: _Numbers | None = key("damping of its storeys", unit="N s/m", default=None, least=0.0)
+    n_storeys: int | None = key(
+        "number of its storeys; a single mass, stiffness or damping then applies to all",
+        default=None,
+        least=1,
+    )
+    influence: _Numbers | str | None = key(
+        "coordinates under a unit displacement of the ground; ones by default", default=None
+    )
+    floors: _Rows | str | None = key(
+        "rows from coordinates to floors; by default each is a floor", default=None
+    )
+    storeys: _Rows | str | None = key("rows from coordinates to drifts of storeys", default=None)
+    floor_names: _Names | None = key("names of floors in tables", default=None, label=True)
+    storey_names: _Names | None = key("names of storeys in tables", default=None, label=True)
+    name: str | None = key("name of the building", default=None, label=True)
+    source: str | None = key("origin of its numbers", default=None, label=True)
+    rayleigh: RayleighTable | None = key("Rayleigh damping", default=None)
+    modal_damping: ModalDampingTable | None = key("damping ratios of the modes", default=None)
+    isolation: IsolationTable | None = key("base isolation", default=None)
+    lead_rubber: LeadRubberTable | None = key("lead-rubber bearings", default=None)
+    viscous: tuple[ViscousTable, ...] | ViscousTable = key("viscous dampers", default=())
+    yielding: tuple[YieldingTable, ...] | YieldingTable = key("yielding dampers", default=())
+    friction: tuple[FrictionTable, ...] | FrictionTable = key("friction dampers", default=())
+    brace: tuple[BraceOfBuildingTable, ...] | BraceOfBuildingTable = key("braces", default=())
+    tuned_mass: tuple[TunedMassTable, ...] | TunedMassTable = key("tuned masses", default=())
+    liquid_column: tuple[LiquidColumnTable, ...] | LiquidColumnTable = key("liquid columns", default=())
+    place: Place
+
+    def changed_by(self, other: BuildingTable) -> BuildingTable:
+        """The table with the keys that another one gives in place of its own."""
+        given = {name: getattr(other, name) for name in _given(other)}
+        return replace(self, place=other.place, **given)
+
+    def build(self, folder: Path = Path()) -> Building:
+        """The building; names of files are relative to `folder`."""
+        return _built(self, folder, ())
+
+    def additions(self) -> Iterator[Addition]:
+        """What is put into the building, in order."""
+        for entry in keys_of(BuildingTable):
+            value = getattr(self, entry.name)
+            for each in value if isinstance(value, tuple) else (value,):
+                if isinstance(each, Addition):
+                    yield each
+
+
+def _given(table: BuildingTable) -> tuple[str, ...]:
+    """Names of the keys that a table gives."""
+    return tuple(
+        entry.name for entry in keys_of(BuildingTable) if getattr(table, entry.name) != entry.default
+    )
+
+
+def _require(table: BuildingTable, name: str) -> None:
+    (entry,) = (entry for entry in keys_of(BuildingTable) if entry.name == name)
+    refuse_missing(entry, _given(table), table.place)
 
 
 _MATRICES: Final = ("mass", "damping", "stiffness")
 _ROWS: Final = ("floors", "storeys")
+_SHEAR: Final = ("masses", "stiffnesses", "storey_damping", "n_storeys")
 # Symbols used in papers.
 _LETTERS: Final = {"M": "mass", "C": "damping", "K": "stiffness", "r": "influence"}
-_SHEAR: Final = ("masses", "stiffnesses", "storey_damping", "n_storeys")
 _TITLES: Final = {**_LETTERS, **{title: title for title in (*_MATRICES, "influence", *_ROWS)}}
-_NAMES: Final = ("floor_names", "storey_names")
-_WORDS: Final = ("name", "source")
-KEYS: Final = ("published", "file", *_MATRICES, *_SHEAR, "influence", *_ROWS, *_NAMES, *_WORDS, *ADDITIONS)
 
 
 @checked
@@ -471,8 +393,9 @@ def read_building(path: str | Path) -> Building:
 def _read(path: Path, readers: tuple[Path, ...]) -> Building:
     """Read a building; `readers` are the files that refer to this one, to detect cycles."""
     if is_folder(path) or path.suffix.lower() == ".mat":
+        place = Place(origin=str(path))
         return _from_matrices(
-            read_matrices(path, _TITLES), Place(origin=str(path)), {"name": path.stem, "source": str(path)}
+            read_matrices(path, _TITLES), BuildingTable(name=path.stem, source=str(path), place=place)
         )
     if path.suffix.lower() != ".toml":
         raise RecordError(
@@ -481,148 +404,131 @@ def _read(path: Path, readers: tuple[Path, ...]) -> Building:
         )
     text = text_of(path, TOML)
     try:
-        table = toml_table(text)
+        document = toml_table(text)
     except ValueError as error:
         raise RecordError(f"{path}: is not TOML ({error}); correct it there") from error
-    entries = Entries({"name": path.stem, **table}, Place(origin=str(path)))
-    built = _built(entries, path.parent, (*readers, real_place(path)))
+    place = Place(origin=str(path), lines=toml_lines(text), title="the building")
+    table = read_table(BuildingTable, document, place)
+    table = replace(table, name=path.stem) if table.name is None else table
+    built = _built(table, path.parent, (*readers, real_place(path)))
     return built if built.source else replace(built, source=str(path))
 
 
-def building_from_table(table: Mapping[str, object], where: Place, *, folder: Path = Path()) -> Building:
-    """The building of a parsed table, at a place of a document; see the module for the keys."""
-    return _built(Entries(table, where), folder, ())
-
-
-def _built(entries: Entries, folder: Path, readers: tuple[Path, ...]) -> Building:
-    entries.allow(KEYS)
-    forms = [key for key in ("published", "file", "masses") if key in entries]
-    forms += ["mass"] if "mass" in entries and not forms else []
+def _built(table: BuildingTable, folder: Path, readers: tuple[Path, ...]) -> Building:
+    place, given = table.place, _given(table)
+    forms: list[str] = [name for name in ("published", "file", "masses") if name in given]
+    forms += ["mass"] if "mass" in given and not forms else []
     if len(forms) != 1:
-        given = " and ".join(forms) or "none of them"
-        entries.refuse(
-            f"a building is given by published, file, mass and stiffness, or masses; here by {given}"
+        found = " and ".join(forms) or "none of them"
+        place.refuse(
+            f"a building is given by published, file, mass and stiffness, or masses; here by {found}"
         )
     form = forms[0]
-    for key in _SHEAR:
-        if key in entries and form != "masses":
-            entries.refuse(f"{key} goes with masses, and this building is given by {form}", key)
+    foreign = (*_MATRICES, "influence", *_ROWS) if form == "masses" else _SHEAR
+    for name in foreign:
+        if name in given:
+            goes = "matrices" if form == "masses" else "masses"
+            place.within(name).refuse(f"{name} goes with {goes}, and this building is given by {form}")
+    if table.rayleigh is not None and table.modal_damping is not None:
+        table.modal_damping.place.refuse("rayleigh and modal_damping both give the damping; keep one")
     # What overflows is refused by `Building`.
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         if form == "masses":
-            bare = _shear(entries)
+            built = _shear(table)
         elif form == "mass":
-            bare = _stated(entries, folder)
+            built = _from_matrices(_arrays(table, folder), table)
         else:
-            bare = _changed(_named(entries, form, folder, readers), entries, folder)
-        return with_additions(bare, entries)
+            built = _changed(_named(table, form, folder, readers), table, folder)
+        for addition in table.additions():
+            built = addition.applied(built)
+    return built
 
 
-def _named(entries: Entries, form: str, folder: Path, readers: tuple[Path, ...]) -> Building:
-    name = entries.text(form)
+def _named(table: BuildingTable, form: str, folder: Path, readers: tuple[Path, ...]) -> Building:
+    name, place = getattr(table, form), table.place.within(form)
     if form == "file" and real_place(folder / name) in readers:
-        entries.refuse(f"{name} refers back to itself; name the file of another building", form)
-    with entries.place.within(form).prefixed():
+        place.refuse(f"{name} refers back to itself; name the file of another building")
+    with place.prefixed():
         return published_building(name) if form == "published" else _read(folder / name, readers)
 
 
-def _shear(entries: Entries) -> Building:
-    for key in (*_MATRICES, "influence", *_ROWS):
-        if key in entries:
-            entries.refuse(f"{key} goes with matrices, and this building is given by masses", key)
-    masses, stiffnesses = _each(entries, "masses"), _each(entries, "stiffnesses")
-    storey_damping = _each(entries, "storey_damping") if "storey_damping" in entries else ()
-    floor_names, storey_names = (entries.texts(key) if key in entries else () for key in _NAMES)
-    name, source = (entries.text(key, "") for key in _WORDS)
-    with entries.place.prefixed():
+def _shear(table: BuildingTable) -> Building:
+    _require(table, "stiffnesses")
+    masses, stiffnesses, damping = (_each(table, name) for name in _SHEAR[:3])
+    with table.place.prefixed():
         return shear_building(
-            name=name or "building",
+            name=table.name or "building",
             masses=masses,
             stiffnesses=stiffnesses,
-            storey_damping=storey_damping,
-            floor_names=floor_names,
-            storey_names=storey_names,
-            source=source,
+            storey_damping=damping,
+            floor_names=table.floor_names or (),
+            storey_names=table.storey_names or (),
+            source=table.source or "",
         )
 
 
-def _each(entries: Entries, key: str) -> tuple[float, ...]:
+def _each(table: BuildingTable, name: str) -> tuple[float, ...]:
     """Return one number per floor or storey; a single number is repeated `n_storeys` times."""
-    values = entries.numbers(key)
-    if "n_storeys" not in entries:
+    values: tuple[float, ...] = getattr(table, name) or ()
+    count = table.n_storeys
+    if count is None or not values:
         return values
-    count = entries.whole("n_storeys")
-    if count < 1:
-        entries.refuse(f"n_storeys is {count}; give 1 or more", "n_storeys")
-    with entries.place.within("n_storeys").prefixed():
+    with table.place.within("n_storeys").prefixed():
         check_storeys(count)
     if len(values) not in (1, count):
-        entries.refuse(f"{key} has {len(values)} numbers for {count} storeys; give one, or one for each", key)
+        table.place.within(name).refuse(
+            f"{name} has {len(values)} numbers for {count} storeys; give one, or one for each"
+        )
     return values * count if len(values) == 1 else values
 
 
-def _stated(entries: Entries, folder: Path) -> Building:
-    matrices = _arrays(entries, folder)
-    names = {key: entries.texts(key) for key in _NAMES if key in entries}
-    return _from_matrices(matrices, entries.place, {key: entries.text(key, "") for key in _WORDS}, **names)
-
-
-def _changed(known: Building, entries: Entries, folder: Path) -> Building:
+def _changed(known: Building, table: BuildingTable, folder: Path) -> Building:
     """Return a building with the matrices, names and source replaced by those of a table."""
-    arrays = _arrays(entries, folder)
-    changes: dict[str, Any] = {key: entries.texts(key) for key in _NAMES if key in entries}
+    arrays: dict[str, Any] = _arrays(table, folder)
     if arrays:
         replaced = f"{known.source}; {', '.join(arrays)} replaced".removeprefix("; ")
-        changes |= {**arrays, "status": "ours", "source": replaced}
-    changes |= {key: entries.text(key) for key in _WORDS if key in entries}
-    with entries.place.prefixed():
-        return replace(known, **changes)
+        arrays |= {"status": "ours", "source": replaced}
+    words = {name: getattr(table, name) for name in ("floor_names", "storey_names", "name", "source")}
+    with table.place.prefixed():
+        return replace(known, **arrays, **{name: word for name, word in words.items() if word is not None})
 
 
-def _arrays(entries: Entries, folder: Path) -> dict[str, Floats]:
+def _arrays(table: BuildingTable, folder: Path) -> dict[str, Floats]:
     """Read the matrices of a table, each given as rows or as the name of a file."""
     arrays: dict[str, Floats] = {}
-    for key in (*_MATRICES, *_ROWS, "influence"):
-        if key not in entries:
-            continue
-        value = entries.table[key]
+    for name in (*_MATRICES, *_ROWS, "influence"):
+        value = getattr(table, name)
         if isinstance(value, str):
-            with entries.place.within(key).prefixed():
-                arrays[key] = read_matrix(folder / value)
-        else:
-            arrays[key] = np.array(entries.numbers(key)) if key == "influence" else entries.rows(key)
+            with table.place.within(name).prefixed():
+                arrays[name] = read_matrix(folder / value)
+        elif value is not None:
+            arrays[name] = np.array(value, dtype=np.float64)
     return arrays
 
 
-def _from_matrices(
-    matrices: Mapping[str, Floats],
-    place: Place,
-    words: Mapping[str, str],
-    floor_names: tuple[str, ...] = (),
-    storey_names: tuple[str, ...] = (),
-) -> Building:
-    """Return the building with the given matrices, named by word or symbol."""
+def _from_matrices(matrices: Mapping[str, Floats], table: BuildingTable) -> Building:
+    """Return the building with the given matrices, named by word or symbol, and the names of a table."""
     named = {_TITLES[name]: matrix for name, matrix in matrices.items() if name in _TITLES}
-    entries = Entries(named, place)
     for title in ("mass", "stiffness"):
         if title not in named:
             found = ", ".join(matrices) or "nothing"
-            entries.refuse(f"a building needs mass (M), stiffness (K) and usually damping (C); found {found}")
+            table.place.refuse(
+                f"a building needs mass (M), stiffness (K) and usually damping (C); found {found}"
+            )
     n = len(named["mass"])
-    with entries.place.prefixed():
+    with table.place.prefixed():
         check_size(n, "building")
-    floors = named.get("floors", np.eye(n))
-    storeys = named.get("storeys", np.diff(floors, axis=0, prepend=0.0))
-    with entries.place.prefixed():
+        floors = named.get("floors", np.eye(n))
+        storeys = named.get("storeys", np.diff(floors, axis=0, prepend=0.0))
         return Building(
-            name=words.get("name") or "building",
+            name=table.name or "building",
             mass=named["mass"],
             damping=named.get("damping", np.zeros((n, n))),
             stiffness=named["stiffness"],
             influence=named.get("influence", np.ones(n)).ravel(),
             floors=floors,
             storeys=storeys,
-            floor_names=floor_names or number_names("floor", len(floors)),
-            storey_names=storey_names or number_names("storey", len(storeys)),
-            source=words.get("source", ""),
+            floor_names=table.floor_names or number_names("floor", len(floors)),
+            storey_names=table.storey_names or number_names("storey", len(storeys)),
+            source=table.source or "",
         )

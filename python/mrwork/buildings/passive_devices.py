@@ -6,21 +6,18 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from math import pi, sqrt
 from types import MappingProxyType
-from typing import Final
+from typing import Annotated, Final
 
 import numpy as np
 
-from mrwork.arguments import Positive, checked
+from mrwork.arguments import Level, NotNegative, Positive, Within, checked
 from mrwork.buildings.additions import (
-    check_not_negative,
-    check_positive,
     mode_at_floor,
     with_base_isolation_of_period,
     with_coordinate,
 )
-from mrwork.buildings.matrices import Building, PassiveElement, carried
+from mrwork.buildings.matrices import Building, PassiveElement
 from mrwork.errors import SettingError, UnknownNameError
-from mrwork.keys import SMALLEST
 from mrwork.units import STANDARD_GRAVITY
 
 
@@ -29,9 +26,9 @@ def with_yielding_damper(
     building: Building,
     *,
     storey: int | str,
-    yield_force: float,
-    yield_displacement: float,
-    post_yield_ratio: float = 0.05,
+    yield_force: Positive,
+    yield_displacement: Positive,
+    post_yield_ratio: Annotated[float, Within(least=0.0, below=1.0)] = 0.05,
     sharpness: float = 10.0,
     name: str = "",
 ) -> Building:
@@ -63,12 +60,6 @@ def with_yielding_damper(
     """
     where = building.storey_name(storey)
     title = name or f"yielding damper in {where}"
-    check_positive(yield_force, f"{title}: the yield force is {yield_force:g} N")
-    check_positive(yield_displacement, f"{title}: the yield displacement is {yield_displacement:g} m")
-    if not 0.0 <= post_yield_ratio < 1.0:
-        raise SettingError(
-            f"{title}: the post-yield ratio is {post_yield_ratio:g}; give a share from 0 to below 1, such as 0.05"
-        )
     return _with_element(
         building,
         PassiveElement(
@@ -88,8 +79,8 @@ def with_friction_damper(
     building: Building,
     *,
     storey: int | str,
-    slip_load: float,
-    stiffness: float,
+    slip_load: Positive,
+    stiffness: Positive,
     sharpness: float = 20.0,
     name: str = "",
 ) -> Building:
@@ -115,8 +106,6 @@ def with_friction_damper(
         If there is no such storey.
     """
     title = name or f"friction damper in {building.storey_name(storey)}"
-    check_positive(slip_load, f"{title}: the slip load is {slip_load:g} N")
-    check_positive(stiffness, f"{title}: the stiffness of its brace is {stiffness:g} N/m")
     return _with_element(
         building,
         PassiveElement(
@@ -134,11 +123,11 @@ def with_friction_damper(
 def with_lead_rubber_bearings(
     building: Building,
     *,
-    mass: float,
-    period: float,
-    yield_force: float,
-    yield_displacement: float = 0.01,
-    ratio: float = 0.0,
+    mass: Positive,
+    period: Positive,
+    yield_force: Positive,
+    yield_displacement: Positive = 0.01,
+    ratio: NotNegative = 0.0,
     sharpness: float = 2.0,
     name: str = "lead-rubber bearings",
 ) -> Building:
@@ -166,10 +155,6 @@ def with_lead_rubber_bearings(
     SettingError
         If a number is out of range.
     """
-    check_positive(yield_force, f"{name} of {building.name}: the yield force is {yield_force:g} N")
-    check_positive(
-        yield_displacement, f"{name} of {building.name}: the yield displacement is {yield_displacement:g} m"
-    )
     isolated = with_base_isolation_of_period(building, mass=mass, period=period, ratio=ratio)
     # The first coordinate is the slab; the rubber is in the matrices already.
     row = isolated.storeys[0]
@@ -194,10 +179,10 @@ def with_liquid_column(
     building: Building,
     *,
     floor: int | str,
-    mass: float,
-    frequency: float,
-    width_ratio: float,
-    head_loss: float,
+    mass: Positive,
+    frequency: Positive,
+    width_ratio: Level,
+    head_loss: NotNegative,
     name: str = "liquid column",
 ) -> Building:
     """Return the building with a tuned liquid column damper on a floor: a U-tube in which a liquid sways.
@@ -228,43 +213,30 @@ def with_liquid_column(
     UnknownNameError
         If there is no such floor.
     """
-    check_positive(mass, f"{name} on {building.name}: the mass is {mass:g} kg")
-    check_positive(frequency, f"{name} on {building.name}: the frequency is {frequency:g} Hz")
-    check_not_negative(head_loss, f"{name} on {building.name}: the coefficient of head loss is {head_loss:g}")
-    if not 0.0 < width_ratio < 1.0:
-        raise SettingError(
-            f"{name} on {building.name}: the width ratio is {width_ratio:g}; give the horizontal share of the column, "
-            "above 0 and below 1"
-        )
     row = building.floor_row(floor)
-    n = building.n_coordinates
-    wider = np.zeros((n + 1, n + 1))
-    wider_mass, damping, stiffness = wider.copy(), wider.copy(), wider.copy()
-    wider_mass[:n, :n] = building.mass + mass * np.outer(row, row)
-    wider_mass[n, :n] = wider_mass[:n, n] = width_ratio * mass * row
-    wider_mass[n, n] = mass
-    damping[:n, :n] = building.damping
-    stiffness[:n, :n] = building.stiffness
-    stiffness[n, n] = mass * (2.0 * pi * frequency) ** 2
-    stroke = np.append(np.zeros(n), 1.0)
-    length = column_length(frequency)
-    return replace(
+    elevation = np.append(np.zeros(building.n_coordinates), 1.0)
+    with_liquid = with_coordinate(
         building,
+        mass=mass,
+        damping=0.0,
+        stiffness=mass * (2.0 * pi * frequency) ** 2,
+        across=elevation,
+        follows_ground=0.0,
+        stroke=elevation,
+        stroke_name=name,
+    )
+    # The liquid moves with the floor, and its elevation accelerates the floor.
+    coupled = with_liquid.mass.copy()
+    coupled[:-1, :-1] += mass * np.outer(row, row)
+    coupled[-1, :-1] = coupled[:-1, -1] = width_ratio * mass * row
+    length = column_length(frequency)
+    orifice = PassiveElement(name=name, row=elevation, head_loss=0.5 * head_loss * mass / length)
+    return replace(
+        with_liquid,
         name=f"{building.name}, {name}",
-        mass=wider_mass,
-        damping=damping,
-        stiffness=stiffness,
-        influence=np.append(building.influence, 0.0),
-        floors=np.pad(building.floors, ((0, 0), (0, 1))),
-        storeys=np.vstack([np.pad(building.storeys, ((0, 0), (0, 1))), stroke]),
-        storey_names=(*building.storey_names, name),
-        n_strokes=building.n_strokes + 1,
-        elements=(
-            *carried(building.elements, np.eye(n, n + 1)),
-            PassiveElement(name=name, row=stroke, head_loss=0.5 * head_loss * mass / length),
-        ),
+        mass=coupled,
+        elements=(*with_liquid.elements, orifice),
         source=f"{building.source}; {name} of {mass:g} kg, {length:.4g} m long, added".removeprefix("; "),
-        status="ours",
     )
 
 
@@ -275,7 +247,7 @@ def column_length(frequency: Positive) -> float:
 
 
 @checked
-def liquid_column_optimum(mass_ratio: float, width_ratio: float) -> tuple[float, float]:
+def liquid_column_optimum(mass_ratio: Positive, width_ratio: Level) -> tuple[float, float]:
     """Frequency ratio and damping ratio of a liquid column for the least displacement under white noise.
 
     `sqrt(1 + mu (1 - alpha^2 / 2)) / (1 + mu)` and
@@ -294,11 +266,6 @@ def liquid_column_optimum(mass_ratio: float, width_ratio: float) -> tuple[float,
     SettingError
         If a ratio is out of range.
     """
-    if not (np.isfinite(mass_ratio) and mass_ratio >= SMALLEST and 0.0 < width_ratio < 1.0):
-        raise SettingError(
-            f"a liquid column of mass ratio {mass_ratio:g} and width ratio {width_ratio:g}; give a mass ratio above "
-            "zero and a width ratio between 0 and 1"
-        )
     mu, square = mass_ratio, width_ratio**2
     frequency = sqrt(1.0 + mu * (1.0 - square / 2.0)) / (1.0 + mu)
     within = mu * (1.0 + mu - square * mu / 4.0) / ((1.0 + mu) * (1.0 + mu - square * mu / 2.0))
@@ -306,7 +273,7 @@ def liquid_column_optimum(mass_ratio: float, width_ratio: float) -> tuple[float,
 
 
 @checked
-def head_loss_of(ratio: float, frequency: float, rms_velocity: float) -> float:
+def head_loss_of(ratio: NotNegative, frequency: Positive, rms_velocity: Positive) -> float:
     """Coefficient of head loss xi that has a damping ratio at an rms velocity of the liquid.
 
     By equivalent linearisation for a Gaussian velocity, `xi |y'| y' / 2` has the mean slope
@@ -326,9 +293,6 @@ def head_loss_of(ratio: float, frequency: float, rms_velocity: float) -> float:
     SettingError
         If a number is out of range.
     """
-    check_not_negative(ratio, f"liquid column: the damping ratio is {ratio:g}")
-    check_positive(frequency, f"liquid column: the frequency is {frequency:g} Hz")
-    check_positive(rms_velocity, f"liquid column: the rms velocity is {rms_velocity:g} m/s")
     return 2.0 * ratio * 2.0 * pi * frequency * column_length(frequency) * sqrt(pi / 2.0) / rms_velocity
 
 
@@ -337,8 +301,8 @@ def with_optimal_liquid_column(
     building: Building,
     *,
     floor: int | str,
-    mass_ratio: float,
-    width_ratio: float,
+    mass_ratio: Positive,
+    width_ratio: Level,
     rms_velocity: float,
     mode: int = 1,
     name: str = "liquid column",
@@ -366,9 +330,6 @@ def with_optimal_liquid_column(
     UnknownNameError
         If there is no such floor.
     """
-    check_positive(
-        mass_ratio, f"{name} on {building.name}: the mass ratio is {mass_ratio:g}", " such as 0.02"
-    )
     tuned = mode_at_floor(building, floor, mode, name)
     mass = mass_ratio * building.total_mass
     frequency_ratio, ratio = liquid_column_optimum(mass * tuned.entry**2, width_ratio)
@@ -449,9 +410,9 @@ def with_tuned_mass(
     building: Building,
     *,
     floor: int | str,
-    mass: float,
-    frequency: float,
-    ratio: float,
+    mass: Positive,
+    frequency: Positive,
+    ratio: NotNegative,
     name: str = "tuned mass",
 ) -> Building:
     """Return the building with a mass on a floor, attached by a spring and a dashpot.
@@ -476,9 +437,6 @@ def with_tuned_mass(
         If there is no such floor.
     """
     row = building.floor_row(floor)
-    check_positive(mass, f"{name} on {building.name}: the mass is {mass:g}")
-    check_positive(frequency, f"{name} on {building.name}: the frequency is {frequency:g}")
-    check_not_negative(ratio, f"{name} on {building.name}: the damping ratio is {ratio:g}")
     omega = 2.0 * np.pi * frequency
     stroke = np.append(-row, 1.0)
     tuned = with_coordinate(
@@ -505,7 +463,7 @@ def with_optimal_tuned_mass(
     building: Building,
     *,
     floor: int | str,
-    mass_ratio: float,
+    mass_ratio: Positive,
     tuning: str = "warburton",
     mode: int = 1,
     name: str = "tuned mass",
@@ -536,10 +494,6 @@ def with_optimal_tuned_mass(
     """
     if tuning not in TUNINGS:
         raise UnknownNameError(f"there is no tuning {tuning!r}; choose one of {', '.join(TUNINGS)}")
-    if not (np.isfinite(mass_ratio) and mass_ratio >= SMALLEST):
-        raise SettingError(
-            f"{name} on {building.name}: the mass ratio is {mass_ratio:g}; give a number such as 0.02"
-        )
     tuned = mode_at_floor(building, floor, mode, name)
     mass = mass_ratio * building.total_mass
     modal_ratio = mass * tuned.entry**2

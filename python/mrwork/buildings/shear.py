@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from mrwork.arguments import checked
+from mrwork.arguments import NotNegative, Positive, checked
 from mrwork.buildings.additions import with_modal_damping, with_rayleigh_coefficients, with_rayleigh_damping
 from mrwork.buildings.matrices import Building
 from mrwork.errors import SettingError, UnknownNameError
@@ -32,8 +32,8 @@ def shear_building(
     *,
     name: str,
     masses: Sequence[float],
-    stiffnesses: Sequence[float],
-    storey_damping: Sequence[float] = (),
+    stiffnesses: Sequence[Positive],
+    storey_damping: Sequence[NotNegative] = (),
     floor_names: Sequence[str] = (),
     storey_names: Sequence[str] = (),
     source: str = "",
@@ -69,16 +69,6 @@ def shear_building(
         if len(values) != n:
             raise SettingError(
                 f"building {name}: {len(values)} {title} for {n} masses; give one for each storey"
-            )
-    for number, stiffness in enumerate(stiffnesses, start=1):
-        if not stiffness > 0.0:
-            raise SettingError(
-                f"building {name}: the stiffness of storey {number} is {stiffness:g} N/m; it must be positive"
-            )
-    for number, value in enumerate(damping, start=1):
-        if not value >= 0.0:
-            raise SettingError(
-                f"building {name}: the damping of storey {number} is {value:g} N s/m; it cannot be negative"
             )
     storeys = _floor_differences(n)
     return Building(

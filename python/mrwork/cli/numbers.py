@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from mrwork.identification.settings import EQUAL_SHARES, LARGEST_POWER, ROOT_MEAN_SQUARE
+from mrwork.keys import Within
 from mrwork.search.rules import LARGEST_POPULATION
 from mrwork.uncertainty.planning.candidates import AMPLITUDE_RANGE, COMMAND_RANGE, FREQUENCY_RANGE
 
@@ -27,10 +28,13 @@ class Range:
     whole: bool = False
 
     @property
+    def _within(self) -> Within:
+        return Within(least=self.lower, most=self.upper)
+
+    @property
     def in_words(self) -> str:
         """The range as the help and messages state it."""
-        lower, upper = (f"{end:d}" if self.whole else f"{end:g}" for end in (self.lower, self.upper))
-        return f"from {lower} to {upper} {self.unit}".rstrip()
+        return f"{self._within.in_words} {self.unit}".rstrip()
 
     def __call__(self, text: str) -> float:
         """The number that a text gives.
@@ -44,7 +48,7 @@ class Range:
             value = int(text) if self.whole else float(text)
         except ValueError:
             raise self._refusal(text) from None
-        if not self.lower <= value <= self.upper:
+        if value != value or self._within.excludes(value):
             raise self._refusal(text)
         return value
 

@@ -140,10 +140,10 @@ def _respond(
 
 def _listing(options: argparse.Namespace) -> str:
     if options.schema:
-        from mrwork.study.print_schema import schema_text
+        from mrwork.study.schema import schema_text
 
         return schema_text()
-    from mrwork.study.print_schema import laws_text
+    from mrwork.study.arrangements import laws_text
 
     return laws_text()
 

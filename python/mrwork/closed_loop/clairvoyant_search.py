@@ -17,8 +17,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 import numpy as np
 
 from mrwork.arguments import Count, Positive, Threads, Within, checked
-from mrwork.buildings.devices import Device
-from mrwork.buildings.matrices import Building
+from mrwork.buildings.matrices import Building, Device
 from mrwork.closed_loop.evaluation import SCORE, criterion
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.responses import Responses, axis_of

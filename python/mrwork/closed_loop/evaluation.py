@@ -14,7 +14,7 @@ import numpy as np
 from mrwork.arguments import AnyNumbers, Positive, Whole, checked
 from mrwork.closed_loop.responses import axis_of, unit_of
 from mrwork.errors import ArgumentError, SettingError, UnknownNameError
-from mrwork.store.record import OrNan
+from mrwork.store.codec import OrNan
 from mrwork.units import STANDARD_GRAVITY as STANDARD_GRAVITY
 from mrwork.values import Floats
 

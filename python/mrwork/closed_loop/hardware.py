@@ -1,4 +1,7 @@
-"""Hardware of the loop between building and damper: sampling, delay, sensors, rate limit, faults."""
+"""Hardware of the loop between building and damper: sampling, delay, sensors, rate limit, faults.
+
+Its keys are also those of [hardware] in a study file, where floors and dampers count from 1.
+"""
 
 from __future__ import annotations
 
@@ -6,8 +9,9 @@ import math
 from dataclasses import dataclass, fields
 from typing import Annotated, ClassVar, Literal
 
-from mrwork.arguments import May, NotNegative, Positive, Within, checked
+from mrwork.arguments import May, checked
 from mrwork.errors import InvalidSettingError, SettingError
+from mrwork.keys import key
 from mrwork.summary import Summarised, Summary
 
 LoopSignal = Literal["acceleration", "deformation", "force", "command"]
@@ -29,10 +33,10 @@ _NO_EFFECT = (
 @checked
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fault:
-    """A fault of a signal from `start` to `end` [s].
+    """A temporary fault of a signal: a sensor of a floor or damper, or the command of a damper.
 
-    `index` counts from 0, floors for an acceleration and devices otherwise. During the fault the signal has `value`:
-    "hold" for the last value before it, or a number; `math.nan` is a sensor without signal.
+    `index` counts floors for an acceleration and devices otherwise. During the fault the signal has `value`: "hold" for
+    the last value before it, or a number; `math.nan` is a sensor without signal.
 
     Raises
     ------
@@ -42,68 +46,80 @@ class Fault:
 
     _made_by: ClassVar[str] = "mr.closed_loop.Fault(channel=...)"
 
-    channel: LoopSignal
-    index: Annotated[int, Within(least=0)] = 0
-    start: float = 0.0
-    end: float = math.inf
-    value: Annotated[float, May.BE_NAN, May.BE_INFINITE] | Literal["hold"] = "hold"
+    channel: LoopSignal = key("signal that fails", named="signal")
+    index: int = key(
+        "number of the floor or damper, from 1, lowest first",
+        default=0,
+        least=0,
+        from_one=True,
+        named="number",
+    )
+    start: float = key("start of the fault", unit="s", default=0.0, least=0.0)
+    end: float = key("end of the fault", unit="s", default=math.inf, least=0.0)
+    value: Annotated[float, May.BE_INFINITE] | Literal["hold"] = key(
+        "value during the fault, may be nan; by default the last one before it",
+        default="hold",
+        may_be_nan=True,
+    )
 
     def __post_init__(self) -> None:
-        if not 0.0 <= self.start <= self.end:
+        if self.start >= self.end:
             raise SettingError(
-                f"a fault lasts from {self.start} s to {self.end} s; give times from 0, in their order"
+                f"a fault lasts from {self.start} s to {self.end} s; give an end after its start"
             )
 
 
 @checked
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Hardware(Summarised):
-    """Sampling, delay, feedback and sensors of the loop.
+    """The loop between building and dampers: sampling, delay, feedback, sensors, limit of the command's rate, faults.
 
-    Parameters
-    ----------
-    sample_time
-        Time between two commands [s]; the result of an on/off law depends on it.
-    step
-        Longest integration step [s]; a sample is divided into the smallest number of equal steps that are not longer.
-        Stiff dampers take more steps.
-    delay
-        Time from a measurement to its command [s], a whole number of integration steps.
-    command_rate
-        Largest rate of the command [A/s or V/s].
-    feedback
-        "state": laws receive the true displacements and velocities, and deformations and forces from their sensors.
-        "observer": a Kalman filter estimates the state from the accelerations of `measured_floors` and the
-        deformations and forces of the devices.
-    measured_floors
-        Floors with an accelerometer, from 0; all by default.
-    noise_ratio
-        S_ag/S_v in the design of the observer.
-    acceleration_noise, deformation_noise, force_noise
-        Standard deviations of the white noise of the sensors [m/s^2, m, N]; that of accelerations is for the observer.
-    acceleration_resolution, deformation_resolution, force_resolution
-        Quantisation of the sensors [m/s^2, m, N]; none if zero.
-    seed
-        Seed of the noise; it is the same for all laws and candidates under the same motion.
+    The result of an on/off law depends on the sample time. Stiff dampers take more integration steps than `step` asks
+    for. With feedback of the state, laws receive the true displacements and velocities, and deformations and forces
+    from their sensors; with that of the observer, a Kalman filter estimates the state from the accelerations of the
+    measured floors and the deformations and forces of the devices. Noise is white; its seed is the same for all laws
+    and candidates under the same motion.
     """
 
     _made_by: ClassVar[str] = "mr.Hardware(sample_time=...)"
 
-    sample_time: Positive = 1e-3
-    step: Positive = 5e-4
-    delay: NotNegative = 0.0
-    command_rate: Positive = math.inf
-    feedback: Feedback = "state"
-    measured_floors: tuple[Annotated[int, Within(least=0)], ...] | None = None
-    noise_ratio: Positive = 50.0
-    acceleration_noise: NotNegative = 0.0
-    deformation_noise: NotNegative = 0.0
-    force_noise: NotNegative = 0.0
-    acceleration_resolution: NotNegative = 0.0
-    deformation_resolution: NotNegative = 0.0
-    force_resolution: NotNegative = 0.0
+    sample_time: float = key("time between two commands", unit="s", default=1e-3, above=0.0)
+    step: float = key(
+        "longest integration step; a sample is the smallest whole number of equal steps that are not longer",
+        unit="s",
+        default=5e-4,
+        above=0.0,
+    )
+    delay: float = key(
+        "time from a measurement to its command, a whole number of steps", unit="s", default=0.0, least=0.0
+    )
+    command_rate: float = key("largest rate of the command", unit="A/s or V/s", default=math.inf, above=0.0)
+    feedback: Feedback = key(
+        "feedback of the law: the true state, or the estimate of an observer", default="state"
+    )
+    measured_floors: tuple[int, ...] | None = key(
+        "floors with an accelerometer for the observer, from 1; all by default",
+        default=None,
+        least=0,
+        from_one=True,
+    )
+    noise_ratio: float = key(
+        "intensity of ground over sensor noise, S_ag/S_v, in the design of the observer",
+        default=50.0,
+        above=0.0,
+    )
+    acceleration_noise: float = key(
+        "standard deviation of the noise, for the observer", unit="m/s2", default=0.0, least=0.0
+    )
+    deformation_noise: float = key("standard deviation of the noise", unit="m", default=0.0, least=0.0)
+    force_noise: float = key("standard deviation of the noise", unit="N", default=0.0, least=0.0)
+    acceleration_resolution: float = key(
+        "quantisation, for the observer", unit="m/s2", default=0.0, least=0.0
+    )
+    deformation_resolution: float = key("quantisation", unit="m", default=0.0, least=0.0)
+    force_resolution: float = key("quantisation", unit="N", default=0.0, least=0.0)
     seed: int = 0
-    faults: tuple[Fault, ...] = ()
+    faults: tuple[Fault, ...] = key("faults", default=(), named="fault")
 
     def __post_init__(self) -> None:
         if not 0 <= self.seed < _SEEDS:

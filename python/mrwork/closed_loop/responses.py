@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from mrwork import _rust
 from mrwork.arguments import checked
-from mrwork.buildings.devices import Device
-from mrwork.buildings.matrices import Building
+from mrwork.buildings.matrices import Building, Device
 from mrwork.dampers.spec import LawLimit, worst_laws
 from mrwork.errors import SettingError
 from mrwork.records.operating_range import Exceedance, OperatingRange, Outside, least_stroke, worst_of

@@ -12,9 +12,8 @@ from numpy.typing import ArrayLike
 
 from mrwork import _rust
 from mrwork.arguments import Positive, Threads, Within, checked
-from mrwork.buildings.devices import Device as Device
-from mrwork.buildings.devices import elongation_rows
-from mrwork.buildings.matrices import Building
+from mrwork.buildings.matrices import Building, elongation_rows
+from mrwork.buildings.matrices import Device as Device
 from mrwork.closed_loop.hardware import Fault, Hardware
 from mrwork.closed_loop.responses import (
     History,

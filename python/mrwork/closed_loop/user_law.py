@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mrwork.argument_kinds import Refusal, kind_of
 from mrwork.arguments import AnyNumbers, Within, checked
-from mrwork.buildings.devices import Device
+from mrwork.buildings.matrices import Device
 from mrwork.control.laws import ControlLaw
 from mrwork.errors import SettingError
 from mrwork.summary import Summarised, Summary

@@ -16,13 +16,13 @@ import numpy as np
 
 from mrwork.arguments import NotNegative, Positive, checked
 from mrwork.buildings import Building
-from mrwork.buildings.devices import Device, elongation_rows
+from mrwork.buildings.matrices import Device, elongation_rows
 from mrwork.control.counterpart import is_curve, static_counterpart
 from mrwork.control.design.limits import LoopTiming
 from mrwork.control.plant import Plant, plant_of
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
-from mrwork.keys import DeclaredTable, check_keys, plain_values
+from mrwork.keys import DeclaredTable, plain_values, refuse_repeated
 from mrwork.summary import Summarised
 from mrwork.values import Floats, holds_arrays
 
@@ -242,7 +242,7 @@ class LawSettings(metaclass=DeclaredTable):
 
     def __post_init__(self) -> None:
         plain_values(self)
-        check_keys(self)
+        refuse_repeated(self)
 
     @abstractmethod
     def design(self, problem: DesignProblem) -> Design:

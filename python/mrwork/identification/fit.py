@@ -18,8 +18,7 @@ from mrwork.identification.settings import FitSettings, Reading
 from mrwork.records import AS_IT_IS, DamperTest, Observation, observed
 from mrwork.records.likeness import Likeness, RecordedMotion, likest_of_other_force, likest_of_same_force
 from mrwork.records.operating_range import OperatingRange, Outside, outside_of
-from mrwork.store.codec import digest_of
-from mrwork.store.record import LowerBound, OrInfinite, Related, UpperBound
+from mrwork.store.codec import LowerBound, OrInfinite, Related, UpperBound, digest_of
 from mrwork.summary import Summarised, Summary, listed, of_unit, rounded
 from mrwork.values import holds_arrays
 

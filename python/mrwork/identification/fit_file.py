@@ -10,11 +10,10 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from mrwork.errors import RecordError
 from mrwork.identification.fit import Fit
 from mrwork.records import DamperTest
-from mrwork.store.codec import json_document
+from mrwork.store.codec import json_document, parsed, read_document, record_from_json, record_of
 from mrwork.store.destination import Destination
 from mrwork.store.input_file import exists, is_folder, is_there, stored, text_of
 from mrwork.store.output_folder import write_folder
-from mrwork.store.record import parsed, read_document, record_from_json, record_of
 from mrwork.store.run_folder import (
     FIT,
     FIT_RUN,

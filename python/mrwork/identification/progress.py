@@ -14,7 +14,7 @@ import numpy as np
 from mrwork.arguments import Within
 from mrwork.errors import Interrupted
 from mrwork.store import Journal
-from mrwork.store.record import built
+from mrwork.store.codec import built
 
 T = TypeVar("T")
 

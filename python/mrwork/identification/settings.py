@@ -17,8 +17,8 @@ from mrwork.records.observing import DETECT, NONE, as_words
 from mrwork.records.repairs import RepairKind
 from mrwork.records.window import counted_from, cut
 from mrwork.search.loop import Optimiser
+from mrwork.store.codec import LowerBound, UpperBound, built, record_of
 from mrwork.store.input_file import exists
-from mrwork.store.record import LowerBound, UpperBound, built, record_of
 from mrwork.synthetic import synthetic_test
 
 _MULTISTART = "multistart"

@@ -19,7 +19,7 @@ from mrwork.arguments import NotNegative, Positive
 from mrwork.records.command_signal import Command, command_range
 from mrwork.records.damper_test import DamperTest
 from mrwork.records.motion import regular_cycles, spectrum
-from mrwork.store.record import Related
+from mrwork.store.codec import Related
 from mrwork.units import CommandUnit
 from mrwork.values import holds_arrays
 

@@ -16,7 +16,7 @@ from mrwork.errors import SettingError
 from mrwork.records.command_signal import command_noise
 from mrwork.records.damper_test import DamperTest
 from mrwork.records.motion import half_cycles, whole_cycles
-from mrwork.store.record import Related
+from mrwork.store.codec import Related
 from mrwork.summary import Summarised, Summary
 from mrwork.units import COMMAND_SCALES, CommandUnit
 

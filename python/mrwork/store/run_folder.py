@@ -14,9 +14,8 @@ from typing import Any, Final
 
 from mrwork.errors import RecordError
 from mrwork.escaping import escaped
-from mrwork.store.codec import finite
+from mrwork.store.codec import finite, parsed
 from mrwork.store.input_file import is_there, stored, text_of
-from mrwork.store.record import parsed
 
 MANIFEST = "manifest.json"
 JOURNAL = "journal.jsonl"

@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mrwork.buildings import Building
-from mrwork.buildings.devices import Device
-from mrwork.buildings.from_file import building_from_table, read_matrix
+from mrwork.buildings.from_file import read_matrix
+from mrwork.buildings.matrices import Device
 from mrwork.closed_loop.clairvoyant_search import ClairvoyantSettings
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.simulate import samples_of
@@ -28,10 +28,10 @@ from mrwork.control.design_problem import DesignProblem, LawSettings
 from mrwork.control.law_design import SETTINGS, design_law
 from mrwork.control.laws import ControlLaw, control_laws
 from mrwork.control.weights import WeightWishes
-from mrwork.keys import Place, keys_of, suggestion
+from mrwork.errors import SettingError
+from mrwork.keys import Place, given_values, heading_lines, key_lines, keys_of, read_table, suggestion
 from mrwork.store import digest_of
 from mrwork.store.input_file import FileKind, text_of
-from mrwork.study.declared import given_values, located, read_table
 from mrwork.study.schema import (
     BaselineTable,
     ClairvoyantTable,
@@ -70,14 +70,14 @@ def _load_law(table: LawFileTable, folder: Path) -> UserLaw:
     except ValueError:
         # A function of a compiled module may tell no arguments.
         pass
-    with located(table.place.within("function")):
+    with table.place.within("function").prefixed(SettingError):
         return UserLaw(name=name, command=function, n_memory=table.memory, source=digest_of(text))
 
 
 def _run_module(table: LawFileTable, path: Path) -> tuple[ModuleType, str]:
     """The file as a module, and its text."""
     where = table.place.within("file")
-    with located(where):
+    with where.prefixed(SettingError):
         text = text_of(path, _PYTHON)
     module: Any = ModuleType(f"mrwork_law_{digest_of(text)}")
     module.__file__ = str(path)
@@ -107,7 +107,7 @@ def clairvoyant_row(
         table.place.refuse(
             "the optimum knows no limit of the rate of the command, and [hardware] has a command_rate; leave one out"
         )
-    with located(table.place.within("interval")):
+    with table.place.within("interval").prefixed(SettingError):
         samples_of(table.interval, hardware.sample_time)
     return ClairvoyantRow(
         row=Row(
@@ -144,6 +144,22 @@ CONSTANT_LAWS: Mapping[str, ConstantLaw] = {
     ),
 }
 """Constant commands that a study accepts as laws, besides the laws of the registry, by name."""
+
+
+def laws_text() -> str:
+    """Every control law with its equation, source and settings, for `mrwork respond --laws`."""
+    blocks = []
+    for spec in control_laws():
+        lines = [f"{spec.name}: {spec.title}", *(f"  {line}" for line in spec.equation.splitlines())]
+        for prose in (spec.description, spec.source):
+            lines += heading_lines("", prose)[1:]
+        settings = [f"  {line}" for line in key_lines(SETTINGS[spec.name])]
+        blocks.append("\n".join([*lines, *(["  settings", *settings] if settings else [])]))
+    heading = "designed: table among the settings of a law with weights"
+    lines = [f"  {line}" for line in key_lines(WeightWishes)]
+    blocks.append("\n".join([*heading_lines(heading, WeightWishes.__doc__ or ""), *lines]))
+    blocks += [f"{name}: {law.description}; no settings" for name, law in CONSTANT_LAWS.items()]
+    return "\n\n".join(blocks)
 
 
 def arrangements(
@@ -245,8 +261,8 @@ def _range(table: DamperTable, name: str, given: tuple[float, ...] | None) -> tu
 
 def _baseline(baseline: BaselineTable, table: StudyTable, bare: Building, folder: Path) -> Arrangement:
     where = baseline.place.within("building")
-    with located(where):
-        changed = building_from_table({**table.building, **baseline.building}, where, folder=folder)
+    with where.prefixed(SettingError):
+        changed = table.building.changed_by(baseline.building).build(folder)
     missing = [
         name
         for name in (*bare.floor_names, *bare.storey_names)
@@ -290,7 +306,7 @@ def _choose_law(
         place.within("law").refuse(f"no control law is called {table.law!r}{near}")
     kind = SETTINGS[table.law]
     given = _with_matrices(kind, table.settings or {}, place.within("settings"), folder)
-    with located(place.within("settings")):
+    with place.within("settings").prefixed(SettingError):
         settings: LawSettings = read_table(kind, given, place.within("settings"))
         return specs[table.law].title, design_law(table.law, problem, settings)
 
@@ -332,7 +348,7 @@ def _with_matrices(
     for entry in keys_of(kind):
         name = found.get(entry.name)
         if entry.metadata["matrix"] and isinstance(name, str):
-            with located(place.within(entry.name)):
+            with place.within(entry.name).prefixed(SettingError):
                 matrix = read_matrix(folder / name)
             found[entry.name] = (matrix.ravel() if 1 in matrix.shape else matrix).tolist()
     wishes = found.get("designed")

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from mrwork.buildings import Building
-from mrwork.buildings.devices import Device
+from mrwork.buildings.matrices import Device
 from mrwork.closed_loop.evaluation import SCORE, criteria, ratio, values
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.responses import Responses, run_quantities
@@ -24,7 +24,7 @@ from mrwork.dampers.spec import damper
 from mrwork.errors import SettingError
 from mrwork.motions import GroundMotion
 from mrwork.store import Journal
-from mrwork.store.record import OrInfinite, OrNan
+from mrwork.store.codec import OrInfinite, OrNan
 from mrwork.study.run_result import own_columns
 from mrwork.study.study import Arrangement, Realisations, Study, StudyLaw, digest_of_run
 from mrwork.summary import Summarised

@@ -13,14 +13,13 @@ import numpy as np
 
 from mrwork.buildings import Building
 from mrwork.buildings.additions import with_brace
-from mrwork.buildings.devices import Device
+from mrwork.buildings.matrices import Device
 from mrwork.dampers.parameters import LawName, law_named, polynomial_laws
 from mrwork.dampers.spec import DamperSpec, damper, damper_models
-from mrwork.errors import RecordError
+from mrwork.errors import RecordError, SettingError
 from mrwork.keys import Place, suggestion
 from mrwork.records.command_signal import command_level
 from mrwork.records.operating_range import OperatingRange
-from mrwork.study.declared import located
 from mrwork.study.schema import DamperTable
 from mrwork.units import CommandUnit, DriverUnit, number_in
 from mrwork.values import Floats, holds_arrays
@@ -263,11 +262,11 @@ def equip_building(
     chosen = [chosen_damper(table, folder, identified) for table in tables]
     building, rows = bare, []
     for table in tables:
-        with located(table.place.within("storey")):
+        with table.place.within("storey").prefixed(SettingError):
             row = bare.storey_row(table.storey)
         if table.brace is not None:
             mass = table.brace.mass or _JOINT_SHARE * bare.total_mass / len(bare.floor_names)
-            with located(table.place.within("brace")):
+            with table.place.within("brace").prefixed(SettingError):
                 building = with_brace(
                     building,
                     storey=table.storey,
@@ -287,7 +286,7 @@ def equip_building(
         # Braces of later dampers add coordinates, which do not move this one.
         whole = np.append(row, np.zeros(building.n_coordinates - len(row)))
         where = bare.storey_name(table.storey)
-        with located(table.place):
+        with table.place.prefixed(SettingError):
             devices.append(
                 Device(
                     name=f"damper in {where}",

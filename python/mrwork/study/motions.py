@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from mrwork.errors import SettingError
 from mrwork.motions import GroundMotion
 from mrwork.motions.ground_motion import (
     baseline_corrected,
@@ -28,7 +29,6 @@ from mrwork.motions.read import motion_files, read_motion
 from mrwork.motions.spectral_density import CloughPenzien, KanaiTajimi, SpectralDensity
 from mrwork.motions.suites import suite
 from mrwork.motions.synthetic import synthetic_motion
-from mrwork.study.declared import located
 from mrwork.study.schema import MotionTable, SuiteTable
 from mrwork.study.study import MotionOfStudy
 from mrwork.units import STANDARD_GRAVITY
@@ -54,7 +54,7 @@ def motions_of_study(
     found: list[MotionOfStudy] = []
     for each in bare:
         _refuse_still(each, sample_time)
-        with located(each.table.place):
+        with each.table.place.prefixed(SettingError):
             found += [
                 MotionOfStudy(ground=ground, use=each.table.use, synthetic=each.file is None)
                 for ground in _scale(each.ground, each.table)
@@ -74,7 +74,7 @@ def _bare_motions(table: MotionTable, folder: Path, seed: int) -> Iterator[_Bare
         _refuse_keys(table, ("unit", "column", "channel"), "is for files, and this motion is synthetic")
         found = _suite(table, table.suite, seed) if table.suite else _synthetic(table, seed)
     for ground, file in found:
-        with located(place):
+        with place.prefixed(SettingError):
             yield _Bare(ground=_process(ground, table), table=table, file=file)
 
 
@@ -88,7 +88,7 @@ _Found = list[tuple[GroundMotion, Path | None]]
 
 
 def _read(table: MotionTable, file: str, folder: Path) -> _Found:
-    with located(table.place.within("file")):
+    with table.place.within("file").prefixed(SettingError):
         files = motion_files(folder / file)
         found: _Found = []
         for path in files:
@@ -104,7 +104,7 @@ def _read(table: MotionTable, file: str, folder: Path) -> _Found:
 
 def _suite(table: MotionTable, suite_table: SuiteTable, seed: int) -> _Found:
     _refuse_keys(table, ("duration", "soil"), "is for a single synthetic motion, and this is a suite")
-    with located(suite_table.place):
+    with suite_table.place.prefixed(SettingError):
         drawn = suite(
             suite_table.soils,
             suite_table.motions,
@@ -117,7 +117,7 @@ def _suite(table: MotionTable, suite_table: SuiteTable, seed: int) -> _Found:
 
 
 def _synthetic(table: MotionTable, seed: int) -> _Found:
-    with located(table.place):
+    with table.place.prefixed(SettingError):
         motion = synthetic_motion(
             _spectrum(table),
             rng=seed + table.seed,

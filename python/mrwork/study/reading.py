@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,13 +11,12 @@ import numpy as np
 
 from mrwork.arguments import Seed, checked
 from mrwork.buildings import Building
-from mrwork.buildings.devices import Device
-from mrwork.buildings.from_file import building_from_table
-from mrwork.closed_loop.hardware import Fault, Hardware
+from mrwork.buildings.matrices import Device
+from mrwork.closed_loop.hardware import Hardware
 from mrwork.errors import SettingError
-from mrwork.keys import KeyPath, Place, suggestion
+from mrwork.keys import KeyPath, Place, read_table, suggestion
 from mrwork.store.input_file import TOML, bytes_of, text_in
-from mrwork.store.parse import toml_table
+from mrwork.store.parse import toml_lines, toml_table
 from mrwork.study.arrangements import (
     arrangements,
     clairvoyant_row,
@@ -33,15 +32,10 @@ from mrwork.study.dampers import (
     equip_building,
     identified_damper,
 )
-from mrwork.study.declared import located, read_table
 from mrwork.study.motions import motions_of_study
-from mrwork.study.schema import DamperTable, HardwareTable, ReportTable, StudyTable
+from mrwork.study.schema import DamperTable, ReportTable, StudyTable
 from mrwork.study.study import MotionOfStudy, Realisations, Study, StudyFile, posterior_draws, realisations_of
 from mrwork.values import Floats
-
-_BLANK = " \t\r\n"
-_BARE_ENDS = frozenset("=.]}, \t\r\n#")
-_VALUE_ENDS = frozenset(",]}\r\n#")
 
 
 def parse(text: str, origin: str) -> tuple[dict[str, Any], dict[KeyPath, int]]:
@@ -50,148 +44,11 @@ def parse(text: str, origin: str) -> tuple[dict[str, Any], dict[KeyPath, int]]:
         document = toml_table(text)
     except ValueError as reason:
         raise SettingError(f"{origin} is not TOML: {_with_small_first(str(reason))}") from None
-    return document, _Scanner(text).lines()
+    return document, toml_lines(text)
 
 
 def _with_small_first(text: str) -> str:
     return text[:1].lower() + text[1:]
-
-
-class _Scanner:
-    def __init__(self, text: str) -> None:
-        self._text = text
-        self._at = 0
-        self._line = 1
-        self._found: dict[KeyPath, int] = {}
-        # Number of tables of each array of tables so far.
-        self._counts: dict[KeyPath, int] = {}
-
-    def lines(self) -> dict[KeyPath, int]:
-        table: KeyPath = ()
-        while self._skip_blank():
-            line = self._line
-            if self._text.startswith("[[", self._at):
-                self._forward(2)
-                *outer, last = self._key()
-                path = (*self._resolve(tuple(outer)), last)
-                self._forward(2)
-                number = self._counts.get(path, 0)
-                self._counts[path] = number + 1
-                self._found.setdefault(path, line)
-                table = (*path, number)
-            elif self._text[self._at] == "[":
-                self._forward(1)
-                table = self._resolve(self._key())
-                self._forward(1)
-            else:
-                self._pair(table)
-                continue
-            self._note(table, line)
-        return self._found
-
-    def _resolve(self, key: tuple[str, ...]) -> KeyPath:
-        """The key of a header, with the index of the last table of each array of tables in it."""
-        path: KeyPath = ()
-        for part in key:
-            path = (*path, part)
-            if path in self._counts:
-                path = (*path, self._counts[path] - 1)
-        return path
-
-    def _note(self, path: KeyPath, line: int) -> None:
-        for length in range(1, len(path) + 1):
-            self._found.setdefault(path[:length], line)
-
-    def _pair(self, table: KeyPath) -> None:
-        line = self._line
-        path = (*table, *self._key())
-        self._note(path, line)
-        self._forward(1)
-        self._skip_spaces()
-        self._value(path)
-
-    def _value(self, path: KeyPath) -> None:
-        opening = self._text[self._at]
-        if opening == "[":
-            self._forward(1)
-            number = 0
-            while self._skip_blank() and self._text[self._at] != "]":
-                self._found[*path, number] = self._line
-                self._value((*path, number))
-                number += 1
-                self._skip_comma()
-            self._forward(1)
-        elif opening == "{":
-            self._forward(1)
-            while self._skip_blank() and self._text[self._at] != "}":
-                self._pair(path)
-                self._skip_comma()
-            self._forward(1)
-        elif opening in "\"'":
-            self._string()
-        else:
-            while self._at < len(self._text) and self._text[self._at] not in _VALUE_ENDS:
-                self._forward(1)
-
-    def _key(self) -> tuple[str, ...]:
-        """A dotted key, up to the character that ends it."""
-        parts: list[str] = []
-        while True:
-            self._skip_spaces()
-            start = self._at
-            if self._text[start] in "\"'":
-                self._string()
-                # The parser resolves escapes.
-                parts.append(toml_table(f"k = {self._text[start : self._at]}")["k"])
-            else:
-                while self._text[self._at] not in _BARE_ENDS:
-                    self._forward(1)
-                parts.append(self._text[start : self._at])
-            self._skip_spaces()
-            if self._text[self._at] != ".":
-                return tuple(parts)
-            self._forward(1)
-
-    def _string(self) -> None:
-        quote = self._text[self._at]
-        if self._text.startswith(quote * 3, self._at):
-            end = self._at + 3
-            while not self._text.startswith(quote * 3, end):
-                end += 2 if quote == '"' and self._text[end] == "\\" else 1
-            end += 3
-            # Up to two more quotes belong to the string.
-            while self._text.startswith(quote, end):
-                end += 1
-        else:
-            end = self._at + 1
-            while self._text[end] != quote:
-                end += 2 if quote == '"' and self._text[end] == "\\" else 1
-            end += 1
-        self._forward(end - self._at)
-
-    def _skip_comma(self) -> None:
-        if self._skip_blank() and self._text[self._at] == ",":
-            self._forward(1)
-
-    def _skip_blank(self) -> bool:
-        """Skip blanks and comments; whether a character follows."""
-        while self._at < len(self._text):
-            if self._text[self._at] == "#":
-                end = self._text.find("\n", self._at)
-                self._at = len(self._text) if end < 0 else end
-            elif self._text[self._at] in _BLANK:
-                self._forward(1)
-            else:
-                return True
-        return False
-
-    def _skip_spaces(self) -> None:
-        while self._text[self._at] in " \t":
-            self._forward(1)
-
-    def _forward(self, count: int) -> None:
-        self._line += self._text.count("\n", self._at, self._at + count)
-        self._at += count
 
 
 @checked
@@ -229,10 +86,11 @@ def read_study(
     for each in table.controller:
         if each.user is not None:
             on_python(running_in_words(each.user, folder))
-    with located(place.within("building")):
-        bare = building_from_table(table.building, place.within("building"), folder=folder)
+    with place.within("building").prefixed(SettingError):
+        bare = table.building.build(folder)
     building, devices, chosen = equip_building(bare, table.damper, folder, identified)
-    hardware = _make_hardware(table.hardware, place.within("hardware"), seed)
+    with place.within("hardware").prefixed(SettingError):
+        hardware = replace(table.hardware, seed=seed)
     motions = motions_of_study(table.motion, folder, seed, sample_time=hardware.sample_time)
     if not motions:
         place.refuse("the study has no motion; give a [[motion]]")
@@ -262,7 +120,7 @@ def read_study(
         devices=devices,
         command_unit="A" if first is None else first.unit,
         facts=(
-            *_facts(bare, devices, chosen, table.hardware),
+            *_facts(bare, devices, chosen, hardware),
             *(
                 (f"Weights of {each.row.label}", " ".join(each.law.notes))
                 for each in compared
@@ -303,7 +161,7 @@ def _realisations(
             "nothing in [uncertainty] is uncertain; give it a stiffness, a damping or a delay, or a [[damper]] with a "
             "run that has posterior draws"
         )
-    with located(where):
+    with where.prefixed(SettingError):
         return realisations_of(given, devices, drawn)
 
 
@@ -355,7 +213,7 @@ def _choose_drawn(
 
 
 def _facts(
-    bare: Building, devices: Sequence[Device], chosen: Sequence[ChosenDamper], hardware: HardwareTable
+    bare: Building, devices: Sequence[Device], chosen: Sequence[ChosenDamper], hardware: Hardware
 ) -> tuple[tuple[str, str], ...]:
     frequencies = ", ".join(f"{frequency:.3g}" for frequency in bare.frequencies[:5])
     source = f"; {bare.source} ({bare.status})" if bare.source else ""
@@ -376,29 +234,3 @@ def _facts(
         )
     )
     return tuple(facts)
-
-
-def _make_hardware(table: HardwareTable, place: Place, seed: int) -> Hardware:
-    """The hardware of a table; `seed` is that of the sensor noise."""
-    converted = ("fault", "measured_floors")
-    plain = {entry.name: getattr(table, entry.name) for entry in fields(table) if entry.name not in converted}
-    faults = []
-    for fault in table.fault:
-        if fault.end <= fault.start:
-            fault.place.refuse(
-                f"the fault lasts from {fault.start:g} to {fault.end:g} s; give an end after its start"
-            )
-        faults.append(
-            Fault(
-                channel=fault.signal,
-                index=fault.number - 1,
-                start=fault.start,
-                end=fault.end,
-                value="hold" if fault.value is None else fault.value,
-            )
-        )
-    with located(place):
-        floors = (
-            None if table.measured_floors is None else tuple(floor - 1 for floor in table.measured_floors)
-        )
-        return Hardware(**plain, measured_floors=floors, seed=seed, faults=tuple(faults))

@@ -12,7 +12,7 @@ import numpy as np
 
 from mrwork import arguments
 from mrwork.arguments import NotNegative
-from mrwork.buildings.devices import Device
+from mrwork.buildings.matrices import Device
 from mrwork.closed_loop.clairvoyant_search import Clairvoyant
 from mrwork.closed_loop.evaluation import Spread, criteria, criterion, ratio, score, values
 from mrwork.closed_loop.responses import ENERGY_TOLERANCE

@@ -8,7 +8,7 @@ from typing import Annotated, Any, get_type_hints
 
 import numpy as np
 
-from mrwork.buildings.devices import Device
+from mrwork.buildings.matrices import Device
 from mrwork.closed_loop.responses import (
     ENERGY_TOLERANCE,
     History,
@@ -27,8 +27,7 @@ from mrwork.records.operating_range import (
     worst_of,
 )
 from mrwork.simulate import Outcome
-from mrwork.store.codec import rebuilt
-from mrwork.store.record import OneOf
+from mrwork.store.codec import OneOf, rebuilt
 from mrwork.study.study import Arrangement
 from mrwork.values import Floats, holds_arrays
 

@@ -5,17 +5,17 @@ Numbers are in SI units. A number with a unit may also be given as a text with a
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
 
 from mrwork.arguments import checked
+from mrwork.buildings.from_file import BuildingTable
 from mrwork.closed_loop.clairvoyant_search import ClairvoyantSettings
-from mrwork.closed_loop.hardware import Feedback, Hardware, LoopSignal
+from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.user_law import MOST_MEMORY
 from mrwork.dampers.parameters import LawName
-from mrwork.keys import LARGEST_SEED, Place, check_keys, key
+from mrwork.keys import LARGEST_SEED, Place, heading_lines, key, key_lines, refuse_repeated, tables
 from mrwork.motions.ground_motion import HIGHEST_ORDER
 from mrwork.motions.suites import MOST_OF_A_SUITE, USUAL_SOILS, Pulses, Soil
 from mrwork.search.rules import LARGEST_POPULATION
@@ -123,7 +123,7 @@ class TuneTable:
     place: Place | None = None
 
     def __post_init__(self) -> None:
-        check_keys(self)
+        refuse_repeated(self)
 
 
 Use = Literal["test", "training"]
@@ -132,8 +132,6 @@ Synthetic = Literal["kanai_tajimi", "clough_penzien"]
 
 # Motions that one record is scaled to: each is simulated with every arrangement.
 _MOST_SCALED = 1000
-# A study takes the defaults of the loop from the class that it builds.
-_LOOP = Hardware()
 _SEARCH = ClairvoyantSettings()
 
 CLAIRVOYANT = "Clairvoyant"
@@ -259,7 +257,7 @@ class BaselineTable:
     """The building with other devices for comparison: passive dampers, a tuned mass or liquid, isolation."""
 
     label: str = key("label in tables", label=True)
-    building: Mapping[str, Any] = key("keys of [building] to be replaced or added")
+    building: BuildingTable = key("keys of [building] to be replaced or added")
     place: Place
 
 
@@ -267,13 +265,13 @@ class BaselineTable:
 class SoilTable:
     """Filters of a synthetic motion; the default is firm soil."""
 
-    frequency: float | None = key("frequency of the ground [rad/s]", default=None, above=0.0)
+    frequency: float | None = key("frequency of the ground", unit="rad/s", default=None, above=0.0)
     damping: float | None = key("damping ratio of the ground", default=None, above=0.0)
     intensity: float | None = key(
-        "two-sided spectral density of the bedrock [m2/s3]", default=None, above=0.0
+        "two-sided spectral density of the bedrock", unit="m2/s3", default=None, above=0.0
     )
     high_pass_frequency: float | None = key(
-        "frequency of the second filter of clough_penzien [rad/s]", default=None, above=0.0
+        "frequency of the second filter of clough_penzien", unit="rad/s", default=None, above=0.0
     )
     high_pass_damping: float | None = key("damping ratio of the second filter", default=None, above=0.0)
     place: Place
@@ -351,55 +349,6 @@ class MotionTable:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FaultTable:
-    """A temporary fault of a signal: a sensor of a floor or damper, or the command of a damper."""
-
-    signal: LoopSignal = key("signal that fails")
-    number: int = key("number of the floor or damper, from 1, lowest first", default=1, least=1)
-    start: float = key("start of the fault", unit="s", default=0.0, least=0.0)
-    end: float = key("end of the fault", unit="s", default=math.inf, least=0.0)
-    value: float | None = key(
-        "value during the fault, may be nan; by default the last one before it", default=None, may_be_nan=True
-    )
-    place: Place
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class HardwareTable:
-    """The loop between the building and the law: sampling, delay, noise, observer, driver, faults."""
-
-    sample_time: float = key("time between two commands", unit="s", default=_LOOP.sample_time, above=0.0)
-    step: float = key(
-        "longest integration step; a sample is a whole number of steps",
-        unit="s",
-        default=_LOOP.step,
-        above=0.0,
-    )
-    delay: float = key("time from a measurement to its command", unit="s", default=0.0, least=0.0)
-    feedback: Feedback = key(
-        "feedback of the law: the true state, or the estimate of an observer", default=_LOOP.feedback
-    )
-    measured_floors: tuple[int, ...] | None = key(
-        "floors with an accelerometer for the observer, from 1; all by default", default=None, least=1
-    )
-    noise_ratio: float = key(
-        "intensity of ground over sensor noise in the design of the observer",
-        default=_LOOP.noise_ratio,
-        above=0.0,
-    )
-    acceleration_noise: float = key("standard deviation of the noise", unit="m/s2", default=0.0, least=0.0)
-    deformation_noise: float = key("standard deviation of the noise", unit="m", default=0.0, least=0.0)
-    force_noise: float = key("standard deviation of the noise", unit="N", default=0.0, least=0.0)
-    acceleration_resolution: float = key("quantisation", unit="m/s2", default=0.0, least=0.0)
-    deformation_resolution: float = key("quantisation", unit="m", default=0.0, least=0.0)
-    force_resolution: float = key("quantisation", unit="N", default=0.0, least=0.0)
-    command_rate: float = key(
-        "largest rate of the command", unit="A/s or V/s", default=_LOOP.command_rate, above=0.0
-    )
-    fault: tuple[FaultTable, ...] = key("faults", default=())
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class ClairvoyantTable:
     """The non-causal optimum of the command history under each motion, a row of every table; off without this table.
 
@@ -450,13 +399,21 @@ class StudyTable:
     folder: str = key(
         "folder that names of files are relative to, by default that of the study file", default=""
     )
-    building: Mapping[str, Any] = key("the building")
+    building: BuildingTable = key("the building")
     damper: tuple[DamperTable, ...] = key("dampers, all of one model", default=())
     controller: tuple[ControllerTable, ...] = key("control laws", default=())
     baseline: tuple[BaselineTable, ...] = key("other devices for comparison", default=())
     motion: tuple[MotionTable, ...] = key("ground motions")
-    hardware: HardwareTable = key("the loop around the law", default=HardwareTable())
+    hardware: Hardware = key("the loop around the law", default=Hardware())
     report: ReportTable = key("figures on the page", default=ReportTable())
     uncertainty: UncertaintyTable | None = key("what is not known exactly", default=None)
     tune: tuple[TuneTable, ...] = key("laws to be tuned, by mrwork tune", default=())
     clairvoyant: ClairvoyantTable | None = key("the non-causal optimum of each motion", default=None)
+
+
+def schema_text() -> str:
+    """Every table with its keys, their meanings, units and defaults, for `mrwork respond --schema`."""
+    return "\n\n".join(
+        "\n".join([*heading_lines(heading or "at the top", kind.__doc__ or ""), *key_lines(kind)])
+        for heading, kind in tables(StudyTable)
+    )

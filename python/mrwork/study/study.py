@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mrwork.arguments import checked
 from mrwork.buildings import Building
-from mrwork.buildings.devices import Device
+from mrwork.buildings.matrices import Device
 from mrwork.closed_loop.clairvoyant_search import ClairvoyantSettings
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.user_law import UserLaw

@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mrwork.arguments import Count, checked
-from mrwork.buildings.devices import Device, elongation_rows
-from mrwork.buildings.matrices import Building
+from mrwork.buildings.matrices import Building, Device, elongation_rows
 from mrwork.control.design.designed import DesignedWeights, binding_in_words, certificate_of
 from mrwork.control.design.limits import (
     DesignCase,

@@ -13,11 +13,10 @@ from typing import Any, ClassVar
 import numpy as np
 
 from mrwork.arguments import Count, Level, NotNegative, Positive, checked
-from mrwork.buildings.devices import Device, elongation_rows
-from mrwork.buildings.matrices import Building
+from mrwork.buildings.matrices import Building, Device, elongation_rows
 from mrwork.control.plant import Outputs, Plant, accelerations, displacements, drifts, stacked
 from mrwork.errors import InvalidSettingError, SettingError
-from mrwork.keys import check_keys, key, plain_values
+from mrwork.keys import key, plain_values, refuse_repeated
 from mrwork.motions.spectral_density import KanaiTajimi, SpectralDensity
 from mrwork.simulate import Loading, simulate_force
 from mrwork.summary import Summarised
@@ -54,7 +53,7 @@ class RmsLimits:
 
     def __post_init__(self) -> None:
         plain_values(self)
-        check_keys(self)
+        refuse_repeated(self)
 
     @classmethod
     @checked

@@ -82,7 +82,7 @@ SMOOTH: Mapping[str, Callable[[Gains], Law]] = {
 @holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TwinDamper:
-    """A damper across a storey, as `mrwork.buildings.devices.Device`, and its parameters, shape (n_params,)."""
+    """A damper across a storey, as `mrwork.buildings.matrices.Device`, and its parameters, shape (n_params,)."""
 
     spec: DamperSpec
     theta: Floats

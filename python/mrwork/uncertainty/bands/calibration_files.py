@@ -20,10 +20,9 @@ from mrwork.records import DamperTest, Observation, RecordedMotion
 from mrwork.records.command_signal import Command
 from mrwork.records.likeness import alike_groups
 from mrwork.store.arrays_file import finite_numbers, read_arrays
-from mrwork.store.codec import digest_of, json_document
+from mrwork.store.codec import digest_of, json_document, parsed, read_document, record_of
 from mrwork.store.input_file import is_there, stored, text_of
 from mrwork.store.output_file import write_files
-from mrwork.store.record import parsed, read_document, record_of
 from mrwork.store.run_folder import CALIBRATION, FOLDS, PREDICTIONS
 from mrwork.summary import Summarised, Summary
 from mrwork.uncertainty.bands.conformal import Calibration, LeftOutCoverage

@@ -22,7 +22,7 @@ from mrwork.arguments import Level, NotNegative, checked
 from mrwork.errors import RecordError, SettingError
 from mrwork.records import DamperTest, Likeness, RecordedMotion
 from mrwork.records.likeness import alike_groups, likenesses_in_words, likest
-from mrwork.store.record import OrNan, Related
+from mrwork.store.codec import OrNan, Related
 from mrwork.summary import Summarised, Summary, rounded
 from mrwork.uncertainty.bands.band import (
     Band,

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from mrwork.arguments import NotNegative, Whole
 from mrwork.dampers.parameters import LawName
 from mrwork.identification.fit import NEGLIGIBLE
-from mrwork.store.record import OrInfinite, Related
+from mrwork.store.codec import OrInfinite, Related
 from mrwork.summary import Summarised, Summary, aligned
 from mrwork.uncertainty.choice.ranking import error_of_mean, is_as_good
 from mrwork.units import CommandUnit

@@ -19,7 +19,7 @@ from mrwork.errors import SettingError
 from mrwork.identification.fit import NEGLIGIBLE, Fit
 from mrwork.identification.result import MANY, BuildingCost
 from mrwork.records import DamperTest
-from mrwork.store.record import Related
+from mrwork.store.codec import Related
 from mrwork.summary import Summarised, Summary, listed, rounded
 from mrwork.uncertainty.choice.leave_one_out import UNRELIABLE, LeaveOneOut
 from mrwork.uncertainty.identifiability.verdicts import Scale

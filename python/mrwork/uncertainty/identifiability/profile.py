@@ -26,7 +26,7 @@ from mrwork.identification.problem import Problem
 from mrwork.identification.settings import ROOT_MEAN_SQUARE
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
-from mrwork.store.record import OrInfinite, Related
+from mrwork.store.codec import OrInfinite, Related
 from mrwork.summary import Summarised, Summary, of_unit, rounded
 from mrwork.uncertainty.identifiability.curvature import (
     DIRECTIONS,

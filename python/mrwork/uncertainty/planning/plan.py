@@ -21,7 +21,7 @@ from mrwork.identification.problem import Problem
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
 from mrwork.simulate import Outcome, simulate_forces
-from mrwork.store.record import Related
+from mrwork.store.codec import Related
 from mrwork.summary import Summarised, Summary, of_unit, rounded
 from mrwork.uncertainty.identifiability.curvature import Scaled, curvature, linearise
 from mrwork.uncertainty.identifiability.verdicts import Scale

@@ -1,0 +1,140 @@
+"""Units as text: every number with a unit may have another unit of its dimension, with a prefix."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+from dataclasses import Field
+from pathlib import Path
+from typing import Any, get_args, get_origin, get_type_hints
+
+import numpy as np
+import pytest
+
+from mrwork.buildings import Building, read_building
+from mrwork.control import SETTINGS, WeightWishes
+from mrwork.errors import SettingError
+from mrwork.keys import Place, given_values, keys_of, name_in_file, tables
+from mrwork.study.schema import StudyTable
+
+# A unit of each dimension with a prefix, and its size in SI. A unit that is new to the keys wants its line.
+PREFIXED = {
+    "s": ("ms", 1e-3),
+    "1/s": ("1/ms", 1e3),
+    "Hz": ("mHz", 1e-3),
+    "rad/s": ("mrad/s", 1e-3),
+    "m": ("um", 1e-6),
+    "m/s": ("mm/s", 1e-3),
+    "m/s2": ("cm/s2", 1e-2),
+    "m2/s3": ("cm2/s3", 1e-4),
+    "kg": ("t", 1e3),
+    "N": ("MN", 1e6),
+    "N/m": ("MN/m", 1e6),
+    "N s/m": ("kN s/mm", 1e6),
+    "A": ("mA", 1e-3),
+    "A or V": ("mV", 1e-3),
+    "A/s or V/s": ("A/ms", 1e3),
+}
+
+
+def keys_with_units() -> Iterator[Any]:
+    for kind in (*(kind for _, kind in tables(StudyTable)), *dict.fromkeys(SETTINGS.values()), WeightWishes):
+        for entry in keys_of(kind):
+            if entry.metadata["unit"]:
+                yield pytest.param(kind, entry, id=f"{kind.__name__} {name_in_file(entry)}")
+
+
+def written(hint: Any, text: str) -> Iterator[Any]:
+    """A text as a number, as an array and as a matrix, of which the key takes some."""
+    kinds = get_args(hint) if get_origin(hint) is not tuple else (hint,)
+    if (float in kinds or hint is float) and str not in kinds:
+        yield text
+    for kind in kinds:
+        if get_origin(kind) is tuple:
+            yield [[text, text]] if get_origin(get_args(kind)[0]) is tuple else [text, text]
+
+
+def read(kind: type, entry: Field[Any], value: Any) -> Any:
+    name = name_in_file(entry)
+    return given_values(kind, {name: value}, Place(origin="study.toml", path=("table",)))[entry.name]
+
+
+@pytest.mark.parametrize(("kind", "entry"), list(keys_with_units()))
+def test_every_key_takes_its_number_in_a_prefixed_unit(kind: type, entry: Field[Any]) -> None:
+    unit, size = PREFIXED[entry.metadata["unit"]]
+    for value in written(get_type_hints(kind)[entry.name], f"2.5 {unit}"):
+        assert np.allclose(read(kind, entry, value), 2.5 * size, rtol=1e-15)
+
+
+@pytest.mark.parametrize(("kind", "entry"), list(keys_with_units()))
+def test_every_key_refuses_a_unit_of_another_dimension(kind: type, entry: Field[Any]) -> None:
+    unit = "kN" if entry.metadata["unit"] != "N" else "mm"
+    for value in written(get_type_hints(kind)[entry.name], f"2.5 {unit}"):
+        with pytest.raises(
+            SettingError, match=f"is '2.5 {unit}', where a number .* is expected; its unit may"
+        ):
+            read(kind, entry, value)
+
+
+SI = """
+masses = [20e3, 18e3]
+stiffnesses = [12e6, 12e6]
+storey_damping = [40e3]
+n_storeys = 2
+[isolation]
+mass = 15e3
+period = 0.8
+ratio = 0.1
+[[yielding]]
+storey = 1
+yield_force = 80e3
+yield_displacement = 4e-3
+[[tuned_mass]]
+floor = 2
+mass = 500
+frequency = 1.5
+ratio = 0.1
+"""
+IN_TEXTS = """
+masses = ["20 t", "18 t"]
+stiffnesses = ["12 MN/m", "12 kN/mm"]
+storey_damping = ["40 kN s/m"]
+n_storeys = 2
+[isolation]
+mass = "15 t"
+period = "800 ms"
+ratio = 0.1
+[[yielding]]
+storey = 1
+yield_force = "80 kN"
+yield_displacement = "4 mm"
+[[tuned_mass]]
+floor = 2
+mass = "0.5 t"
+frequency = "1500 mHz"
+ratio = 0.1
+"""
+MATRICES = "mass = [[{m}, 0], [0, {m}]]\nstiffness = [[{k}, 0], [0, {k}]]\n"
+
+
+def building_of(text: str, folder: Path) -> Building:
+    (folder / "frame.toml").write_text(text)
+    return read_building(folder / "frame.toml")
+
+
+@pytest.mark.parametrize(
+    ("plain", "in_texts"),
+    [
+        (SI, IN_TEXTS),
+        (MATRICES.format(m=2e3, k=3e6), MATRICES.format(m="'2 t'", k="'3 MN/m'")),
+    ],
+)
+def test_a_building_is_the_same_in_any_units(plain: str, in_texts: str, tmp_path: Path) -> None:
+    ours, theirs = building_of(plain, tmp_path), building_of(in_texts, tmp_path)
+    for field in ("mass", "damping", "stiffness", "influence", "floors", "storeys"):
+        np.testing.assert_allclose(getattr(ours, field), getattr(theirs, field), rtol=1e-14)
+    for one, other in zip(ours.elements, theirs.elements, strict=True):
+        assert one.name == other.name
+        for field in dataclasses.fields(one):
+            if field.name != "name":
+                np.testing.assert_allclose(getattr(one, field.name), getattr(other, field.name), rtol=1e-14)
