@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from mrwork import _rust
 from mrwork.arguments import AnyArrayLike, AnyNumbers, Count, Samples, Shape, Threads, checked
 from mrwork.dampers.spec import DamperSpec
-from mrwork.errors import RecordError, SettingError, SimulationError
+from mrwork.errors import MrworkError, RecordError, SettingError, SimulationError
 from mrwork.records import DamperTest
 from mrwork.records.command_signal import impossible_command, without_ringing
 from mrwork.summary import Summarised
@@ -88,7 +88,7 @@ class Loading(Summarised):
             if wrong := impossible_command(command, unit):
                 raise SettingError(f"`command` {wrong}")
             command = np.ascontiguousarray(without_ringing(command, unit))
-        with _refusals():
+        with core_refusals():
             return _rust.LoadingHistory(self.dt, displacement, velocity, command)
 
 
@@ -161,7 +161,7 @@ def stiffness_shares(
     A candidate above 1 ends as unresolved; so does one whose stiffness is not a number. Parameters as in
     `simulate_misfits`.
     """
-    with _refusals():
+    with core_refusals():
         return _rust.stiffness_shares(spec.name, _rows(spec, theta), history, *_laws(spec))
 
 
@@ -195,7 +195,7 @@ def simulate_misfits(
     threads
         Number of threads, 0 for all.
     """
-    with _refusals():
+    with core_refusals():
         squared_error, outcome, substeps, steps = _rust.misfits(
             spec.name,
             _rows(spec, theta),
@@ -220,7 +220,7 @@ def simulate_forces(
     threads: Threads = 0,
 ) -> ForceHistories:
     """Simulate a batch and return its force histories; parameters as in `simulate_misfits`."""
-    with _refusals():
+    with core_refusals():
         force, outcome, substeps = _rust.force_histories(
             spec.name, _rows(spec, theta), history, *_laws(spec), substep_factor, threads
         )
@@ -256,7 +256,7 @@ def simulate_sensitivities(
     >>> simulate_sensitivities(spec, [spec.nominal], history, columns=[0, 2]).jacobian.shape
     (1, 2, 6000)
     """
-    with _refusals():
+    with core_refusals():
         force, jacobian, outcome, substeps = _rust.sensitivities(
             spec.name,
             _rows(spec, theta),
@@ -312,10 +312,12 @@ def simulate_force(
 
 
 @contextmanager
-def _refusals() -> Iterator[None]:
+def core_refusals() -> Iterator[None]:
     """Context manager that turns refusals of the core into SettingErrors."""
     try:
         yield
+    except MrworkError:
+        raise
     except (ValueError, OverflowError) as error:
         raise SettingError(str(error)) from error
 

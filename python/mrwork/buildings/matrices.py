@@ -81,7 +81,7 @@ class PassiveElement(Summarised):
 
     @property
     def numbers(self) -> tuple[float, ...]:
-        """Its parameters in the order of the core: k, c, d, f_y, 1 / x_y, n."""
+        """Its parameters k, c, d, f_y, 1 / x_y, n, for the digest of a run."""
         return (
             self.stiffness,
             self.damping,
