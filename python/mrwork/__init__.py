@@ -6,6 +6,26 @@ used, so that `import mrwork` costs little more than the interpreter.
 
 from __future__ import annotations
 
+from mrwork.fitted_damper import read_with as _read_with
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from mrwork.tested_range import FittedDamper
+
+
+def _fitted_damper(run: Path) -> FittedDamper:
+    # By its name, as all that is public here: few studies name a run, and reading one loads the identification.
+    from importlib import import_module
+
+    read: Callable[[Path], FittedDamper] = import_module("mrwork.stored").fitted_damper
+    return read(run)
+
+
+_read_with(_fitted_damper)
+
 
 def __getattr__(name: str) -> object:
     # The reader of stubs takes longer to load than all else of a command that has only started.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import IntEnum
 from typing import Annotated, ClassVar
 
@@ -13,10 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from mrwork import _rust
 from mrwork.arguments import AnyArrayLike, AnyNumbers, Count, Samples, Shape, Threads, checked
+from mrwork.command_signal import impossible_command, without_ringing
 from mrwork.dampers.spec import DamperSpec
-from mrwork.errors import MrworkError, RecordError, SettingError, SimulationError
-from mrwork.records import DamperTest
-from mrwork.records.command_signal import impossible_command, without_ringing
+from mrwork.errors import MrworkError, SettingError, SimulationError
 from mrwork.summary import Summarised
 from mrwork.units import CommandUnit
 from mrwork.values import holds_arrays, keep_arrays
@@ -129,27 +128,6 @@ class Sensitivities:
     jacobian: NDArray[np.float64]
     outcome: NDArray[np.uint8]
     substeps: NDArray[np.uint32]
-
-
-@checked
-def loading_of(test: DamperTest, spec: DamperSpec) -> Loading:
-    """Motion of a test, with its command in the unit of the model, constant or held from sample to sample.
-
-    Raises
-    ------
-    RecordError
-        If the model depends on the command and the test has no command in that unit.
-    """
-    motion = Loading(dt=test.dt, displacement=test.displacement, velocity=test.velocity)
-    if spec.current is None:
-        return motion
-    command = test.command_in(spec.current.unit)
-    if command is not None:
-        return replace(motion, command=command, command_unit=spec.current.unit)
-    raise RecordError(
-        f"{test.label}: the model takes its command in {spec.current.unit}, the test has "
-        f"{test.command_in_words or 'none'}; give a column for it, or a model in the other unit"
-    )
 
 
 @checked

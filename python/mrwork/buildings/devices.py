@@ -13,8 +13,8 @@ from mrwork.arguments import NotNegative, Positive, checked
 from mrwork.buildings.matrices import Building
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
-from mrwork.records.operating_range import OperatingRange, Outside, outside_of
 from mrwork.summary import Summarised, Summary, rounded
+from mrwork.tested_range import OperatingRange, Outside, outside_of
 from mrwork.values import Floats, holds_arrays, keep_arrays
 
 # A command with a mean above this share of its peak is constant but for the lag of the driver.

@@ -16,6 +16,8 @@ from .observing import observed as observed
 from .operating_range import Exceedance as Exceedance
 from .operating_range import OperatingRange as OperatingRange
 from .operating_range import Outside as Outside
+from .operating_range import range_of_test as range_of_test
+from .operating_range import range_of_tests as range_of_tests
 from .read import read_damper_test as read_damper_test
 from .read import read_damper_tests as read_damper_tests
 from .repairs import repair as repair
