@@ -26,7 +26,7 @@ from mrwork.closed_loop.responses import (
 from mrwork.closed_loop.user_law import UserLaw
 from mrwork.control.counterpart import is_curve
 from mrwork.control.laws import ControlLaw
-from mrwork.control.observer import Observer, observer_of
+from mrwork.control.lqr import Observer, observer_of
 from mrwork.control.plant import accelerations, deformations, plant_of, stacked
 from mrwork.dampers.parameters import law_named
 from mrwork.dampers.spec import DamperSpec

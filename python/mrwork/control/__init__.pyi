@@ -36,8 +36,10 @@ from .laws import ControlLaw as ControlLaw
 from .laws import ControlLawSpec as ControlLawSpec
 from .laws import control_law as control_law
 from .laws import control_laws as control_laws
+from .lqr import Observer as Observer
 from .lqr import PublishedRegulator as PublishedRegulator
 from .lqr import Regulator as Regulator
+from .lqr import observer_of as observer_of
 from .lqr import published_regulator as published_regulator
 from .lqr import regulator_as_published as regulator_as_published
 from .lqr import regulator_of_outputs as regulator_of_outputs
@@ -48,8 +50,6 @@ from .lyapunov import LyapunovFunction as LyapunovFunction
 from .lyapunov import LyapunovSettings as LyapunovSettings
 from .lyapunov import ProportionalSettings as ProportionalSettings
 from .lyapunov import lyapunov_function as lyapunov_function
-from .observer import Observer as Observer
-from .observer import observer_of as observer_of
 from .plant import Outputs as Outputs
 from .plant import Plant as Plant
 from .plant import accelerations as accelerations

@@ -7,5 +7,6 @@ from .results import read_tuning as read_tuning
 from .run import tune as tune
 from .space import PENALTY as PENALTY
 from .space import Candidate as Candidate
+from .space import LawCandidate as LawCandidate
 from .space import Objective as Objective
 from .space import SettingSpace as SettingSpace
