@@ -10,18 +10,15 @@ from mrwork.fitted_damper import read_with as _read_with
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from collections.abc import Callable
     from pathlib import Path
+    from typing import Any
 
-    from mrwork.tested_range import FittedDamper
 
-
-def _fitted_damper(run: Path) -> FittedDamper:
+def _fitted_damper(run: Path) -> Any:
     # By its name, as all that is public here: few studies name a run, and reading one loads the identification.
     from importlib import import_module
 
-    read: Callable[[Path], FittedDamper] = import_module("mrwork.stored").fitted_damper
-    return read(run)
+    return import_module("mrwork.stored").fitted_damper(run)
 
 
 _read_with(_fitted_damper)

@@ -1,4 +1,4 @@
-"""The damper of a run of `mrwork identify`, as a study takes it.
+"""The damper of a run of `mrwork identify`, as a study takes it: a `FittedDamper` of `tested_range`.
 
 The control of buildings does not import the identification, which reads run folders. The reader is named by `mrwork`
 itself when it is imported, so nothing is imported here.
@@ -10,17 +10,16 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
+    from typing import Any
 
-    from mrwork.tested_range import FittedDamper
-
-_readers: list[Callable[[Path], FittedDamper]] = []
+_readers: list[Callable[[Path], Any]] = []
 
 
-def read_with(reader: Callable[[Path], FittedDamper]) -> None:
+def read_with(reader: Callable[[Path], Any]) -> None:
     """Name the reader of run folders."""
     _readers[:] = [reader]
 
 
-def fitted_damper(run: Path) -> FittedDamper:
-    """Model, parameters, draws and tested ranges from the folder of a run of `mrwork identify`."""
+def fitted_damper(run: Path) -> Any:
+    """The `FittedDamper` in the folder of a run of `mrwork identify`."""
     return _readers[-1](run)
