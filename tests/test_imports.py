@@ -121,6 +121,19 @@ def test_only_a_design_of_weights_loads_cvxpy(tmp_path: Path) -> None:
     )
 
 
+def test_a_study_of_published_dampers_loads_nothing_of_the_identification(tmp_path: Path) -> None:
+    study = tmp_path / "study.toml"
+    study.write_text(study_text("drifts = 1.0\ncontrol_weight = 1e-13"))
+    in_fresh_process(
+        "import sys\n"
+        "from mrwork.study.reading import read_study\n"
+        "read_study(sys.argv[1])\n"
+        "rooms = {name.split('.')[1] for name in sys.modules if name.startswith('mrwork.')}\n"
+        "assert not {'records', 'identification', 'uncertainty', 'synthetic', 'stored'} & rooms, rooms",
+        study,
+    )
+
+
 def test_a_plain_model_is_identified_without_scipy() -> None:
     in_fresh_process(f"{TESTS}mr.identify('bingham', test)\nassert 'scipy' not in sys.modules")
 

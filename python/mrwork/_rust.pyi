@@ -1,12 +1,16 @@
-from collections.abc import Callable
-from typing import Any, final
+from collections.abc import Callable, Sequence
+from typing import Any, Protocol, final
 
 import numpy as np
 from numpy.typing import NDArray
 
 __all__ = [
     "Building",
+    "Controller",
+    "Dampers",
+    "ForceCurve",
     "LoadingHistory",
+    "Observer",
     "__version__",
     "control_laws",
     "current_laws",
@@ -28,6 +32,22 @@ __all__ = [
 
 __version__: str
 
+class _PassiveElement(Protocol):
+    @property
+    def row(self) -> NDArray[np.float64]: ...
+    @property
+    def stiffness(self) -> float: ...
+    @property
+    def damping(self) -> float: ...
+    @property
+    def head_loss(self) -> float: ...
+    @property
+    def yield_force(self) -> float: ...
+    @property
+    def yield_displacement(self) -> float: ...
+    @property
+    def sharpness(self) -> float: ...
+
 @final
 class Building:
     def __new__(
@@ -39,8 +59,7 @@ class Building:
         floors: NDArray[np.float64],
         storeys: NDArray[np.float64],
         devices: NDArray[np.float64],
-        elements: NDArray[np.float64],
-        element_parameters: NDArray[np.float64],
+        elements: Sequence[_PassiveElement],
     ) -> Building: ...
     @property
     def summary_layout(self) -> list[tuple[str, int]]: ...
@@ -141,27 +160,92 @@ def riccati_equations(
 def control_laws() -> list[dict[str, Any]]: ...
 def run_quantities() -> list[tuple[str, str, str, str]]: ...
 def history_signals() -> list[tuple[str, str, str, str]]: ...
+
+@final
+class Dampers:
+    def __new__(
+        cls,
+        model: str,
+        theta: NDArray[np.float64],
+        counts: Sequence[float],
+        differential: Sequence[bool],
+        ranges: Sequence[tuple[float, float]],
+        laws: Sequence[str] | None = None,
+        lagged: bool = False,
+    ) -> Dampers: ...
+
+@final
+class ForceCurve:
+    def __new__(cls, laws: Sequence[str], theta: NDArray[np.float64], lagged: bool = False) -> ForceCurve: ...
+
+@final
+class Controller:
+    def __new__(
+        cls,
+        law: str,
+        gains: NDArray[np.float64],
+        tables: Sequence[NDArray[np.float64]] = ...,
+        curve: ForceCurve | None = None,
+    ) -> Controller: ...
+
+@final
+class Observer:
+    def __new__(
+        cls,
+        accelerations: Sequence[int],
+        deformations: Sequence[int],
+        transition: NDArray[np.float64],
+        input: NDArray[np.float64],
+        gain: NDArray[np.float64],
+        output: NDArray[np.float64],
+        direct: NDArray[np.float64],
+    ) -> Observer: ...
+
+class _SampledFault(Protocol):
+    @property
+    def channel(self) -> str: ...
+    @property
+    def index(self) -> int: ...
+    @property
+    def start(self) -> int: ...
+    @property
+    def end(self) -> int: ...
+    @property
+    def value(self) -> float | None: ...
+
+class _Hardware(Protocol):
+    @property
+    def sample_time(self) -> float: ...
+    @property
+    def steps(self) -> int: ...
+    @property
+    def delay_steps(self) -> int: ...
+    @property
+    def command_rate(self) -> float: ...
+    @property
+    def acceleration_noise(self) -> float: ...
+    @property
+    def acceleration_resolution(self) -> float: ...
+    @property
+    def deformation_noise(self) -> float: ...
+    @property
+    def deformation_resolution(self) -> float: ...
+    @property
+    def force_noise(self) -> float: ...
+    @property
+    def force_resolution(self) -> float: ...
+    @property
+    def sampled_faults(self) -> Sequence[_SampledFault]: ...
+
 def respond(
     building: Building,
-    model: str,
-    laws: tuple[list[str] | None, bool],
-    theta: NDArray[np.float64],
-    places: list[tuple[float, bool]],
-    ranges: list[list[float]],
-    law: str,
-    gains: NDArray[np.float64],
-    tables: list[NDArray[np.float64]],
-    curve: tuple[tuple[list[str] | None, bool], NDArray[np.float64]] | None,
-    motions: list[tuple[float, NDArray[np.float64]]],
+    dampers: Dampers,
+    controller: Controller,
+    hardware: _Hardware,
+    motions: Sequence[tuple[float, NDArray[np.float64]]],
     runs: NDArray[np.uint32],
     streams: NDArray[np.uint64],
-    sample_time: float,
-    steps: int,
-    delay_steps: int,
-    command_rate: float,
-    sensors: list[list[float]],
-    faults: list[tuple[str, int, int, int, float | None]],
-    observer: tuple[list[int], list[int], *tuple[NDArray[np.float64], ...]] | None,
+    observer: Observer | None = None,
     histories: bool = False,
     step_factor: int = 1,
     threads: int = 0,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import IntEnum
 from typing import Annotated, ClassVar
 
@@ -13,10 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from mrwork import _rust
 from mrwork.arguments import AnyArrayLike, AnyNumbers, Count, Samples, Shape, Threads, checked
+from mrwork.command_signal import impossible_command, without_ringing
 from mrwork.dampers.spec import DamperSpec
-from mrwork.errors import RecordError, SettingError, SimulationError
-from mrwork.records import DamperTest
-from mrwork.records.command_signal import impossible_command, without_ringing
+from mrwork.errors import MrworkError, SettingError, SimulationError
 from mrwork.summary import Summarised
 from mrwork.units import CommandUnit
 from mrwork.values import holds_arrays, keep_arrays
@@ -88,7 +87,7 @@ class Loading(Summarised):
             if wrong := impossible_command(command, unit):
                 raise SettingError(f"`command` {wrong}")
             command = np.ascontiguousarray(without_ringing(command, unit))
-        with _refusals():
+        with core_refusals():
             return _rust.LoadingHistory(self.dt, displacement, velocity, command)
 
 
@@ -132,27 +131,6 @@ class Sensitivities:
 
 
 @checked
-def loading_of(test: DamperTest, spec: DamperSpec) -> Loading:
-    """Motion of a test, with its command in the unit of the model, constant or held from sample to sample.
-
-    Raises
-    ------
-    RecordError
-        If the model depends on the command and the test has no command in that unit.
-    """
-    motion = Loading(dt=test.dt, displacement=test.displacement, velocity=test.velocity)
-    if spec.current is None:
-        return motion
-    command = test.command_in(spec.current.unit)
-    if command is not None:
-        return replace(motion, command=command, command_unit=spec.current.unit)
-    raise RecordError(
-        f"{test.label}: the model takes its command in {spec.current.unit}, the test has "
-        f"{test.command_in_words or 'none'}; give a column for it, or a model in the other unit"
-    )
-
-
-@checked
 def stiffness_shares(
     spec: DamperSpec, theta: AnyArrayLike, history: _rust.LoadingHistory
 ) -> NDArray[np.float64]:
@@ -161,7 +139,7 @@ def stiffness_shares(
     A candidate above 1 ends as unresolved; so does one whose stiffness is not a number. Parameters as in
     `simulate_misfits`.
     """
-    with _refusals():
+    with core_refusals():
         return _rust.stiffness_shares(spec.name, _rows(spec, theta), history, *_laws(spec))
 
 
@@ -195,7 +173,7 @@ def simulate_misfits(
     threads
         Number of threads, 0 for all.
     """
-    with _refusals():
+    with core_refusals():
         squared_error, outcome, substeps, steps = _rust.misfits(
             spec.name,
             _rows(spec, theta),
@@ -220,7 +198,7 @@ def simulate_forces(
     threads: Threads = 0,
 ) -> ForceHistories:
     """Simulate a batch and return its force histories; parameters as in `simulate_misfits`."""
-    with _refusals():
+    with core_refusals():
         force, outcome, substeps = _rust.force_histories(
             spec.name, _rows(spec, theta), history, *_laws(spec), substep_factor, threads
         )
@@ -256,7 +234,7 @@ def simulate_sensitivities(
     >>> simulate_sensitivities(spec, [spec.nominal], history, columns=[0, 2]).jacobian.shape
     (1, 2, 6000)
     """
-    with _refusals():
+    with core_refusals():
         force, jacobian, outcome, substeps = _rust.sensitivities(
             spec.name,
             _rows(spec, theta),
@@ -312,10 +290,12 @@ def simulate_force(
 
 
 @contextmanager
-def _refusals() -> Iterator[None]:
+def core_refusals() -> Iterator[None]:
     """Context manager that turns refusals of the core into SettingErrors."""
     try:
         yield
+    except MrworkError:
+        raise
     except (ValueError, OverflowError) as error:
         raise SettingError(str(error)) from error
 

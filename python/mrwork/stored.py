@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from pathlib import Path
 
+import numpy as np
+
 from mrwork.arguments import checked
 from mrwork.errors import RecordError
 from mrwork.escaping import escaped
@@ -15,6 +17,7 @@ from mrwork.store.codec import read_document
 from mrwork.store.input_file import exists, is_file
 from mrwork.store.run_folder import FIT, LAWS, PLAN, PROFILES, RANKING, RESULTS
 from mrwork.summary import Summarised, Summary
+from mrwork.tested_range import FittedDamper
 from mrwork.uncertainty.bands.calibration_files import StoredBands, read_bands
 from mrwork.uncertainty.bands.conformal import Calibration
 from mrwork.uncertainty.choice.law_table import LawTable
@@ -22,6 +25,7 @@ from mrwork.uncertainty.choice.ranking import Ranking
 from mrwork.uncertainty.identifiability.profile import Profiles
 from mrwork.uncertainty.planning.plan import CheckedPlan
 from mrwork.uncertainty.posterior.draws import Draws, read_draws
+from mrwork.values import Floats
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -136,6 +140,23 @@ def judged_by_additions(
             read_profiles(place, fit) if profiles is None else profiles,
         )
     )
+
+
+def fitted_damper(run: Path) -> FittedDamper:
+    """The fit of a run folder as a study takes it.
+
+    Raises
+    ------
+    RecordError
+        Where a file of the folder is damaged; of the draws, when they are asked for.
+    """
+    fit = read_fit(run)
+
+    def draws() -> Floats | None:
+        found = read_draws(run, fit)
+        return None if found is None else np.asarray(found.chains.reshape(-1, found.chains.shape[-1]))
+
+    return FittedDamper(spec=fit.spec, theta=fit.theta, tested=fit.tested, draws=draws)
 
 
 def read_profiles(place: Path, fit: Fit) -> Profiles | None:

@@ -6,11 +6,26 @@ The sweep reads `_rust` itself: this file is about the compiled module, below th
 from __future__ import annotations
 
 from collections.abc import Iterator
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
-from boundary_calls import CALLS, DEVICES, NOMINAL, REFUSALS, Call, respond_arguments, riccati_arguments
+from boundary_calls import (
+    CALLS,
+    DEVICES,
+    NOMINAL,
+    REFUSALS,
+    Call,
+    controller_arguments,
+    curve_arguments,
+    dampers_arguments,
+    fault,
+    hardware,
+    observer_arguments,
+    respond_arguments,
+    riccati_arguments,
+)
 
 from mrwork import _rust
 
@@ -22,6 +37,9 @@ def arrays_in(value: Any, name: str) -> Iterator[tuple[str, np.ndarray]]:
     elif isinstance(value, (list, tuple)):
         for index, entry in enumerate(value):
             yield from arrays_in(entry, f"{name}[{index}]")
+    elif isinstance(value, SimpleNamespace):
+        for field, entry in vars(value).items():
+            yield from arrays_in(entry, f"{name}.{field}")
 
 
 def with_array(value: Any, name: str, wanted: str, array: Any) -> Any:
@@ -31,6 +49,9 @@ def with_array(value: Any, name: str, wanted: str, array: Any) -> Any:
     if isinstance(value, (list, tuple)):
         entries = [with_array(entry, f"{name}[{i}]", wanted, array) for i, entry in enumerate(value)]
         return type(value)(entries)
+    if isinstance(value, SimpleNamespace):
+        named = vars(value).items()
+        return SimpleNamespace(**{key: with_array(v, f"{name}.{key}", wanted, array) for key, v in named})
     return value
 
 
@@ -92,7 +113,7 @@ def test_an_axis_of_another_length_is_refused_in_one_sentence(call, argument, pl
 
 @every_array
 def test_a_transposed_array_is_refused(call, argument, place, array):
-    if array.ndim < 2 or array.shape[0] == array.shape[-1]:
+    if array.ndim < 2 or array.shape[0] == array.shape[-1] or len(call.free.get(place, ())) == array.ndim:
         return
     transposed = np.ascontiguousarray(array.T)
     assert isinstance(called(call, argument, place, transposed), ValueError), (place, array.shape)
@@ -178,12 +199,39 @@ def test_theta_of_another_shape_is_not_read_as_other_draws():
     with pytest.raises(
         ValueError, match=r"`theta` has shape \(1, 4, 7\), expected \(draws, devices = 2, columns = 7\)"
     ):
-        _rust.respond(**{**respond_arguments(), "theta": theta})
+        _rust.Dampers(**{**dampers_arguments(), "theta": theta})
 
 
 def test_a_column_major_theta_is_not_read_as_transposed():
     with pytest.raises(ValueError, match="`theta` must be C-contiguous"):
-        _rust.respond(**{**respond_arguments(), "theta": np.asfortranarray(respond_arguments()["theta"])})
+        _rust.Dampers(**{**dampers_arguments(), "theta": np.asfortranarray(dampers_arguments()["theta"])})
+
+
+def test_gains_of_another_width_than_the_loop_takes_are_refused():
+    controller = _rust.Controller(**{**controller_arguments(), "gains": np.ones((3, 7))})
+    with pytest.raises(ValueError, match=r"`gains` has shape \(3, 7\), expected \(candidates, gains = 12\)"):
+        _rust.respond(**{**respond_arguments(), "controller": controller})
+
+
+def test_an_observer_of_another_building_is_refused():
+    other = {
+        "transition": np.eye(4),
+        "input": np.ones((4, DEVICES)),
+        "gain": np.ones((4, 3)),
+        "output": np.ones((3, 4)),
+    }
+    observer = _rust.Observer(**{**observer_arguments(), **other})
+    with pytest.raises(ValueError, match="`transition`"):
+        _rust.respond(**{**respond_arguments(), "observer": observer})
+
+
+def test_settings_are_read_by_name_and_a_missing_one_is_named():
+    given = hardware()
+    del given.delay_steps
+    with pytest.raises(AttributeError, match="delay_steps"):
+        _rust.respond(**{**respond_arguments(), "hardware": given})
+    with pytest.raises(TypeError, match="sample_time"):
+        _rust.respond(**{**respond_arguments(), "hardware": hardware(sample_time="1 ms")})
 
 
 def test_streams_fewer_than_runs_do_not_drop_runs():
@@ -193,11 +241,30 @@ def test_streams_fewer_than_runs_do_not_drop_runs():
 
 def test_no_draws_are_refused():
     theta = np.empty((0, DEVICES, len(NOMINAL)))
+    dampers = _rust.Dampers(**{**dampers_arguments(), "theta": theta})
     with pytest.raises(ValueError, match="run 0 asks for draw 0, there are 0"):
-        _rust.respond(**{**respond_arguments(), "theta": theta})
-    nothing = {"theta": theta, "runs": np.empty((0, 3), np.uint32), "streams": np.empty(0, np.uint64)}
+        _rust.respond(**{**respond_arguments(), "dampers": dampers})
+    nothing = {"dampers": dampers, "runs": np.empty((0, 3), np.uint32), "streams": np.empty(0, np.uint64)}
     summary, *_ = _rust.respond(**{**respond_arguments(), **nothing})
     assert summary.shape[0] == 0
+
+
+def respond_with(**changes: Any) -> None:
+    """Respond with changed arguments of the call, the dampers, the controller or the hardware."""
+    groups = {
+        "dampers": (dampers_arguments(), _rust.Dampers),
+        "controller": (controller_arguments(), _rust.Controller),
+        "hardware": (vars(hardware()), SimpleNamespace),
+    }
+    arguments = respond_arguments()
+    for name, (own, made) in groups.items():
+        theirs = {key: value for key, value in changes.items() if key in own}
+        if theirs:
+            arguments[name] = made(**{**own, **theirs})
+    _rust.respond(**{**arguments, **{key: value for key, value in changes.items() if key in KNOWN}})
+
+
+KNOWN = {*respond_arguments(), "step_factor", "threads"}
 
 
 @pytest.mark.parametrize(
@@ -214,14 +281,17 @@ def test_no_draws_are_refused():
         {"step_factor": 0},
         {"step_factor": 1000},
         {"threads": -1},
-        {"places": []},
-        {"places": [(1.0, False)] * 3},
+        {"counts": []},
+        {"counts": [1.0] * 3},
+        {"differential": [False]},
         {"ranges": [[0.0, 1.0]]},
         {"ranges": [[1.0, 0.0], [0.0, 1.0]]},
         {"ranges": [[0.0], [1.0]]},
-        {"sensors": [[0.0, 0.0]]},
-        {"faults": [("force", 9, 0, 1, None)]},
-        {"faults": [("coil", 0, 0, 1, None)]},
+        {"force_noise": "much"},
+        {"force_noise": None},
+        {"sampled_faults": [fault(index=9)]},
+        {"sampled_faults": [fault(channel="coil")]},
+        {"sampled_faults": [fault(start=-1)]},
         {"tables": [np.ones(3)]},
         {"motions": []},
         {"motions": [(0.01, np.ones(1))]},
@@ -229,15 +299,19 @@ def test_no_draws_are_refused():
         {"law": "none"},
         {"law": "fuzzy"},
         {"curve": None},
-        {"curve": ((["linear"], False), NOMINAL)},
-        {"laws": (["linear"], False)},
-        {"laws": (["spline"] * len(NOMINAL), False)},
+        {"laws": ["linear"]},
+        {"laws": ["spline"] * len(NOMINAL)},
     ],
     ids=str,
 )
 def test_settings_that_make_no_sense_are_refused(wrong):
     with pytest.raises(REFUSALS):
-        _rust.respond(**{**respond_arguments(), **wrong})
+        respond_with(**wrong)
+
+
+def test_a_curve_with_fewer_laws_than_parameters_is_refused():
+    with pytest.raises(REFUSALS):
+        _rust.ForceCurve(**{**curve_arguments(), "laws": ["linear"]})
 
 
 @pytest.mark.parametrize(("threads", "seconds"), [(10**6, 0.01), (1, np.nan), (1, -1.0), (1, 1e9)])

@@ -18,6 +18,7 @@ from command_line import mrwork
 from numpy.typing import NDArray
 
 import mrwork as mr
+from mrwork.command_signal import Command
 from mrwork.dampers import LawName
 from mrwork.errors import MrworkWarning, SettingError
 from mrwork.identification import Fit, FitSettings, Objective, SearchTrace
@@ -28,9 +29,8 @@ from mrwork.identification.polish import Ended, polish_with_wanted_lag
 from mrwork.identification.problem import Problem, fingerprint_of
 from mrwork.identification.scaled_search import relative_force
 from mrwork.records import DamperTest, build_damper_test
-from mrwork.records.command_signal import Command
+from mrwork.records.damper_test import loading_of
 from mrwork.search import EfficientGA, StopRules
-from mrwork.simulate import loading_of
 from mrwork.uncertainty.bands.calibration_files import predictions_content, read_predictions
 from mrwork.uncertainty.bands.prediction import folds_of
 

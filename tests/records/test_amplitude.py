@@ -10,7 +10,7 @@ from command_line import mrwork
 from odd_files import MM, NEWTON, TIME, write_table
 from record_files import AMPLITUDE, codes, message
 
-from mrwork.records import OperatingRange, read_damper_test
+from mrwork.records import range_of_tests, read_damper_test
 from mrwork.uncertainty.planning.candidates import excitation_of
 
 
@@ -30,7 +30,7 @@ def test_check_shows_half_the_peak_to_peak(off_centre: Path) -> None:
 def test_plan_and_range_take_half_the_peak_to_peak(off_centre: Path) -> None:
     test = read_damper_test(off_centre)
     assert excitation_of(test).amplitude == pytest.approx(AMPLITUDE, rel=1e-4)
-    assert OperatingRange.of_tests([test]).stroke == pytest.approx(AMPLITUDE, rel=1e-4)
+    assert range_of_tests([test]).stroke == pytest.approx(AMPLITUDE, rel=1e-4)
 
 
 def test_the_name_of_a_file_is_compared_with_half_the_peak_to_peak(tmp_path: Path, off_centre: Path) -> None:

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from sinusoidal_tests import sinusoidal_test
 
 from mrwork.dampers import damper
-from mrwork.records import DamperTest, Exceedance, OperatingRange
-from mrwork.records.operating_range import covering, outside_of, worst_of
+from mrwork.records import DamperTest, Exceedance, OperatingRange, range_of_test, range_of_tests
+from mrwork.tested_range import covering, outside_of, worst_of
 
 BINGHAM = (400.0, 1e-3, 900.0, 0.0)
 
@@ -37,7 +37,7 @@ def ranges(**changes: object) -> OperatingRange:
 
 
 def test_ranges_of_a_sinusoid_are_those_of_its_equation() -> None:
-    found = OperatingRange.of_tests([a_test(0.01, 2.0, 0.5)])
+    found = range_of_tests([a_test(0.01, 2.0, 0.5)])
     assert found.stroke == pytest.approx(0.01, rel=1e-6)
     assert found.velocity == pytest.approx(2.0 * np.pi * 2.0 * 0.01, rel=1e-3)
     assert found.frequency is not None
@@ -51,11 +51,11 @@ def test_ranges_of_a_sinusoid_are_those_of_its_equation() -> None:
 def test_an_offset_of_the_displacement_is_no_stroke() -> None:
     test = a_test(0.01, 2.0)
     moved = replace(test, displacement=test.displacement + 0.2)
-    assert OperatingRange.of_tests([moved]).stroke == pytest.approx(0.01, rel=1e-6)
+    assert range_of_tests([moved]).stroke == pytest.approx(0.01, rel=1e-6)
 
 
 def test_tests_together_cover_each() -> None:
-    found = OperatingRange.of_tests([a_test(0.02, 0.5, 0.25), a_test(0.002, 5.0, 1.0), a_test(0.01, 1.0)])
+    found = range_of_tests([a_test(0.02, 0.5, 0.25), a_test(0.002, 5.0, 1.0), a_test(0.01, 1.0)])
     assert found.stroke == pytest.approx(0.02, rel=1e-6)
     assert found.frequency == pytest.approx((0.5, 5.0), rel=0.05)
     assert found.command == (0.25, 1.0)
@@ -63,9 +63,9 @@ def test_tests_together_cover_each() -> None:
 
 def test_the_unit_is_that_of_the_laws_or_of_most_tests() -> None:
     volts = [replace(a_test(0.01, 1.0), voltage=2.0), replace(a_test(0.01, 1.0, 0.5), voltage=3.0)]
-    assert OperatingRange.of_tests(volts).command == (2.0, 3.0)
-    assert OperatingRange.of_tests(volts, "A").command == (0.5, 0.5)
-    assert OperatingRange.of_tests([a_test(0.01, 1.0)]).command is None
+    assert range_of_tests(volts).command == (2.0, 3.0)
+    assert range_of_tests(volts, "A").command == (0.5, 0.5)
+    assert range_of_tests([a_test(0.01, 1.0)]).command is None
 
 
 @pytest.mark.parametrize(
@@ -117,9 +117,9 @@ def an_earthquake(large: float, small: float, n_small: int) -> DamperTest:
 def test_travel_in_half_cycles_below_the_smallest_tested_is_named_above_a_fifth(
     n_small: int, warned: bool
 ) -> None:
-    tested = OperatingRange.of_tests([a_test(0.013, 1.0), a_test(0.038, 0.5)])
+    tested = range_of_tests([a_test(0.013, 1.0), a_test(0.038, 0.5)])
     assert tested.least_stroke == pytest.approx(0.013, rel=1e-3)
-    demand = OperatingRange.of_test(an_earthquake(0.030, 0.002, n_small), None)
+    demand = range_of_test(an_earthquake(0.030, 0.002, n_small), None)
     below = [each for each in tested.exceeded_by(demand) if each.below and each.quantity == "stroke"]
     assert [each.in_words for each in below] == (
         ["stroke 2 mm or less in half cycles that make 20 % of the travel or more, tested from 13 mm"]
@@ -132,14 +132,14 @@ def test_the_share_of_the_travel_counts_without_the_ends_and_without_noise() -> 
     for cycles in (1, 2, 3, 10):
         test = sinusoidal_test("bingham", BINGHAM, (0.01, 2.0), noise=0.0, cycles=cycles)
         noise = 1e-5 * np.random.default_rng(cycles).standard_normal(test.n_time)
-        found = OperatingRange.of_test(replace(test, displacement=test.displacement + noise), None)
+        found = range_of_test(replace(test, displacement=test.displacement + noise), None)
         assert found.least_stroke == pytest.approx(0.01, rel=0.01)
 
 
 def test_a_range_says_its_least_stroke_where_that_is_another() -> None:
     one, two = a_test(0.013, 1.0), a_test(0.038, 1.0)
-    assert dict(OperatingRange.of_tests([one, two]).rows())["stroke"] == "13 to 38 mm"
-    assert dict(OperatingRange.of_tests([one]).rows())["stroke"] == "to 13 mm"
+    assert dict(range_of_tests([one, two]).rows())["stroke"] == "13 to 38 mm"
+    assert dict(range_of_tests([one]).rows())["stroke"] == "to 13 mm"
 
 
 def test_a_single_tested_command_is_named_as_such() -> None:

@@ -14,9 +14,16 @@ from numpy.typing import NDArray
 from record_files import clean_columns
 
 import mrwork as mr
+from mrwork.command_signal import levels_of_command
 from mrwork.errors import RecordError, SettingError, UnitError
-from mrwork.records import DamperTest, OperatingRange, build_damper_test, guess_tests, read_damper_test
-from mrwork.records.command_signal import levels_of_command
+from mrwork.records import (
+    DamperTest,
+    build_damper_test,
+    guess_tests,
+    range_of_test,
+    range_of_tests,
+    read_damper_test,
+)
 from mrwork.units import COMMAND_SCALES, CommandUnit
 
 DT = 2e-3
@@ -180,9 +187,9 @@ def test_parts_resampled_times_and_samples_keep_the_command() -> None:
 
 
 def test_a_colder_test_than_any_is_outside_of_the_tested_range() -> None:
-    tested = OperatingRange.of_tests([built("degC", -10.0), built("degC", 30.0, rng=1)])
+    tested = range_of_tests([built("degC", -10.0), built("degC", 30.0, rng=1)])
     assert tested.command == (-10.0, 30.0)
-    inside, colder = (OperatingRange.of_test(built("degC", at), "degC") for at in (-10.2, -14.0))
+    inside, colder = (range_of_test(built("degC", at), "degC") for at in (-10.2, -14.0))
     assert tested.exceeded_by(inside) == ()
     (found,) = tested.exceeded_by(colder)
     assert "command -14 degC" in found.in_words

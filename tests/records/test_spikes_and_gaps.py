@@ -11,7 +11,7 @@ from sinusoidal_tests import sinusoidal_test
 
 import mrwork as mr
 from mrwork.dampers import damper
-from mrwork.records import DamperTest, Observation, OperatingRange, build_damper_test, cut, repair
+from mrwork.records import DamperTest, Observation, build_damper_test, cut, range_of_test, repair
 from mrwork.records.detectors.spikes import spikes_of
 from mrwork.synthetic import SYNTHETIC_TESTS, synthetic_test
 
@@ -72,7 +72,7 @@ def test_spikes_change_neither_fit_nor_tested_ranges(
     compared = np.arange(test.n_time)[test.counted]
     assert not set(places) & set(compared.tolist())
     assert test.n_counted == clean.n_counted - len(places)
-    ranges = [OperatingRange.of_test(each, None) for each in (clean, test)]
+    ranges = [range_of_test(each, None) for each in (clean, test)]
     assert ranges[1].force == pytest.approx(ranges[0].force, rel=0.02)
     assert ranges[1].velocity == pytest.approx(ranges[0].velocity, rel=0.02)
     assert ranges[1].stroke == pytest.approx(ranges[0].stroke, rel=0.02)

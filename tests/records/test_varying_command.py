@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from record_files import AMPLITUDE, FREQUENCY, clean_columns, codes
 
 import mrwork as mr
+from mrwork.command_signal import is_stepped, levels_of_command, same_command
 from mrwork.errors import RecordError, SettingError
 from mrwork.records import DamperTest, build_damper_test, cut, mislabelled, read_damper_test, repair
-from mrwork.records.command_signal import is_stepped, levels_of_command, same_command
 from mrwork.records.window import excerpt, varied_excerpt
 
 DT = 1e-3

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
 from mrwork import _rust
 
-REFUSALS = (ValueError, TypeError, LookupError, OverflowError, MemoryError)
+REFUSALS = (ValueError, TypeError, AttributeError, LookupError, OverflowError, MemoryError)
 N_TIME = 8
 N, DEVICES, STATES = 3, 2, 6
 MODEL = "static_hysteretic"
@@ -38,44 +39,103 @@ def building_arguments() -> dict[str, Any]:
         "floors": np.eye(N)[: N - 1],
         "storeys": np.eye(N) - np.eye(N, k=-1),
         "devices": np.eye(N)[:DEVICES],
-        "elements": np.eye(N)[1:],
-        "element_parameters": np.array([[5.0, 1.0, 0.0, 2.0, 100.0, 4.0], [0.0, 0.0, 3.0, 0.0, 1.0, 1.0]]),
+        "elements": [
+            SimpleNamespace(
+                row=np.eye(N)[1],
+                stiffness=5.0,
+                damping=1.0,
+                head_loss=0.0,
+                yield_force=2.0,
+                yield_displacement=0.01,
+                sharpness=4.0,
+            ),
+            SimpleNamespace(
+                row=np.eye(N)[2],
+                stiffness=0.0,
+                damping=0.0,
+                head_loss=3.0,
+                yield_force=0.0,
+                yield_displacement=1.0,
+                sharpness=1.0,
+            ),
+        ],
     }
 
 
-def respond_arguments() -> dict[str, Any]:
-    # A regulator whose command inverts the curve, an observer, two draws, three candidates, two motions.
-    rng = np.random.default_rng(1)
-    observer = (
-        [0, 1],
-        [1],
-        0.9 * np.eye(STATES),
-        1e-3 * np.ones((STATES, DEVICES)),
-        1e-3 * np.ones((STATES, 3)),
-        np.ones((3, STATES)),
-        np.ones((3, DEVICES)),
-    )
+def dampers_arguments() -> dict[str, Any]:
     return {
-        "building": _rust.Building(**building_arguments()),
         "model": MODEL,
-        "laws": (None, False),
         "theta": np.tile(NOMINAL, (2, DEVICES, 1)),
-        "places": [(1.0, False), (2.0, True)],
+        "counts": [1.0, 2.0],
+        "differential": [False, True],
         "ranges": [[0.0, 2.0], [0.0, 1.0]],
+        "laws": None,
+        "lagged": False,
+    }
+
+
+def curve_arguments() -> dict[str, Any]:
+    return {
+        "laws": ["linear"] + ["constant"] * (len(NOMINAL) - 1),
+        "theta": np.insert(NOMINAL, 1, 10.0),
+        "lagged": False,
+    }
+
+
+def controller_arguments() -> dict[str, Any]:
+    # A regulator whose command inverts the curve.
+    return {
         "law": "inverse_direct",
-        "gains": rng.normal(size=(3, DEVICES * STATES)),
+        "gains": np.random.default_rng(1).normal(size=(3, DEVICES * STATES)),
         "tables": [],
-        "curve": ((["linear"] + ["constant"] * (len(NOMINAL) - 1), False), np.insert(NOMINAL, 1, 10.0)),
-        "motions": [(0.01, np.ones(4)), (0.01, np.ones(3))],
-        "runs": np.array([[0, 0, 0], [1, 1, 1], [2, 0, 1], [2, 1, 0]], dtype=np.uint32),
-        "streams": np.arange(4, dtype=np.uint64),
+        "curve": _rust.ForceCurve(**curve_arguments()),
+    }
+
+
+def observer_arguments() -> dict[str, Any]:
+    return {
+        "accelerations": [0, 1],
+        "deformations": [1],
+        "transition": 0.9 * np.eye(STATES),
+        "input": 1e-3 * np.ones((STATES, DEVICES)),
+        "gain": 1e-3 * np.ones((STATES, 3)),
+        "output": np.ones((3, STATES)),
+        "direct": np.ones((3, DEVICES)),
+    }
+
+
+def hardware(**changes: Any) -> SimpleNamespace:
+    settings = {
         "sample_time": 1e-3,
         "steps": 1,
         "delay_steps": 0,
         "command_rate": np.inf,
-        "sensors": [[0.1, 0.0], [0.0, 1e-3], [0.0, 0.0]],
-        "faults": [("force", 0, 1, 3, None)],
-        "observer": observer,
+        "acceleration_noise": 0.1,
+        "acceleration_resolution": 0.0,
+        "deformation_noise": 0.0,
+        "deformation_resolution": 1e-3,
+        "force_noise": 0.0,
+        "force_resolution": 0.0,
+        "sampled_faults": [fault()],
+    }
+    return SimpleNamespace(**{**settings, **changes})
+
+
+def fault(**changes: Any) -> SimpleNamespace:
+    return SimpleNamespace(**{"channel": "force", "index": 0, "start": 1, "end": 3, "value": None, **changes})
+
+
+def respond_arguments() -> dict[str, Any]:
+    # An observer, two draws, three candidates, two motions.
+    return {
+        "building": _rust.Building(**building_arguments()),
+        "dampers": _rust.Dampers(**dampers_arguments()),
+        "controller": _rust.Controller(**controller_arguments()),
+        "hardware": hardware(),
+        "motions": [(0.01, np.ones(4)), (0.01, np.ones(3))],
+        "runs": np.array([[0, 0, 0], [1, 1, 1], [2, 0, 1], [2, 1, 0]], dtype=np.uint32),
+        "streams": np.arange(4, dtype=np.uint64),
+        "observer": _rust.Observer(**observer_arguments()),
         "histories": True,
     }
 
@@ -134,10 +194,17 @@ def calls() -> dict[str, Call]:
         ),
         "riccati_equations": Call(function=_rust.riccati_equations, arguments=riccati_arguments(), free={}),
         # Runs name rows of theta and gains and a motion, so more of these is no error.
+        "Dampers": Call(function=_rust.Dampers, arguments=dampers_arguments(), free={"theta": (0,)}),
+        "ForceCurve": Call(function=_rust.ForceCurve, arguments=curve_arguments(), free={}),
+        # The loop has the numbers of devices and states, which the gains must fit.
+        "Controller": Call(
+            function=_rust.Controller, arguments=controller_arguments(), free={"gains": (0, 1)}
+        ),
+        "Observer": Call(function=_rust.Observer, arguments=observer_arguments(), free={}),
         "respond": Call(
             function=_rust.respond,
             arguments=respond_arguments(),
-            free={"theta": (0,), "gains": (0,), "motions[0][1]": every, "motions[1][1]": every},
+            free={"motions[0][1]": every, "motions[1][1]": every},
         ),
     }
 

@@ -11,6 +11,7 @@ import signal
 import sys
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -83,11 +84,17 @@ def leaves(value: Any, place: Place = ()) -> Iterator[tuple[Place, Any]]:
     if isinstance(value, (list, tuple)):
         for index, entry in enumerate(value):
             yield from leaves(entry, (*place, index))
+    if isinstance(value, SimpleNamespace):
+        for name, entry in vars(value).items():
+            yield from leaves(entry, (*place, name))
 
 
 def with_part(value: Any, place: Place, part: Any) -> Any:
     if not place:
         return part
+    if isinstance(value, SimpleNamespace):
+        own = vars(value)
+        return SimpleNamespace(**{**own, place[0]: with_part(own[place[0]], place[1:], part)})
     entries = list(value)
     entries[place[0]] = with_part(entries[place[0]], place[1:], part)
     return type(value)(entries)

@@ -7,9 +7,8 @@ from numpy.typing import NDArray
 
 from mrwork.identification import Estimate, Fit, FitQuality, SearchTrace
 from mrwork.identification.fit import ErrorNorms, FitStatus, Provenance
-from mrwork.records import DamperTest, Finding
+from mrwork.records import DamperTest, Finding, range_of_tests
 from mrwork.records.likeness import RecordedMotion
-from mrwork.records.operating_range import OperatingRange
 from mrwork.report.comparison import Comparison
 
 
@@ -81,7 +80,7 @@ def fit(
     tests = [entry.test for entry in comparisons]
     return Fit(
         model="normalised_bouc_wen",
-        tested=OperatingRange.of_tests(tests, None),
+        tested=range_of_tests(tests, None),
         motions=tuple(RecordedMotion.of(test) for test in tests),
         estimates=(
             Estimate(name="c", unit="N s/m", value=1843.7263, standard_error=6.2, lower=0, upper=1e5),

@@ -23,8 +23,7 @@ from search_problems import (
 
 from mrwork.errors import SettingError
 from mrwork.search import Ceiling, EfficientGA, StandardGA, StopRules, run_replicates, run_search
-from mrwork.search.efficient_genetic import _crossover, _fitness
-from mrwork.search.standard_genetic import _roulette
+from mrwork.search.genetic import _crossover, _fitness, _roulette
 
 
 def only_capped(most):

@@ -11,9 +11,10 @@ from mrwork.dampers import damper
 from mrwork.errors import RecordError, SettingError
 from mrwork.keys import Place, read_table
 from mrwork.records import OperatingRange
-from mrwork.study.dampers import ChosenDamper, IdentifiedDamper, chosen_damper
+from mrwork.study.dampers import ChosenDamper, chosen_damper
 from mrwork.study.reading import parse
 from mrwork.study.schema import DamperTable
+from mrwork.tested_range import FittedDamper
 
 TESTED = OperatingRange(
     stroke=0.01,
@@ -26,16 +27,14 @@ TESTED = OperatingRange(
 )
 
 
-def identified(run: Path) -> IdentifiedDamper:
+def identified(run: Path) -> FittedDamper:
     if run.name == "valve":
         spec = damper("dahl").with_current_laws({"k_w": "values:0,50"}, unit="%")
-        return IdentifiedDamper(spec=spec, theta=tuple(spec.nominal.tolist()), tested=None)
+        return FittedDamper(spec=spec, theta=tuple(spec.nominal.tolist()), tested=None)
     if run.name not in ("run", "old"):
         raise RecordError(f"{run} does not exist; give the run folder")
     preset = damper("bouc_wen").preset("jansen2000")
-    return IdentifiedDamper(
-        spec=preset.spec, theta=preset.theta, tested=TESTED if run.name == "run" else None
-    )
+    return FittedDamper(spec=preset.spec, theta=preset.theta, tested=TESTED if run.name == "run" else None)
 
 
 def chosen(text: str) -> ChosenDamper:

@@ -16,9 +16,9 @@ from mrwork.records import OperatingRange
 from mrwork.report.study.page import study_page
 from mrwork.store.codec import plain
 from mrwork.study import StudyResults, read_study, run_study
-from mrwork.study.dampers import IdentifiedDamper
 from mrwork.study.folder import study_document
 from mrwork.study.run_result import demands_of
+from mrwork.tested_range import FittedDamper
 
 PRESET = mr.damper("static_hysteretic").preset("kwok2006")
 STUDY = """\
@@ -63,8 +63,8 @@ def ranges(**changes: object) -> OperatingRange:
 def studied(folder: Path, tested: OperatingRange | None, text: str = STUDY) -> StudyResults:
     (folder / "study.toml").write_text(text)
 
-    def identified(run: Path) -> IdentifiedDamper:
-        return IdentifiedDamper(spec=PRESET.spec, theta=PRESET.theta, tested=tested)
+    def identified(run: Path) -> FittedDamper:
+        return FittedDamper(spec=PRESET.spec, theta=PRESET.theta, tested=tested)
 
     return run_study(read_study(folder / "study.toml", identified))
 

@@ -14,9 +14,9 @@ from mrwork.buildings import with_tuned_mass
 from mrwork.closed_loop import criterion
 from mrwork.errors import SettingError
 from mrwork.study.batches import RealisationBand, simulate_criteria, vary_building
-from mrwork.study.dampers import IdentifiedDamper
 from mrwork.study.folder import study_document
 from mrwork.study.study import Arrangement, Row, make_arrangement, nominal
+from mrwork.tested_range import FittedDamper
 
 CONTROLLER = """
 [[controller]]
@@ -92,13 +92,10 @@ def test_draws_of_dampers_are_one_batch_with_the_bits_of_single_ones(tmp_path: P
         assert np.array_equal(batch.numbers[..., place], alone.numbers[..., 0])
 
 
-def test_posterior_draws_of_a_run_are_spread_over_the_realisations(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_posterior_draws_of_a_run_are_spread_over_the_realisations(tmp_path: Path) -> None:
     preset = mr.damper("static_hysteretic").preset("kwok2006")
-    fit = IdentifiedDamper(spec=preset.spec, theta=tuple(preset.theta))
     chain = np.asarray(preset.theta) * np.linspace(0.9, 1.1, 1001)[:, None]
-    monkeypatch.setattr("mrwork.study.reading.posterior_draws", lambda table, folder: chain)
+    fit = FittedDamper(spec=preset.spec, theta=tuple(preset.theta), draws=lambda: chain)
     path = tuning_samples.study_file(tmp_path, tune="", more="[uncertainty]\nrealisations = 5\n")
     text = path.read_text().replace('preset = "kwok2006"', 'run = "run"\nlargest_command = 1.88')
     path.write_text(text.replace("lag = 190\n", ""))

@@ -16,9 +16,10 @@ import mrwork as mr
 from mrwork.closed_loop import SCORE
 from mrwork.errors import Interrupted, JournalError, SettingError
 from mrwork.records import OperatingRange
+from mrwork.store import digest_of
 from mrwork.store.codec import plain
 from mrwork.store.journal_file import line_of
-from mrwork.tuning import BEST_CONSTANT, Candidate, TuningResults, tune
+from mrwork.tuning import BEST_CONSTANT, LawCandidate, TuningResults, tune
 from mrwork.tuning.problem import Clock, benches_of
 from mrwork.tuning.results import chosen_study, tuning_document
 
@@ -48,6 +49,12 @@ def test_tuned_settings_are_no_worse_than_equal_weights_on_the_training_motions(
     assert law.train.objective <= equal.train.objective
     assert law.train.score == law.train.objective
     assert law.trace[-1].least == pytest.approx(law.train.objective)
+
+
+def test_journals_keep_their_digest_of_a_candidate() -> None:
+    # Of the first version that wrote journals, under the former name of the class.
+    candidate = LawCandidate(settings={"command": 1.0}, largest_command=2.0)
+    assert digest_of(candidate) == "d64e66d7248d4e0953856dcabaf4e1c4"
 
 
 def test_test_motions_are_not_those_of_the_training(results: TuningResults) -> None:
@@ -230,7 +237,7 @@ def test_candidates_of_several_largest_commands_are_one_batch_with_the_results_o
 ) -> None:
     bench = benches_of(study, journal=None, threads=1, clock=Clock()).training
     settings = {"drifts": 1.0, "control_weight": 1e-13} if law == "clipped_optimal" else {}
-    candidates = [Candidate(settings=settings, largest_command=largest) for largest in (0.3, 1.0, 1.88)]
+    candidates = [LawCandidate(settings=settings, largest_command=largest) for largest in (0.3, 1.0, 1.88)]
     together = bench.run(law, candidates).numbers
     alone = np.concatenate([bench.run(law, [each]).numbers for each in candidates], axis=1)
     assert together == pytest.approx(alone, rel=1e-9)

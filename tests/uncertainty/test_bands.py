@@ -9,7 +9,7 @@ from mrwork import identify
 from mrwork.dampers import damper
 from mrwork.errors import SettingError
 from mrwork.identification import Fit
-from mrwork.records import DamperTest, Likeness, OperatingRange, Outside
+from mrwork.records import DamperTest, Likeness, Outside, range_of_tests
 from mrwork.synthetic import synthetic_test
 from mrwork.uncertainty import (
     NOISES,
@@ -85,7 +85,7 @@ def test_score_of_a_band_counts_its_width_and_what_lies_outside() -> None:
 
 def test_the_basis_of_a_band_outside_the_tested_range_says_so() -> None:
     *known, unknown = group(np.random.default_rng(5), 4)
-    tested = OperatingRange.of_tests([unknown.test])
+    tested = range_of_tests([unknown.test])
     outside = Outside(exceedances=replace(tested, velocity=0.5 * tested.velocity).exceeded_by(tested))
     calibration = calibrate(known, held_out="")
     basis = calibration.band(replace(unknown, outside=outside), 0.9).basis

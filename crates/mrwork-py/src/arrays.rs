@@ -26,17 +26,12 @@ pub fn shaped<'a, T: Element, D: Dimension>(
     array: &'a PyReadonlyArray<'_, T, D>,
     axes: &[Axis],
 ) -> PyResult<&'a [T]> {
-    check_shape(name, array, axes)?;
+    with_shape(name, array.shape(), axes)?;
     contiguous(name, array)
 }
 
 /// Refuses an array of another shape.
-fn check_shape<T: Element, D: Dimension>(
-    name: &str,
-    array: &PyReadonlyArray<'_, T, D>,
-    axes: &[Axis],
-) -> PyResult<()> {
-    let shape = array.shape();
+pub fn with_shape(name: &str, shape: &[usize], axes: &[Axis]) -> PyResult<()> {
     let fits = |(&found, axis): (&usize, &Axis)| axis.1.is_none_or(|expected| found == expected);
     if shape.len() == axes.len() && shape.iter().zip(axes).all(fits) {
         return Ok(());

@@ -1,11 +1,13 @@
-//! Buildings in closed loop, and the control laws, in Python.
+//! Buildings in closed loop, in Python.
 
+use mrwork_dynamics::any_damper::Damper;
 use mrwork_dynamics::building::{Building as Dynamics, Element, Matrices};
 use mrwork_dynamics::closed_loop::{
-    self, Batch, Channel, Fault, HISTORY_SIGNALS, Hardware, Observer, OutsideLaw, Quantity, RUN_QUANTITIES,
-    Run, Sensor, n_samples,
+    self, Batch, Channel, Fault, HISTORY_SIGNALS, Hardware, Observer as DiscreteObserver, OutsideLaw,
+    Quantity, RUN_QUANTITIES, Run, Sensor, n_samples,
 };
-use mrwork_dynamics::control::{CurveModel, Law, LawSpec, Mounting, Shape};
+use mrwork_dynamics::control::Mounting;
+use mrwork_dynamics::current_law::CurrentLaws;
 use mrwork_dynamics::damper::find_device;
 use mrwork_dynamics::ground_motion::GroundMotion;
 use mrwork_dynamics::settings::Settings;
@@ -16,12 +18,31 @@ use numpy::{
 };
 use pyo3::exceptions::{PyLookupError, PyValueError};
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
 
-use crate::arrays::{Axis, array_of, contiguous, shaped, zeros};
+use crate::arrays::{Axis, array_of, contiguous, shaped, with_shape, zeros};
 use crate::asked_law::AskedLaw;
+use crate::control::Controller;
 use crate::damper::parsed_laws;
 use crate::enter::{chosen_instruction_set, interruptible, value_error};
+
+/// A passive element of a building, by the names of its numbers in Python.
+#[derive(FromPyObject)]
+struct PassiveElement<'py> {
+    row: PyReadonlyArray1<'py, f64>,
+    stiffness: f64,
+    damping: f64,
+    head_loss: f64,
+    yield_force: f64,
+    yield_displacement: f64,
+    sharpness: f64,
+}
+
+impl PassiveElement<'_> {
+    fn numbers(&self) -> Element {
+        let Self { stiffness, damping, head_loss, yield_force, yield_displacement, sharpness, .. } = *self;
+        Element { stiffness, damping, head_loss, yield_force, slope: 1.0 / yield_displacement, sharpness }
+    }
+}
 
 /// Matrices of a building, with a row for each of its devices.
 #[pyclass(frozen, module = "mrwork._rust")]
@@ -41,24 +62,13 @@ impl Building {
         floors: PyReadonlyArray2<'_, f64>,
         storeys: PyReadonlyArray2<'_, f64>,
         devices: PyReadonlyArray2<'_, f64>,
-        elements: PyReadonlyArray2<'_, f64>,
-        element_parameters: PyReadonlyArray2<'_, f64>,
+        elements: Vec<PassiveElement<'_>>,
     ) -> PyResult<Self> {
         let columns = ("coordinates", Some(influence.len()));
         let square = [columns; 2];
-        let numbers = [("elements", None), ("numbers of an element", Some(6))];
-        let (numbers, _) = shaped("element_parameters", &element_parameters, &numbers)?.as_chunks::<6>();
-        let element_parameters: Vec<Element> = numbers
-            .iter()
-            .map(|&[stiffness, damping, head_loss, yield_force, slope, sharpness]| Element {
-                stiffness,
-                damping,
-                head_loss,
-                yield_force,
-                slope,
-                sharpness,
-            })
-            .collect();
+        let rows: PyResult<Vec<_>> =
+            elements.iter().map(|element| shaped("row of an element", &element.row, &[columns])).collect();
+        let element_parameters: Vec<Element> = elements.iter().map(PassiveElement::numbers).collect();
         let matrices = Matrices {
             mass: shaped("mass", &mass, &square)?,
             damping: shaped("damping", &damping, &square)?,
@@ -67,11 +77,7 @@ impl Building {
             floors: shaped("floors", &floors, &[("floors", None), columns])?,
             storeys: shaped("storeys", &storeys, &[("storeys", None), columns])?,
             devices: shaped("devices", &devices, &[("devices", None), columns])?,
-            elements: shaped(
-                "elements",
-                &elements,
-                &[("elements", Some(element_parameters.len())), columns],
-            )?,
+            elements: &rows?.concat(),
             element_parameters: &element_parameters,
         };
         Ok(Self { dynamics: Dynamics::new(&matrices).map_err(value_error)? })
@@ -115,40 +121,147 @@ pub fn history_signals() -> Layout {
     layout_of(HISTORY_SIGNALS)
 }
 
-/// Every control law, as plain dictionaries in registry order.
-#[pyfunction]
-pub fn control_laws(py: Python<'_>) -> PyResult<Vec<Bound<'_, PyDict>>> {
-    Law::ALL.iter().map(|law| law_dict(py, law.spec())).collect()
+/// The dampers of a loop: a model with current laws, parameters, shape (draws, devices, columns), and each device's
+/// number of dampers, arrangement and range of the command.
+#[pyclass(frozen, module = "mrwork._rust")]
+pub struct Dampers {
+    model: &'static dyn Damper,
+    laws: CurrentLaws,
+    theta: Vec<f64>,
+    mountings: Vec<Mounting>,
+    ranges: Vec<[f64; 2]>,
 }
 
-fn law_dict<'py>(py: Python<'py>, spec: &LawSpec) -> PyResult<Bound<'py, PyDict>> {
-    let entry = PyDict::new(py);
-    entry.set_item("name", spec.name)?;
-    entry.set_item("title", spec.title)?;
-    entry.set_item("equation", spec.equation)?;
-    entry.set_item("description", spec.description)?;
-    entry.set_item("source", spec.source)?;
-    entry.set_item("tables", spec.tables.to_vec())?;
-    entry.set_item("needs_curve", spec.needs_curve)?;
-    entry.set_item("commands_force", spec.commands_force)?;
-    let gains = spec.gains.iter().map(|gain| {
-        let entry = PyDict::new(py);
-        entry.set_item("name", gain.name)?;
-        entry.set_item("unit", gain.unit)?;
-        entry.set_item("shape", gain.shape.name())?;
-        entry.set_item("numbers", if let Shape::Numbers(count) = gain.shape { count } else { 1 })?;
-        entry.set_item("description", gain.description)?;
-        Ok(entry)
-    });
-    entry.set_item("gains", gains.collect::<PyResult<Vec<_>>>()?)?;
-    Ok(entry)
+#[pymethods]
+impl Dampers {
+    #[new]
+    #[pyo3(signature = (model, theta, counts, differential, ranges, laws=None, lagged=false))]
+    #[allow(clippy::too_many_arguments)] // plain values, by keyword from Python
+    fn new(
+        model: &str,
+        theta: PyReadonlyArray3<'_, f64>,
+        counts: Vec<f64>,
+        differential: Vec<bool>,
+        ranges: Vec<[f64; 2]>,
+        laws: Option<Vec<String>>,
+        lagged: bool,
+    ) -> PyResult<Self> {
+        let n_devices = counts.len();
+        for (name, found) in [("differential", differential.len()), ("ranges", ranges.len())] {
+            with_shape(name, &[found], &[("devices", Some(n_devices))])?;
+        }
+        let model = find_device(model)
+            .ok_or_else(|| PyLookupError::new_err(format!("no damper model is called `{model}`")))?;
+        let laws = parsed_laws(model.spec(), laws, lagged)?;
+        let axes = [("draws", None), ("devices", Some(n_devices)), ("columns", Some(laws.n_columns()))];
+        let theta = shaped("theta", &theta, &axes)?.to_vec();
+        let mountings = counts
+            .into_iter()
+            .zip(differential)
+            .map(|(count, differential)| Mounting { count, differential })
+            .collect();
+        Ok(Self { model, laws, theta, mountings, ranges })
+    }
 }
 
-type Laws = (Option<Vec<String>>, bool);
-type FaultArguments = (String, usize, usize, usize, Option<f64>);
-type Matrix<'py> = PyReadonlyArray2<'py, f64>;
-type ObserverArguments<'py> =
-    (Vec<usize>, Vec<usize>, Matrix<'py>, Matrix<'py>, Matrix<'py>, Matrix<'py>, Matrix<'py>);
+/// An observer, with the numbers of the floors and devices whose acceleration and elongation are measured.
+#[pyclass(frozen, module = "mrwork._rust")]
+pub struct Observer {
+    dynamics: DiscreteObserver,
+}
+
+#[pymethods]
+impl Observer {
+    #[new]
+    #[allow(clippy::too_many_arguments)] // the matrices of one equation
+    fn new(
+        accelerations: Vec<usize>,
+        deformations: Vec<usize>,
+        transition: PyReadonlyArray2<'_, f64>,
+        input: PyReadonlyArray2<'_, f64>,
+        gain: PyReadonlyArray2<'_, f64>,
+        output: PyReadonlyArray2<'_, f64>,
+        direct: PyReadonlyArray2<'_, f64>,
+    ) -> PyResult<Self> {
+        let states = ("states", Some(transition.shape()[0]));
+        let devices = ("devices", Some(input.shape()[1]));
+        let measurements = ("measurements", Some(accelerations.len() + deformations.len()));
+        let flat = |name: &str, matrix: &PyReadonlyArray2<'_, f64>, axes: [Axis; 2]| {
+            Ok::<_, PyErr>(shaped(name, matrix, &axes)?.to_vec())
+        };
+        Ok(Self {
+            dynamics: DiscreteObserver {
+                transition: flat("transition", &transition, [states, states])?,
+                input: flat("input", &input, [states, devices])?,
+                gain: flat("gain", &gain, [states, measurements])?,
+                output: flat("output", &output, [measurements, states])?,
+                direct: flat("direct", &direct, [measurements, devices])?,
+                accelerations,
+                deformations,
+            },
+        })
+    }
+}
+
+/// The hardware of a loop, by the names of its settings in Python.
+#[derive(FromPyObject)]
+pub struct LoopHardware {
+    sample_time: f64,
+    steps: u32,
+    delay_steps: usize,
+    command_rate: f64,
+    acceleration_noise: f64,
+    acceleration_resolution: f64,
+    deformation_noise: f64,
+    deformation_resolution: f64,
+    force_noise: f64,
+    force_resolution: f64,
+    sampled_faults: Vec<SampledFault>,
+}
+
+/// A fault from sample `start` up to `end`, with the value during it; the last one before is held where there is none.
+#[derive(FromPyObject)]
+struct SampledFault {
+    channel: String,
+    index: usize,
+    start: usize,
+    end: usize,
+    value: Option<f64>,
+}
+
+impl LoopHardware {
+    fn dynamics(self) -> PyResult<Hardware> {
+        Ok(Hardware {
+            sample_time: self.sample_time,
+            steps: self.steps,
+            delay_steps: self.delay_steps,
+            command_rate: self.command_rate,
+            acceleration: Sensor { noise: self.acceleration_noise, resolution: self.acceleration_resolution },
+            deformation: Sensor { noise: self.deformation_noise, resolution: self.deformation_resolution },
+            force: Sensor { noise: self.force_noise, resolution: self.force_resolution },
+            faults: self.sampled_faults.into_iter().map(SampledFault::dynamics).collect::<PyResult<_>>()?,
+        })
+    }
+}
+
+impl SampledFault {
+    fn dynamics(self) -> PyResult<Fault> {
+        let Self { index, start, end, value, .. } = self;
+        let channel = match self.channel.as_str() {
+            "acceleration" => Channel::Acceleration(index),
+            "deformation" => Channel::Deformation(index),
+            "force" => Channel::Force(index),
+            "command" => Channel::Command(index),
+            other => {
+                return Err(PyValueError::new_err(format!(
+                    "a fault is in acceleration, deformation, force or command, not in `{other}`"
+                )));
+            }
+        };
+        Ok(Fault { channel, start, end, value })
+    }
+}
+
 type Responses<'py> = (
     Bound<'py, PyArray2<f64>>,
     Bound<'py, PyArray1<u8>>,
@@ -159,81 +272,38 @@ type Responses<'py> = (
 /// Runs of a building in closed loop: summaries, shape (`n_runs`, width), outcomes, integration steps per sample, and, if
 /// requested, histories, one array per run.
 ///
-/// `theta` has shape (draws, devices, columns); `runs` has a row (candidate, motion, draw) for each run; `sensors` a row
-/// (noise, resolution) for acceleration, deformation and force; `places` (count, differential) for each device.
-/// `outside` is a law in Python that commands instead of `law`, see [`AskedLaw`].
+/// `motions` are pairs of the time step and the acceleration; `runs` has a row (candidate, motion, draw) for each run.
+/// `outside` is a law in Python that commands instead of that of the controller, see [`AskedLaw`].
 #[pyfunction]
 #[pyo3(signature = (
-    building, model, laws, theta, places, ranges, law, gains, tables, curve, motions, runs, streams, sample_time,
-    steps, delay_steps, command_rate, sensors, faults, observer, histories=false, step_factor=1, threads=0,
-    outside=None
+    building, dampers, controller, hardware, motions, runs, streams, observer=None, histories=false, step_factor=1,
+    threads=0, outside=None
 ))]
-#[allow(clippy::too_many_arguments)] // a boundary function takes plain values, by keyword from Python
+#[allow(clippy::too_many_arguments)] // a boundary function takes what it needs by keyword from Python
 pub fn respond<'py>(
     py: Python<'py>,
     building: &Building,
-    model: &str,
-    laws: Laws,
-    theta: PyReadonlyArray3<'py, f64>,
-    places: Vec<(f64, bool)>,
-    ranges: Vec<[f64; 2]>,
-    law: &str,
-    gains: PyReadonlyArray2<'py, f64>,
-    tables: Vec<PyReadonlyArray1<'py, f64>>,
-    curve: Option<(Laws, PyReadonlyArray1<'py, f64>)>,
+    dampers: &Dampers,
+    controller: &Controller,
+    hardware: LoopHardware,
     motions: Vec<(f64, PyReadonlyArray1<'py, f64>)>,
     runs: PyReadonlyArray2<'py, u32>,
     streams: PyReadonlyArray1<'py, u64>,
-    sample_time: f64,
-    steps: u32,
-    delay_steps: usize,
-    command_rate: f64,
-    sensors: [[f64; 2]; 3],
-    faults: Vec<FaultArguments>,
-    observer: Option<ObserverArguments<'py>>,
+    observer: Option<&Observer>,
     histories: bool,
     step_factor: u32,
     threads: usize,
     outside: Option<Py<PyAny>>,
 ) -> PyResult<Responses<'py>> {
-    let damper = find_device(model)
-        .ok_or_else(|| PyLookupError::new_err(format!("no damper model is called `{model}`")))?;
-    let laws = parsed_laws(damper.spec(), laws.0, laws.1)?;
-    let law =
-        Law::find(law).ok_or_else(|| PyLookupError::new_err(format!("no control law is called `{law}`")))?;
-    let curve = match &curve {
-        Some((laws, theta)) => {
-            let spec = find_device("static_hysteretic")
-                .ok_or_else(|| PyLookupError::new_err("no static_hysteretic"))?
-                .spec();
-            Some((parsed_laws(spec, laws.0.clone(), laws.1)?, theta))
-        }
-        None => None,
-    };
-    let curve = curve
-        .as_ref()
-        .map(|(laws, theta)| {
-            let theta = shaped("curve", theta, &[("columns", Some(laws.n_columns()))])?;
-            CurveModel::new(laws, theta).map_err(value_error)
-        })
-        .transpose()?;
     let motions = motions
         .iter()
         .map(|(dt, samples)| {
             GroundMotion::new(*dt, contiguous("acceleration", samples)?).map_err(value_error)
         })
         .collect::<PyResult<Vec<_>>>()?;
-    let mountings: Vec<Mounting> =
-        places.into_iter().map(|(count, differential)| Mounting { count, differential }).collect();
-    let tables =
-        tables.iter().map(|table| Ok(contiguous("tables", table)?.to_vec())).collect::<PyResult<Vec<_>>>()?;
-    let [acceleration, deformation, force] = sensors.map(|[noise, resolution]| Sensor { noise, resolution });
-    let faults = faults.into_iter().map(fault).collect::<PyResult<_>>()?;
-    let hardware =
-        Hardware { sample_time, steps, delay_steps, command_rate, acceleration, deformation, force, faults };
-    let n_states = 2 * building.dynamics.n_coordinates();
-    let n_devices = mountings.len();
-    let observer = observer.map(|arguments| observer_of(arguments, n_states, n_devices)).transpose()?;
+    let hardware = hardware.dynamics()?;
+    let n_coordinates = building.dynamics.n_coordinates();
+    let n_devices = dampers.mountings.len();
     let (rows, _) =
         shaped("runs", &runs, &[("runs", None), ("candidate, motion and draw", Some(3))])?.as_chunks::<3>();
     let runs: Vec<Run> = rows
@@ -241,25 +311,22 @@ pub fn respond<'py>(
         .zip(shaped("streams", &streams, &[("runs", Some(rows.len()))])?)
         .map(|(&[candidate, motion, draw], &stream)| Run { candidate, motion, draw, stream })
         .collect();
-    let devices = ("devices", Some(n_devices));
-    let columns = ("columns", Some(laws.n_columns()));
-    let n_gains = law.spec().n_gains(n_devices, n_states);
-    let outside = outside.map(|law| AskedLaw::new(law, building.dynamics.n_coordinates(), n_devices));
+    let outside = outside.map(|law| AskedLaw::new(law, n_coordinates, n_devices));
     let batch = Batch {
         building: &building.dynamics,
-        laws: &laws,
-        theta: shaped("theta", &theta, &[("draws", None), devices, columns])?,
-        mountings: &mountings,
-        ranges: &ranges,
-        law,
+        laws: &dampers.laws,
+        theta: &dampers.theta,
+        mountings: &dampers.mountings,
+        ranges: &dampers.ranges,
+        law: controller.law,
         outside: outside.as_ref().map(|law| law as &dyn OutsideLaw),
-        gains: shaped("gains", &gains, &[("candidates", None), ("gains", Some(n_gains))])?,
-        tables: &tables,
-        curve,
+        gains: controller.gains(n_devices, 2 * n_coordinates)?,
+        tables: &controller.tables,
+        curve: controller.curve()?,
         motions: &motions,
         runs: &runs,
         hardware: &hardware,
-        observer: observer.as_ref(),
+        observer: observer.map(|observer| &observer.dynamics),
     };
     batch.check().map_err(value_error)?;
     let width = closed_loop::width(RUN_QUANTITIES, &building.dynamics);
@@ -276,7 +343,7 @@ pub fn respond<'py>(
     let results = interruptible(py, |stop| {
         let stop = &|| stop() || outside.as_ref().is_some_and(AskedLaw::failed);
         let settings = Settings { step_factor, threads, instruction_set, stop };
-        closed_loop::respond(damper, &batch, &mut summary, rows.as_deref_mut(), settings)
+        closed_loop::respond(dampers.model, &batch, &mut summary, rows.as_deref_mut(), settings)
     });
     if let Some(error) = outside.as_ref().and_then(AskedLaw::error) {
         return Err(error);
@@ -294,38 +361,4 @@ pub fn respond<'py>(
         .transpose()?;
     let summary = array_of(Ix2(runs.len(), width), summary)?.into_pyarray(py);
     Ok((summary, outcome.into_pyarray(py), steps.into_pyarray(py), histories))
-}
-
-fn fault((kind, index, start, end, value): FaultArguments) -> PyResult<Fault> {
-    let channel = match kind.as_str() {
-        "acceleration" => Channel::Acceleration(index),
-        "deformation" => Channel::Deformation(index),
-        "force" => Channel::Force(index),
-        "command" => Channel::Command(index),
-        other => {
-            return Err(PyValueError::new_err(format!(
-                "a fault is in acceleration, deformation, force or command, not in `{other}`"
-            )));
-        }
-    };
-    Ok(Fault { channel, start, end, value })
-}
-
-fn observer_of(arguments: ObserverArguments<'_>, n_states: usize, n_devices: usize) -> PyResult<Observer> {
-    let (accelerations, deformations, transition, input, gain, output, direct) = arguments;
-    let states = ("states", Some(n_states));
-    let devices = ("devices", Some(n_devices));
-    let measurements = ("measurements", Some(accelerations.len() + deformations.len()));
-    let flat = |name: &str, matrix: &Matrix<'_>, axes: [Axis; 2]| {
-        Ok::<_, PyErr>(shaped(name, matrix, &axes)?.to_vec())
-    };
-    Ok(Observer {
-        transition: flat("transition", &transition, [states, states])?,
-        input: flat("input", &input, [states, devices])?,
-        gain: flat("gain", &gain, [states, measurements])?,
-        output: flat("output", &output, [measurements, states])?,
-        direct: flat("direct", &direct, [measurements, devices])?,
-        accelerations,
-        deformations,
-    })
 }

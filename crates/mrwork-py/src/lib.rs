@@ -5,6 +5,7 @@
 mod arrays;
 mod asked_law;
 mod closed_loop;
+mod control;
 mod damper;
 mod enter;
 mod loading;
@@ -19,7 +20,9 @@ mod _rust {
     use super::{Bound, PyModule, PyModuleMethods, PyResult};
 
     #[pymodule_export]
-    use crate::closed_loop::{Building, control_laws, history_signals, respond, run_quantities};
+    use crate::closed_loop::{Building, Dampers, Observer, history_signals, respond, run_quantities};
+    #[pymodule_export]
+    use crate::control::{Controller, ForceCurve, control_laws};
     #[pymodule_export]
     use crate::damper::{
         current_laws, damper_specs, force, force_histories, misfits, rate, sensitivities, stiffness_shares,

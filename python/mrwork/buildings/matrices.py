@@ -15,8 +15,8 @@ from mrwork.buildings.modes import damping_ratios_of, damping_warnings, growing_
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.keys import control_in
-from mrwork.records.operating_range import OperatingRange, Outside, outside_of
 from mrwork.summary import Summarised, Summary, rounded
+from mrwork.tested_range import OperatingRange, Outside, outside_of
 from mrwork.values import Floats, frozen, holds_arrays, keep_arrays
 
 
@@ -83,7 +83,7 @@ class PassiveElement(Summarised):
 
     @property
     def numbers(self) -> tuple[float, ...]:
-        """Its parameters in the order of the core: k, c, d, f_y, 1 / x_y, n."""
+        """Its parameters k, c, d, f_y, 1 / x_y, n, for the digest of a run."""
         return (
             self.stiffness,
             self.damping,

@@ -15,11 +15,11 @@ from mrwork.cli.output import print_json
 from mrwork.cli.paths import named_path
 from mrwork.cli.progress import reading_line
 from mrwork.cli.terminal import note, show
+from mrwork.command_signal import Command, command_range
 from mrwork.errors import MrworkError, SettingError
 from mrwork.escaping import escaped
 from mrwork.identification.settings import is_synthetic
 from mrwork.records import DamperTest, Finding, guess_tests, write_test_table
-from mrwork.records.command_signal import Command, command_range
 from mrwork.records.concerns import findings_of_set
 from mrwork.records.findings import gathered_findings
 from mrwork.records.rig_table import EVERY_USE, TABLE_NAME, files_not_read, records_in

@@ -27,8 +27,8 @@ from mrwork.identification.problem import prediction_warning
 from mrwork.identification.result import FitSpread, explained_by, free_run
 from mrwork.records import Likeness, observed
 from mrwork.records.likeness import likenesses_in_words
-from mrwork.records.operating_range import Exceedance, worst_of
 from mrwork.summary import aligned
+from mrwork.tested_range import Exceedance, worst_of
 from mrwork.uncertainty.bands.band import score
 from mrwork.uncertainty.bands.calibration_files import read_calibration
 from mrwork.uncertainty.bands.conformal import BEYOND_TESTED

@@ -69,6 +69,17 @@ class Fault:
             )
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SampledFault:
+    """A fault from sample `start` up to `end`; `value` is `None` if the last one before is held."""
+
+    channel: LoopSignal
+    index: int
+    start: int
+    end: int
+    value: float | None
+
+
 @checked
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Hardware(Summarised):
@@ -169,15 +180,16 @@ class Hardware(Summarised):
     def _step(self) -> float:
         return self.sample_time / self.steps
 
-    def fault_rows(self) -> list[tuple[str, int, int, int, float | None]]:
-        """The faults in samples; the value is `None` if the last one before is held."""
+    @property
+    def sampled_faults(self) -> list[SampledFault]:
+        """The faults in samples."""
         return [
-            (
-                fault.channel,
-                fault.index,
-                self._sample(fault.start),
-                self._sample(fault.end),
-                None if fault.value == "hold" else float(fault.value),
+            SampledFault(
+                channel=fault.channel,
+                index=fault.index,
+                start=self._sample(fault.start),
+                end=self._sample(fault.end),
+                value=None if fault.value == "hold" else float(fault.value),
             )
             for fault in self.faults
         ]

@@ -25,37 +25,27 @@ from mrwork.closed_loop.responses import (
 from mrwork.closed_loop.user_law import UserLaw
 from mrwork.control.counterpart import is_curve
 from mrwork.control.laws import ControlLaw
-from mrwork.control.observer import Observer, observer_of
+from mrwork.control.lqr import Observer, observer_of
 from mrwork.control.plant import accelerations, deformations, plant_of, stacked
 from mrwork.dampers.parameters import law_named
 from mrwork.dampers.spec import DamperSpec
-from mrwork.errors import MrworkError, MrworkWarning, SettingError
+from mrwork.errors import MrworkWarning, SettingError
 from mrwork.motions.ground_motion import GroundMotion
+from mrwork.simulate import core_refusals
 from mrwork.summary import Summarised
 from mrwork.values import Floats, holds_arrays
-
-# Current laws by name, `None` for a model without, and whether the driver lags.
-Laws = tuple[list[str] | None, bool]
 
 # Seconds of the factors of the mass matrix and of the bounds on the frequencies, per coordinate cubed.
 _SECONDS = 3e-9
 # They are ready in ten seconds.
 _MOST_COORDINATES = 1500
 
-# Numbers of an element in the core.
-_ELEMENT_NUMBERS = 6
-
 # Limit of an ideal actuator [N]: so large that an unstable loop overflows and ends as diverged before it.
 _NO_LIMIT = 1e300
 
 
-def _damper_arguments(
-    devices: Sequence[Device], *, actuators: bool
-) -> tuple[str, Laws, Floats, list[list[float]]]:
-    """Model, current laws, parameters of all draws and devices, and ranges of the command."""
-    if actuators:
-        theta = np.tile([0.0, 1.0], (1, len(devices), 1))
-        return "ideal_actuator", (["linear"], False), theta, [[-_NO_LIMIT, _NO_LIMIT] for _ in devices]
+def _theta_of(devices: Sequence[Device]) -> Floats:
+    """Parameters of all draws and devices, shape (n_draws, n_devices, n_columns)."""
     spec = devices[0].spec
     for device in devices[1:]:
         if (device.spec.name, device.spec.current) != (spec.name, spec.current):
@@ -68,17 +58,31 @@ def _damper_arguments(
         counts = ", ".join(str(len(device.draws)) for device in devices)
         raise SettingError(f"the devices have {counts} draws; give the same number for each device, or one")
     shape = (n_draws, len(spec.parameters))
-    theta = np.stack([np.broadcast_to(device.draws, shape) for device in devices], axis=1)
-    return (
-        spec.name,
-        _laws(spec),
-        np.ascontiguousarray(theta),
-        [[0.0, float(device.largest_command)] for device in devices],
+    return np.stack([np.broadcast_to(device.draws, shape) for device in devices], axis=1)
+
+
+def _core_dampers(devices: Sequence[Device], theta: Floats) -> _rust.Dampers:
+    spec = devices[0].spec
+    return _rust.Dampers(
+        model=spec.name,
+        laws=None if spec.current is None else spec.current.laws,
+        lagged=spec.current is not None and spec.current.lagged,
+        theta=np.ascontiguousarray(theta),
+        counts=[float(device.count) for device in devices],
+        differential=[device.differential for device in devices],
+        ranges=[(0.0, float(device.largest_command)) for device in devices],
     )
 
 
-def _laws(spec: DamperSpec) -> Laws:
-    return (None, False) if spec.current is None else ([*spec.current.laws], spec.current.lagged)
+def _ideal_actuators(n_devices: int) -> _rust.Dampers:
+    return _rust.Dampers(
+        model="ideal_actuator",
+        laws=["linear"],
+        theta=np.tile([0.0, 1.0], (1, n_devices, 1)),
+        counts=[1.0] * n_devices,
+        differential=[False] * n_devices,
+        ranges=[(-_NO_LIMIT, _NO_LIMIT)] * n_devices,
+    )
 
 
 def _stretch_theta(spec: DamperSpec, theta: Floats, factors: Floats) -> Floats:
@@ -98,7 +102,7 @@ def _stretch_theta(spec: DamperSpec, theta: Floats, factors: Floats) -> Floats:
                 theta[:, device, columns], factor, log=parameter.scale == "log"
             )
             start = columns.stop
-    return np.ascontiguousarray(found.reshape(-1, *theta.shape[1:]))
+    return found.reshape(-1, *theta.shape[1:])
 
 
 def _core_building(building: Building, devices: Sequence[Device]) -> _rust.Building:
@@ -110,29 +114,27 @@ def _core_building(building: Building, devices: Sequence[Device]) -> _rust.Build
             f"{_SECONDS * n**3:.0f} s to prepare; reduce it to at most {_MOST_COORDINATES:,}, as by "
             "`mr.buildings.modal_truncation`"
         )
-    arrays: list[ArrayLike] = [
-        building.mass,
-        building.damping,
-        building.stiffness,
-        building.influence,
-        building.floors,
-        building.storeys,
-        elongation_rows(building, devices),
-        np.reshape([element.row for element in building.elements], (-1, n)),
-        np.reshape([element.numbers for element in building.elements], (-1, _ELEMENT_NUMBERS)),
-    ]
     try:
-        return _rust.Building(*(np.ascontiguousarray(array, dtype=np.float64) for array in arrays))
+        return _rust.Building(
+            mass=building.mass,
+            damping=building.damping,
+            stiffness=building.stiffness,
+            influence=building.influence,
+            floors=building.floors,
+            storeys=building.storeys,
+            devices=elongation_rows(building, devices),
+            elements=building.elements,
+        )
     except ValueError as error:
         raise SettingError(f"{building.name}: {error}") from error
 
 
-def _core_curve(law: ControlLaw) -> tuple[Laws, Floats] | None:
+def _core_curve(law: ControlLaw) -> _rust.ForceCurve | None:
     """The model of the damper in the law, if it has one."""
     if law.curve is None:
         return None
     spec, theta = law.curve
-    if not is_curve(spec):
+    if spec.current is None or not is_curve(spec):
         raise SettingError(
             f"the curve of {law.name} is a {spec.name}; give a static_hysteretic with current laws"
         )
@@ -141,13 +143,15 @@ def _core_curve(law: ControlLaw) -> tuple[Laws, Floats] | None:
             f"the curve of {law.name} has parameters of shape {np.shape(theta)}, this {spec.name} takes "
             f"({len(spec.parameters)},)"
         )
-    return _laws(spec), np.ascontiguousarray(theta, dtype=np.float64)
+    return _rust.ForceCurve(
+        spec.current.laws, np.ascontiguousarray(theta, dtype=np.float64), spec.current.lagged
+    )
 
 
-def _observer_arrays(
+def _core_observer(
     building: Building, devices: Sequence[Device], hardware: Hardware
-) -> tuple[list[int], list[int], Floats, Floats, Floats, Floats, Floats] | None:
-    """Measured floors and devices, and Ad, Bd, L, C, D of the observer; `None` for feedback of the true state."""
+) -> _rust.Observer | None:
+    """The observer designed for a building; `None` for feedback of the true state."""
     if hardware.feedback == "state":
         return None
     floors = (
@@ -156,9 +160,15 @@ def _observer_arrays(
         else list(hardware.measured_floors)
     )
     observer = loop_observer(building, devices, hardware, floors)
-    matrices = (observer.Ad, observer.Bd, observer.gain, observer.C, observer.D)
-    Ad, Bd, gain, C, D = (np.ascontiguousarray(matrix) for matrix in matrices)
-    return floors, list(range(len(devices))), Ad, Bd, gain, C, D
+    return _rust.Observer(
+        accelerations=floors,
+        deformations=range(len(devices)),
+        transition=np.ascontiguousarray(observer.Ad),
+        input=np.ascontiguousarray(observer.Bd),
+        gain=np.ascontiguousarray(observer.gain),
+        output=np.ascontiguousarray(observer.C),
+        direct=np.ascontiguousarray(observer.D),
+    )
 
 
 @checked
@@ -284,7 +294,7 @@ def simulate_loop(
             "law passive and a command of zero"
         )
     _check_commands(law, devices)
-    model, laws, theta, ranges = _damper_arguments(devices, actuators=actuators)
+    theta = np.empty((1, len(devices), 0)) if actuators else _theta_of(devices)
     n_draws, factors = len(theta), np.ones((1, len(devices)))
     if largest_commands is not None:
         factors = _command_factors(law, hardware, devices, largest_commands, histories=histories)
@@ -296,31 +306,11 @@ def simulate_loop(
         theta = _stretch_theta(devices[0].spec, theta, factors)
     shape = (len(gains), len(motions), n_draws)
     matrices = _core_building(building, devices)
-    arguments: dict[str, Any] = {
-        "building": matrices,
-        "model": model,
-        "laws": laws,
-        "theta": theta,
-        "places": [
-            (1.0, False) if actuators else (float(device.count), device.differential) for device in devices
-        ],
-        "ranges": ranges,
-        "law": law.name,
-        "gains": gains,
-        "tables": law.table_rows(),
-        "curve": _core_curve(law),
-        "motions": [(motion.dt, np.ascontiguousarray(motion.acceleration)) for motion in motions],
-        "sample_time": hardware.sample_time,
-        "steps": hardware.steps,
-        "delay_steps": hardware.delay_steps,
-        "command_rate": hardware.command_rate,
-        "sensors": hardware.sensors,
-        "faults": hardware.fault_rows(),
-        "observer": _observer_arrays(nominal or building, devices, hardware),
-        "histories": histories,
-        "step_factor": step_factor,
-        "threads": threads,
-    }
+    with core_refusals():
+        dampers = _ideal_actuators(len(devices)) if actuators else _core_dampers(devices, theta)
+        controller = _rust.Controller(law.name, gains, law.table_rows(), _core_curve(law))
+        observer = _core_observer(nominal or building, devices, hardware)
+    waves = [(motion.dt, np.ascontiguousarray(motion.acceleration)) for motion in motions]
     runs = np.indices(shape, dtype=np.uint32).reshape(3, -1).T
     candidate = runs[:, 0].copy()
     if len(theta) > n_draws:
@@ -331,16 +321,23 @@ def simulate_loop(
     parts = []
     for start in range(0, len(runs), _RUNS_AT_A_TIME):
         part = slice(start, start + _RUNS_AT_A_TIME)
-        if user is not None:
-            arguments["outside"] = user.asked(runs[part], devices, hardware.sample_time)
-        try:
+        with core_refusals():
             parts.append(
-                _rust.respond(runs=np.ascontiguousarray(runs[part]), streams=streams[part], **arguments)
+                _rust.respond(
+                    matrices,
+                    dampers,
+                    controller,
+                    hardware,
+                    waves,
+                    np.ascontiguousarray(runs[part]),
+                    streams[part],
+                    observer=observer,
+                    histories=histories,
+                    step_factor=step_factor,
+                    threads=threads,
+                    outside=None if user is None else user.asked(runs[part], devices, hardware.sample_time),
+                )
             )
-        except MrworkError:
-            raise
-        except (ValueError, OverflowError) as error:
-            raise SettingError(str(error)) from error
         if on_progress is not None:
             on_progress(min(part.stop, len(runs)), len(runs))
     found = _responses(parts, matrices, hardware, shape, () if actuators else tuple(devices), motions)

@@ -9,10 +9,10 @@ from .law_design import settings_of as settings_of
 from .laws import ControlLaw as ControlLaw
 from .laws import control_law as control_law
 from .laws import control_laws as control_laws
+from .lqr import observer_of as observer_of
 from .lqr import regulator_of_outputs as regulator_of_outputs
 from .lqr import regulator_of_state as regulator_of_state
 from .lqr import regulators_of_weights as regulators_of_weights
-from .observer import observer_of as observer_of
 from .plant import accelerations as accelerations
 from .plant import deformations as deformations
 from .plant import displacements as displacements
@@ -52,6 +52,7 @@ if True:  # the lower tier
     from .law_design import PassiveSettings as PassiveSettings
     from .law_design import design_candidates as design_candidates
     from .laws import ControlLawSpec as ControlLawSpec
+    from .lqr import Observer as Observer
     from .lqr import PublishedRegulator as PublishedRegulator
     from .lqr import Regulator as Regulator
     from .lqr import published_regulator as published_regulator
@@ -61,7 +62,6 @@ if True:  # the lower tier
     from .lyapunov import LyapunovSettings as LyapunovSettings
     from .lyapunov import ProportionalSettings as ProportionalSettings
     from .lyapunov import lyapunov_function as lyapunov_function
-    from .observer import Observer as Observer
     from .plant import Outputs as Outputs
     from .plant import Plant as Plant
     from .plant import deformation_rates as deformation_rates

@@ -23,18 +23,19 @@ Shape = Literal["device", "state", "numbers"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GainSpec:
-    """A gain of a law: for each device one number, one for each state [q; q'], or `numbers` of them."""
+    """A gain of a law: for each device one number, one for each state [q; q'], or `numbers` of them.
+
+    A gain that `is_command` is itself the command of each device; one that `scales_with_command` has the unit of the
+    command, or that unit per another.
+    """
 
     name: str
     unit: str
+    is_command: bool
+    scales_with_command: bool
     shape: Shape
     numbers: int
     description: str
-
-    @property
-    def is_command(self) -> bool:
-        """Whether the gain is itself the command of each device."""
-        return self.unit == "A or V"
 
     @property
     def dimensions(self) -> int:
@@ -69,7 +70,7 @@ class ControlLawSpec:
     @property
     def sends_share(self) -> bool:
         """Whether the command scales with the largest command."""
-        absolute = any("A or V" in gain.unit for gain in self.gains)
+        absolute = any(gain.scales_with_command for gain in self.gains)
         return not (absolute or self.tables or self.needs_curve or self.commands_force)
 
 

@@ -17,9 +17,10 @@ from mrwork.identification.nuisance import NONE, Nuisance, NuisanceName
 from mrwork.identification.settings import FitSettings, Reading
 from mrwork.records import AS_IT_IS, DamperTest, Observation, observed
 from mrwork.records.likeness import Likeness, RecordedMotion, likest_of_other_force, likest_of_same_force
-from mrwork.records.operating_range import OperatingRange, Outside, outside_of
+from mrwork.records.operating_range import range_of_test
 from mrwork.store.codec import LowerBound, OrInfinite, Related, UpperBound, digest_of
 from mrwork.summary import Summarised, Summary, listed, of_unit, rounded
+from mrwork.tested_range import OperatingRange, Outside, outside_of
 from mrwork.values import holds_arrays
 
 # Decided in `uncertainty/identifiability/verdicts.py` alone, and read from `Fit.verdict_on`.
@@ -462,7 +463,7 @@ class Fit(Summarised, Related):
     def outside(self, test: DamperTest, force: Samples | None = None) -> Outside:
         """What of a test lies outside the tested ranges, with the model's force [N], shape (n_time,), if given."""
         unit = self.current.unit if self.tested is None and self.current is not None else None
-        demand = OperatingRange.of_test(test, self.tested.command_unit if self.tested else unit, force)
+        demand = range_of_test(test, self.tested.command_unit if self.tested else unit, force)
         return outside_of(self.spec, self.theta, self.tested, demand)
 
     @checked

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.arguments import Seed, Shape, Within, checked
+from mrwork.command_signal import command_level, levels_of_command
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.parameters import LawName, law_by_values, law_through
 from mrwork.dampers.spec import DamperSpec, damper
@@ -53,10 +54,9 @@ from mrwork.identification.objective import Objective
 from mrwork.identification.problem import Problem
 from mrwork.identification.settings import Multistart
 from mrwork.records import DamperTest
-from mrwork.records.command_signal import command_level, levels_of_command
+from mrwork.records.damper_test import loading_of
 from mrwork.records.window import middle_excerpt
 from mrwork.search import Optimiser
-from mrwork.simulate import loading_of
 from mrwork.summary import Summarised
 from mrwork.values import holds_arrays
 

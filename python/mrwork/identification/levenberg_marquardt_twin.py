@@ -20,7 +20,7 @@ from mrwork.identification.levenberg_marquardt import check_recalled_minimum
 from mrwork.identification.nuisance import NuisanceName, columns_of, scale_columns
 from mrwork.identification.objective import Objective
 from mrwork.records import DamperTest
-from mrwork.simulate import loading_of
+from mrwork.records.damper_test import loading_of
 from mrwork.twins.models import begin, simulate
 from mrwork.values import holds_arrays
 

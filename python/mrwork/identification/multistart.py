@@ -20,13 +20,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.arguments import Seed, Shape, Within
+from mrwork.command_signal import command_level
 from mrwork.dampers.coordinates import ON_BOUND, Box
 from mrwork.errors import Interrupted, SettingError
 from mrwork.identification.levenberg_marquardt import Hopeless, LocalMinima, find_minima
 from mrwork.identification.objective import Objective
 from mrwork.identification.settings import Multistart
 from mrwork.records import DamperTest
-from mrwork.records.command_signal import command_level
 from mrwork.search.unit_cube import Streams, latin_hypercube
 from mrwork.summary import Summarised
 from mrwork.values import holds_arrays

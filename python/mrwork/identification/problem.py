@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mrwork import _rust
 from mrwork.arguments import checked
+from mrwork.command_signal import Command, command_in_words, command_level
 from mrwork.dampers.parameters import CurrentLaw, LawName, ParamSpec, law_named
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import SettingError, UnknownNameError
@@ -22,7 +23,6 @@ from mrwork.identification.nuisance import bounds_without_offsets, offset_warnin
 from mrwork.identification.objective import Objective
 from mrwork.identification.settings import ROOT_MEAN_SQUARE, FitSettings, Multistart, Search, Start, method_of
 from mrwork.records import DamperTest, observed
-from mrwork.records.command_signal import Command, command_in_words, command_level
 from mrwork.store import Journal, digest_of
 from mrwork.store.codec import package_version
 from mrwork.summary import listed

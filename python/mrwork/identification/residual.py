@@ -22,8 +22,9 @@ from mrwork.identification.nuisance import (
     without_nuisance,
 )
 from mrwork.records import AS_IT_IS, DamperTest
+from mrwork.records.damper_test import loading_of
 from mrwork.records.detectors.velocity import refuse_velocity
-from mrwork.simulate import Outcome, loading_of, simulate_forces, simulate_sensitivities, stiffness_shares
+from mrwork.simulate import Outcome, simulate_forces, simulate_sensitivities, stiffness_shares
 from mrwork.values import holds_arrays
 
 Array = NDArray[np.float64]

@@ -28,9 +28,11 @@ from mrwork.identification.nuisance import NONE, Nuisance, NuisanceName
 from mrwork.identification.problem import Problem, provenance_of
 from mrwork.identification.residual import ObservedTest
 from mrwork.records import DamperTest, RecordedMotion
-from mrwork.records.operating_range import OperatingRange
-from mrwork.simulate import loading_of, stiffness_shares
+from mrwork.records.damper_test import loading_of
+from mrwork.records.operating_range import range_of_tests
+from mrwork.simulate import stiffness_shares
 from mrwork.summary import listed
+from mrwork.tested_range import OperatingRange
 
 
 def free_run(
@@ -222,7 +224,7 @@ def fit_at(
     """
     spec, objective = problem.spec, problem.objective
     values = np.asarray(problem.form.to_model(theta))
-    tested = OperatingRange.of_tests(objective.tests, None if spec.current is None else spec.current.unit)
+    tested = range_of_tests(objective.tests, None if spec.current is None else spec.current.unit)
     runs = [free_run(spec, values, test, nuisances=objective.settings.nuisances) for test in objective.tests]
     quality = tuple(each for _, each in runs)
     nrmse = _rms([each.nrmse for each in quality])

@@ -24,9 +24,9 @@ from mrwork.identification.levenberg_marquardt import LocalMinima
 from mrwork.identification.multistart import minima_from
 from mrwork.identification.problem import Problem
 from mrwork.records import DamperTest
+from mrwork.records.damper_test import loading_of
 from mrwork.records.window import varied_excerpt
 from mrwork.search import EfficientGA, Optimiser, StopRules
-from mrwork.simulate import loading_of
 from mrwork.values import holds_arrays
 
 _STARTS = 8

@@ -25,4 +25,6 @@ if True:  # the lower tier
     from .observation import AS_IT_IS as AS_IT_IS
     from .operating_range import Exceedance as Exceedance
     from .operating_range import Outside as Outside
+    from .operating_range import range_of_test as range_of_test
+    from .operating_range import range_of_tests as range_of_tests
     from .rig_table import ListedTest as ListedTest

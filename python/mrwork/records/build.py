@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mrwork.arguments import AnyArrayLike, NotNegative, checked
+from mrwork.command_signal import Command, ringing_samples, without_ringing
 from mrwork.errors import RecordError
 from mrwork.records import checks
 from mrwork.records.command import command_of, motion_matches_name
-from mrwork.records.command_signal import Command, ringing_samples, without_ringing
 from mrwork.records.damper_test import DamperTest, Finding, VelocitySource
 from mrwork.records.detectors.cycles import drift_finding, mass_finding
 from mrwork.records.detectors.delay import delay_finding

@@ -7,6 +7,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final, Literal
 
+from mrwork.command_signal import LARGEST_COMMAND, impossible_command
 from mrwork.errors import MrworkError, RecordError, SettingError, UnitError
 from mrwork.files.column_names import (
     QUANTITIES,
@@ -25,7 +26,6 @@ from mrwork.files.column_names import (
 )
 from mrwork.files.layout import numbered_names
 from mrwork.files.named_columns import ColumnTable
-from mrwork.records.command_signal import LARGEST_COMMAND, impossible_command
 from mrwork.summary import listed
 from mrwork.units import (
     FACTORS,

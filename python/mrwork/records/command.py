@@ -10,9 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.errors import RecordError
-from mrwork.files.column_names import column_option
-from mrwork.records.command_signal import (
+from mrwork.command_signal import (
     Command,
     beyond_any_driver,
     command_noise,
@@ -23,6 +21,8 @@ from mrwork.records.command_signal import (
     variation_in_words,
     without_ringing,
 )
+from mrwork.errors import RecordError
+from mrwork.files.column_names import column_option
 from mrwork.records.damper_test import DamperTest, Finding, Measured
 from mrwork.units import CommandUnit
 

@@ -11,9 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.arguments import Count, NotNegative, Samples, Whole, Within, checked
+from mrwork.command_signal import Command, command_in_words, part_of_command, same_command
+from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import RecordError, SettingError
-from mrwork.records.command_signal import Command, command_in_words, part_of_command, same_command
 from mrwork.records.observation import AS_IT_IS, Observation
+from mrwork.simulate import Loading
 from mrwork.summary import Summarised, Summary
 from mrwork.units import CommandUnit
 from mrwork.values import frozen, holds_arrays, keep_arrays
@@ -295,4 +297,25 @@ def same_commands(one: DamperTest, other: DamperTest) -> bool:
         and same_command(one.voltage, other.voltage)
         and same_command(one.command, other.command)
         and one.command_unit == other.command_unit
+    )
+
+
+@checked
+def loading_of(test: DamperTest, spec: DamperSpec) -> Loading:
+    """Motion of a test, with its command in the unit of the model, constant or held from sample to sample.
+
+    Raises
+    ------
+    RecordError
+        If the model depends on the command and the test has no command in that unit.
+    """
+    motion = Loading(dt=test.dt, displacement=test.displacement, velocity=test.velocity)
+    if spec.current is None:
+        return motion
+    command = test.command_in(spec.current.unit)
+    if command is not None:
+        return replace(motion, command=command, command_unit=spec.current.unit)
+    raise RecordError(
+        f"{test.label}: the model takes its command in {spec.current.unit}, the test has "
+        f"{test.command_in_words or 'none'}; give a column for it, or a model in the other unit"
     )

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.arguments import NotNegative, Positive
-from mrwork.records.command_signal import Command, command_range
+from mrwork.command_signal import Command, command_range
 from mrwork.records.damper_test import DamperTest
 from mrwork.records.motion import regular_cycles, spectrum
 from mrwork.store.codec import Related

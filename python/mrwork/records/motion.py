@@ -256,41 +256,6 @@ def turning_points(
     return place[chosen], np.sign(velocity[before[chosen]])
 
 
-# Reversals of less than this fraction of the peak-to-peak displacement are noise.
-_LEAST_HALF_CYCLE: Final = 0.01
-
-
-def half_cycle_ends(displacement: NDArray[np.float64]) -> NDArray[np.intp]:
-    """Samples between which the half cycles of a motion lie, from reversal to reversal, shape (n_half_cycles + 1,).
-
-    What lies before the first reversal and after the last is no half cycle; a motion with fewer than two reversals
-    counts as one, between its extremes. Reversals of less than 1 % of the peak-to-peak displacement of the record are
-    ignored.
-    """
-    least = _LEAST_HALF_CYCLE * float(np.ptp(displacement))
-    turned = np.flatnonzero(np.diff(np.sign(np.diff(displacement)))) + 1
-    samples = np.concatenate([[0], turned, [displacement.size - 1]])
-    kept, ends = [float(displacement[0])], [0]
-    # 1, -1: the motion goes up, down since the last reversal; 0: it has not begun.
-    way = 0
-    for sample, place in zip(samples.tolist(), displacement[samples].tolist(), strict=True):
-        moved = place - kept[-1]
-        if way * moved > 0.0:
-            kept[-1], ends[-1] = place, sample
-        elif abs(moved) > least:
-            kept.append(place)
-            ends.append(sample)
-            way = 1 if moved > 0.0 else -1
-    if len(ends) > 3:
-        return np.array(ends[1:-1], dtype=np.intp)
-    return np.sort([np.argmin(displacement), np.argmax(displacement)])
-
-
-def half_cycles(displacement: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Peak-to-peak displacement of each half cycle, see `half_cycle_ends`, shape (n_half_cycles,)."""
-    return np.asarray(np.abs(np.diff(displacement[half_cycle_ends(displacement)])))
-
-
 def reversals(velocity: NDArray[np.float64]) -> NDArray[np.intp]:
     """Samples at which the motion reverses, shape (n_reversals,): midway between velocities of either sign [m/s]."""
     moving = np.flatnonzero(np.abs(velocity) > _LEAST_SPEED * np.max(np.abs(velocity), initial=0.0))

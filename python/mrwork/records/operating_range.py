@@ -1,341 +1,54 @@
-"""Ranges in which a damper was tested, and the demand on it that lies outside of them."""
+"""Operating ranges of tests."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
-from math import inf, isfinite
-from typing import ClassVar, Literal, get_args
+from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
-from mrwork.arguments import NotNegative, Samples, checked
-from mrwork.dampers.spec import DamperSpec, LawLimit, law_limits
+from mrwork.arguments import Samples, checked
 from mrwork.errors import SettingError
-from mrwork.records.command_signal import command_noise
 from mrwork.records.damper_test import DamperTest
-from mrwork.records.motion import half_cycles, whole_cycles
-from mrwork.store.codec import Related
-from mrwork.summary import Summarised, Summary
+from mrwork.records.motion import whole_cycles
+from mrwork.tested_range import Exceedance as Exceedance
+from mrwork.tested_range import OperatingRange as OperatingRange
+from mrwork.tested_range import Outside as Outside
+from mrwork.tested_range import covering, least_stroke
 from mrwork.units import COMMAND_SCALES, CommandUnit
 
-OperatingQuantity = Literal["stroke", "velocity", "frequency", "command", "force", "power"]
-_ORDER: tuple[OperatingQuantity, ...] = get_args(OperatingQuantity)
-
-# Quantities with an upper limit only.
-_PEAKS: tuple[tuple[OperatingQuantity, str], ...] = (
-    ("stroke", "m"),
-    ("velocity", "m/s"),
-    ("force", "N"),
-    ("power", "W"),
-)
-
-# Demand beyond a tested range by less than this share is within it: rigs repeat a motion to a few per cent.
-_TOLERANCE = 0.05
-# Cycles of a motion differ in length, and half cycles in amplitude, by more than that.
-_CYCLE_TOLERANCE = 0.1
-# Share of the travel in half cycles that are smaller than the smallest tested amplitude, beyond which they matter.
-_SMALL = 0.2
 # Share of the cycles that are longer, and that are shorter, than those of the frequency range.
 _RARE = 0.1
 
-# Displayed unit of each quantity, its factor from SI, and the unit of large numbers, from 1000 on.
-_DISPLAYED: dict[str, tuple[str, float, str]] = {
-    "stroke": ("mm", 1e3, "m"),
-    "velocity": ("mm/s", 1e3, "m/s"),
-    "frequency": ("Hz", 1.0, "kHz"),
-    "force": ("N", 1.0, "kN"),
-    "power": ("W", 1.0, "kW"),
-}
-_NAMES: dict[OperatingQuantity, str] = {"power": "mean power"}
 
-
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class Exceedance(Summarised):
-    """Demand on a damper outside the tested range of one quantity, all in `unit`: SI, or that of the command.
-
-    `extrapolated` are the parameters whose laws are used at a command that was not tested.
-    """
-
-    _made_by: ClassVar[str] = "fit.outside(test).exceedances"
-
-    quantity: OperatingQuantity
-    demanded: float
-    lowest: float
-    highest: float
-    unit: str
-    extrapolated: tuple[str, ...] = ()
-
-    @property
-    def below(self) -> bool:
-        """Whether the demand is below the tested range, and not above."""
-        return self.demanded < self.lowest
-
-    @property
-    def times(self) -> float:
-        """Demand over the highest tested value; infinite where that is zero."""
-        return self.demanded / self.highest if self.highest > 0.0 else inf
-
-    @property
-    def severity(self) -> float:
-        """Factor between the demand and the tested range, for comparison of exceedances of one quantity."""
-        if not self.below:
-            return self.times
-        return self.lowest / self.demanded if self.demanded > 0.0 else inf
-
-    @property
-    def in_words(self) -> str:
-        """As in "velocity 313 mm/s, tested to 88 mm/s (3.6 times)"."""
-        if self.quantity == "stroke" and self.below:
-            (demanded, lowest), unit = _shown(self.quantity, (self.demanded, self.lowest), self.unit)
-            return (
-                f"stroke {demanded} {unit} or less in half cycles that make {100 * _SMALL:.0f} % of the travel or "
-                f"more, tested from {lowest} {unit}"
-            )
-        (demanded, lowest, highest), unit = _shown(
-            self.quantity, (self.demanded, self.lowest, self.highest), self.unit
+@checked
+def range_of_test(test: DamperTest, unit: CommandUnit | None, force: Samples | None = None) -> OperatingRange:
+    """Ranges of a test with its command in `unit`; `force` replaces the measured one [N], shape (n_time,)."""
+    load = test.force if force is None else force
+    if load.size != test.n_time:
+        raise SettingError(
+            f"`force` has {load.size} samples; give one for each of the {test.n_time} of {test.label}"
         )
-        tested = f"to {highest}"
-        if self.quantity in ("frequency", "command"):
-            single = _is_single(self.lowest, self.highest)
-            tested = f"at {highest}" if single else f"from {lowest} to {highest}"
-        times = f" ({self.times:.2g} times)" if not self.below and isfinite(self.times) else ""
-        name = _NAMES.get(self.quantity, self.quantity)
-        laws = ""
-        if self.extrapolated:
-            plural, verb = ("", "is") if len(self.extrapolated) == 1 else ("s", "are")
-            laws = f"; the law{plural} of {', '.join(self.extrapolated)} {verb} extrapolated"
-        return f"{name} {demanded} {unit}, tested {tested} {unit}{times}{laws}"
-
-    def _summary(self) -> Summary:
-        return Summary(title=self.in_words)
+    command = test.command_in(unit)
+    return OperatingRange(
+        stroke=0.5 * float(np.ptp(test.displacement)),
+        velocity=float(np.abs(test.velocity).max()),
+        frequency=_frequencies(test),
+        command=None if command is None else (float(np.min(command)), float(np.max(command))),
+        command_unit=None if command is None else unit,
+        force=float(np.abs(load).max()),
+        power=max(0.0, float(np.mean(load * test.velocity))),
+        least_stroke=least_stroke(test.displacement),
+    )
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class OperatingRange(Summarised, Related):
-    """Ranges of motion, command and load of a damper: those it was tested in, or those that a simulation demands.
-
-    `stroke` is half the peak-to-peak elongation [m], or its peak from rest; half cycles of the amplitude `least_stroke`
-    [m] and smaller make a fifth of the travel, `None` if unknown, of several tests the least; `velocity` [m/s] and
-    `force` [N] are peaks; `power` is the largest mean dissipated power of a test [W], which heats the damper.
-    `frequency` [Hz] is that of the cycles, without the slowest and the fastest tenth; `command`, in
-    `command_unit`, is the lowest and the highest, `None` if unknown.
-    """
-
-    stroke: NotNegative
-    velocity: NotNegative
-    frequency: tuple[float, float] | None
-    command: tuple[float, float] | None
-    command_unit: CommandUnit | None
-    force: NotNegative
-    power: NotNegative
-    least_stroke: NotNegative | None = None
-
-    def disagreement(self) -> str:
-        """Whether the ends of ranges are in order, and a command has its unit."""
-        for name, ends in (("frequency", self.frequency), ("command", self.command)):
-            if ends is not None and ends[0] > ends[1]:
-                return f"the {name} is from {ends[0]:g} to {ends[1]:g}"
-        return "the command has no unit" if self.command is not None and self.command_unit is None else ""
-
-    @classmethod
-    @checked
-    def of_test(
-        cls, test: DamperTest, unit: CommandUnit | None, force: Samples | None = None
-    ) -> OperatingRange:
-        """Ranges of a test with its command in `unit`; `force` replaces the measured one [N], shape (n_time,)."""
-        load = test.force if force is None else force
-        if load.size != test.n_time:
-            raise SettingError(
-                f"`force` has {load.size} samples; give one for each of the {test.n_time} of {test.label}"
-            )
-        command = test.command_in(unit)
-        return cls(
-            stroke=0.5 * float(np.ptp(test.displacement)),
-            velocity=float(np.abs(test.velocity).max()),
-            frequency=_frequencies(test),
-            command=None if command is None else (float(np.min(command)), float(np.max(command))),
-            command_unit=None if command is None else unit,
-            force=float(np.abs(load).max()),
-            power=max(0.0, float(np.mean(load * test.velocity))),
-            least_stroke=least_stroke(test.displacement),
-        )
-
-    @classmethod
-    @checked
-    def of_tests(cls, tests: Sequence[DamperTest], unit: CommandUnit | None = None) -> OperatingRange:
-        """Ranges of one or more tests together; without a `unit`, that in which most of the commands are known."""
-        if not tests:
-            raise SettingError("the range of no test was asked for; give at least one test")
-        if unit is None:
-            unit = _most_common([own for test in tests for _, own in test.commands])
-        return covering([cls.of_test(test, unit) for test in tests])
-
-    @checked
-    def exceeded_by(self, demand: OperatingRange) -> tuple[Exceedance, ...]:
-        """Quantities in which a demand is outside these ranges by more than 5 %, frequency and least stroke 10 %.
-
-        Half cycles below the least tested stroke count where they make a fifth of the travel of the demand.
-        """
-        found = []
-        if self.least_stroke is not None and demand.least_stroke is not None:
-            smaller = demand.least_stroke, demand.least_stroke
-            found.append(
-                _exceedance(
-                    "stroke",
-                    "m",
-                    (self.least_stroke, max(self.stroke, *smaller)),
-                    smaller,
-                    relative=_CYCLE_TOLERANCE,
-                )
-            )
-        for quantity, unit in _PEAKS:
-            found.append(
-                _exceedance(quantity, unit, (0.0, getattr(self, quantity)), (0.0, getattr(demand, quantity)))
-            )
-        if self.frequency is not None and demand.frequency is not None:
-            found.append(
-                _exceedance("frequency", "Hz", self.frequency, demand.frequency, relative=_CYCLE_TOLERANCE)
-            )
-        if (
-            self.command is not None
-            and demand.command is not None
-            and self.command_unit is not None
-            and self.command_unit == demand.command_unit
-        ):
-            found.append(
-                _exceedance(
-                    "command",
-                    self.command_unit,
-                    self.command,
-                    demand.command,
-                    command_noise(0.0, self.command_unit),
-                )
-            )
-        return tuple(sorted(filter(None, found), key=lambda each: _ORDER.index(each.quantity)))
-
-    @property
-    def in_words(self) -> str:
-        """As in "stroke to 25 mm, velocity to 88 mm/s, frequency 0.1 to 5 Hz, command 0 to 1 A, ..."."""
-        return ", ".join(f"{name} {span}" for name, span in self.rows())
-
-    def rows(self) -> list[tuple[str, str]]:
-        """Each known quantity with its range in displayed units."""
-        rows = []
-        for quantity in _ORDER:
-            value = getattr(self, quantity)
-            if value is None:
-                continue
-            ends = value if isinstance(value, tuple) else (value,)
-            if quantity == "stroke" and self.least_stroke is not None:
-                ends = ends if _is_single(self.least_stroke, value) else (self.least_stroke, value)
-            shown, unit = _shown(quantity, ends, str(self.command_unit))
-            span = f"to {shown[0]}"
-            if len(shown) == 2:
-                span = f"at {shown[1]}" if _is_single(*ends) else f"{shown[0]} to {shown[1]}"
-            rows.append((_NAMES.get(quantity, quantity), f"{span} {unit}"))
-        return rows
-
-    def _summary(self) -> Summary:
-        return Summary(title="Operating range", facts=self.rows())
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class Outside(Summarised):
-    """Demand on a damper outside its tested ranges, and laws that leave their admissible range under that demand.
-
-    `known` is false where the damper has no tested ranges, as that of a published set.
-    """
-
-    _made_by: ClassVar[str] = "fit.outside(test)"
-
-    exceedances: tuple[Exceedance, ...] = ()
-    laws: tuple[LawLimit, ...] = ()
-    known: bool = True
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the quantities."""
-        return tuple(each.quantity for each in self.exceedances)
-
-    @property
-    def sentences(self) -> tuple[str, ...]:
-        """A sentence for each quantity and law."""
-        return (*(each.in_words for each in self.exceedances), *(each.in_words for each in self.laws))
-
-    def _summary(self) -> Summary:
-        title = "Within the tested ranges" if self.known else "Tested ranges not known"
-        if self.names:
-            title = f"Outside the tested ranges in {', '.join(self.names)}"
-        return Summary(title=title, notes=self.sentences)
-
-
-def outside_of(
-    spec: DamperSpec, theta: ArrayLike, tested: OperatingRange | None, demand: OperatingRange
-) -> Outside:
-    """Compare a demand with the tested ranges of a damper, and evaluate its laws at the demanded commands."""
-    exceedances = () if tested is None else tested.exceeded_by(demand)
-    return Outside(
-        exceedances=tuple(
-            replace(each, extrapolated=spec.following) if each.quantity == "command" else each
-            for each in exceedances
-        ),
-        laws=() if demand.command is None else law_limits(spec, theta, demand.command),
-        known=tested is not None,
-    )
-
-
-def covering(ranges: Sequence[OperatingRange]) -> OperatingRange:
-    """The smallest range that covers all; they have one unit of the command."""
-    units = [each.command_unit for each in ranges if each.command_unit is not None]
-    return OperatingRange(
-        stroke=max(each.stroke for each in ranges),
-        velocity=max(each.velocity for each in ranges),
-        frequency=_hull(each.frequency for each in ranges),
-        command=_hull(each.command for each in ranges),
-        command_unit=units[0] if units else None,
-        force=max(each.force for each in ranges),
-        power=max(each.power for each in ranges),
-        least_stroke=min(
-            (each.least_stroke for each in ranges if each.least_stroke is not None), default=None
-        ),
-    )
-
-
-def worst_of(found: Iterable[tuple[str, Exceedance]]) -> list[tuple[Exceedance, str, int]]:
-    """For each quantity, above and below its range: the worst exceedance, its label, and how many there are."""
-    groups: dict[tuple[str, bool], list[tuple[str, Exceedance]]] = {}
-    for label, each in found:
-        groups.setdefault((each.quantity, each.below), []).append((label, each))
-    worst = []
-    for members in groups.values():
-        label, exceedance = max(members, key=lambda member: member[1].severity)
-        worst.append((exceedance, label, len(members)))
-    return sorted(worst, key=lambda each: _ORDER.index(each[0].quantity))
-
-
-def _exceedance(
-    quantity: OperatingQuantity,
-    unit: str,
-    tested: tuple[float, float],
-    demand: tuple[float, float],
-    absolute: float = 0.0,
-    *,
-    relative: float = _TOLERANCE,
-) -> Exceedance | None:
-    lowest, highest = tested
-    # Only commands, as temperatures, may be negative.
-    above = (1.0 + relative) * highest if highest > 0.0 else highest - relative * highest
-    below = lowest / (1.0 + relative) if lowest > 0.0 else (1.0 + relative) * lowest
-    if demand[1] > above + absolute:
-        demanded = demand[1]
-    elif demand[0] < below - absolute:
-        demanded = demand[0]
-    else:
-        return None
-    return Exceedance(quantity=quantity, demanded=demanded, lowest=lowest, highest=highest, unit=unit)
+def range_of_tests(tests: Sequence[DamperTest], unit: CommandUnit | None = None) -> OperatingRange:
+    """Ranges of one or more tests together; without a `unit`, that in which most of the commands are known."""
+    if not tests:
+        raise SettingError("the range of no test was asked for; give at least one test")
+    if unit is None:
+        unit = _most_common([own for test in tests for _, own in test.commands])
+    return covering([range_of_test(test, unit) for test in tests])
 
 
 def _frequencies(test: DamperTest) -> tuple[float, float] | None:
@@ -347,32 +60,7 @@ def _frequencies(test: DamperTest) -> tuple[float, float] | None:
     return float(lowest), float(highest)
 
 
-def least_stroke(displacement: NDArray[np.float64]) -> float:
-    """Amplitude [m] of half cycles that make, with all smaller ones, a fifth of the travel of a displacement [m]."""
-    ranges = np.sort(half_cycles(displacement))
-    travelled = np.cumsum(ranges)
-    return 0.5 * float(ranges[np.searchsorted(travelled, _SMALL * travelled[-1])])
-
-
 def _most_common(units: Sequence[CommandUnit]) -> CommandUnit | None:
     """The unit that most commands have; of several a current, then a voltage. `None` where there is none."""
     counted: list[CommandUnit] = [unit for unit in COMMAND_SCALES if unit in units]
     return max(counted, key=units.count) if counted else None
-
-
-def _hull(spans: Iterable[tuple[float, float] | None]) -> tuple[float, float] | None:
-    known = [span for span in spans if span is not None]
-    return (min(low for low, _ in known), max(high for _, high in known)) if known else None
-
-
-def _is_single(lowest: float, highest: float) -> bool:
-    """Whether a range is one value: the cycles of a rig differ by a sample or two."""
-    return highest - lowest <= 0.5 * _TOLERANCE * highest
-
-
-def _shown(quantity: str, values: Sequence[float], unit: str) -> tuple[list[str], str]:
-    """Values with three significant digits, and their common displayed unit."""
-    small, factor, large = _DISPLAYED.get(quantity, (unit, 1.0, unit))
-    if max(factor * value for value in values) >= 1000.0:
-        factor, small = 1e-3 * factor if large != small else factor, large
-    return [f"{factor * value:.3g}" for value in values], small

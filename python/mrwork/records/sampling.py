@@ -9,9 +9,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.command_signal import resampled_command
 from mrwork.errors import RecordError
 from mrwork.files.time_column import rounded_grid
-from mrwork.records.command_signal import resampled_command
 from mrwork.records.damper_test import Finding
 from mrwork.values import holds_arrays
 

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.arguments import Count, checked
+from mrwork.command_signal import levels_of_command
 from mrwork.errors import SettingError
-from mrwork.records.command_signal import levels_of_command
 from mrwork.records.damper_test import DamperTest
 from mrwork.records.motion import spectrum
 

@@ -1,17 +1,23 @@
 from .differential_evolution import DifferentialEvolution as DifferentialEvolution
-from .efficient_genetic import EfficientGA as EfficientGA
+from .genetic import EfficientGA as EfficientGA
+from .genetic import StandardGA as StandardGA
 from .loop import run_search as run_search
 from .particle_swarm import ParticleSwarm as ParticleSwarm
 from .registry import OPTIMISERS as OPTIMISERS
 from .registry import PEERS as PEERS
 from .rules import StopRules as StopRules
-from .standard_genetic import StandardGA as StandardGA
 
 if True:  # the lower tier
+    from .course import Ceiling as Ceiling
     from .course import Course as Course
+    from .course import PopulationState as PopulationState
     from .course import Proposal as Proposal
+    from .course import SearchState as SearchState
     from .course import Trace as Trace
-    from .efficient_genetic import GAState as GAState
+    from .course import arrays_of as arrays_of
+    from .course import select as select
+    from .course import state_from_arrays as state_from_arrays
+    from .genetic import GAState as GAState
     from .loop import AbortableObjective as AbortableObjective
     from .loop import GenerationEvent as GenerationEvent
     from .loop import Objective as Objective
@@ -24,12 +30,6 @@ if True:  # the lower tier
     from .particle_swarm import CONSTRICTION as CONSTRICTION
     from .particle_swarm import SwarmState as SwarmState
     from .peers import library as library
-    from .population import Ceiling as Ceiling
-    from .population import PopulationState as PopulationState
-    from .population import SearchState as SearchState
-    from .population import arrays_of as arrays_of
-    from .population import select as select
-    from .population import state_from_arrays as state_from_arrays
     from .rules import EliteRule as EliteRule
     from .rules import ExpectedTermination as ExpectedTermination
     from .rules import distinct_best as distinct_best

@@ -16,8 +16,15 @@ import numpy as np
 
 from mrwork.arguments import AnyNumbers, Seed, checked
 from mrwork.errors import SettingError
-from mrwork.search.course import Course, Dimension, Proposal, Replicate
-from mrwork.search.population import PopulationState, propose, with_better_members
+from mrwork.search.course import (
+    Course,
+    Dimension,
+    PopulationState,
+    Proposal,
+    Replicate,
+    propose,
+    with_better_members,
+)
 from mrwork.search.rules import LARGEST_POPULATION, EliteRule, StopRules, check_ranges
 from mrwork.search.unit_cube import latin_hypercube, others, reflect
 

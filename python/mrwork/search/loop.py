@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from mrwork.arguments import Seed, checked
 from mrwork.errors import Interrupted, SettingError
-from mrwork.search.course import Dimension, Proposal, Replicate
-from mrwork.search.population import SearchState, StateT, select
+from mrwork.search.course import Dimension, Proposal, Replicate, SearchState, StateT, select
 from mrwork.search.rules import EliteRule, StopRules
 from mrwork.store import Journal, digest_of
 from mrwork.store.codec import array_of, plain

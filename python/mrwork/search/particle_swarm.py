@@ -25,8 +25,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.arguments import AnyNumbers, Seed, checked
-from mrwork.search.course import Course, Dimension, Proposal, Replicate, with_rows
-from mrwork.search.population import propose, with_better_members
+from mrwork.search.course import (
+    Course,
+    Dimension,
+    Proposal,
+    Replicate,
+    propose,
+    with_better_members,
+    with_rows,
+)
 from mrwork.search.rules import LARGEST_POPULATION, EliteRule, StopRules, check_ranges
 from mrwork.search.unit_cube import latin_hypercube, reflect
 from mrwork.summary import Summarised

@@ -9,11 +9,10 @@ from collections.abc import Mapping
 from typing import Any
 
 from mrwork.search.differential_evolution import DifferentialEvolution
-from mrwork.search.efficient_genetic import EfficientGA
+from mrwork.search.genetic import EfficientGA, StandardGA
 from mrwork.search.loop import Optimiser
 from mrwork.search.particle_swarm import CONSTRICTION, ParticleSwarm
 from mrwork.search.peers import CMAEvolution, PeerOptimiser, PymooGA, ScipyDifferentialEvolution
-from mrwork.search.standard_genetic import StandardGA
 
 # Any: each optimiser has its own type of state.
 OPTIMISERS: Mapping[str, Optimiser[Any]] = {

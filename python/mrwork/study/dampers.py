@@ -14,27 +14,17 @@ import numpy as np
 from mrwork.buildings import Building
 from mrwork.buildings.additions import with_brace
 from mrwork.buildings.matrices import Device
+from mrwork.command_signal import command_level
 from mrwork.dampers.parameters import LawName, law_named, polynomial_laws
 from mrwork.dampers.spec import DamperSpec, damper, damper_models
 from mrwork.errors import RecordError, SettingError
 from mrwork.keys import Place, suggestion
-from mrwork.records.command_signal import command_level
-from mrwork.records.operating_range import OperatingRange
 from mrwork.study.schema import DamperTable
+from mrwork.tested_range import FittedDamper, OperatingRange
 from mrwork.units import CommandUnit, DriverUnit, number_in
 from mrwork.values import Floats, holds_arrays
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class IdentifiedDamper:
-    """Model and parameters of an identified run, and the ranges of its tests, `None` if unknown."""
-
-    spec: DamperSpec
-    theta: tuple[float, ...]
-    tested: OperatingRange | None = None
-
-
-Identified = Callable[[Path], IdentifiedDamper]
+Identified = Callable[[Path], FittedDamper]
 """Reads the damper from the folder of an identified run."""
 
 
@@ -52,15 +42,6 @@ class ChosenDamper:
     largest_command: float
     source: str
     tested: OperatingRange | None = None
-
-
-def identified_damper(run: Path) -> IdentifiedDamper:
-    """Model, parameters and tested ranges from the folder of a run of `mrwork identify`."""
-    # Few studies name a run, and reading one loads the identification.
-    from mrwork.identification.fit_file import read_fit
-
-    fit = read_fit(run)
-    return IdentifiedDamper(spec=fit.spec, theta=fit.theta, tested=fit.tested)
 
 
 def chosen_damper(table: DamperTable, folder: Path, identified: Identified) -> ChosenDamper:

@@ -15,7 +15,6 @@ from mrwork.arguments import Count, NotNegative, Positive, Whole
 from mrwork.closed_loop.clairvoyant_search import Clairvoyant
 from mrwork.closed_loop.evaluation import Spread, criteria
 from mrwork.errors import RecordError
-from mrwork.records.operating_range import Exceedance, OperatingRange
 from mrwork.store.codec import OrInfinite, OrNan, Related, finite, json_document, read_document
 from mrwork.store.destination import Destination
 from mrwork.store.output_folder import write_folder
@@ -44,6 +43,7 @@ from mrwork.study.results import Key, MotionFacts, StudyCriteria, StudyResults
 from mrwork.study.run_result import OutcomeName, RunEnd, largest_demand, names_outside, worst_by_quantity
 from mrwork.study.stored_histories import Histories
 from mrwork.study.study import Kind, Row, StudyFile
+from mrwork.tested_range import Exceedance, OperatingRange
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -14,6 +14,7 @@ from mrwork.buildings import Building
 from mrwork.buildings.matrices import Device
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.errors import SettingError
+from mrwork.fitted_damper import fitted_damper
 from mrwork.keys import KeyPath, Place, read_table, suggestion
 from mrwork.store.input_file import TOML, bytes_of, text_in
 from mrwork.store.parse import toml_lines, toml_table
@@ -27,14 +28,13 @@ from mrwork.study.arrangements import (
 from mrwork.study.dampers import (
     ChosenDamper,
     Identified,
-    IdentifiedDamper,
     chosen_damper,
     equip_building,
-    identified_damper,
 )
 from mrwork.study.motions import motions_of_study
 from mrwork.study.schema import DamperTable, ReportTable, StudyTable
-from mrwork.study.study import MotionOfStudy, Realisations, Study, StudyFile, posterior_draws, realisations_of
+from mrwork.study.study import MotionOfStudy, Realisations, Study, StudyFile, realisations_of
+from mrwork.tested_range import FittedDamper
 from mrwork.values import Floats
 
 
@@ -54,7 +54,7 @@ def _with_small_first(text: str) -> str:
 @checked
 def read_study(
     path: str | Path,
-    identified: Identified = identified_damper,
+    identified: Identified = fitted_damper,
     *,
     seed: Seed = 0,
     on_python: Callable[[str], None] = lambda sentence: None,
@@ -149,11 +149,17 @@ def _realisations(
     where = place.within("uncertainty")
     drawn: list[Floats | None] = []
     for each in table.damper:
-        rows = posterior_draws(each, folder) if given.damper else None
-        if rows is not None:
+        rows = None
+        if given.damper and each.run is not None:
+            fit = identified(folder / each.run)
+            rows = fit.draws()
+            if rows is None:
+                each.place.within("run").refuse(
+                    f"{each.run} has no posterior draws, and [uncertainty] asks for them; run mrwork sample {each.run} "
+                    "first, or set damper = false there"
+                )
             # One draw for each realisation, equally spread over the chains.
             places = np.linspace(0, len(rows) - 1, given.realisations).round().astype(np.int64)
-            fit = identified(folder / str(each.run))
             rows = np.stack([_with_parameters(each, fit, row, folder) for row in rows[places]])
         drawn.append(rows)
     if not any((given.stiffness, given.damping, given.delay, *(rows is not None for rows in drawn))):
@@ -165,7 +171,7 @@ def _realisations(
         return realisations_of(given, devices, drawn)
 
 
-def _with_parameters(table: DamperTable, fit: IdentifiedDamper, theta: Floats, folder: Path) -> Floats:
+def _with_parameters(table: DamperTable, fit: FittedDamper, theta: Floats, folder: Path) -> Floats:
     """Parameters of the damper of a table whose fit has the parameters `theta`."""
     drawn = replace(fit, theta=tuple(theta.tolist()))
     return chosen_damper(table, folder, lambda run: drawn).theta

@@ -18,7 +18,10 @@ from mrwork.closed_loop.responses import (
     run_quantities,
 )
 from mrwork.dampers.spec import worst_laws
-from mrwork.records.operating_range import (
+from mrwork.simulate import Outcome
+from mrwork.store.codec import OneOf, rebuilt
+from mrwork.study.study import Arrangement
+from mrwork.tested_range import (
     Exceedance,
     OperatingRange,
     Outside,
@@ -26,9 +29,6 @@ from mrwork.records.operating_range import (
     least_stroke,
     worst_of,
 )
-from mrwork.simulate import Outcome
-from mrwork.store.codec import OneOf, rebuilt
-from mrwork.study.study import Arrangement
 from mrwork.values import Floats, holds_arrays
 
 _ENDS = {

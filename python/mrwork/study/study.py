@@ -26,7 +26,7 @@ from mrwork.motions import GroundMotion
 from mrwork.search.unit_cube import Streams, latin_hypercube
 from mrwork.store import digest_of
 from mrwork.store.codec import package_version
-from mrwork.study.schema import DamperTable, TuneTable, UncertaintyTable, Use
+from mrwork.study.schema import TuneTable, UncertaintyTable, Use
 from mrwork.summary import Summarised, Summary, listed
 from mrwork.values import Floats, holds_arrays
 
@@ -90,24 +90,6 @@ def realisations_of(
         seed=np.arange(n, dtype=np.int64),
         theta=tuple(theta),
     )
-
-
-def posterior_draws(table: DamperTable, folder: Path) -> Floats | None:
-    """Posterior draws of the fit of an identified damper, shape (n_draws, n_params); `None` for another damper."""
-    if table.run is None:
-        return None
-    # Loads xarray.
-    from mrwork.identification.fit_file import read_fit
-    from mrwork.uncertainty.posterior.draws import read_draws
-
-    run = folder / table.run
-    draws = read_draws(run, read_fit(run))
-    if draws is None:
-        table.place.within("run").refuse(
-            f"{table.run} has no posterior draws, and [uncertainty] asks for them; run mrwork sample {table.run} "
-            "first, or set damper = false there"
-        )
-    return np.asarray(draws.chains.reshape(-1, draws.chains.shape[-1]))
 
 
 Kind = Literal[

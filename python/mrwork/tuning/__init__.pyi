@@ -9,5 +9,6 @@ if True:  # the lower tier
     from .results import LawResult as LawResult
     from .space import PENALTY as PENALTY
     from .space import Candidate as Candidate
+    from .space import LawCandidate as LawCandidate
     from .space import Objective as Objective
     from .space import SettingSpace as SettingSpace

@@ -22,7 +22,7 @@ from mrwork.study.schema import TuneTable
 from mrwork.summary import Summarised
 from mrwork.tuning.problem import Bench, Benches, Scores, describe, recall_or_compute, score_candidates
 from mrwork.tuning.results import LawResult
-from mrwork.tuning.space import Candidate, FreeSetting, SettingSpace, TuningObjective, space_of
+from mrwork.tuning.space import FreeSetting, LawCandidate, SettingSpace, TuningObjective, space_of
 from mrwork.values import Floats
 
 _STEPS = 12
@@ -36,7 +36,7 @@ EQUAL, CONVEX, DASHPOTS = "equal drift weights", "convex weights", "weights of d
 class FirstCandidate:
     """A candidate and where it is from, in words."""
 
-    candidate: Candidate
+    candidate: LawCandidate
     origin: str
 
 
@@ -104,7 +104,7 @@ def first_candidates(space: SettingSpace, basis: Basis) -> list[FirstCandidate]:
     found: list[FirstCandidate] = []
 
     def add(settings: Mapping[str, Any], origin: str) -> None:
-        candidate = Candidate(settings=dict(settings), largest_command=space.largest_command)
+        candidate = LawCandidate(settings=dict(settings), largest_command=space.largest_command)
         if all(candidate != each.candidate for each in found):
             found.append(FirstCandidate(candidate=candidate, origin=origin))
 
@@ -183,7 +183,7 @@ BEST_CONSTANT = "Best constant command"
 class _Reference:
     label: str
     law: str
-    candidates: tuple[Candidate, ...]
+    candidates: tuple[LawCandidate, ...]
     origin: str
 
 
@@ -220,7 +220,7 @@ def references_of(benches: Benches, objective: TuningObjective, basis: Basis) ->
         )
 
 
-def best_constant(references: Sequence[LawResult]) -> Candidate:
+def best_constant(references: Sequence[LawResult]) -> LawCandidate:
     """The best constant command among references."""
     return next(each.chosen for each in references if each.label == BEST_CONSTANT)
 
@@ -228,8 +228,8 @@ def best_constant(references: Sequence[LawResult]) -> Candidate:
 def _declare_references(basis: Basis) -> Iterator[_Reference]:
     largest = basis.magnitudes.command
 
-    def constant(share: float) -> Candidate:
-        return Candidate(settings={"command": float(f"{share * largest:.4g}")}, largest_command=largest)
+    def constant(share: float) -> LawCandidate:
+        return LawCandidate(settings={"command": float(f"{share * largest:.4g}")}, largest_command=largest)
 
     yield _Reference(label="i = 0", law="passive", candidates=(constant(0.0),), origin="no command")
     yield _Reference(
@@ -242,7 +242,7 @@ def _declare_references(basis: Basis) -> Iterator[_Reference]:
         label="Largest command", law="passive", candidates=(constant(1.0),), origin="largest command"
     )
     space = space_of(TuneTable(laws=("clipped_optimal",)), "clipped_optimal", basis.magnitudes)
-    shapes: dict[str, list[Candidate]] = {}
+    shapes: dict[str, list[LawCandidate]] = {}
     for first in first_candidates(space, basis):
         shapes.setdefault(first.origin, []).append(first.candidate)
     for origin in (EQUAL, CONVEX, DASHPOTS):
@@ -255,9 +255,9 @@ def _declare_references(basis: Basis) -> Iterator[_Reference]:
             )
 
 
-def distinct(candidates: Sequence[Candidate]) -> tuple[Candidate, ...]:
+def distinct(candidates: Sequence[LawCandidate]) -> tuple[LawCandidate, ...]:
     """Candidates without repetition, in order."""
-    kept: list[Candidate] = []
+    kept: list[LawCandidate] = []
     for each in candidates:
         if each not in kept:
             kept.append(each)

@@ -19,7 +19,7 @@ from mrwork.control.law_design import SETTINGS, design_law, settings_of
 from mrwork.control.laws import control_law
 from mrwork.errors import Interrupted, InvalidSettingError, SettingError
 from mrwork.search.loop import GenerationEvent, Optimiser, SearchResult, run_search
-from mrwork.search.nondominated import FrontResult, run_front
+from mrwork.search.peers import FrontResult, run_front
 from mrwork.search.registry import ALL_OPTIMISERS, PEERS
 from mrwork.search.rules import EliteRule, StopRules
 from mrwork.store import digest_of
@@ -36,7 +36,7 @@ from mrwork.tuning.results import (
     TuningJudgement,
     judgement_of_objective,
 )
-from mrwork.tuning.space import LARGEST, PENALTY, Candidate, SettingSpace, TuningObjective, refuse_within
+from mrwork.tuning.space import LARGEST, PENALTY, LawCandidate, SettingSpace, TuningObjective, refuse_within
 from mrwork.values import Floats, holds_arrays
 
 if TYPE_CHECKING:
@@ -368,12 +368,12 @@ def tune_law(plan: LawPlan, benches: Benches, basis: Basis, *, rng: int, report:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _FinishedCandidate:
-    candidate: Candidate
+    candidate: LawCandidate
     misfit: float
     gradients: int
 
 
-def _finish(plan: LawPlan, bench: Bench, benches: Benches, chosen: Candidate) -> _FinishedCandidate:
+def _finish(plan: LawPlan, bench: Bench, benches: Benches, chosen: LawCandidate) -> _FinishedCandidate:
     """The candidate that gradients reach from the chosen one, with its misfit in the loop."""
     start = plan.space.unit(chosen)
     if start is None:
@@ -406,7 +406,7 @@ def _search(
     plan: LawPlan,
     bench: Bench,
     benches: Benches,
-    firsts: tuple[Candidate, ...],
+    firsts: tuple[LawCandidate, ...],
     scores: Scores,
     rng: int,
     on_generation: Callable[[GenerationEvent[Any]], None],
@@ -518,7 +518,11 @@ def _ratios(found: RunCriteria, bench: Bench, parts: list[TuningObjective]) -> F
 
 
 def _evaluate(
-    benches: Benches, bench: Bench, plan: LawPlan, parts: list[TuningObjective], candidates: list[Candidate]
+    benches: Benches,
+    bench: Bench,
+    plan: LawPlan,
+    parts: list[TuningObjective],
+    candidates: list[LawCandidate],
 ) -> Floats:
     inputs = digest_of(plan.label, candidates, [motion.name for motion in bench.motions])
     found = recall_or_compute(

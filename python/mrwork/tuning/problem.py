@@ -23,7 +23,7 @@ from mrwork.study.run_result import DeviceDemand, demands_of
 from mrwork.study.study import Arrangement, Realisations, Row, Study, nominal
 from mrwork.summary import Summarised
 from mrwork.tuning.results import Better, MotionScore, TuningJudgement
-from mrwork.tuning.space import PENALTY, Candidate, TuningObjective, over
+from mrwork.tuning.space import PENALTY, LawCandidate, TuningObjective, over
 from mrwork.values import Floats, holds_arrays
 
 
@@ -70,7 +70,7 @@ class Bench(Summarised):
         """Shape of the runs of so many candidates: candidates, motions, realisations."""
         return n_candidates, len(self.motions), len(self.realisations)
 
-    def run(self, law: str, candidates: Sequence[Candidate]) -> RunCriteria:
+    def run(self, law: str, candidates: Sequence[LawCandidate]) -> RunCriteria:
         """Criteria of candidates, infinite for those that make no law."""
         shape = (len(criteria()), *self.shape_of(len(candidates)))
         numbers, error, seconds = np.full(shape, math.inf), np.full(shape[1:], math.inf), 0.0
@@ -102,7 +102,7 @@ class Bench(Summarised):
         self.clock.candidates += len(candidates)
         return RunCriteria(numbers=numbers, energy_error=error, seconds=seconds)
 
-    def _batches(self, law: str, candidates: Sequence[Candidate]) -> list[tuple[list[int], bool]]:
+    def _batches(self, law: str, candidates: Sequence[LawCandidate]) -> list[tuple[list[int], bool]]:
         """Indices of candidates that are simulated together, and whether their largest commands may differ.
 
         A single candidate is simulated as in a study, to the bit.
@@ -118,7 +118,7 @@ class Bench(Summarised):
             for level in levels
         ]
 
-    def arrangement_with(self, law: str, candidate: Candidate, label: str) -> Arrangement:
+    def arrangement_with(self, law: str, candidate: LawCandidate, label: str) -> Arrangement:
         """The dampers of the study under a law with these settings, as `mrwork respond` simulates it."""
         problem = self.problem.limited_to(candidate.largest_command)
         return replace(
@@ -128,7 +128,7 @@ class Bench(Summarised):
             law=design_law(law, problem, settings_of(law, candidate.settings)),
         )
 
-    def certificate(self, law: str, candidate: Candidate) -> str:
+    def certificate(self, law: str, candidate: LawCandidate) -> str:
         """What is proved of a law with these settings."""
         try:
             return settings_of(law, candidate.settings).certificate(
@@ -180,7 +180,7 @@ class Scores(Summarised):
 
 
 def score_candidates(
-    bench: Bench, objective: TuningObjective, law: str, candidates: Sequence[Candidate]
+    bench: Bench, objective: TuningObjective, law: str, candidates: Sequence[LawCandidate]
 ) -> Scores:
     """The scores of candidates on a bench."""
     found = bench.run(law, candidates)
@@ -193,7 +193,7 @@ def magnitudes_of(bench: Bench) -> Magnitudes:
     """Typical peaks of the response, medians over the motions, from i = 0 and the largest command."""
     study = bench.study
     largest = min(device.largest_command for device in study.devices)
-    on = bench.run("passive", [Candidate(settings={"command": largest}, largest_command=largest)])
+    on = bench.run("passive", [LawCandidate(settings={"command": largest}, largest_command=largest)])
     bench.clock.candidates -= 1
     first = 2.0 * math.pi * float(study.building.frequencies[0])
 
@@ -226,7 +226,7 @@ def _middle(values: Floats) -> float:
     return float(np.median(finite))
 
 
-def describe(candidate: Candidate) -> Mapping[str, object]:
+def describe(candidate: LawCandidate) -> Mapping[str, object]:
     """The settings of a candidate with its largest command, as a study file states them."""
     return {**candidate.settings, "largest_command": candidate.largest_command}
 
@@ -264,7 +264,7 @@ class Benches(Summarised):
         """The bench with the test motions on which points of a front are judged."""
         return self.testing_varied if robust and self.testing_varied is not None else self.testing
 
-    def with_constant(self, constant: Candidate) -> Benches:
+    def with_constant(self, constant: LawCandidate) -> Benches:
         """With the criteria under the best constant command, a baseline of objectives."""
 
         def beside(name: str, bench: Bench) -> Bench:
@@ -290,7 +290,7 @@ class Benches(Summarised):
         )
 
     def judgements(
-        self, law: str, candidate: Candidate, objective: TuningObjective, *, robust: bool
+        self, law: str, candidate: LawCandidate, objective: TuningObjective, *, robust: bool
     ) -> tuple[TuningJudgement, TuningJudgement | None]:
         """A candidate on the training and on the test motions; bands are of the test motions, if there are any."""
         wide = self.training_varied if robust or self.testing is None else None
@@ -300,7 +300,7 @@ class Benches(Summarised):
         return train, self._judged(self.testing, self.testing_varied, law, candidate, objective, robust)
 
     def demands(
-        self, law: str, candidate: Candidate, label: str
+        self, law: str, candidate: LawCandidate, label: str
     ) -> dict[tuple[str, str], tuple[DeviceDemand, ...]]:
         """Demand of a law on each damper under every motion of the study, by label and motion; none without a law."""
         bench = self.training
@@ -322,7 +322,7 @@ class Benches(Summarised):
         bench: Bench,
         wide: Bench | None,
         law: str,
-        candidate: Candidate,
+        candidate: LawCandidate,
         objective: TuningObjective,
         robust: bool,
     ) -> TuningJudgement:

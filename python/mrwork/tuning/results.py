@@ -33,7 +33,7 @@ from mrwork.store.run_folder import (
 from mrwork.study.batches import RealisationBand
 from mrwork.study.study import StudyFile
 from mrwork.summary import Summarised, Summary, listed, rounded, with_decimals
-from mrwork.tuning.space import LARGEST, Candidate, FreeSetting
+from mrwork.tuning.space import LARGEST, FreeSetting, LawCandidate
 
 _MARGIN = 0.01
 # Longest array whose numbers are shown in a line.
@@ -137,10 +137,10 @@ class LawResult(Summarised, Related):
     trace: tuple[TracePoint, ...] = ()
 
     @property
-    def chosen(self) -> Candidate:
+    def chosen(self) -> LawCandidate:
         """The settings as a candidate."""
         settings = dict(self.settings)
-        return Candidate(largest_command=settings.pop(LARGEST), settings=settings)
+        return LawCandidate(largest_command=settings.pop(LARGEST), settings=settings)
 
     def disagreement(self) -> str:
         """Whether the largest command is a number, and is there where it is one of the settings."""

@@ -205,13 +205,21 @@ _WIDEST = 1e100
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Candidate:
+class LawCandidate:
     """Settings of a law, in SI, and the largest command that it sends [A or V]."""
 
     _made_by: ClassVar[str] = "mr.tune(study)"
 
     settings: Mapping[str, Any]
     largest_command: float
+
+    def __repr__(self) -> str:
+        # Digests of journals have this word.
+        return f"Candidate(settings={self.settings!r}, largest_command={self.largest_command!r})"
+
+
+Candidate = LawCandidate
+"""Its former name, which is also that of a candidate of an experiment plan."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -284,16 +292,16 @@ class SettingSpace(Summarised):
         """The point of the unit cube where a search begins, shape (n_free,)."""
         return np.array([each.start for each in self.free])
 
-    def candidate(self, unit: Floats, *, exact: bool = False) -> Candidate:
+    def candidate(self, unit: Floats, *, exact: bool = False) -> LawCandidate:
         """The candidate at a point of the unit cube, shape (n_free,); `exact` without rounding of its settings."""
         found: dict[str, Any] = {}
         for each, place in zip(self.free, unit, strict=True):
             value = each.value(float(place), exact=exact)
             found[each.name] = value if each.entry is None else (*found.get(each.name, ()), value)
         largest = found.pop(LARGEST, self.largest_command)
-        return Candidate(settings={**self.held, **found}, largest_command=largest)
+        return LawCandidate(settings={**self.held, **found}, largest_command=largest)
 
-    def unit(self, candidate: Candidate) -> Floats | None:
+    def unit(self, candidate: LawCandidate) -> Floats | None:
         """The point of a candidate, shape (n_free,); `None` where it is outside of the space.
 
         A weight that is free and that the candidate does not have is taken for the least of its range.
@@ -313,7 +321,7 @@ class SettingSpace(Summarised):
             places.append(place)
         return np.array(places)
 
-    def every(self) -> list[Candidate]:
+    def every(self) -> list[LawCandidate]:
         """All candidates of a space without continuous settings."""
         grid = [np.empty(0)]
         for each in self.free:

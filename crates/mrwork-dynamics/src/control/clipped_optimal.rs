@@ -1,18 +1,18 @@
 //! Clipped-optimal control: the damper follows the force of a linear regulator as far as it can.
 
-use super::{ControlLaw, GainSpec, Gains, LawSpec, Measurement, Shape, where_positive};
+use super::{ControlLaw, GainSpec, Gains, LawSpec, Measurement, Shape, Unit, where_positive};
 use crate::lanes::Lanes;
 use crate::real::Real;
 
 pub(super) const GAIN: GainSpec = GainSpec {
     name: "gain",
-    unit: "N",
+    unit: Unit::Of("N"),
     shape: Shape::State,
     description: "K of the desired resisting force f_c = -K s",
 };
 const FULL_FORCE: GainSpec = GainSpec {
     name: "full_force",
-    unit: "N",
+    unit: Unit::Of("N"),
     shape: Shape::Device,
     description: "desired force at which the command is the largest",
 };

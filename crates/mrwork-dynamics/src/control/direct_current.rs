@@ -6,7 +6,9 @@
 
 use super::clipped_optimal::GAIN;
 use super::lyapunov::WEIGHT;
-use super::{ControlLaw, GainSpec, Gains, LawSpec, Measurement, Shape, if_known, where_positive, within};
+use super::{
+    ControlLaw, GainSpec, Gains, LawSpec, Measurement, Shape, Unit, if_known, where_positive, within,
+};
 use crate::lanes::Lanes;
 use crate::real::Real;
 
@@ -140,7 +142,7 @@ impl ControlLaw for ProportionalDirect {
             WEIGHT,
             GainSpec {
                 name: "slope",
-                unit: "A or V, per unit of sigma G",
+                unit: Unit::CommandPer("unit of sigma G"),
                 shape: Shape::Device,
                 description: "kappa, or 1/R",
             },

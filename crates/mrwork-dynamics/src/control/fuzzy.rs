@@ -1,6 +1,6 @@
 //! Fuzzy control: a rule base over deformation and velocity, tabulated.
 
-use super::{ControlLaw, GainSpec, Gains, LawSpec, Measurement, Shape, within};
+use super::{ControlLaw, GainSpec, Gains, LawSpec, Measurement, Shape, Unit, within};
 use crate::error::DynamicsError;
 use crate::lanes::{Lanes, MOST_LANES};
 
@@ -18,13 +18,13 @@ impl ControlLaw for Fuzzy {
         gains: &[
             GainSpec {
                 name: "deformation_scale",
-                unit: "m",
+                unit: Unit::Of("m"),
                 shape: Shape::Device,
                 description: "d_s, deformation at the edge of the table",
             },
             GainSpec {
                 name: "rate_scale",
-                unit: "m/s",
+                unit: Unit::Of("m/s"),
                 shape: Shape::Device,
                 description: "v_s, rate at the edge of the table",
             },

@@ -1,6 +1,6 @@
 //! Modulated homogeneous friction: a friction force in proportion to the last peak of the deformation.
 
-use super::{ControlLaw, GainSpec, Gains, LawSpec, Measurement, Shape, where_positive};
+use super::{ControlLaw, GainSpec, Gains, LawSpec, Measurement, Shape, Unit, where_positive};
 use crate::lanes::Lanes;
 
 /// On while the force is below the friction desired at the last peak.
@@ -17,7 +17,7 @@ impl ControlLaw for ModulatedHomogeneousFriction {
         source: "Inaudi, Earthquake Eng. Struct. Dyn. 26(3), 1997, 361-376",
         gains: &[GainSpec {
             name: "slope",
-            unit: "N/m",
+            unit: Unit::Of("N/m"),
             shape: Shape::Device,
             description: "g, desired friction force per deformation at the last peak",
         }],

@@ -1,11 +1,11 @@
 //! Lyapunov control: the command that makes V = s'Ps/2 fall fastest, on or off.
 
-use super::{ControlLaw, GainSpec, Gains, LawSpec, Measurement, Shape, where_positive};
+use super::{ControlLaw, GainSpec, Gains, LawSpec, Measurement, Shape, Unit, where_positive};
 use crate::lanes::Lanes;
 
 pub(super) const WEIGHT: GainSpec = GainSpec {
     name: "weight",
-    unit: "1/s per N, times any factor",
+    unit: Unit::Of("1/s per N, times any factor"),
     shape: Shape::State,
     description: "P B of each device: sigma = s'P B is the derivative of V' with respect to the force",
 };

@@ -58,13 +58,42 @@ impl Shape {
     }
 }
 
+/// Unit of a gain.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Unit {
+    /// A unit without that of the command.
+    Of(&'static str),
+    /// That of the command: the gain is itself the command of each device.
+    Command,
+    /// That of the command, per another unit.
+    CommandPer(&'static str),
+}
+
+impl Unit {
+    /// Its name in the spec.
+    #[must_use]
+    pub fn name(self) -> String {
+        match self {
+            Self::Of(unit) => unit.to_owned(),
+            Self::Command => "A or V".to_owned(),
+            Self::CommandPer(unit) => format!("A or V, per {unit}"),
+        }
+    }
+
+    /// Whether the gain is in proportion to the unit of the command.
+    #[must_use]
+    pub const fn has_command(self) -> bool {
+        !matches!(self, Self::Of(_))
+    }
+}
+
 /// A gain of a law; candidates may differ in it.
 #[derive(Clone, Copy, Debug)]
 pub struct GainSpec {
     /// Name.
     pub name: &'static str,
     /// SI unit; for a state gain that of the product with the state.
-    pub unit: &'static str,
+    pub unit: Unit,
     /// Shape.
     pub shape: Shape,
     /// What it does.

@@ -1,6 +1,6 @@
 //! A constant command: passive off, passive on, and all between.
 
-use super::{ControlLaw, GainSpec, Gains, LawSpec, Measurement, Shape};
+use super::{ControlLaw, GainSpec, Gains, LawSpec, Measurement, Shape, Unit};
 use crate::lanes::Lanes;
 
 /// The same command throughout.
@@ -16,7 +16,7 @@ impl ControlLaw for Passive {
         source: "Dyke, Spencer, Sain, Carlson, Smart Mater. Struct. 5, 1996, 565-575",
         gains: &[GainSpec {
             name: "command",
-            unit: "A or V",
+            unit: Unit::Command,
             shape: Shape::Device,
             description: "the constant command",
         }],

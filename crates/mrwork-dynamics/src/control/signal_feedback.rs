@@ -1,7 +1,7 @@
 //! Bounded feedback of measured signals: a small network or a polynomial, with numbers that are given.
 
 use super::clipped_optimal::GAIN;
-use super::{ControlLaw, GainSpec, Gains, LawSpec, Measurement, Shape, within};
+use super::{ControlLaw, GainSpec, Gains, LawSpec, Measurement, Shape, Unit, within};
 use crate::elementary::tanh;
 use crate::error::DynamicsError;
 use crate::lanes::Lanes;
@@ -40,7 +40,7 @@ impl ControlLaw for SignalNetwork {
             GAIN,
             GainSpec {
                 name: "network",
-                unit: "inputs in SI units",
+                unit: Unit::Of("inputs in SI units"),
                 shape: Shape::Numbers(UNITS * OF_UNIT + 1),
                 description: "for each of four hidden units its bias b_k, the weights w_k of its four inputs and its \
                               weight v_k in the output; last the bias b of the output",

@@ -1,20 +1,20 @@
 //! Sliding-mode control: the state is driven to a surface S s = 0 and kept there.
 
 use super::clipped_optimal::{GAIN, clipped};
-use super::{ControlLaw, GainSpec, Gains, LawSpec, Measurement, Shape, if_known, within};
+use super::{ControlLaw, GainSpec, Gains, LawSpec, Measurement, Shape, Unit, if_known, within};
 use crate::lanes::Lanes;
 use crate::real::Real;
 
 const SURFACE: GainSpec = GainSpec {
     name: "surface",
-    unit: "1",
+    unit: Unit::Of("1"),
     shape: Shape::State,
     description: "S of the surface S s = 0, one row for each device, with the sign for which its force \
                   reduces S s",
 };
 const BOUNDARY: GainSpec = GainSpec {
     name: "boundary",
-    unit: "unit of S s",
+    unit: Unit::Of("unit of S s"),
     shape: Shape::Device,
     description: "half width of the layer in which the switching force is proportional",
 };
@@ -35,7 +35,7 @@ impl ControlLaw for SlidingMode {
             SURFACE,
             GainSpec {
                 name: "switching",
-                unit: "N",
+                unit: Unit::Of("N"),
                 shape: Shape::Device,
                 description: "rho, force that brings the state to the surface",
             },
@@ -86,20 +86,20 @@ impl ControlLaw for AdaptiveSlidingMode {
             SURFACE,
             GainSpec {
                 name: "adaptation",
-                unit: "N/s per unit of S s",
+                unit: Unit::Of("N/s per unit of S s"),
                 shape: Shape::Device,
                 description: "a, how fast the switching force grows off the surface",
             },
             BOUNDARY,
             GainSpec {
                 name: "floor",
-                unit: "N",
+                unit: Unit::Of("N"),
                 shape: Shape::Device,
                 description: "least switching force, with which it begins",
             },
             GainSpec {
                 name: "ceiling",
-                unit: "N",
+                unit: Unit::Of("N"),
                 shape: Shape::Device,
                 description: "largest switching force",
             },
@@ -147,25 +147,25 @@ impl ControlLaw for SuperTwisting {
             SURFACE,
             GainSpec {
                 name: "drift",
-                unit: "unit of S s per s",
+                unit: Unit::Of("unit of S s per s"),
                 shape: Shape::State,
                 description: "S A, rate of S s without force",
             },
             GainSpec {
                 name: "push",
-                unit: "unit of S s per N s",
+                unit: Unit::Of("unit of S s per N s"),
                 shape: Shape::Device,
                 description: "S B, rate of S s per unit of resisting force",
             },
             GainSpec {
                 name: "root_gain",
-                unit: "root of the unit of S s, per s",
+                unit: Unit::Of("root of the unit of S s, per s"),
                 shape: Shape::Device,
                 description: "k1",
             },
             GainSpec {
                 name: "integral_gain",
-                unit: "unit of S s per s^2",
+                unit: Unit::Of("unit of S s per s^2"),
                 shape: Shape::Device,
                 description: "k2",
             },

@@ -21,7 +21,7 @@ from mrwork.dampers.design.materials import MRFluid, Steel
 from mrwork.dampers.design.ranges import Current, Length, Speed, Voltage
 from mrwork.errors import Interrupted, SettingError, UnknownNameError
 from mrwork.search import SearchResult, StopRules, run_search
-from mrwork.search.nondominated import nondominated, run_front
+from mrwork.search.peers import nondominated, run_front
 from mrwork.search.registry import ALL_OPTIMISERS
 from mrwork.summary import Summarised, Summary
 

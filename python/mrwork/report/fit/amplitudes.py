@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.records.damper_test import DamperTest
-from mrwork.records.motion import half_cycle_ends
 from mrwork.report import numbers
 from mrwork.report.comparison import Comparison
 from mrwork.report.section import Group, Section, SectionKind, Table, table
+from mrwork.tested_range import half_cycle_ends
 from mrwork.values import holds_arrays
 
 Array = NDArray[np.float64]

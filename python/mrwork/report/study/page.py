@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mrwork.closed_loop.evaluation import SCORE, criterion, ratio
-from mrwork.records.operating_range import OperatingRange, covering
 from mrwork.report.html import filled_in
 from mrwork.report.numbers import MINUS, fixed, significant
 from mrwork.report.section import NOTHING, Group, Section, Table, panel
@@ -34,6 +33,7 @@ from mrwork.study.comparison import (
     judged_in_words,
 )
 from mrwork.study.results import OFF_BALANCE, ON_OFF, StudyResults, largest_step_changes
+from mrwork.tested_range import OperatingRange, covering
 
 _QUANTITIES = (("peak_drift", "Peak drift"), ("peak_acceleration", "Peak acceleration"))
 

@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.arguments import Positive, Whole
+from mrwork.command_signal import Command
 from mrwork.errors import RecordError
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import addition_content, fit_from_json, read_addition
 from mrwork.records import DamperTest, Observation, RecordedMotion
-from mrwork.records.command_signal import Command
 from mrwork.records.likeness import alike_groups
 from mrwork.store.arrays_file import finite_numbers, read_arrays
 from mrwork.store.codec import digest_of, json_document, parsed, read_document, record_of

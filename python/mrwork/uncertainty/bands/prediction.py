@@ -21,8 +21,8 @@ from mrwork.records import DamperTest, Likeness, RecordedMotion
 from mrwork.records.damper_test import same_commands
 from mrwork.records.likeness import alike_groups, likenesses_in_words, likest
 from mrwork.records.motion import regular_cycles, whole_cycles
-from mrwork.records.operating_range import Outside
 from mrwork.summary import Summarised, Summary
+from mrwork.tested_range import Outside
 from mrwork.values import holds_arrays
 
 Fold = Literal["test", "motion", "command"]

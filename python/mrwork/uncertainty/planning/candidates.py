@@ -12,10 +12,10 @@ from pathlib import Path
 import numpy as np
 
 from mrwork.arguments import Positive, checked
+from mrwork.command_signal import LARGEST_COMMAND, Command, command_level, levels_of_command
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import RecordError, SettingError
 from mrwork.records import DamperTest
-from mrwork.records.command_signal import LARGEST_COMMAND, Command, command_level, levels_of_command
 from mrwork.records.damper_test import as_tests
 from mrwork.records.motion import spectrum
 from mrwork.simulate import Loading

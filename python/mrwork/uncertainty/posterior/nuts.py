@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from mrwork.arguments import Count, Seed, checked
 from mrwork.errors import SettingError
-from mrwork.simulate import loading_of
+from mrwork.records.damper_test import loading_of
 from mrwork.summary import Summarised
 from mrwork.twins.models import begin, simulate
 from mrwork.uncertainty.noise import NOISES, names_in_words
