@@ -27,17 +27,16 @@ def shaken(rows: tuple[Row, ...] = study_samples.ROWS, **changes: object) -> Stu
     runs = dict(whole.runs)
     for motion in range(2):
         isolated = runs[2, motion]
-        runs[2, motion] = replace(
-            isolated,
+        runs[2, motion] = isolated.with_numbers(
             **{
                 f"{statistic}_{name}": 0.1 * getattr(isolated, f"{statistic}_{name}")
                 for statistic in ("peak", "rms")
                 for name in ("drift", "acceleration")
             },
         )
-        runs[3, motion] = replace(runs[3, motion], rms_drift=2.0 * runs[3, motion].rms_drift)
+        runs[3, motion] = runs[3, motion].with_numbers(rms_drift=2.0 * runs[3, motion].rms_drift)
     peak = WORSE * runs[0, 1].peak_acceleration
-    runs[SHAKEN, 1] = replace(runs[SHAKEN, 1], peak_acceleration=peak)
+    runs[SHAKEN, 1] = runs[SHAKEN, 1].with_numbers(peak_acceleration=peak)
     return replace(whole, runs=runs, rows=rows, **changes)  # type: ignore[arg-type]
 
 

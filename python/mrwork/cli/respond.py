@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from mrwork.store import Journal
     from mrwork.store.destination import Destination
     from mrwork.study.results import StudyResults
-    from mrwork.study.stored_histories import Histories
+    from mrwork.study.run_result import Histories
     from mrwork.study.study import Study
 
 
@@ -92,7 +92,7 @@ def _respond(
 ) -> int:
     from mrwork.store.unfinished import discard_journal, is_complete
     from mrwork.study.run import run_study
-    from mrwork.study.stored_histories import Histories
+    from mrwork.study.run_result import Histories
 
     place = destination.path
     histories = Histories(place, study, resume=options.resume)

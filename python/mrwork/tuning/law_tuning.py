@@ -23,7 +23,7 @@ from mrwork.search.nondominated import FrontResult, run_front
 from mrwork.search.registry import ALL_OPTIMISERS, PEERS
 from mrwork.search.rules import EliteRule, StopRules
 from mrwork.store import digest_of
-from mrwork.study.batches import RunCriteria
+from mrwork.study.results import RunCriteria
 from mrwork.study.schema import TuneTable
 from mrwork.study.study import Study
 from mrwork.tuning.first_candidates import Basis, FirstCandidate, distinct, first_candidates

@@ -17,8 +17,8 @@ from mrwork.control.laws import control_law
 from mrwork.errors import SettingError
 from mrwork.motions import GroundMotion
 from mrwork.store import Journal, digest_of
-from mrwork.study.batches import RealisationBand, RunCriteria, simulate_criteria
-from mrwork.study.run import runs_of
+from mrwork.study.results import RealisationBand, RunCriteria
+from mrwork.study.run import runs_of, simulate_criteria
 from mrwork.study.run_result import DeviceDemand, demands_of
 from mrwork.study.study import Arrangement, Realisations, Row, Study, nominal
 from mrwork.summary import Summarised

@@ -31,7 +31,7 @@ from mrwork.store.run_folder import (
     check_manifest,
     read_manifest,
 )
-from mrwork.study.batches import RealisationBand
+from mrwork.study.results import RealisationBand
 from mrwork.study.study import StudyFile
 from mrwork.summary import Summarised, Summary, listed, rounded, with_decimals
 from mrwork.tuning.space import LARGEST, Candidate, FreeSetting

@@ -25,7 +25,6 @@ from mrwork.report.study.tables import (
     signed_percent,
     value_table,
 )
-from mrwork.study.batches import BAND, RealisationBand
 from mrwork.study.comparison import (
     ADD_BEST_PASSIVE,
     MOST_IN_DETAIL,
@@ -33,7 +32,14 @@ from mrwork.study.comparison import (
     compared,
     judged_in_words,
 )
-from mrwork.study.results import OFF_BALANCE, ON_OFF, StudyResults, largest_step_changes
+from mrwork.study.results import (
+    BAND,
+    OFF_BALANCE,
+    ON_OFF,
+    RealisationBand,
+    StudyResults,
+    largest_step_changes,
+)
 
 _QUANTITIES = (("peak_drift", "Peak drift"), ("peak_acceleration", "Peak acceleration"))
 

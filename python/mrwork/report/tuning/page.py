@@ -17,7 +17,7 @@ from mrwork.report.canvas import column_axes, room_for
 from mrwork.report.html import filled_in
 from mrwork.report.numbers import fixed, shortest, significant
 from mrwork.report.section import NOTHING, Group, Section, Table, panel
-from mrwork.study.batches import BAND
+from mrwork.study.results import BAND
 from mrwork.tuning.results import Front, LawResult, TuningJudgement, TuningResults
 
 _LINE = 0.36
