@@ -6,7 +6,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 import numpy as np
 
@@ -214,6 +214,11 @@ class StudyCriteria(Summarised, ABC):
     def complete(self) -> bool:
         """Whether all runs are done."""
         return self.done == self.total
+
+    @property
+    def status(self) -> Literal["finished", "interrupted"]:
+        """Whether all runs are done, in a word of a manifest."""
+        return "finished" if self.complete else "interrupted"
 
     @property
     def judged(self) -> tuple[int, ...]:
