@@ -98,7 +98,7 @@ def _verb(study: Study, place: Path, options: argparse.Namespace) -> StudyVerb[T
         if results.status != "finished":
             return None
         # Matplotlib is slow to load.
-        from mrwork.report.tuning.page import tuning_page
+        from mrwork.report.study.tuning_page import tuning_page
 
         return tuning_page(results, command=command_line())
 
@@ -150,7 +150,7 @@ def _text(results: TuningResults, place: Path, *, drawn: bool) -> str:
 
 
 def _row(law: LawResult, settings: str) -> tuple[str, ...]:
-    found = law.train if law.test is None else law.test
+    found = law.judged
     better = "" if law.better is None else f"{law.better.both} of {law.better.motions}"
     nan = float("nan")
     return (

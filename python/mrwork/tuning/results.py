@@ -138,6 +138,11 @@ class LawResult(Summarised, Related):
     trace: tuple[TracePoint, ...] = ()
 
     @property
+    def judged(self) -> TuningJudgement:
+        """The judgement on the test motions, or on the training motions where there is no other."""
+        return self.train if self.test is None else self.test
+
+    @property
     def chosen(self) -> Candidate:
         """The settings as a candidate."""
         settings = dict(self.settings)
@@ -201,7 +206,7 @@ class TuningResults(Summarised):
     @property
     def ranked(self) -> tuple[LawResult, ...]:
         """Laws and references, the lowest score on the test motions first, else on the training motions."""
-        return tuple(sorted((*self.laws, *self.references), key=lambda each: _judged(each).score))
+        return tuple(sorted((*self.laws, *self.references), key=lambda each: each.judged.score))
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -226,13 +231,13 @@ class TuningResults(Summarised):
         return tuple(found)
 
     def _overtaken(self, law: LawResult) -> list[str]:
-        best = min((each for each in self.references), key=lambda each: _judged(each).score, default=None)
-        if best is None or not math.isfinite(_judged(law).score) or _judged(best).score >= _judged(law).score:
+        best = min((each for each in self.references), key=lambda each: each.judged.score, default=None)
+        if best is None or not math.isfinite(law.judged.score) or best.judged.score >= law.judged.score:
             return []
         on = "test" if law.test is not None else "training"
         return [
             f"{law.label} does not reach the score of {best.label} on the {on} motions "
-            f"({_judged(law).score:.3f} against {_judged(best).score:.3f})."
+            f"({law.judged.score:.3f} against {best.judged.score:.3f})."
         ]
 
     def _summary(self) -> Summary:
@@ -255,10 +260,6 @@ class TuningResults(Summarised):
             ],
             notes=[f"warning: {each}" for each in self.warnings],
         )
-
-
-def _judged(law: LawResult) -> TuningJudgement:
-    return law.train if law.test is None else law.test
 
 
 def _at_ends(law: LawResult) -> list[tuple[str, str]]:

@@ -13,9 +13,9 @@ from types import MappingProxyType
 
 import numpy as np
 
-from mrwork.closed_loop.evaluation import Criterion, criterion
+from mrwork.closed_loop.evaluation import SCORE, Criterion, criterion
 from mrwork.report.numbers import fixed, significant
-from mrwork.report.section import NOTHING, Table
+from mrwork.report.section import NOTHING, Group, Section, Table
 from mrwork.study.comparison import (
     LAWS,
     RANKS,
@@ -25,7 +25,7 @@ from mrwork.study.comparison import (
     judged_in_words,
     rounds_to_increase,
 )
-from mrwork.study.results import StudyCriteria, StudyResults
+from mrwork.study.results import BAND, RealisationBand, StudyCriteria, StudyResults
 from mrwork.study.study import Kind
 
 MOST_LISTED = 60
@@ -354,3 +354,30 @@ def _worse_laws(comparison: StudyComparison, reference: int, *, several: bool) -
         *(fixed(counts[entry.name], 0) for entry in compared_quantities()),
         *([""] if several else []),
     )
+
+
+def band_section(
+    rows: Sequence[tuple[str, Sequence[RealisationBand | None]]], count: int, *, note: str
+) -> Section | None:
+    """Bands of the score and of its ratios over realisations, for each label; `None` without any."""
+    if not rows:
+        return None
+    table = Table(
+        label="Bands over realisations",
+        columns=("", "Score", *(criterion(name).short for name in SCORE)),
+        rows=tuple((label, *map(_band, bands)) for label, bands in rows),
+        note=f"Median, and the ends between which {BAND:.0%} of the {count} realisations lie; each number is a mean "
+        f"over the motions, over i = 0 in the same realisation. {note}",
+    )
+    return Section(
+        anchor="bands",
+        title="Under uncertainty",
+        summary=f"{count} realisations of what is not known exactly.",
+        groups=(Group(table=table),),
+    )
+
+
+def _band(band: RealisationBand | None) -> str:
+    if band is None:
+        return NOTHING
+    return f"{fixed(band.median, 3)} ({fixed(band.lower, 3)}–{fixed(band.upper, 3)})"
