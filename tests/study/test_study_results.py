@@ -56,7 +56,7 @@ def test_scores_and_changes_stand_on_test_motions_only() -> None:
     for key, table in changes.items():
         for name, change in table.items():
             assert (change.mean, change.largest) == (others[key][name].mean, others[key][name].largest)
-            assert change.motion == 1
+            assert change.motion == others[key][name].motion == "filtered noise"
 
 
 def test_the_spread_of_a_score_has_the_quartiles_of_single_motions() -> None:

@@ -34,11 +34,11 @@ from mrwork.store.run_folder import (
 )
 from mrwork.store.unfinished import INTERRUPTED
 from mrwork.study.comparison import (
+    QuantityChange,
     StudyComparison,
     compared,
     judged_in_words,
     motion_groups,
-    rounds_to_increase,
 )
 from mrwork.study.results import Key, MotionFacts, RealisationBand, StudyCriteria, StudyResults
 from mrwork.study.run_result import (
@@ -54,15 +54,6 @@ from mrwork.summary import listed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class StoredChange:
-    """Change of a quantity relative to a reference, -0.2 for 20 % less: mean over motions, the largest, its motion."""
-
-    mean: OrNan
-    largest: OrNan
-    motion: str | None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class StoredChanges:
     """A row in the results file: its rank, its score, and the changes of every quantity by name.
 
@@ -75,9 +66,9 @@ class StoredChanges:
     rank: str
     place: Count
     score: OrNan
-    against_uncontrolled: dict[str, StoredChange]
+    against_uncontrolled: dict[str, QuantityChange]
     worse_than_uncontrolled: tuple[str, ...]
-    against_best_passive: dict[str, StoredChange]
+    against_best_passive: dict[str, QuantityChange]
     worse_than_best_passive: tuple[str, ...]
 
 
@@ -109,17 +100,8 @@ def _store_changes(comparison: StudyComparison) -> Iterator[StoredChanges]:
     """Changes of every row, the rows of each rank together, the lowest score first."""
     results = comparison.results
 
-    def against(row: int, reference: int | None) -> dict[str, StoredChange]:
-        if reference is None or reference == row:
-            return {}
-        return {
-            name: StoredChange(
-                mean=each.mean,
-                largest=each.largest,
-                motion=None if math.isnan(each.largest) else results.motions[each.motion].name,
-            )
-            for name, each in comparison.changes(row, reference).items()
-        }
+    def against(row: int, reference: int | None) -> dict[str, QuantityChange]:
+        return {} if reference in (None, row) else comparison.tables[row, reference]
 
     for rank, rows in comparison.ranks:
         for place, row in enumerate(rows, start=1):
@@ -137,8 +119,8 @@ def _store_changes(comparison: StudyComparison) -> Iterator[StoredChanges]:
             )
 
 
-def _increases(changes: Mapping[str, StoredChange]) -> tuple[str, ...]:
-    return tuple(name for name, change in changes.items() if rounds_to_increase(change.mean))
+def _increases(changes: Mapping[str, QuantityChange]) -> tuple[str, ...]:
+    return tuple(name for name, change in changes.items() if change.worse)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -475,7 +457,7 @@ def _criteria_csv(results: StudyResults) -> str:
         facts, score = results.motions[motion], results.score_under(row, (motion,))
         run_is = [run.outcome, f"{run.energy_error:.3g}", "" if math.isnan(score) else f"{score:.6g}"]
         lines.append([results.rows[row].label, facts.name, facts.use, *run_is, *numbers])
-    return _csv(lines)
+    return csv_text(lines)
 
 
 def _profiles_csv(results: StudyResults) -> str:
@@ -492,7 +474,7 @@ def _profiles_csv(results: StudyResults) -> str:
         ):
             for name, peak, rms in zip(names, peaks, squares, strict=True):
                 lines.append([*labels, quantity, name, f"{peak:.9g}", f"{rms:.9g}", unit])
-    return _csv(lines)
+    return csv_text(lines)
 
 
 def _store_run(results: StudyResults, row: int, motion: int, passive: int | None) -> StoredStudyRun:
@@ -534,7 +516,8 @@ def _every_criterion(numbers: Mapping[str, float] | None) -> _Criteria:
     return {entry.name: found.get(entry.name, math.nan) for entry in criteria()}
 
 
-def _csv(lines: Iterable[list[str]]) -> str:
+def csv_text(lines: Iterable[list[str]]) -> str:
+    """Rows of cells as a table of values separated by commas."""
     target = io.StringIO()
     csv.writer(target, lineterminator="\n").writerows(lines)
     return target.getvalue()

@@ -20,7 +20,7 @@ from mrwork.errors import SettingError
 from mrwork.store.record import OrInfinite, OrNan
 from mrwork.study.run_result import DeviceDemand, RunEnd, RunResult, damper_warnings, demands_of
 from mrwork.study.schema import Use
-from mrwork.study.study import Kind, Row
+from mrwork.study.study import Kind, MotionOfStudy, Row
 from mrwork.summary import Summarised, Summary, listed, rounded
 from mrwork.units import STANDARD_GRAVITY
 from mrwork.values import Floats, holds_arrays
@@ -145,6 +145,21 @@ class MotionFacts:
     synthetic: bool = False
     use: Use = "test"
     groups: tuple[str, ...] = ()
+
+    @staticmethod
+    def of(motion: MotionOfStudy) -> MotionFacts:
+        """Those of a motion of a study."""
+        ground = motion.ground
+        return MotionFacts(
+            name=ground.name,
+            peak=ground.peak,
+            duration=ground.duration,
+            source=ground.source,
+            changes=ground.changes,
+            synthetic=motion.synthetic,
+            use=motion.use,
+            groups=ground.groups,
+        )
 
 
 class StudyCriteria(Summarised, ABC):

@@ -40,7 +40,6 @@ from mrwork.study.run_result import (
 from mrwork.study.study import (
     Arrangement,
     Realisations,
-    Row,
     Study,
     StudyLaw,
     digest_of_run,
@@ -122,13 +121,27 @@ def run_study(
     clairvoyants: dict[int, Clairvoyant] = {}
     varied: dict[int, RunCriteria] = {}
     played = PlayedCommands(study=study, threads=threads)
-    building_warnings = study.building_warnings
+    bare, building_warnings = study.building, study.building_warnings
 
     def results() -> StudyResults:
-        rows = (*(each.row for each in arrangements), *study.rows[len(arrangements) :])
-        return replace(
-            _results_of(study, rows, runs, halved, varied),
+        return StudyResults(
+            title=study.title,
+            rows=(*(each.row for each in arrangements), *study.rows[len(arrangements) :]),
+            motions=tuple(map(MotionFacts.of, study.motions)),
+            runs=dict(runs),
+            chosen_on=tuple(ground.name for ground in study.chosen_on),
+            floor_names=bare.floor_names,
+            storey_names=bare.storey_names[: len(bare.drifts)],
+            device_names=study.device_names,
+            devices=study.devices,
+            command_unit=study.command_unit,
+            mass=bare.total_mass,
+            facts=study.facts,
+            halved=None if halved is None else dict(halved),
             clairvoyants=dict(clairvoyants),
+            varied=None
+            if study.realisations is None
+            else VariedResults(count=len(study.realisations), rows=dict(varied)),
             building_warnings=building_warnings,
         )
 
@@ -175,53 +188,10 @@ def run_study(
         if study.realisations is not None:
             for row, arrangement in enumerate(arrangements):
                 report(f"{arrangement.row.label}, realisations")
-                varied[row] = simulate_varied(
-                    study, arrangement, study.realisations, journal, threads=threads
-                )
+                varied[row] = _criteria_of_realisations(study, arrangement, journal, threads)
     except KeyboardInterrupt:
         raise Interrupted(results(), "study") from None
     return results()
-
-
-def _results_of(
-    study: Study,
-    rows: tuple[Row, ...],
-    runs: Mapping[Key, RunResult],
-    halved: Mapping[Key, RunResult] | None,
-    varied: Mapping[int, RunCriteria],
-) -> StudyResults:
-    """The results of the runs so far; `halved` are those with half the step, `varied` those of realisations by row."""
-    bare = study.building
-    return StudyResults(
-        title=study.title,
-        rows=rows,
-        motions=tuple(
-            MotionFacts(
-                name=motion.name,
-                peak=motion.ground.peak,
-                duration=motion.ground.duration,
-                source=motion.ground.source,
-                changes=motion.ground.changes,
-                synthetic=motion.synthetic,
-                use=motion.use,
-                groups=motion.ground.groups,
-            )
-            for motion in study.motions
-        ),
-        runs=dict(runs),
-        chosen_on=tuple(ground.name for ground in study.chosen_on),
-        floor_names=bare.floor_names,
-        storey_names=bare.storey_names[: len(bare.drifts)],
-        device_names=study.device_names,
-        devices=study.devices,
-        command_unit=study.command_unit,
-        mass=bare.total_mass,
-        facts=study.facts,
-        halved=None if halved is None else dict(halved),
-        varied=None
-        if study.realisations is None
-        else VariedResults(count=len(study.realisations), rows=dict(varied)),
-    )
 
 
 def runs_of(
@@ -598,19 +568,15 @@ def _vary_hardware(hardware: Hardware, delay: float, seed: int) -> Hardware:
     return replace(hardware, delay=total, seed=hardware.seed + seed)
 
 
-def simulate_varied(
-    study: Study,
-    arrangement: Arrangement,
-    realisations: Realisations,
-    journal: Journal | None,
-    *,
-    threads: int,
+def _criteria_of_realisations(
+    study: Study, arrangement: Arrangement, journal: Journal | None, threads: int
 ) -> RunCriteria:
-    """Criteria of an arrangement under all motions of a study with realisations, from the journal if it has them."""
-    law = arrangement.law
+    """Criteria of an arrangement under all motions with realisations, from the journal if it has them."""
+    law, realisations = arrangement.law, study.realisations
     assert law is not None
+    assert realisations is not None
 
-    def simulated() -> RunCriteria:
+    def simulate() -> RunCriteria:
         return simulate_criteria(
             arrangement,
             law,
@@ -622,5 +588,5 @@ def simulate_varied(
         )
 
     if journal is None:
-        return simulated()
-    return journal.once("realisations", digest_of_run(arrangement, *study.grounds), RunCriteria, simulated)
+        return simulate()
+    return journal.once("realisations", digest_of_run(arrangement, *study.grounds), RunCriteria, simulate)

@@ -255,7 +255,7 @@ def leading_table(comparison: StudyComparison, row: int) -> Table:
             }
             found += [signed_percent(number) for number in numbers]
             if several:
-                found.append(NOTHING if math.isnan(change.mean) else results.motions[change.motion].name)
+                found.append(change.motion or NOTHING)
         cells.append(tuple(found))
     return Table(
         label=f"Changes of {results.rows[row].label}",
@@ -286,7 +286,7 @@ def change_table(comparison: StudyComparison, reference: int, shown: Collection[
         headings[start] = rank.title
         changes = [comparison.changes(row, reference) for row in others]
         for line, (row, found) in enumerate(zip(others, changes, strict=True), start):
-            largest = [_largest(comparison, found, quantities)] if several else []
+            largest = [_largest(found, quantities)] if several else []
             cells.append(
                 (
                     results.rows[row].label,
@@ -330,9 +330,7 @@ def signed_percent(change: float) -> str:
     return f"+{text}" if rounds_to_increase(change) else text
 
 
-def _largest(
-    comparison: StudyComparison, changes: dict[str, QuantityChange], quantities: tuple[Criterion, ...]
-) -> str:
+def _largest(changes: dict[str, QuantityChange], quantities: tuple[Criterion, ...]) -> str:
     """The largest increase of a quantity under one motion; empty if none increases."""
     found = [(changes[entry.name], entry) for entry in quantities]
     known = [(change.largest, change.motion, entry) for change, entry in found if not math.isnan(change.mean)]
@@ -341,7 +339,7 @@ def _largest(
     largest, motion, entry = max(known, key=lambda each: each[0])
     if not rounds_to_increase(largest):
         return "none"
-    return f"{entry.short} {signed_percent(largest)}, {comparison.results.motions[motion].name}"
+    return f"{entry.short} {signed_percent(largest)}, {motion}"
 
 
 def _worse_laws(comparison: StudyComparison, reference: int, *, several: bool) -> tuple[str, ...]:
