@@ -196,6 +196,10 @@ def test_several_tests_have_a_median_a_worst_and_each_finding_once(tmp_path: Pat
     )
     text = mrwork(*arguments, "--quiet", *FAST).stdout
     assert text.count("a static force of +100 N was subtracted") == 1
+    found = json.loads(mrwork(*arguments, "--quiet", "--json", "--replace", *FAST).stdout)
+    fits = [each["fit_percent"] for each in found["files"]]
+    assert [each["file"] for each in found["files"]] == [each["test"] for each in found["files"]]
+    assert (found["median_fit_percent"], found["worst_fit_percent"]) == (sum(fits) / 2, min(fits))
     assert "repaired in all 2 tests:" in text
     assert "2 tests: fit median" in text
     predicted = mrwork("predict", out, record, other, "--json")

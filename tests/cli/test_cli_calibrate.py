@@ -35,7 +35,12 @@ def test_bands_are_calibrated_on_tests_that_the_fit_has_not_seen(place: Path) ->
     assert made["tests"] == [OTHERS[0]]
     predicted = json.loads(mrwork("predict", place, OTHERS[0], "--level", "0.9", "--json").stdout)
     # Its own quantile: all that calibration can say of a single test.
-    assert predicted["files"][0]["band"]["inside"] == pytest.approx(0.9, abs=0.01)
+    row = predicted["files"][0]
+    assert row["band"]["inside"] == pytest.approx(0.9, abs=0.01)
+    assert row["coverage_percent"] == 100.0 * row["band"]["inside"]
+    assert row["mean_width_n"] == 2.0 * row["band"]["half_width_n"]
+    assert row["interval_score"] >= row["mean_width_n"]
+    assert (made["level"], made["coverage_percent"]) == (0.9, None)
     assert "one test the fit has not seen" in predicted["basis"]
     text = mrwork("predict", place, OTHERS[0], "--level", "0.9").stdout
     assert "Bands of 90 %, calibrated on" in text
@@ -87,7 +92,10 @@ def test_versions_of_a_fitted_test_are_seen_and_not_used(place: Path, tmp_path: 
 def test_without_files_the_tests_of_the_run_are_left_out_in_turn_and_kept(place: Path) -> None:
     first = mrwork("calibrate", place, "--json")
     assert first.returncode == 0, first.stderr
-    assert len(json.loads(first.stdout)["coverage"]) == 2 * 3
+    document = json.loads(first.stdout)
+    assert len(document["coverage"]) == 2 * 3
+    at_level = [each["samples"]["coverage"] for each in document["coverage"] if each["level"] == 0.9]
+    assert (document["level"], document["coverage_percent"]) == (0.9, 100.0 * sum(at_level) / 2)
     folds = sorted((place / "left_out").iterdir())
     assert len(folds) == 2
     written = [path.stat().st_mtime_ns for path in folds]

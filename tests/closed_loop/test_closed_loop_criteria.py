@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
+import pickle
+from collections.abc import Mapping
+from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from loop_samples import devices, five_storeys, rd1005, sweep
 
-from mrwork.closed_loop import SCORE, History, Responses, criteria, criterion, ratio, score, values
-from mrwork.closed_loop.responses import history_signals, run_quantities
+from mrwork.closed_loop import SCORE, criteria, criterion, ratio, score, simulate_loop, values
+from mrwork.closed_loop.responses import Labelled, history_signals, run_quantities
+from mrwork.control import ControlLaw
 from mrwork.errors import UnknownNameError
-from mrwork.study.run_result import RunResult
 
 
 def responses(n_runs: int, n_devices: int = 2) -> Any:
@@ -27,6 +30,11 @@ def responses(n_runs: int, n_devices: int = 2) -> Any:
 
 def row(of: Any, run: int) -> Any:
     return SimpleNamespace(**{name: array[run] for name, array in vars(of).items()})
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Labels(Labelled):
+    numbers: Mapping[str, Any]
 
 
 def test_criteria_of_a_batch_are_those_of_its_runs() -> None:
@@ -73,22 +81,23 @@ def test_an_unknown_criterion_is_refused_with_those_there_are() -> None:
         criterion("j1")
 
 
-def names_of(record: type) -> list[str]:
-    return [field.name for field in fields(record)]
+def test_the_names_of_a_result_are_those_that_the_core_declares() -> None:
+    law = ControlLaw(name="passive", gains={"command": np.ones((1, 2))})
+    found = simulate_loop(five_storeys(), devices(rd1005()), law, [sweep(0.2)], histories=True)
+    assert list(found.numbers) == [each.name for each in run_quantities()]
+    assert found.histories is not None
+    assert list(found.histories[0].numbers) == [each.name for each in history_signals()]
+    for name, array in found.numbers.items():
+        np.testing.assert_array_equal(getattr(found, name), array)
+        assert name in dir(found)
 
 
-def test_results_have_every_quantity_of_the_core_and_no_other() -> None:
-    own = {"shape", "outcome", "steps", "histories", "devices", "seconds"}
-    assert [name for name in names_of(Responses) if name not in own] == [
-        each.name for each in run_quantities()
-    ]
-    assert names_of(History) == ["time", *(each.name for each in history_signals())]
-
-
-def test_a_study_keeps_quantities_of_the_core_and_the_least_stroke_alone() -> None:
-    # `least_stroke` is taken from the elongations of a run, which are not kept.
-    own = {"outcome", "steps", "least_stroke"}
-    assert set(names_of(RunResult)) - own <= {each.name for each in run_quantities()}
+def test_a_name_that_a_result_has_not_is_no_attribute() -> None:
+    found = pickle.loads(pickle.dumps(Labels(numbers={"peak_drift": np.zeros(2)})))
+    assert found.peak_drift.tolist() == [0.0, 0.0]
+    assert found.with_numbers(peak_drift=np.ones(2)).peak_drift.tolist() == [1.0, 1.0]
+    with pytest.raises(AttributeError, match="Labels has no 'peak_drifts'"):
+        _ = found.peak_drifts
 
 
 def test_every_quantity_is_declared_with_axis_unit_and_description() -> None:

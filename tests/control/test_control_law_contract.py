@@ -5,7 +5,7 @@ Its numbers stand in `loop_samples.law_with_gains`, its formula again, in NumPy,
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -85,8 +85,7 @@ def only(law: ControlLaw, rows: slice | Floats) -> ControlLaw:
 
 def bits(response: Responses) -> Floats:
     """All numbers of all runs, shape (n_runs, n_numbers)."""
-    values = [getattr(response, field.name) for field in fields(Responses)]
-    arrays = [value for value in values if isinstance(value, np.ndarray)]
+    arrays = [response.outcome, response.steps, *response.numbers.values()]
     assert len(arrays) > 10
     return np.hstack([np.reshape(array, (len(response.outcome), -1)) for array in arrays])
 
@@ -215,8 +214,8 @@ def test_histories_are_those_of_the_run_alone(spec: ControlLawSpec, instruction_
     assert batch.histories is not None
     assert alone.histories is not None
     run = batch.histories[2 if law.gains else 0]
-    for field in fields(History):
-        np.testing.assert_array_equal(getattr(run, field.name), getattr(alone.histories[0], field.name))
+    for name, signal in run.numbers.items():
+        np.testing.assert_array_equal(signal, alone.histories[0].numbers[name])
 
 
 def test_instruction_sets_give_the_same_bits(spec: ControlLawSpec, monkeypatch: pytest.MonkeyPatch) -> None:

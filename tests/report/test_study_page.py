@@ -15,8 +15,7 @@ from blank_pictures import blank
 from counted_calls import calls_of
 
 from mrwork.cli.study_text import study_text
-from mrwork.report.study.figures import strokes
-from mrwork.report.study.histories import envelope
+from mrwork.report.study.figures import envelope, strokes
 from mrwork.report.study.page import study_page
 from mrwork.report.study.tables import MOST_DRAWN, MOST_LISTED, overview_table, ratio_table, value_table
 from mrwork.study import StudyResults, compared
@@ -73,7 +72,7 @@ def test_a_building_without_dampers_shows_no_force() -> None:
 
 def test_a_check_of_the_step_has_its_table(page: str) -> None:
     results = study_samples.results()
-    moved = replace(results.runs[4, 1], rms_current=1.25 * results.runs[4, 1].rms_current)
+    moved = results.runs[4, 1].with_numbers(rms_current=1.25 * results.runs[4, 1].rms_current)
     checked = page_of(halved={**results.runs, (4, 1): moved})
     assert 'id="step"' not in page
     assert "no criterion by more than 0.25 of its value, that of Lyapunov" in checked
@@ -125,7 +124,9 @@ def test_the_page_fits_its_window_without_complaint(
 
 def test_a_run_that_nothing_moved_has_a_page_with_a_dash() -> None:
     results = study_samples.results()
-    still = {key: replace(run, input_energy=0.0) if key[0] == 2 else run for key, run in results.runs.items()}
+    still = {
+        key: run.with_numbers(input_energy=0.0) if key[0] == 2 else run for key, run in results.runs.items()
+    }
     page = page_of(runs=still)
     assert page != page_of()
     assert "nan" not in page.split("Balance of energy")[1].split("</table>")[0].lower()

@@ -27,8 +27,8 @@ def read_back(results: StudyResults, folder: Path) -> StoredStudy:
 
 def test_what_follows_from_the_runs_follows_from_their_file(tmp_path: Path) -> None:
     results = study_samples.results()
-    failed = replace(results.runs[4, 0], outcome="diverged", energy_error=math.nan)
-    halved = {key: replace(run, peak_drift=1.01 * run.peak_drift) for key, run in results.runs.items()}
+    failed = replace(results.runs[4, 0], outcome="diverged").with_numbers(energy_error=math.nan)
+    halved = {key: run.with_numbers(peak_drift=1.01 * run.peak_drift) for key, run in results.runs.items()}
     results = replace(results, runs={**results.runs, (4, 0): failed}, halved=halved)
     stored = read_back(results, tmp_path)
     assert [(row.label, row.kind) for row in stored.rows] == [(row.label, row.kind) for row in results.rows]
@@ -84,6 +84,43 @@ def test_rows_that_were_not_reached_are_known_by_their_labels(tmp_path: Path) ->
     assert "6 of 10 runs" in repr(stored)
 
 
+def named_otherwise(value: Any, change: Callable[[dict[str, Any]], object]) -> None:
+    """Change every table of criteria within a document."""
+    for each in value.values() if isinstance(value, dict) else value if isinstance(value, list) else ():
+        named_otherwise(each, change)
+    if isinstance(value, dict) and "rms_base_shear" in value:
+        change(value)
+
+
+def test_a_file_that_is_older_than_a_criterion_opens_without_it(tmp_path: Path) -> None:
+    results = replace(study_samples.results(), halved=dict(study_samples.results().runs))
+    document = study_document(results)
+    named_otherwise(document, lambda table: table.pop("rms_base_shear"))
+    (tmp_path / RESULTS).write_text(json_document(document), encoding="utf-8")
+    stored = read_results(tmp_path)
+    known, wanted = stored.criteria(3, 0) or {}, results.criteria(3, 0) or {}
+    assert math.isnan(known.pop("rms_base_shear"))
+    assert wanted.pop("rms_base_shear") > 0.0
+    assert known == wanted
+    assert [stored.score(row) for row in range(5)] == [results.score(row) for row in range(5)]
+    assert largest_step_changes(stored) == largest_step_changes(results)
+    assert "RMS base shear" not in " ".join(compared(stored).in_words(4))
+    said = "results.json is older than rms_base_shear; run `mrwork respond` again for it."
+    assert stored.warnings() == [said, *results.warnings()]
+
+
+def test_a_file_with_a_criterion_of_a_later_version_opens_with_the_others(tmp_path: Path) -> None:
+    results = study_samples.results()
+    document = study_document(results)
+    named_otherwise(document["results"], lambda table: table.update(mean_drift=0.5))
+    (tmp_path / RESULTS).write_text(json_document(document), encoding="utf-8")
+    stored = read_results(tmp_path)
+    assert stored.criteria(3, 0) == results.criteria(3, 0)
+    assert stored.runs[3, 0].criteria["mean_drift"] == 0.5
+    said = "results.json has mean_drift, no criterion of this version; it is left out."
+    assert stored.warnings() == [said, *results.warnings()]
+
+
 def _two_kinds(document: dict[str, Any]) -> None:
     document["results"][-1]["kind"] = "passive"
 
@@ -93,6 +130,9 @@ FORGED: dict[str, Callable[[dict[str, Any]], object]] = {
     "lacks rms_drift": lambda document: document["results"][3]["over_uncontrolled"].pop("rms_drift"),
     "has the unknown criterion 'peak_drifts'": lambda document: document["results"][0]["criteria"].update(
         peak_drifts=1.0
+    ),
+    "has other criteria than the first": lambda document: named_otherwise(
+        document["results"][3], lambda table: table.pop("rms_base_shear")
     ),
     "finished without peak_drift": lambda document: document["results"][3]["criteria"].update(
         peak_drift=None

@@ -13,8 +13,9 @@ import mrwork as mr
 from mrwork.buildings import with_tuned_mass
 from mrwork.closed_loop import criterion
 from mrwork.errors import SettingError
-from mrwork.study.batches import RealisationBand, simulate_criteria, vary_building
 from mrwork.study.folder import study_document
+from mrwork.study.results import RealisationBand
+from mrwork.study.run import simulate_criteria, vary_building
 from mrwork.study.study import Arrangement, Row, make_arrangement, nominal
 from mrwork.tested_range import FittedDamper
 

@@ -8,7 +8,7 @@ import pytest
 from mrwork.closed_loop import SCORE, criteria
 from mrwork.errors import SettingError
 from mrwork.study import TuneTable
-from mrwork.study.batches import RunCriteria
+from mrwork.study.results import RunCriteria
 from mrwork.tuning.problem import Scores
 from mrwork.tuning.space import objective_of, over, risk_of
 

@@ -39,7 +39,7 @@ from mrwork.store.run_folder import (
 )
 from mrwork.study import Study
 from mrwork.study.folder import study_document
-from mrwork.study.stored_histories import Histories
+from mrwork.study.run_result import Histories
 from mrwork.tuning.results import tuning_document
 from tools.fuzzing.mutants import Structure
 from tools.fuzzing.reader import Reader, Seed

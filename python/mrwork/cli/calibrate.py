@@ -43,6 +43,8 @@ from mrwork.uncertainty.bands.conformal import (
 from mrwork.uncertainty.bands.prediction import IN_WORDS, Fold, Prediction, predict_left_out, predict_tests
 
 _AS_FITTED = "as in the identification"
+# Level of the coverage and the interval score that stand for a calibration.
+_LEVEL = 0.9
 
 # The fit, predictions by it, and findings of their tests for --json.
 _Predicted = tuple[Fit, tuple[Prediction, ...], list[dict[str, Any]]]
@@ -148,7 +150,11 @@ def _left_out(options: argparse.Namespace) -> _Predicted:
 
 
 def _summary(calibration: Calibration, coverage: Sequence[LeftOutCoverage]) -> dict[str, Any]:
+    """For --json; `coverage_percent` is the mean over tests at `level`, none of a single test."""
+    shares = [row.samples.coverage for row in coverage if row.level == _LEVEL]
     return {
+        "level": _LEVEL,
+        "coverage_percent": 100.0 * float(np.mean(shares)) if shares else None,
         "tests": calibration.tests,
         "held_out": calibration.held_out,
         "seen": [asdict(each) for each in calibration.seen],
@@ -163,7 +169,7 @@ def _text(calibration: Calibration, coverage: Sequence[LeftOutCoverage], folder:
     if coverage:
         tests = [coverage[first : first + len(LEVELS)] for first in range(0, len(coverage), len(LEVELS))]
         shares = np.array([[100 * each.samples.coverage for each in rows] for rows in tests])
-        scores = np.array([rows[LEVELS.index(0.9)].samples.interval_score for rows in tests])
+        scores = np.array([rows[LEVELS.index(_LEVEL)].samples.interval_score for rows in tests])
         cells = [
             (name, *(f"{share:.1f}" for share in each), f"{score:.3f}")
             for name, each, score in zip(

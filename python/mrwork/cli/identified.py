@@ -218,7 +218,8 @@ def spread_of(fit: Fit) -> FitSpread:
 
 
 def summary_of(fit: Fit, tests: tuple[DamperTest, ...], folder: Path) -> dict[str, Any]:
-    """Summary of a fit, for --json."""
+    """Summary of a fit, for --json; `files` name each test as `test` and, as `predict` does, as `file`."""
+    spread = spread_of(fit) if len(fit.quality) > 1 else None
     return {
         "model": fit.model,
         "parameters": {estimate.name: _parameter(fit, estimate) for estimate in fit.estimates},
@@ -241,8 +242,10 @@ def summary_of(fit: Fit, tests: tuple[DamperTest, ...], folder: Path) -> dict[st
         "n_time": fit.n_time,
         "n_effective": fit.n_effective,
         "rng": fit.provenance.rng,
-        "files": [asdict(quality) for quality in fit.quality],
-        "spread": asdict(spread_of(fit)) if len(fit.quality) > 1 else None,
+        "files": [{"file": quality.test, **asdict(quality)} for quality in fit.quality],
+        "median_fit_percent": None if spread is None else spread.median_percent,
+        "worst_fit_percent": None if spread is None else spread.worst_percent,
+        "spread": None if spread is None else asdict(spread),
         "findings": as_plain(findings_for("identify", tests)),
         "out": str(folder),
     }

@@ -69,22 +69,6 @@ def stopped_in_words(folder: Path, kept: str, *, written: bool) -> str:
     return f"interrupted; {where}; run the same command with --resume to continue"
 
 
-def drawn_page(draw: Callable[[], str]) -> str | None:
-    """The page of a study; `None` after Ctrl-C, so that the results are written without it."""
-    try:
-        return draw()
-    except KeyboardInterrupt:
-        return None
-
-
-def undrawn_in_words(folder: Path) -> str:
-    """What is left after Ctrl-C while the page of a study was drawn, and how to draw it."""
-    return (
-        f"interrupted while the page was drawn; the results are in {folder}; run the same command with --resume to "
-        "draw it"
-    )
-
-
 def renew_page(folder: Path, *, quiet: bool) -> int:
     """Draw the page of a run again after a file was added to its folder; return the exit status, see `drawing`.
 

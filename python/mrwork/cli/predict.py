@@ -118,6 +118,9 @@ def run(options: argparse.Namespace) -> int:
             scored = score(band, test.force[test.counted])
             used = calibration.knows(test)
             calibrated_on += [] if used is None else [used]
+            rows[-1]["coverage_percent"] = 100.0 * scored.coverage
+            rows[-1]["mean_width_n"] = scored.width
+            rows[-1]["interval_score"] = scored.interval_score
             rows[-1]["band"] = {
                 "level": band.level,
                 "half_width_n": 0.5 * scored.width,

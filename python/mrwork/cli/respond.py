@@ -4,23 +4,22 @@ from __future__ import annotations
 
 import argparse
 import time
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from mrwork.cli.options import add_json, add_out, add_quiet, add_seed, add_threads
-from mrwork.cli.output import drawn_page, print_json, stopped_in_words, undrawn_in_words
 from mrwork.cli.paths import named_path
 from mrwork.cli.progress import PATIENCE, ProgressLine, study_described
-from mrwork.cli.study_text import command_line, study_manifest
+from mrwork.cli.study_text import StudyVerb, command_line, study_folder, study_text
 from mrwork.cli.terminal import keep_stdout, note, show
-from mrwork.errors import Interrupted, SettingError
-
-if TYPE_CHECKING:
-    from mrwork.store import Journal
-    from mrwork.store.destination import Destination
-    from mrwork.study.results import StudyResults
-    from mrwork.study.stored_histories import Histories
-    from mrwork.study.study import Study
+from mrwork.errors import SettingError
+from mrwork.store import Journal
+from mrwork.store.run_folder import STUDY_RUN
+from mrwork.study.folder import study_document, write_study
+from mrwork.study.results import StudyResults
+from mrwork.study.run_result import Histories
+from mrwork.study.study import Study
 
 
 def add_parser(verbs: Any) -> None:
@@ -69,108 +68,40 @@ def run(options: argparse.Namespace) -> int:
         return 0
     if options.study is None:
         raise SettingError("no study is given; give a STUDY.toml, or --schema to print its keys")
-    # SciPy and the simulation are slow to load.
-    from mrwork.store.destination import Destination
-    from mrwork.store.output_folder import check_destination
-    from mrwork.store.run_folder import STUDY_RUN
-    from mrwork.store.unfinished import run_journal
+    # The simulation is slow to load.
     from mrwork.study.reading import read_study
 
     began = time.perf_counter()
     with keep_stdout():
         whole = read_study(options.study, seed=options.seed, on_python=note)
     study = whole if options.motions == "all" else whole.of_use(options.motions)
-    place = options.out or Path("out") / options.study.stem
-    destination = Destination.of(place, STUDY_RUN, replace=options.replace, resume=options.resume)
-    check_destination(destination)
-    with run_journal(destination, resume=options.resume, note=note) as journal:
-        return _respond(study, destination, journal, options, began)
+    with study_folder(options, STUDY_RUN, options.study.stem) as (destination, journal):
+        return _verb(study, destination.path, options).run(options, study, destination, journal, began)
 
 
-def _respond(
-    study: Study, destination: Destination, journal: Journal, options: argparse.Namespace, began: float
-) -> int:
-    from mrwork.store.unfinished import discard_journal, is_complete
-    from mrwork.study.run import run_study
-    from mrwork.study.stored_histories import Histories
-
-    place = destination.path
+def _verb(study: Study, place: Path, options: argparse.Namespace) -> StudyVerb[StudyResults]:
+    """The responses of a study, with the histories that it stores."""
     histories = Histories(place, study, resume=options.resume)
-    line = ProgressLine(study_described, quiet=options.quiet or options.json, patience=PATIENCE)
-    status = 0
-    try:
-        with keep_stdout():
-            results = run_study(
-                study,
-                journal=journal,
-                kept=histories.kept,
-                keep=histories.keep,
-                on_progress=line,
-                check_step=options.check_step,
-                threads=options.threads,
-            )
-    except Interrupted as interrupt:
-        results, status = interrupt.result, 130
-    finally:
-        line.close()
-        journal.finish()
-    written, drawn = status == 0 or not is_complete(place), False
-    if written:
-        drawn = _write(destination, options, study, results, histories, journal, time.perf_counter() - began)
-        discard_journal(journal)
-    if options.json:
-        from mrwork.study.folder import study_document
 
-        notes = [{"controller": label, "notes": list(each)} for label, each in study.design_notes]
-        document = study_document(results) | ({"weights": notes} if notes else {}) | {"out": str(place)}
-        print_json(document)
-    else:
-        from mrwork.cli.study_text import study_text
+    def compute(journal: Journal) -> StudyResults:
+        from mrwork.study.run import run_study
 
-        for label, each in study.design_notes:
-            show("\n".join([f"Weights of {label}", *(f"  {sentence}" for sentence in each), ""]))
-        show(study_text(results, place if drawn or not written else None))
-    if status == 130:
-        note(stopped_in_words(place, "what was simulated", written=written))
-    elif not drawn:
-        note(undrawn_in_words(place))
-        status = 130
-    return status
+        line = ProgressLine(study_described, quiet=options.quiet or options.json, patience=PATIENCE)
+        try:
+            with keep_stdout():
+                return run_study(
+                    study,
+                    journal=journal,
+                    kept=histories.kept,
+                    keep=histories.keep,
+                    on_progress=line,
+                    check_step=options.check_step,
+                    threads=options.threads,
+                )
+        finally:
+            line.close()
 
-
-def _listing(options: argparse.Namespace) -> str:
-    if options.schema:
-        from mrwork.study.schema import schema_text
-
-        return schema_text()
-    from mrwork.study.arrangements import laws_text
-
-    return laws_text()
-
-
-def _write(
-    destination: Destination,
-    options: argparse.Namespace,
-    study: Study,
-    results: StudyResults,
-    histories: Histories,
-    journal: Journal,
-    seconds: float,
-) -> bool:
-    """Write the folder; return whether its page was drawn."""
-    from mrwork.store.run_folder import STUDY_RUN
-    from mrwork.study.folder import write_study
-
-    manifest = study_manifest(
-        options,
-        study.file,
-        kind=STUDY_RUN.kind,
-        title=results.title,
-        status="finished" if results.complete else "interrupted",
-        seconds=seconds,
-    )
-
-    def draw() -> str:
+    def page(results: StudyResults, seconds: float) -> str:
         # Matplotlib is slow to load.
         from mrwork.report.study.page import study_page
 
@@ -183,14 +114,30 @@ def _write(
             command=command_line(),
         )
 
-    page = drawn_page(draw)
-    write_study(
-        destination,
-        results,
-        study_file=study.file,
+    def document(results: StudyResults) -> dict[str, Any]:
+        notes = [{"controller": label, "notes": list(each)} for label, each in study.design_notes]
+        return study_document(results) | ({"weights": notes} if notes else {})
+
+    def text(results: StudyResults, drawn: bool, written: bool) -> str:
+        notes = [
+            "\n".join([f"Weights of {label}", *(f"  {sentence}" for sentence in each), ""])
+            for label, each in study.design_notes
+        ]
+        return "\n".join([*notes, study_text(results, place if drawn or not written else None)])
+
+    return StudyVerb(
+        kind=STUDY_RUN,
+        kept="what was simulated",
+        compute=compute,
         page=page,
-        manifest=manifest,
-        journal=journal.path,
-        histories=histories,
+        write=partial(write_study, histories=histories),
+        document=document,
+        text=text,
     )
-    return page is not None
+
+
+def _listing(options: argparse.Namespace) -> str:
+    from mrwork.study.arrangements import laws_text
+    from mrwork.study.schema import schema_text
+
+    return schema_text() if options.schema else laws_text()

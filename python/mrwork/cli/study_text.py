@@ -1,4 +1,7 @@
-"""Results of a study on the terminal and in its manifest: changes of every quantity first, then criteria and scores."""
+"""What the verbs on a study share: its run from journal to folder, and its results on the terminal.
+
+Changes of every quantity come first, then criteria and scores.
+"""
 
 from __future__ import annotations
 
@@ -6,17 +9,26 @@ import argparse
 import platform
 import shlex
 import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from math import isfinite
 from pathlib import Path
 from textwrap import wrap
-from typing import TYPE_CHECKING, Any
+from typing import Any, Generic, TypeVar
 
 from mrwork import __version__
-from mrwork.cli.output import table_lines
+from mrwork.cli.output import print_json, stopped_in_words, table_lines
+from mrwork.cli.terminal import note, show
 from mrwork.closed_loop.evaluation import SCORE, criterion
-from mrwork.store import digest_of
-from mrwork.store.run_folder import REPORT
+from mrwork.errors import Interrupted
+from mrwork.store import Journal, digest_of
+from mrwork.store.destination import Destination
+from mrwork.store.output_folder import check_destination
+from mrwork.store.run_folder import REPORT, RunKind
+from mrwork.store.unfinished import discard_journal, is_complete, run_journal
 from mrwork.study.comparison import (
     ADD_BEST_PASSIVE,
     MOST_IN_DETAIL,
@@ -29,11 +41,9 @@ from mrwork.study.comparison import (
     times_better,
 )
 from mrwork.study.results import OFF_BALANCE, ON_OFF, StudyResults, largest_step_changes
-from mrwork.study.study import Kind
+from mrwork.study.study import Kind, Study, StudyFile
 from mrwork.summary import with_decimals
-
-if TYPE_CHECKING:
-    from mrwork.study.study import StudyFile
+from mrwork.tuning.results import TuningResults
 
 
 def command_line() -> str:
@@ -41,24 +51,100 @@ def command_line() -> str:
     return shlex.join(["mrwork", *sys.argv[1:]])
 
 
-def study_manifest(
-    options: argparse.Namespace, study_file: StudyFile, *, kind: str, title: str, status: str, seconds: float
-) -> dict[str, Any]:
-    """The manifest of a run on the file `options.study`, as it was read, with the seed `options.seed`."""
-    return {
-        "kind": kind,
-        "title": title,
-        "status": status,
-        "command": command_line(),
-        "seed": options.seed,
-        "study": {
-            "path": str(options.study),
-            "content": digest_of(study_file.text),
-        },
-        "versions": {"mrwork": __version__, "python": platform.python_version()},
-        "created": datetime.now(UTC).isoformat(timespec="seconds"),
-        "seconds": seconds,
-    }
+Results = TypeVar("Results", StudyResults, TuningResults)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StudyVerb(Generic[Results]):
+    """What a verb on a study makes of it: results and their page, folder, JSON object and text.
+
+    `page` takes the seconds so far, `text` whether the page was drawn and whether the folder was written; `kept` says
+    what a folder has after Ctrl-C.
+    """
+
+    kind: RunKind
+    kept: str
+    compute: Callable[[Journal], Results]
+    page: Callable[[Results, float], str | None]
+    write: Callable[..., None]
+    document: Callable[[Results], dict[str, Any]]
+    text: Callable[[Results, bool, bool], str]
+
+    def run(
+        self,
+        options: argparse.Namespace,
+        study: Study,
+        destination: Destination,
+        journal: Journal,
+        began: float,
+    ) -> int:
+        """Compute, write the folder, print the result; return the exit status."""
+        place, status, drawn = destination.path, 0, False
+        try:
+            results = self.compute(journal)
+        except Interrupted as interrupt:
+            results, status = interrupt.result, 130
+        finally:
+            journal.finish()
+        written = status == 0 or not is_complete(place)
+        if written:
+            seconds = time.perf_counter() - began
+            manifest = self._manifest(options, study.file, results, seconds)
+            try:
+                page = self.page(results, seconds)
+            except KeyboardInterrupt:
+                page = None
+            self.write(
+                destination,
+                results,
+                study_file=study.file,
+                page=page,
+                manifest=manifest,
+                journal=journal.path,
+            )
+            drawn = page is not None
+            discard_journal(journal)
+        if options.json:
+            print_json(self.document(results) | {"out": str(place)})
+        else:
+            show(self.text(results, drawn, written))
+        if status == 130:
+            note(stopped_in_words(place, self.kept, written=written))
+        elif not drawn:
+            note(
+                f"interrupted while the page was drawn; the results are in {place}; run the same command with --resume "
+                "to draw it"
+            )
+            status = 130
+        return status
+
+    def _manifest(
+        self, options: argparse.Namespace, study_file: StudyFile, results: Results, seconds: float
+    ) -> dict[str, Any]:
+        """The manifest of a run on the file `options.study`, as it was read, with the seed `options.seed`."""
+        return {
+            "kind": self.kind.kind,
+            "title": results.title,
+            "status": results.status,
+            "command": command_line(),
+            "seed": options.seed,
+            "study": {"path": str(options.study), "content": digest_of(study_file.text)},
+            "versions": {"mrwork": __version__, "python": platform.python_version()},
+            "created": datetime.now(UTC).isoformat(timespec="seconds"),
+            "seconds": seconds,
+        }
+
+
+@contextmanager
+def study_folder(
+    options: argparse.Namespace, kind: RunKind, default: str
+) -> Iterator[tuple[Destination, Journal]]:
+    """The folder of a run, by default `default` in `out`, and its journal, both locked."""
+    place = options.out or Path("out") / default
+    destination = Destination.of(place, kind, replace=options.replace, resume=options.resume)
+    check_destination(destination)
+    with run_journal(destination, resume=options.resume, note=note) as journal:
+        yield destination, journal
 
 
 _WIDTH = 100

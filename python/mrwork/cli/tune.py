@@ -6,29 +6,26 @@ import argparse
 import time
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from mrwork.cli.options import add_json, add_out, add_quiet, add_seed, add_threads
-from mrwork.cli.output import (
-    drawn_page,
-    print_json,
-    stopped_in_words,
-    table_lines,
-    undrawn_in_words,
-)
+from mrwork.cli.output import table_lines
 from mrwork.cli.paths import named_path
 from mrwork.cli.progress import PATIENCE, ProgressLine, tuning_described
-from mrwork.cli.study_text import command_line, study_manifest
-from mrwork.cli.terminal import keep_stdout, note, show
-from mrwork.errors import Interrupted
+from mrwork.cli.study_text import StudyVerb, command_line, study_folder
+from mrwork.cli.terminal import keep_stdout, note
+from mrwork.store import Journal
+from mrwork.store.run_folder import CHOSEN, REPORT, TUNING_RUN
+from mrwork.study.schema import TuneTable
+from mrwork.study.study import Study
 from mrwork.summary import with_decimals
-
-if TYPE_CHECKING:
-    from mrwork.store import Journal
-    from mrwork.store.destination import Destination
-    from mrwork.study.schema import TuneTable
-    from mrwork.study.study import Study
-    from mrwork.tuning.results import LawResult, TuningResults
+from mrwork.tuning.results import (
+    LawResult,
+    TuningResults,
+    settings_in_words,
+    tuning_document,
+    write_tuning,
+)
 
 _QUICK = (48, 12)
 
@@ -71,69 +68,53 @@ def add_parser(verbs: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Tune, write the folder, print the result."""
-    # SciPy and the simulation are slow to load.
-    from mrwork.store.destination import Destination
-    from mrwork.store.output_folder import check_destination
-    from mrwork.store.run_folder import TUNING_RUN
-    from mrwork.store.unfinished import run_journal
+    # The simulation is slow to load.
     from mrwork.study.reading import read_study
 
     began = time.perf_counter()
     with keep_stdout():
         study = read_study(options.study, seed=options.seed, on_python=note)
+    with study_folder(options, TUNING_RUN, f"{options.study.stem}-tuned") as (destination, journal):
+        return _verb(study, destination.path, options).run(options, study, destination, journal, began)
+
+
+def _verb(study: Study, place: Path, options: argparse.Namespace) -> StudyVerb[TuningResults]:
+    """The tuning of the tables of a study, or of the command line."""
     tables = _tables(study, options)
-    place = options.out or Path("out") / f"{options.study.stem}-tuned"
-    destination = Destination.of(place, TUNING_RUN, replace=options.replace, resume=options.resume)
-    check_destination(destination)
-    with run_journal(destination, resume=options.resume, note=note) as journal:
-        return _tune(study, tables, destination, journal, options, began)
 
+    def compute(journal: Journal) -> TuningResults:
+        from mrwork.tuning.run import tune
 
-def _tune(
-    study: Study,
-    tables: tuple[TuneTable, ...],
-    destination: Destination,
-    journal: Journal,
-    options: argparse.Namespace,
-    began: float,
-) -> int:
-    from mrwork.store.unfinished import discard_journal, is_complete
-    from mrwork.tuning.results import tuning_document
-    from mrwork.tuning.run import tune
+        line = ProgressLine(tuning_described, quiet=options.quiet or options.json, patience=PATIENCE)
+        try:
+            return tune(
+                study, tables, rng=options.seed, journal=journal, threads=options.threads, on_progress=line
+            )
+        finally:
+            line.close()
 
-    line = ProgressLine(tuning_described, quiet=options.quiet or options.json, patience=PATIENCE)
-    status = 0
-    try:
-        results = tune(
-            study, tables, rng=options.seed, journal=journal, threads=options.threads, on_progress=line
-        )
-    except Interrupted as interrupt:
-        results, status = interrupt.result, 130
-    finally:
-        line.close()
-        journal.finish()
-    place = destination.path
-    written, drawn = status == 0 or not is_complete(place), False
-    if written:
-        drawn = _write(destination, options, study, results, journal, time.perf_counter() - began)
-        discard_journal(journal)
-    if options.json:
-        document = tuning_document(results) | {"out": str(place)}
-        print_json(document)
-    else:
-        show(_text(results, place, drawn=drawn))
-    if status == 130:
-        note(stopped_in_words(place, "what was found", written=written))
-    elif not drawn:
-        note(undrawn_in_words(place))
-        status = 130
-    return status
+    def page(results: TuningResults, _: float) -> str | None:
+        # After Ctrl-C nothing that takes long: the figures are drawn when the tuning is resumed.
+        if results.status != "finished":
+            return None
+        # Matplotlib is slow to load.
+        from mrwork.report.study.tuning_page import tuning_page
+
+        return tuning_page(results, command=command_line())
+
+    return StudyVerb(
+        kind=TUNING_RUN,
+        kept="what was found",
+        compute=compute,
+        page=page,
+        write=write_tuning,
+        document=tuning_document,
+        text=lambda results, drawn, _: _text(results, place, drawn=drawn),
+    )
 
 
 def _tables(study: Study, options: argparse.Namespace) -> tuple[TuneTable, ...]:
     """The tables of the command line or of the study; smaller ones for a quick look."""
-    from mrwork.study.schema import TuneTable
-
     tables = (TuneTable(laws=tuple(options.law)),) if options.law else study.tunes
     if not options.quick:
         return tables
@@ -144,43 +125,8 @@ def _tables(study: Study, options: argparse.Namespace) -> tuple[TuneTable, ...]:
     )
 
 
-def _write(
-    destination: Destination,
-    options: argparse.Namespace,
-    study: Study,
-    results: TuningResults,
-    journal: Journal,
-    seconds: float,
-) -> bool:
-    """Write the folder; return whether it has a page."""
-    from mrwork.store.run_folder import TUNING_RUN
-    from mrwork.tuning.results import write_tuning
-
-    manifest = study_manifest(
-        options, study.file, kind=TUNING_RUN.kind, title=results.title, status=results.status, seconds=seconds
-    )
-    page = None
-    # After Ctrl-C nothing that takes long: the figures are drawn when the tuning is resumed.
-    if results.status == "finished":
-
-        def draw() -> str:
-            # Matplotlib is slow to load.
-            from mrwork.report.tuning.page import tuning_page
-
-            return tuning_page(results, command=command_line())
-
-        page = drawn_page(draw)
-    write_tuning(
-        destination, results, study_file=study.file, page=page, manifest=manifest, journal=journal.path
-    )
-    return page is not None
-
-
 def _text(results: TuningResults, place: Path, *, drawn: bool) -> str:
     """Scores on training and test motions, the settings, warnings, and where everything is."""
-    from mrwork.store.run_folder import CHOSEN
-    from mrwork.tuning.results import settings_in_words
-
     head = ("", "training", "test", "drift", "acc.", "better", "settings")
     rows = [_row(each, settings_in_words(each.settings, results.command_unit)) for each in results.ranked]
     lines = [
@@ -199,12 +145,12 @@ def _text(results: TuningResults, place: Path, *, drawn: bool) -> str:
     )
     lines.append(f"Settings for mrwork respond: {place / CHOSEN}")
     if drawn:
-        lines.append(f"Report: {place / 'report.html'}")
+        lines.append(f"Report: {place / REPORT}")
     return "\n".join(lines)
 
 
 def _row(law: LawResult, settings: str) -> tuple[str, ...]:
-    found = law.train if law.test is None else law.test
+    found = law.judged
     better = "" if law.better is None else f"{law.better.both} of {law.better.motions}"
     nan = float("nan")
     return (

@@ -23,21 +23,24 @@ from mrwork.values import Floats
 class Criterion:
     """One number of a run, computed from one of its quantities; smaller is better.
 
-    The value is the maximum of `quantity` over floors, storeys or devices, or the sum if `summed`, divided by the
-    weight of the building if `over_weight`. If `ratio`, papers report its ratio to the value without dampers, under
-    these `labels`. `over` names the criterion of the building without dampers in the denominator, if it is another one.
-    `short` is the title in a narrow column.
+    The value is the maximum of `quantity`, by default the one of its name, over floors, storeys or devices, or the sum
+    if `summed`, divided by the weight of the building if `over_weight`. If `ratio`, papers report its ratio to the
+    value without dampers, under these `labels`. `over` names the criterion of the building without dampers in the
+    denominator, if it is another one. `short` is the title in a narrow column.
     """
 
     name: str
     title: str
     short: str
-    quantity: str
+    quantity: str = ""
     summed: bool = False
     over_weight: bool = False
     labels: tuple[str, ...] = ()
     over: str = ""
     ratio: bool = True
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "quantity", self.quantity or self.name)
 
     @property
     def uncontrolled(self) -> str:
@@ -195,67 +198,25 @@ _JANSEN = "Jansen & Dyke 2000"
 
 _CRITERIA = (
     Criterion(
-        name="peak_displacement",
-        title="Peak displacement",
-        short="Displ.",
-        quantity="peak_displacement",
-        labels=(f"J1 of {_JANSEN}",),
+        name="peak_displacement", title="Peak displacement", short="Displ.", labels=(f"J1 of {_JANSEN}",)
     ),
     Criterion(
-        name="peak_drift",
-        title="Peak drift",
-        short="Drift",
-        quantity="peak_drift",
-        labels=(f"J1 of {_OHTORI}", f"J2 of {_JANSEN}"),
+        name="peak_drift", title="Peak drift", short="Drift", labels=(f"J1 of {_OHTORI}", f"J2 of {_JANSEN}")
     ),
     Criterion(
         name="peak_acceleration",
         title="Peak acceleration",
         short="Acc.",
-        quantity="peak_acceleration",
         labels=(f"J2 of {_OHTORI}", f"J3 of {_JANSEN}"),
     ),
+    Criterion(name="peak_base_shear", title="Peak base shear", short="Shear", labels=(f"J3 of {_OHTORI}",)),
+    Criterion(name="rms_displacement", title="RMS displacement", short="RMS displ."),
+    Criterion(name="rms_drift", title="RMS drift", short="RMS drift", labels=(f"J4 of {_OHTORI}",)),
     Criterion(
-        name="peak_base_shear",
-        title="Peak base shear",
-        short="Shear",
-        quantity="peak_base_shear",
-        labels=(f"J3 of {_OHTORI}",),
+        name="rms_acceleration", title="RMS acceleration", short="RMS acc.", labels=(f"J5 of {_OHTORI}",)
     ),
-    Criterion(
-        name="rms_displacement",
-        title="RMS displacement",
-        short="RMS displ.",
-        quantity="rms_displacement",
-    ),
-    Criterion(
-        name="rms_drift",
-        title="RMS drift",
-        short="RMS drift",
-        quantity="rms_drift",
-        labels=(f"J4 of {_OHTORI}",),
-    ),
-    Criterion(
-        name="rms_acceleration",
-        title="RMS acceleration",
-        short="RMS acc.",
-        quantity="rms_acceleration",
-        labels=(f"J5 of {_OHTORI}",),
-    ),
-    Criterion(
-        name="rms_base_shear",
-        title="RMS base shear",
-        short="RMS shear",
-        quantity="rms_base_shear",
-        labels=(f"J6 of {_OHTORI}",),
-    ),
-    Criterion(
-        name="peak_force",
-        title="Peak device force",
-        short="Force",
-        quantity="peak_force",
-        ratio=False,
-    ),
+    Criterion(name="rms_base_shear", title="RMS base shear", short="RMS shear", labels=(f"J6 of {_OHTORI}",)),
+    Criterion(name="peak_force", title="Peak device force", short="Force", ratio=False),
     Criterion(
         name="peak_force_share",
         title="Peak device force over weight",
@@ -269,31 +230,13 @@ _CRITERIA = (
         name="peak_stroke",
         title="Peak stroke",
         short="Stroke",
-        quantity="peak_stroke",
         labels=(f"J12 of {_OHTORI}",),
         over="peak_drift",
         ratio=False,
     ),
+    Criterion(name="mean_current", title="Mean command", short="Mean command", ratio=False),
+    Criterion(name="rms_current", title="RMS command", short="RMS command", ratio=False),
     Criterion(
-        name="mean_current",
-        title="Mean command",
-        short="Mean command",
-        quantity="mean_current",
-        ratio=False,
-    ),
-    Criterion(
-        name="rms_current",
-        title="RMS command",
-        short="RMS command",
-        quantity="rms_current",
-        ratio=False,
-    ),
-    Criterion(
-        name="device_energy",
-        title="Energy taken up by devices",
-        short="Energy",
-        quantity="device_energy",
-        summed=True,
-        ratio=False,
+        name="device_energy", title="Energy taken up by devices", short="Energy", summed=True, ratio=False
     ),
 )

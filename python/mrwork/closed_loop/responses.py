@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cache
-from typing import ClassVar, Literal, cast
+from typing import Any, ClassVar, Literal, Self, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -86,6 +86,30 @@ def columns_by_name(
     return found
 
 
+class Labelled:
+    """A result whose numbers have names: `result.peak_drift` is `result.numbers["peak_drift"]`.
+
+    The names with their units and last axes are declared once, by the core (`run_quantities`, `history_signals`);
+    the axes before, as of runs or of time, are those of the class.
+    """
+
+    __slots__ = ()
+
+    numbers: Mapping[str, Any]
+
+    def __getattr__(self, name: str) -> Any:
+        if name != "numbers" and name in self.numbers:
+            return self.numbers[name]
+        raise AttributeError(f"{type(self).__name__} has no {name!r}")
+
+    def __dir__(self) -> Iterable[str]:
+        return [*object.__dir__(self), *self.numbers]
+
+    def with_numbers(self, **numbers: Any) -> Self:
+        """The same with other values of these names."""
+        return replace(self, numbers={**self.numbers, **numbers})  # type: ignore[type-var] # a dataclass
+
+
 # Quantities in the summary.
 _SHOWN = ("peak_drift", "peak_acceleration", "peak_force", "peak_current", "energy_error")
 _SHOWN_SIGNALS = ("drift", "acceleration", "force", "current")
@@ -93,7 +117,7 @@ _SHOWN_SIGNALS = ("drift", "acceleration", "force", "current")
 
 @holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class History(Summarised):
+class History(Labelled, Summarised):
     """One run over time, at the control samples; first axis n_time.
 
     The signals and their units are declared by the core, see `history_signals`. Energies are accumulated from the start
@@ -103,22 +127,7 @@ class History(Summarised):
     _made_by: ClassVar[str] = "mr.simulate_loop(..., histories=True).histories"
 
     time: Floats
-    ground_acceleration: Floats
-    state: Floats
-    displacement: Floats
-    acceleration: Floats
-    drift: Floats
-    deformation: Floats
-    rate: Floats
-    force: Floats
-    command: Floats
-    current: Floats
-    device_energy: Floats
-    element_deformation: Floats
-    element_force: Floats
-    element_energy: Floats
-    input_energy: Floats
-    damping_energy: Floats
+    numbers: Mapping[str, Floats]
 
     @checked
     def kinetic_energy(self, building: Building) -> Floats:
@@ -139,7 +148,7 @@ class History(Summarised):
                 f"the history is of {self.state.shape[1] // 2} coordinates, and {building.name} has "
                 f"{len(building.mass)}; give the building that was simulated"
             )
-        return self.state
+        return np.asarray(self.state)
 
     def _summary(self) -> Summary:
         return Summary(
@@ -154,44 +163,21 @@ class History(Summarised):
 
 @holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class Responses(Summarised):
+class Responses(Labelled, Summarised):
     """Runs in the order candidate, motion, draw, the last varying fastest; infinite for a run that did not finish.
 
-    The quantities and their units are declared by the core, see `run_quantities`; those of floors, storeys, devices
-    and passive elements have a second axis. Peaks and mean squares are taken over all integration steps; accelerations
-    are absolute. `energy_error` is the largest imbalance of input, kinetic, strain, damping, device and element energy
-    during the run, relative to the largest energy. `steps` is the number of integration steps per sample, `shape` that
-    of candidates, motions and draws. `devices` are the dampers, none where actuators replace them; `seconds` are the
-    lengths of the motions.
+    The quantities and their units are declared by the core, see `run_quantities`. Each is an attribute; those of
+    floors, storeys, devices and passive elements have a second axis. Peaks and mean squares are taken over all
+    integration steps; accelerations are absolute. `energy_error` is the largest imbalance of input, kinetic, strain,
+    damping, device and element energy during the run, relative to the largest energy. `steps` is the number of
+    integration steps per sample, `shape` that of candidates, motions and draws. `devices` are the dampers, none where
+    actuators replace them; `seconds` are the lengths of the motions.
     """
 
     shape: tuple[int, int, int]
     outcome: NDArray[np.uint8]
     steps: NDArray[np.uint32]
-    peak_displacement: Floats
-    rms_displacement: Floats
-    peak_acceleration: Floats
-    rms_acceleration: Floats
-    peak_drift: Floats
-    rms_drift: Floats
-    peak_base_shear: Floats
-    rms_base_shear: Floats
-    peak_force: Floats
-    rms_force: Floats
-    peak_stroke: Floats
-    peak_rate: Floats
-    peak_current: Floats
-    mean_current: Floats
-    rms_current: Floats
-    device_energy: Floats
-    peak_element_force: Floats
-    peak_element_stroke: Floats
-    element_energy: Floats
-    input_energy: Floats
-    kinetic_energy: Floats
-    strain_energy: Floats
-    damping_energy: Floats
-    energy_error: Floats
+    numbers: Mapping[str, Floats]
     histories: tuple[History, ...] | None = None
     devices: tuple[Device, ...] = ()
     seconds: tuple[float, ...] = ()

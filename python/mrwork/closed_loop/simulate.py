@@ -344,11 +344,8 @@ def simulate_loop(
     if largest_commands is None:
         return found
     scale = factors[candidate]
-    return replace(
-        found,
-        peak_current=found.peak_current * scale,
-        mean_current=found.mean_current * scale,
-        rms_current=found.rms_current * scale,
+    return found.with_numbers(
+        **{name: found.numbers[name] * scale for name in ("peak_current", "mean_current", "rms_current")}
     )
 
 
@@ -417,7 +414,7 @@ def _responses(
         histories = tuple(
             History(
                 time=np.arange(len(rows), dtype=np.float64) * hardware.sample_time,
-                **columns_by_name(rows, history_signals(), layout),
+                numbers=columns_by_name(rows, history_signals(), layout),
             )
             for part in parts
             for rows in part[3]
@@ -429,7 +426,7 @@ def _responses(
         histories=histories,
         devices=devices,
         seconds=tuple(motion.duration for motion in motions),
-        **quantities,
+        numbers=quantities,
     )
 
 

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from mrwork.arguments import checked
 from mrwork.closed_loop.evaluation import Criterion, criteria
 from mrwork.errors import SettingError
+from mrwork.store.codec import OrNan
 from mrwork.study.results import StudyCriteria
 from mrwork.study.study import Kind, uses_in_words
 from mrwork.summary import Summarised, Summary
@@ -126,12 +127,12 @@ def compared_quantities() -> tuple[Criterion, ...]:
 class QuantityChange:
     """Change of a quantity relative to a reference, -0.2 for 20 % less: mean over the test motions, and the largest.
 
-    `motion` is the index of the motion of the largest. NaN if a run is missing or did not finish.
+    `motion` is the name of the motion of the largest. NaN and `None` if a run is missing or did not finish.
     """
 
-    mean: float
-    largest: float
-    motion: int
+    mean: OrNan
+    largest: OrNan
+    motion: str | None
 
     @property
     def worse(self) -> bool:
@@ -234,27 +235,21 @@ class StudyComparison(Summarised):
         ]
 
     def _words_of(self, changes: dict[str, QuantityChange]) -> str:
-        known = [
-            (entry, changes[entry.name])
-            for entry in compared_quantities()
-            if not math.isnan(changes[entry.name].mean)
-        ]
-        better = ", ".join(
-            f"{_small_first(entry.title)} {in_percent(change.mean)} %"
-            for entry, change in known
-            if not change.worse
-        )
-        worse = ", ".join(
-            f"{_small_first(entry.title)} {in_percent(change.mean)} %{self._largest(change)}"
-            for entry, change in known
-            if change.worse
-        )
+        parts: dict[bool, list[str]] = {False: [], True: []}
+        for entry in compared_quantities():
+            change = changes[entry.name]
+            if not math.isnan(change.mean):
+                largest = self._largest(change) if change.worse else ""
+                parts[change.worse].append(
+                    f"{_small_first(entry.title)} {in_percent(change.mean)} %{largest}"
+                )
+        better, worse = ", ".join(parts[False]), ", ".join(parts[True])
         return f"{better}{'; ' if better else ''}worse: {worse}" if worse else better
 
     def _largest(self, change: QuantityChange) -> str:
         if len(self.results.judged) == 1:
             return ""
-        return f" ({in_percent(change.largest)} % under {self.results.motions[change.motion].name})"
+        return f" ({in_percent(change.largest)} % under {change.motion})"
 
     def scores_in_words(self) -> str:
         """The lowest score of each rank; empty if there are no scores."""
@@ -323,17 +318,17 @@ def in_percent(change: float) -> str:
 
 
 def _changes(results: StudyCriteria, row: int, reference: int) -> dict[str, QuantityChange]:
-    motions = results.judged
-    ratios = [results.ratios_to(row, motion, reference) for motion in motions]
+    ratios = [results.ratios_to(row, motion, reference) for motion in results.judged]
+    names = [results.motions[motion].name for motion in results.judged]
     return {
-        entry.name: _change([each[entry.name] - 1.0 for each in ratios], motions)
+        entry.name: _change([each[entry.name] - 1.0 for each in ratios], names)
         for entry in compared_quantities()
     }
 
 
-def _change(changes: Sequence[float], motions: Sequence[int]) -> QuantityChange:
+def _change(changes: Sequence[float], motions: Sequence[str]) -> QuantityChange:
     if not changes or any(map(math.isnan, changes)):
-        return QuantityChange(mean=math.nan, largest=math.nan, motion=0)
+        return QuantityChange(mean=math.nan, largest=math.nan, motion=None)
     largest = max(changes)
     return QuantityChange(
         mean=math.fsum(changes) / len(changes), largest=largest, motion=motions[changes.index(largest)]

@@ -31,28 +31,25 @@ from mrwork.store.run_folder import (
     read_manifest,
 )
 from mrwork.store.unfinished import INTERRUPTED
-from mrwork.study.batches import RealisationBand
 from mrwork.study.comparison import (
+    QuantityChange,
     StudyComparison,
     compared,
     judged_in_words,
     motion_groups,
-    rounds_to_increase,
 )
-from mrwork.study.results import Key, MotionFacts, StudyCriteria, StudyResults
-from mrwork.study.run_result import OutcomeName, RunEnd, largest_demand, names_outside, worst_by_quantity
-from mrwork.study.stored_histories import Histories
+from mrwork.study.results import Key, MotionFacts, RealisationBand, StudyCriteria, StudyResults
+from mrwork.study.run_result import (
+    Histories,
+    OutcomeName,
+    RunEnd,
+    largest_demand,
+    names_outside,
+    worst_by_quantity,
+)
 from mrwork.study.study import Kind, Row, StudyFile
+from mrwork.summary import listed
 from mrwork.tested_range import Exceedance, OperatingRange
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class StoredChange:
-    """Change of a quantity relative to a reference, -0.2 for 20 % less: mean over motions, the largest, its motion."""
-
-    mean: OrNan
-    largest: OrNan
-    motion: str | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,9 +65,9 @@ class StoredChanges:
     rank: str
     place: Count
     score: OrNan
-    against_uncontrolled: dict[str, StoredChange]
+    against_uncontrolled: dict[str, QuantityChange]
     worse_than_uncontrolled: tuple[str, ...]
-    against_best_passive: dict[str, StoredChange]
+    against_best_passive: dict[str, QuantityChange]
     worse_than_best_passive: tuple[str, ...]
 
 
@@ -102,17 +99,8 @@ def _store_changes(comparison: StudyComparison) -> Iterator[StoredChanges]:
     """Changes of every row, the rows of each rank together, the lowest score first."""
     results = comparison.results
 
-    def against(row: int, reference: int | None) -> dict[str, StoredChange]:
-        if reference is None or reference == row:
-            return {}
-        return {
-            name: StoredChange(
-                mean=each.mean,
-                largest=each.largest,
-                motion=None if math.isnan(each.largest) else results.motions[each.motion].name,
-            )
-            for name, each in comparison.changes(row, reference).items()
-        }
+    def against(row: int, reference: int | None) -> dict[str, QuantityChange]:
+        return {} if reference in (None, row) else comparison.tables[row, reference]
 
     for rank, rows in comparison.ranks:
         for place, row in enumerate(rows, start=1):
@@ -130,8 +118,8 @@ def _store_changes(comparison: StudyComparison) -> Iterator[StoredChanges]:
             )
 
 
-def _increases(changes: Mapping[str, StoredChange]) -> tuple[str, ...]:
-    return tuple(name for name, change in changes.items() if rounds_to_increase(change.mean))
+def _increases(changes: Mapping[str, QuantityChange]) -> tuple[str, ...]:
+    return tuple(name for name, change in changes.items() if change.worse)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -217,17 +205,15 @@ class StoredStudyRun(RunEnd, Related):
     bands: dict[str, RealisationBand] = field(default_factory=dict)
 
     def disagreement(self) -> str:
-        """Whether its tables have the criteria that there are, with numbers where it finished."""
-        known = [entry.name for entry in criteria()]
+        """First table with other criteria than the rest, or criterion without a number though the run finished."""
         tables = [self.criteria, self.over_uncontrolled, self.over_passive_off]
         tables += [self.over_best_passive] if self.over_best_passive else []
         tables += [] if self.step_check is None else [self.step_check.changes]
-        for table in tables:
-            lacking = [name for name in known if name not in table]
-            unknown = [name for name in table if name not in known]
-            if lacking or unknown:
-                what = f"lacks {lacking[0]}" if lacking else f"has the unknown criterion {unknown[0]!r}"
-                return f"its run under {self.motion} {what}"
+        known = [entry.name for entry in criteria()]
+        for name in dict.fromkeys(name for table in tables for name in table):
+            if any(name not in table for table in tables):
+                what = f"lacks {name}" if name in known else f"has the unknown criterion {name!r}"
+                return f"its run under {self.motion} {what} in a table"
         empty = [name for name, value in self.criteria.items() if self.finished and not math.isfinite(value)]
         return f"its run under {self.motion} finished without {empty[0]}" if empty else ""
 
@@ -276,6 +262,8 @@ class _Document(Related):
                 return f"{run.controller} is of the kind {kinds[run.controller]!r}, and {run.kind!r} under {run.motion}"
             if runs.setdefault((run.controller, run.motion), run) is not run:
                 return f"it has two runs of {where}"
+            if run.criteria.keys() != self.results[0].criteria.keys():
+                return f"its run of {where} has other criteria than the first"
         return self._gap(names, runs) if self.complete else ""
 
     def _gap(self, names: Sequence[str], runs: Mapping[tuple[str, str], StoredStudyRun]) -> str:
@@ -295,7 +283,8 @@ class _Document(Related):
 class StoredStudy(StudyCriteria):
     """The results of a study as stored in its folder: criteria instead of responses.
 
-    Rows of an interrupted study without a run are among `rows` with the kind "controller".
+    Rows of an interrupted study without a run are among `rows` with the kind "controller". Criteria that the file has
+    not are NaN, since it was written by an earlier version; those that this version has not are only among `runs`.
     """
 
     title: str
@@ -309,9 +298,24 @@ class StoredStudy(StudyCriteria):
     chosen_on: tuple[str, ...] = ()
 
     @property
-    def ends(self) -> Mapping[Key, RunEnd]:
-        """How each run ended."""
-        return self.runs
+    def file_warnings(self) -> tuple[str, ...]:
+        """Sentences on the criteria that the file has not, and on those that this version has not."""
+        stored = next((run.criteria for run in self.runs.values()), _every_criterion(None))
+        known = _every_criterion(None)
+        lacking = [name for name in known if name not in stored]
+        unknown = [name for name in stored if name not in known]
+        return (
+            *(
+                [f"{RESULTS} is older than {listed(lacking)}; run `mrwork respond` again for it."]
+                if lacking
+                else []
+            ),
+            *(
+                [f"{RESULTS} has {listed(unknown)}, no criterion of this version; it is left out."]
+                if unknown
+                else []
+            ),
+        )
 
     @property
     def checked(self) -> frozenset[Key] | None:
@@ -323,7 +327,7 @@ class StoredStudy(StudyCriteria):
         """Every criterion of a run that finished."""
         self.check_place(row, motion)
         run = self.runs.get((row, motion))
-        return None if run is None or not run.finished else run.criteria
+        return None if run is None or not run.finished else _every_criterion(run.criteria)
 
     @arguments.checked
     def step_changes(self, row: int, motion: int) -> dict[str, float] | None:
@@ -332,7 +336,7 @@ class StoredStudy(StudyCriteria):
         run = self.runs.get((row, motion))
         if run is None or run.step_check is None:
             return None
-        changes = run.step_check.changes
+        changes = _every_criterion(run.step_check.changes)
         return None if all(map(math.isnan, changes.values())) else changes
 
 
@@ -452,7 +456,7 @@ def _criteria_csv(results: StudyResults) -> str:
         facts, score = results.motions[motion], results.score_under(row, (motion,))
         run_is = [run.outcome, f"{run.energy_error:.3g}", "" if math.isnan(score) else f"{score:.6g}"]
         lines.append([results.rows[row].label, facts.name, facts.use, *run_is, *numbers])
-    return _csv(lines)
+    return csv_text(lines)
 
 
 def _profiles_csv(results: StudyResults) -> str:
@@ -469,7 +473,7 @@ def _profiles_csv(results: StudyResults) -> str:
         ):
             for name, peak, rms in zip(names, peaks, squares, strict=True):
                 lines.append([*labels, quantity, name, f"{peak:.9g}", f"{rms:.9g}", unit])
-    return _csv(lines)
+    return csv_text(lines)
 
 
 def _store_run(results: StudyResults, row: int, motion: int, passive: int | None) -> StoredStudyRun:
@@ -511,7 +515,8 @@ def _every_criterion(numbers: Mapping[str, float] | None) -> _Criteria:
     return {entry.name: found.get(entry.name, math.nan) for entry in criteria()}
 
 
-def _csv(lines: Iterable[list[str]]) -> str:
+def csv_text(lines: Iterable[list[str]]) -> str:
+    """Rows of cells as a table of values separated by commas."""
     target = io.StringIO()
     csv.writer(target, lineterminator="\n").writerows(lines)
     return target.getvalue()

@@ -6,7 +6,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 import numpy as np
 
@@ -14,18 +14,114 @@ from mrwork import arguments
 from mrwork.arguments import NotNegative
 from mrwork.buildings.matrices import Device
 from mrwork.closed_loop.clairvoyant_search import Clairvoyant
-from mrwork.closed_loop.evaluation import Spread, criteria, criterion, ratio, score, values
+from mrwork.closed_loop.evaluation import SCORE, Spread, criteria, criterion, ratio, score, values
 from mrwork.closed_loop.responses import ENERGY_TOLERANCE
 from mrwork.errors import SettingError
-from mrwork.study.batches import VariedResults
+from mrwork.store.codec import OrInfinite, OrNan
 from mrwork.study.run_result import DeviceDemand, RunEnd, RunResult, damper_warnings, demands_of
 from mrwork.study.schema import Use
-from mrwork.study.study import Kind, Row
+from mrwork.study.study import Kind, MotionOfStudy, Row
 from mrwork.summary import Summarised, Summary, listed, rounded
 from mrwork.units import STANDARD_GRAVITY
+from mrwork.values import Floats, holds_arrays
 
 Key = tuple[int, int]
 """Indices of the row and the motion of a run."""
+
+
+@holds_arrays
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class RunCriteria(Summarised):
+    """Criteria of candidates under motions and realisations.
+
+    `numbers` has the shape (n_criteria, n_candidates, n_motions, n_realisations), criteria in the order of
+    `closed_loop.criteria`; infinite where a run did not finish. `energy_error` (n_candidates, n_motions,
+    n_realisations) is that of each run. `seconds` is the time inside the simulation.
+    """
+
+    numbers: Floats
+    energy_error: Floats
+    seconds: float
+
+    def __post_init__(self) -> None:
+        if self.numbers.shape != (len(criteria()), *self.energy_error.shape) or self.numbers.ndim != 4:
+            raise ValueError(
+                f"criteria of the shape {self.numbers.shape} with errors of the shape {self.energy_error.shape}"
+            )
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """(n_candidates, n_motions, n_realisations)."""
+        return self.energy_error.shape
+
+    def of(self, name: str) -> Floats:
+        """A criterion by its name, shape (n_candidates, n_motions, n_realisations)."""
+        names = [entry.name for entry in criteria()]
+        return np.asarray(self.numbers[names.index(name)])
+
+
+BAND = 0.9
+"""Share of the realisations within a band."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RealisationBand:
+    """A number over realisations: median, and the ends between which 90 % of them lie; infinite where a run failed."""
+
+    lower: OrNan
+    median: OrNan
+    upper: OrInfinite
+
+    @staticmethod
+    def of(values: Floats) -> RealisationBand:
+        """The band of one value for each realisation, shape (n,)."""
+        if not np.isfinite(values).all():
+            return RealisationBand(lower=math.nan, median=math.nan, upper=math.inf)
+        lower, median, upper = np.quantile(values, (0.5 * (1.0 - BAND), 0.5, 0.5 * (1.0 + BAND))).tolist()
+        return RealisationBand(lower=lower, median=median, upper=upper)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class VariedResults(Summarised):
+    """Criteria over `count` realisations, by row of a study, for the rows that are done."""
+
+    count: int
+    rows: Mapping[int, RunCriteria]
+
+    def bands(self, row: int, motion: int) -> dict[str, RealisationBand]:
+        """Bands of every criterion of a row under a motion; none for a row that is not done."""
+        found = self.rows.get(row)
+        if found is None:
+            return {}
+        return {entry.name: RealisationBand.of(found.of(entry.name)[0, motion]) for entry in criteria()}
+
+    def ratio_band(
+        self, row: int, reference: int | None, motions: Sequence[int], name: str
+    ) -> RealisationBand | None:
+        """Band of the mean over motions of a criterion over that of a reference row in the same realisation."""
+        ratios = self._ratios(row, reference, motions, name)
+        return None if ratios is None else RealisationBand.of(ratios)
+
+    def score_band(self, row: int, reference: int | None, motions: Sequence[int]) -> RealisationBand | None:
+        """Band of the score over some motions, against a reference row in the same realisation."""
+        parts = [self._ratios(row, reference, motions, name) for name in SCORE]
+        known = [each for each in parts if each is not None]
+        return RealisationBand.of(np.mean(known, axis=0)) if len(known) == len(SCORE) else None
+
+    def scores(
+        self, labels: Sequence[str], reference: int | None, motions: Sequence[int]
+    ) -> dict[str, RealisationBand]:
+        """Bands of the scores of all rows by their labels."""
+        found = {label: self.score_band(row, reference, motions) for row, label in enumerate(labels)}
+        return {label: band for label, band in found.items() if band is not None}
+
+    def _ratios(self, row: int, reference: int | None, motions: Sequence[int], name: str) -> Floats | None:
+        above, below = self.rows.get(row), None if reference is None else self.rows.get(reference)
+        if above is None or below is None:
+            return None
+        chosen = list(motions)
+        return np.asarray(ratio(above.of(name)[0, chosen], below.of(name)[0, chosen]).mean(axis=0))
+
 
 # Motions in the summary.
 _MOTIONS_SHOWN = 5
@@ -50,13 +146,28 @@ class MotionFacts:
     use: Use = "test"
     groups: tuple[str, ...] = ()
 
+    @staticmethod
+    def of(motion: MotionOfStudy) -> MotionFacts:
+        """Those of a motion of a study."""
+        ground = motion.ground
+        return MotionFacts(
+            name=ground.name,
+            peak=ground.peak,
+            duration=ground.duration,
+            source=ground.source,
+            changes=ground.changes,
+            synthetic=motion.synthetic,
+            use=motion.use,
+            groups=ground.groups,
+        )
+
 
 class StudyCriteria(Summarised, ABC):
     """Criteria of a study by (row, motion), and the ratios, scores and warnings that follow from them.
 
-    The first rows are the building without dampers and i = 0. `halved` are the runs with half the step, if requested.
-    `chosen_on` are the names of the motions that the best constant command is chosen on, `building_warnings` sentences
-    on modes of the building without damping or stiffness.
+    The first rows are the building without dampers and i = 0. `runs` say how each run ended. `chosen_on` are the names
+    of the motions that the best constant command is chosen on, `building_warnings` sentences on modes of the building
+    without damping or stiffness.
     """
 
     _made_by: ClassVar[str] = "mr.run_study(study) or mr.study.read_results(folder)"
@@ -71,15 +182,12 @@ class StudyCriteria(Summarised, ABC):
     chosen_on: tuple[str, ...]
     building_warnings: tuple[str, ...]
 
+    runs: Mapping[Key, RunEnd]
+
     @property
     @abstractmethod
     def damper_warnings(self) -> tuple[str, ...]:
         """Sentences on demand outside the tested ranges of the dampers, and on laws out of their admissible range."""
-
-    @property
-    @abstractmethod
-    def ends(self) -> Mapping[Key, RunEnd]:
-        """How each run ended."""
 
     @property
     @abstractmethod
@@ -94,6 +202,11 @@ class StudyCriteria(Summarised, ABC):
     def step_changes(self, row: int, motion: int) -> dict[str, float] | None:
         """Relative change of every criterion with half the step; `None` unless both runs finished."""
 
+    @property
+    def file_warnings(self) -> tuple[str, ...]:
+        """Sentences on the file that the results were read from."""
+        return ()
+
     def check_place(self, row: int, motion: int) -> None:
         """Refuse a row or a motion that the study has not."""
         if not (0 <= row < len(self.rows) and 0 <= motion < len(self.motions)):
@@ -105,7 +218,7 @@ class StudyCriteria(Summarised, ABC):
     @property
     def done(self) -> int:
         """Number of runs that are done, including those with half the step."""
-        return len(self.ends) + len(self.checked or ())
+        return len(self.runs) + len(self.checked or ())
 
     @property
     def total(self) -> int:
@@ -118,6 +231,11 @@ class StudyCriteria(Summarised, ABC):
         return self.done == self.total
 
     @property
+    def status(self) -> Literal["finished", "interrupted"]:
+        """Whether all runs are done, in a word of a manifest."""
+        return "finished" if self.complete else "interrupted"
+
+    @property
     def judged(self) -> tuple[int, ...]:
         """Indices of the motions that scores and changes stand on: the test motions, or all where there are none."""
         test = tuple(number for number, motion in enumerate(self.motions) if motion.use == "test")
@@ -125,7 +243,7 @@ class StudyCriteria(Summarised, ABC):
 
     def finished(self, motion: int) -> list[int]:
         """The rows whose run under a motion finished."""
-        runs = ((row, self.ends.get((row, motion))) for row in range(len(self.rows)))
+        runs = ((row, self.runs.get((row, motion))) for row in range(len(self.rows)))
         return [row for row, run in runs if run is not None and run.finished]
 
     def row_of(self, kind: Kind) -> int | None:
@@ -175,17 +293,16 @@ class StudyCriteria(Summarised, ABC):
     @property
     def balanced(self) -> bool:
         """Whether the energies of all runs that finished balance."""
-        return all(run.balanced for run in self.ends.values() if run.finished)
+        return all(run.balanced for run in self.runs.values() if run.finished)
 
     def warnings(self) -> list[str]:
         """Warnings on undamped modes, dampers out of tested ranges, runs that did not finish or do not balance."""
-        warnings = [*self.building_warnings, *self.damper_warnings]
-        ends = self.ends
+        warnings = [*self.file_warnings, *self.building_warnings, *self.damper_warnings]
         for number, row in enumerate(self.rows):
             runs = [
-                (each.name, ends[number, motion])
+                (each.name, self.runs[number, motion])
                 for motion, each in enumerate(self.motions)
-                if (number, motion) in ends
+                if (number, motion) in self.runs
             ]
             for name, run in runs:
                 if run.outcome != "finished":
@@ -202,14 +319,7 @@ class StudyCriteria(Summarised, ABC):
         return warnings
 
     def _summary(self) -> Summary:
-        drifts = [
-            [
-                None if found is None else found["peak_drift"]
-                for motion in range(len(self.motions))
-                for found in [self.criteria(row, motion)]
-            ]
-            for row in range(len(self.rows))
-        ]
+        shown = range(min(len(self.motions), _MOTIONS_SHOWN))
         return Summary(
             title=f"{self.title}: {self.done} of {self.total} runs",
             facts=(
@@ -218,8 +328,11 @@ class StudyCriteria(Summarised, ABC):
             ),
             columns=("peak drift [m]", *(motion.name for motion in self.motions[:_MOTIONS_SHOWN])),
             rows=[
-                (row.label, *(rounded(drift) for drift in found[:_MOTIONS_SHOWN]))
-                for row, found in zip(self.rows, drifts, strict=True)
+                (
+                    row.label,
+                    *(rounded((self.criteria(number, motion) or {}).get("peak_drift")) for motion in shown),
+                )
+                for number, row in enumerate(self.rows)
             ],
             notes=[f"warning: {each}" for each in self.warnings()],
         )
@@ -269,11 +382,6 @@ class StudyResults(StudyCriteria):
                 for row, motion in self.runs
             }
         )
-
-    @property
-    def ends(self) -> Mapping[Key, RunEnd]:
-        """How each run ended."""
-        return self.runs
 
     @property
     def checked(self) -> frozenset[Key] | None:
@@ -359,7 +467,8 @@ def _largest(results: StudyCriteria, row: int, motions: list[int]) -> StepChange
         if changes is None:
             unfinished.append(motion)
             continue
-        name = max(changes, key=lambda each: changes[each])
+        # A criterion that the file does not have is not compared.
+        name = max(changes, key=lambda each: -1.0 if math.isnan(changes[each]) else changes[each])
         if largest is None or changes[name] > largest[0]:
             largest = (changes[name], name, motion)
     if largest is None:

@@ -10,6 +10,8 @@ from types import MappingProxyType
 import numpy as np
 
 from mrwork.arguments import Threads, checked
+from mrwork.buildings import Building
+from mrwork.buildings.matrices import Device
 from mrwork.closed_loop.clairvoyant_search import (
     Clairvoyant,
     ClairvoyantProgress,
@@ -17,23 +19,32 @@ from mrwork.closed_loop.clairvoyant_search import (
     clairvoyant,
 )
 from mrwork.closed_loop.evaluation import score, values
+from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.responses import Responses, history_signals
 from mrwork.closed_loop.simulate import PrescribedCommands, simulate_loop, simulate_prescribed
-from mrwork.errors import Interrupted, JournalError, SimulationError
+from mrwork.control.laws import ControlLaw
+from mrwork.dampers.spec import damper
+from mrwork.errors import Interrupted, JournalError, SettingError, SimulationError
 from mrwork.motions import GroundMotion
 from mrwork.store import Journal, digest_of
-from mrwork.store.codec import plain
 from mrwork.study.arrangements import constant_command, constant_commands
-from mrwork.study.batches import RunCriteria, VariedResults, simulate_varied, with_devices
-from mrwork.study.results import Key, MotionFacts, StudyResults
+from mrwork.study.results import Key, MotionFacts, RunCriteria, StudyResults, VariedResults
 from mrwork.study.run_result import (
     RunHistory,
     RunResult,
     history_of,
+    own_numbers,
     read_recorded,
-    result_of,
+    results_of,
 )
-from mrwork.study.study import Arrangement, Row, Study, digest_of_run, fingerprint_of
+from mrwork.study.study import (
+    Arrangement,
+    Realisations,
+    Study,
+    StudyLaw,
+    digest_of_run,
+    fingerprint_of,
+)
 from mrwork.summary import listed
 from mrwork.units import STANDARD_GRAVITY
 from mrwork.values import Floats
@@ -110,13 +121,27 @@ def run_study(
     clairvoyants: dict[int, Clairvoyant] = {}
     varied: dict[int, RunCriteria] = {}
     played = PlayedCommands(study=study, threads=threads)
-    building_warnings = study.building_warnings
+    bare, building_warnings = study.building, study.building_warnings
 
     def results() -> StudyResults:
-        rows = (*(each.row for each in arrangements), *study.rows[len(arrangements) :])
-        return replace(
-            _results_of(study, rows, runs, halved, varied),
+        return StudyResults(
+            title=study.title,
+            rows=(*(each.row for each in arrangements), *study.rows[len(arrangements) :]),
+            motions=tuple(map(MotionFacts.of, study.motions)),
+            runs=dict(runs),
+            chosen_on=tuple(ground.name for ground in study.chosen_on),
+            floor_names=bare.floor_names,
+            storey_names=bare.storey_names[: len(bare.drifts)],
+            device_names=study.device_names,
+            devices=study.devices,
+            command_unit=study.command_unit,
+            mass=bare.total_mass,
+            facts=study.facts,
+            halved=None if halved is None else dict(halved),
             clairvoyants=dict(clairvoyants),
+            varied=None
+            if study.realisations is None
+            else VariedResults(count=len(study.realisations), rows=dict(varied)),
             building_warnings=building_warnings,
         )
 
@@ -163,53 +188,10 @@ def run_study(
         if study.realisations is not None:
             for row, arrangement in enumerate(arrangements):
                 report(f"{arrangement.row.label}, realisations")
-                varied[row] = simulate_varied(
-                    study, arrangement, study.realisations, journal, threads=threads
-                )
+                varied[row] = _criteria_of_realisations(study, arrangement, journal, threads)
     except KeyboardInterrupt:
         raise Interrupted(results(), "study") from None
     return results()
-
-
-def _results_of(
-    study: Study,
-    rows: tuple[Row, ...],
-    runs: Mapping[Key, RunResult],
-    halved: Mapping[Key, RunResult] | None,
-    varied: Mapping[int, RunCriteria],
-) -> StudyResults:
-    """The results of the runs so far; `halved` are those with half the step, `varied` those of realisations by row."""
-    bare = study.building
-    return StudyResults(
-        title=study.title,
-        rows=rows,
-        motions=tuple(
-            MotionFacts(
-                name=motion.name,
-                peak=motion.ground.peak,
-                duration=motion.ground.duration,
-                source=motion.ground.source,
-                changes=motion.ground.changes,
-                synthetic=motion.synthetic,
-                use=motion.use,
-                groups=motion.ground.groups,
-            )
-            for motion in study.motions
-        ),
-        runs=dict(runs),
-        chosen_on=tuple(ground.name for ground in study.chosen_on),
-        floor_names=bare.floor_names,
-        storey_names=bare.storey_names[: len(bare.drifts)],
-        device_names=study.device_names,
-        devices=study.devices,
-        command_unit=study.command_unit,
-        mass=bare.total_mass,
-        facts=study.facts,
-        halved=None if halved is None else dict(halved),
-        varied=None
-        if study.realisations is None
-        else VariedResults(count=len(study.realisations), rows=dict(varied)),
-    )
 
 
 def runs_of(
@@ -257,14 +239,13 @@ def runs_of(
                 step_factor=step_factor,
                 threads=threads,
             )
-            for run in range(count):
-                simulated[motion + run] = result_of(responses, run, arrangement)
+            simulated |= enumerate(results_of(responses, arrangement), motion)
             if responses.histories is not None:
                 histories = {
                     number: history_of(responses.histories[number - motion], arrangement) for number in stored
                 }
         if journal is not None:
-            journal.record(step, inputs, plain(simulated[motion]))
+            journal.record(step, inputs, simulated[motion].as_record())
         if fresh is not None:
             fresh[motion] = histories.get(motion)
         yield motion, simulated[motion]
@@ -337,7 +318,7 @@ def _choose_best_constant(
         tried = replace(arrangement, law=constant_commands(devices, commands))
         responses = _simulate(tried, study.chosen_on, study, threads=threads)
         n_motions = len(study.chosen_on)
-        found = [result_of(responses, run, arrangement) for run in range(LEVELS * n_motions)]
+        found = results_of(responses, arrangement)
         levels = [found[start : start + n_motions] for start in range(0, len(found), n_motions)]
         criteria = [[_criteria(result, weight) for result in level] for level in levels]
         # The first level is i = 0. A command has no score if one of its runs failed.
@@ -445,7 +426,7 @@ class PlayedCommands:
             threads=self.threads,
         )
         kept = None if responses.histories is None else history_of(responses.histories[0], base)
-        return result_of(responses, 0, base), kept
+        return results_of(responses, base)[0], kept
 
     def _law_starts(
         self, motion: int, arrangements: Sequence[Arrangement], results: StudyResults
@@ -477,3 +458,135 @@ class PlayedCommands:
                 run.histories[0].command, self.study.hardware.sample_time, asked.settings.interval
             )
         }
+
+
+def simulate_criteria(
+    arrangement: Arrangement,
+    law: StudyLaw,
+    motions: Sequence[GroundMotion],
+    hardware: Hardware,
+    realisations: Realisations,
+    *,
+    bare: Building,
+    largest_commands: Floats | None = None,
+    threads: int = 0,
+) -> RunCriteria:
+    """Simulate candidates of a law under motions, with realisations, in as few calls of the core as possible.
+
+    The arrangement has building and devices; the law may have one or many candidates. The observer, if there is one,
+    is that of the nominal building. `largest_commands` are those of the candidates, see `simulate_loop`.
+    """
+    weight = bare.total_mass * STANDARD_GRAVITY
+    noisy = any(noise for noise, _ in hardware.sensors)
+    keys = [
+        (
+            float(realisations.stiffness[n]),
+            float(realisations.damping[n]),
+            float(realisations.delay[n]),
+            int(realisations.seed[n]) if noisy else 0,
+        )
+        for n in range(len(realisations))
+    ]
+    found: dict[int, tuple[Floats, Floats]] = {}
+    seconds = 0.0
+    fitted, law = with_devices(arrangement, law)
+    # Without dampers of its own an arrangement has a device without parameters to vary.
+    theta = realisations.theta if arrangement.devices else tuple(device.draws for device in fitted)
+    for key in dict.fromkeys(keys):
+        members = [n for n, each in enumerate(keys) if each == key]
+        stiffness, damping, delay, seed = key
+        devices = tuple(
+            replace(device, theta=rows[members] if len(rows) > 1 else rows)
+            for device, rows in zip(fitted, theta, strict=True)
+        )
+        began = time.perf_counter()
+        responses = simulate_loop(
+            vary_building(arrangement, bare, stiffness=stiffness, damping=damping),
+            devices,
+            law,
+            motions,
+            _vary_hardware(hardware, delay, seed),
+            nominal=arrangement.building if hardware.feedback == "observer" else None,
+            largest_commands=largest_commands,
+            threads=threads,
+        )
+        seconds += time.perf_counter() - began
+        own = responses.with_numbers(**own_numbers(responses, arrangement, law))
+        numbers = np.stack(list(values(own, weight=weight).values())).reshape(-1, *responses.shape)
+        numbers = np.where(np.isfinite(numbers), numbers, np.inf)
+        error = responses.energy_error.reshape(responses.shape)
+        for place, member in enumerate(members):
+            draw = place if responses.shape[2] > 1 else 0
+            found[member] = (numbers[..., draw], error[..., draw])
+    order = range(len(realisations))
+    return RunCriteria(
+        numbers=np.stack([found[n][0] for n in order], axis=-1),
+        energy_error=np.stack([found[n][1] for n in order], axis=-1),
+        seconds=seconds,
+    )
+
+
+def with_devices(arrangement: Arrangement, law: StudyLaw) -> tuple[tuple[Device, ...], StudyLaw]:
+    """Devices and law of an arrangement; without devices it gets an actuator of zero force."""
+    if arrangement.devices:
+        return arrangement.devices, law
+    building, spec = arrangement.building, damper("dahl")
+    device = Device(name="none", spec=spec, theta=spec.nominal, row=building.storeys[0], largest_command=1.0)
+    still = ControlLaw(name="active", gains={"gain": np.zeros((1, 2 * building.n_coordinates))})
+    return (device,), still
+
+
+def vary_building(arrangement: Arrangement, bare: Building, *, stiffness: float, damping: float) -> Building:
+    """The building of an arrangement with factors of stiffness and damping of the bare building.
+
+    What is built into it stays, such as the spring of a tuned mass, so that it is no longer tuned.
+    """
+    if stiffness == 1.0 and damping == 1.0:
+        return arrangement.building
+    building = arrangement.building
+    drifts = bare.drifts
+    if building.n_coordinates == bare.n_coordinates:
+        back: Floats = np.eye(bare.n_coordinates)
+    elif drifts.shape[0] == bare.n_coordinates and np.linalg.matrix_rank(drifts) == bare.n_coordinates:
+        # Displacements of the bare building relative to its base, from its drifts within the arrangement.
+        back = np.asarray(np.linalg.solve(drifts, building.storeys[list(arrangement.storeys)]))
+    else:
+        raise SettingError(
+            f"{building.name}: stiffness and damping of the building cannot be told from those of what was added to "
+            "it, because its storeys do not determine its coordinates; leave stiffness and damping out of [uncertainty]"
+        )
+    return replace(
+        building,
+        stiffness=building.stiffness + (stiffness - 1.0) * back.T @ bare.stiffness @ back,
+        damping=building.damping + (damping - 1.0) * back.T @ bare.damping @ back,
+    )
+
+
+def _vary_hardware(hardware: Hardware, delay: float, seed: int) -> Hardware:
+    step = hardware.sample_time / hardware.steps
+    total = (hardware.delay_steps + round(delay / step)) * step
+    return replace(hardware, delay=total, seed=hardware.seed + seed)
+
+
+def _criteria_of_realisations(
+    study: Study, arrangement: Arrangement, journal: Journal | None, threads: int
+) -> RunCriteria:
+    """Criteria of an arrangement under all motions with realisations, from the journal if it has them."""
+    law, realisations = arrangement.law, study.realisations
+    assert law is not None
+    assert realisations is not None
+
+    def simulate() -> RunCriteria:
+        return simulate_criteria(
+            arrangement,
+            law,
+            study.grounds,
+            study.hardware,
+            realisations,
+            bare=study.building,
+            threads=threads,
+        )
+
+    if journal is None:
+        return simulate()
+    return journal.once("realisations", digest_of_run(arrangement, *study.grounds), RunCriteria, simulate)

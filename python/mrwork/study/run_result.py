@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Annotated, Any, get_type_hints
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -12,23 +14,22 @@ from mrwork.buildings.matrices import Device
 from mrwork.closed_loop.responses import (
     ENERGY_TOLERANCE,
     History,
+    Labelled,
     Quantity,
     Responses,
     history_signals,
     run_quantities,
 )
 from mrwork.dampers.spec import worst_laws
+from mrwork.errors import RecordError
 from mrwork.simulate import Outcome
-from mrwork.store.codec import OneOf, rebuilt
-from mrwork.study.study import Arrangement
-from mrwork.tested_range import (
-    Exceedance,
-    OperatingRange,
-    Outside,
-    covering,
-    least_stroke,
-    worst_of,
-)
+from mrwork.store.arrays_file import finite_numbers, read_arrays
+from mrwork.store.codec import OneOf, array_of, plain, rebuilt
+from mrwork.store.input_file import is_there, stored
+from mrwork.store.output_file import refuse_link, replacing
+from mrwork.store.run_folder import HISTORIES, part_of, real_place
+from mrwork.study.study import Arrangement, Study, StudyLaw, commands_force
+from mrwork.tested_range import Exceedance, OperatingRange, Outside, covering, least_stroke, worst_of
 from mrwork.values import Floats, holds_arrays
 
 _ENDS = {
@@ -69,12 +70,26 @@ class RunEnd:
         return self.energy_error <= ENERGY_TOLERANCE
 
 
+# What a quantity of devices is called for passive elements, which results have behind the devices.
+_OF_ELEMENTS = {
+    "peak_force": "peak_element_force",
+    "peak_stroke": "peak_element_stroke",
+    "device_energy": "element_energy",
+}
+_COMMANDS = ("peak_current", "mean_current", "rms_current")
+_LEFT_OUT = {"rms_force", *_OF_ELEMENTS.values()}
+# Signals of no use to pages, and energies, which a history has in one array.
+_SIGNALS_LEFT_OUT = {"input_energy", "damping_energy", "device_energy"}
+_N_ENERGIES = 5
+
+
 @holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RunResult(RunEnd):
-    """Peaks and root mean squares of floors, storeys and devices, final energies [J], and how the run ended.
+class RunResult(Labelled, RunEnd):
+    """How a run ended, and its quantities, each an attribute; those of floors, storeys and devices have an axis.
 
-    Force, stroke and energy of devices are those of the dampers, then those of the passive elements of the building.
+    They are those of `run_quantities`; force, stroke and energy of devices are those of the dampers, then those of the
+    passive elements of the building.
 
     `outcome` is "finished", "failed_safe" if a sensor failed and the dampers had no command, or the reason why the run
     did not finish. `energy_error` is the imbalance of energy over the largest energy. `steps` is the number of
@@ -83,102 +98,114 @@ class RunResult(RunEnd):
     """
 
     outcome: str
-    peak_displacement: Floats
-    rms_displacement: Floats
-    peak_drift: Floats
-    rms_drift: Floats
-    peak_acceleration: Floats
-    rms_acceleration: Floats
-    peak_base_shear: Floats
-    rms_base_shear: Floats
-    peak_force: Floats
-    peak_stroke: Floats
-    peak_rate: Floats
-    peak_current: Floats
-    mean_current: Floats
-    rms_current: Floats
-    input_energy: float
-    kinetic_energy: float
-    strain_energy: float
-    damping_energy: float
-    device_energy: Floats
-    energy_error: float
     steps: int
+    numbers: Mapping[str, Any]
     least_stroke: Floats = field(default_factory=lambda: np.empty(0))
+
+    def as_record(self) -> dict[str, Any]:
+        """Its line of a journal, see `read_recorded`."""
+        own = {"outcome": self.outcome, "steps": self.steps, "least_stroke": self.least_stroke}
+        return {name: plain(value) for name, value in (*self.numbers.items(), *own.items())}
 
 
 @holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RunHistory:
-    """The history of a run: shapes (n_time,), for floors, storeys and devices (n_time, n).
+class RunHistory(Labelled):
+    """The history of a run, each signal an attribute: shapes (n_time,), for floors, storeys and devices (n_time, n).
 
-    `energy` has the columns input, kinetic, strain, damping and devices [J], cumulative from the start; passive
-    elements count among the devices.
+    They are those of `history_signals` that pages draw. `energy` has the columns input, kinetic, strain, damping and
+    devices [J], cumulative from the start; passive elements count among the devices.
     """
 
     time: Floats
-    ground_acceleration: Floats
-    displacement: Floats
-    acceleration: Floats
-    drift: Floats
-    deformation: Floats
-    rate: Floats
-    force: Floats
-    command: Floats
-    current: Floats
-    energy: Floats
+    numbers: Mapping[str, Floats]
 
 
-_KEPT = get_type_hints(RunResult)
-_HISTORY = get_type_hints(RunHistory)
-# What a quantity of devices is called for passive elements, where results have both side by side.
-_OF_ELEMENTS = {
-    "peak_force": "peak_element_force",
-    "peak_stroke": "peak_element_stroke",
-    "device_energy": "element_energy",
-}
-_COMMANDS = ("peak_current", "mean_current", "rms_current")
+def _kept_quantities() -> list[Quantity]:
+    return [each for each in run_quantities() if each.name not in _LEFT_OUT]
 
 
-def result_of(responses: Responses, run: int, arrangement: Arrangement) -> RunResult:
-    """The result of a run of a batch, for the floors and storeys of the bare building."""
-    kept: dict[str, Any] = {}
-    for quantity in run_quantities():
-        if quantity.name in _KEPT:
-            values = own_columns(responses, quantity, arrangement)[run]
-            kept[quantity.name] = float(values) if _KEPT[quantity.name] is float else np.asarray(values)
-    if arrangement.has_actuators:
-        # The command of an ideal actuator is a force, not a current.
-        kept |= {name: kept[name][:0] for name in _COMMANDS}
-    if responses.histories is not None and arrangement.devices and np.isfinite(responses.energy_error[run]):
-        strokes = responses.histories[run].deformation[:, : len(arrangement.devices)]
-        kept["least_stroke"] = np.array([least_stroke(each) for each in strokes.T])
-    return RunResult(
-        outcome=Outcome(int(responses.outcome[run])).name.lower(),
-        steps=int(responses.steps[run]),
-        **kept,
-    )
+def _kept_signals() -> list[Quantity]:
+    return [
+        each
+        for each in history_signals()
+        if each.axis not in ("state", "element") and each.name not in _SIGNALS_LEFT_OUT
+    ]
 
 
-def read_recorded(record: Mapping[str, Any], arrangement: Arrangement) -> RunResult:
-    """The result of a run from its line of a journal."""
-    result = rebuilt(RunResult, record)
-    _ = Outcome[result.outcome.upper()]
+def own_numbers(responses: Responses, arrangement: Arrangement, law: StudyLaw | None) -> dict[str, Floats]:
+    """Quantities of all runs, for the floors and storeys of the bare building and all that is built into it."""
+    found = {}
+    for quantity in _kept_quantities():
+        values = _own_columns(responses, quantity, arrangement)
+        if quantity.name == "peak_stroke" and not arrangement.devices:
+            # Added storeys without devices, such as isolators, have a stroke, too.
+            others = [number for number in arrangement.strokes if number < responses.peak_drift.shape[1]]
+            values = responses.peak_drift[:, others]
+        if quantity.name in _OF_ELEMENTS:
+            values = np.concatenate([values, responses.numbers[_OF_ELEMENTS[quantity.name]]], axis=1)
+        if quantity.name in _COMMANDS and commands_force(law):
+            # The command of an ideal actuator is a force, not a current.
+            values = values[:, :0]
+        found[quantity.name] = values
+    return found
+
+
+def _own_columns(of: Labelled, quantity: Quantity, arrangement: Arrangement) -> Floats:
+    """A quantity or a signal, for the bare building and the devices of the arrangement."""
+    columns: dict[str, list[int] | slice] = {
+        "floor": list(arrangement.floors),
+        "storey": list(arrangement.storeys),
+        "device": slice(len(arrangement.devices)),
+    }
+    values: Floats = of.numbers[quantity.name]
+    return values[:, columns[quantity.axis]] if quantity.axis in columns else values
+
+
+def _shape_of(quantity: Quantity, arrangement: Arrangement) -> tuple[int, ...]:
+    """Shape of a quantity of a run, or of one sample of a signal."""
     sizes = {
         "floor": len(arrangement.floors),
         "storey": len(arrangement.storeys),
         "device": len(arrangement.devices),
     }
-    n_elements = len(arrangement.building.elements)
-    for quantity in run_quantities():
-        if _KEPT.get(quantity.name, float) is float:
-            continue
-        found = getattr(result, quantity.name).shape
-        expected = (sizes[quantity.axis],) if quantity.axis in sizes else ()
+    return (sizes[quantity.axis],) if quantity.axis in sizes else ()
+
+
+def results_of(responses: Responses, arrangement: Arrangement) -> list[RunResult]:
+    """The result of each run of a batch, for the floors and storeys of the bare building."""
+    own = own_numbers(responses, arrangement, arrangement.law)
+    return [
+        RunResult(
+            outcome=Outcome(int(outcome)).name.lower(),
+            steps=int(responses.steps[run]),
+            numbers={name: values[run] for name, values in own.items()},
+            least_stroke=_least_strokes(responses, run, arrangement),
+        )
+        for run, outcome in enumerate(responses.outcome)
+    ]
+
+
+def _least_strokes(responses: Responses, run: int, arrangement: Arrangement) -> Floats:
+    if responses.histories is None or not np.isfinite(responses.energy_error[run]):
+        return np.empty(0)
+    strokes = responses.histories[run].deformation[:, : len(arrangement.devices)]
+    return np.array([least_stroke(each) for each in strokes.T])
+
+
+def read_recorded(record: Mapping[str, Any], arrangement: Arrangement) -> RunResult:
+    """The result of a run from its line of a journal."""
+    quantities = _kept_quantities()
+    numbers = {each.name: array_of(record[each.name])[()] for each in quantities}
+    own = {name: value for name, value in record.items() if name not in numbers}
+    result = rebuilt(RunResult, {**own, "numbers": numbers})
+    _ = Outcome[result.outcome.upper()]
+    for quantity in quantities:
+        found, expected = np.shape(numbers[quantity.name]), _shape_of(quantity, arrangement)
         if quantity.name in _COMMANDS and arrangement.has_actuators:
             expected = (0,)
         if quantity.name in _OF_ELEMENTS:
-            expected = (len(arrangement.devices) + n_elements,)
+            expected = (len(arrangement.devices) + len(arrangement.building.elements),)
         if quantity.name == "peak_stroke" and not arrangement.devices and len(found) == 1:
             # Of the added storeys, if there are any.
             continue
@@ -187,32 +214,6 @@ def read_recorded(record: Mapping[str, Any], arrangement: Arrangement) -> RunRes
     if result.least_stroke.shape not in ((0,), (len(arrangement.devices),)):
         raise ValueError(f"least_stroke has the shape {result.least_stroke.shape}")
     return result
-
-
-def own_columns(responses: Responses, quantity: Quantity, arrangement: Arrangement) -> Floats:
-    """A quantity of all runs, for the floors and storeys of the bare building and all that is built into it."""
-    values: Floats = getattr(responses, quantity.name)[(slice(None), *_bare_columns(quantity, arrangement))]
-    if quantity.name == "peak_stroke" and not arrangement.devices:
-        # Added storeys without devices, such as isolators, have a stroke, too.
-        others = [number for number in arrangement.strokes if number < responses.peak_drift.shape[1]]
-        values = responses.peak_drift[:, others]
-    of_elements = _OF_ELEMENTS.get(quantity.name)
-    return (
-        values if of_elements is None else np.concatenate([values, getattr(responses, of_elements)], axis=1)
-    )
-
-
-def _bare_columns(quantity: Quantity, arrangement: Arrangement) -> tuple[list[int] | slice, ...]:
-    """Index of the columns of the bare building and of the devices of the arrangement."""
-    match quantity.axis:
-        case "floor":
-            return (list(arrangement.floors),)
-        case "storey":
-            return (list(arrangement.storeys),)
-        case "device":
-            return (slice(len(arrangement.devices)),)
-        case _:
-            return ()
 
 
 def history_of(history: History, arrangement: Arrangement) -> RunHistory:
@@ -224,12 +225,8 @@ def history_of(history: History, arrangement: Arrangement) -> RunHistory:
         history.damping_energy,
         history.device_energy[:, : len(arrangement.devices)].sum(axis=1) + history.element_energy.sum(axis=1),
     )
-    kept = {
-        signal.name: getattr(history, signal.name)[(slice(None), *_bare_columns(signal, arrangement))]
-        for signal in history_signals()
-        if signal.name in _HISTORY
-    }
-    return RunHistory(time=history.time, energy=np.stack(energies, axis=1), **kept)
+    kept = {each.name: _own_columns(history, each, arrangement) for each in _kept_signals()}
+    return RunHistory(time=history.time, numbers={**kept, "energy": np.stack(energies, axis=1)})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -299,3 +296,112 @@ def damper_warnings(demands: Mapping[tuple[str, str], Sequence[DeviceDemand]]) -
         ),
         *(f"{each.in_words}." for each in worst_laws(laws)),
     )
+
+
+# Hours of a tall building.
+_KIND = replace(stored("respond", name="the history of a run"), largest=4 << 30)
+
+
+class Histories:
+    """Histories of the study to be written to `path`, in single precision except for time.
+
+    While the study runs, they are stored in a folder beside `path`; a resumed study also reads those in `path`.
+    """
+
+    def __init__(self, path: Path, study: Study, *, resume: bool) -> None:
+        self._study = study
+        self._begun = part_of(path) / HISTORIES
+        self._folders = (self._begun, real_place(path) / HISTORIES) if resume else (self._begun,)
+        for folder in (self._begun.parent, *self._folders):
+            refuse_link(folder)
+        self._damaged: set[Path] = set()
+        if not resume:
+            self.discard()
+        self._names = {
+            (
+                row,
+                motion,
+            ): f"{row + 1:02d}-{motion + 1:02d}-{_stem_of(each.label)}-{_stem_of(of_study.name)}.npz"
+            for row, each in enumerate(study.rows)
+            for motion, of_study in enumerate(study.motions)
+        }
+
+    def kept(self, row: int, motion: int) -> bool:
+        """Whether the history of a run is stored and whole; a damaged file is left out from now on."""
+        while (path := self._path(row, motion)) is not None:
+            try:
+                self._read(path, row, motion)
+            except RecordError:
+                self._damaged.add(path)
+            else:
+                return True
+        return False
+
+    def keep(self, row: int, motion: int, history: RunHistory) -> None:
+        """Store the history of a run, whole or not at all."""
+        arrays = {name: np.asarray(values, dtype=np.float32) for name, values in history.numbers.items()}
+        target = self._begun / self._names[row, motion]
+        with replacing(target) as stream:
+            np.savez(stream, time=history.time, **arrays)  # type: ignore[arg-type] # none is called allow_pickle
+        self._damaged.discard(target)
+
+    def read(self, row: int, motion: int) -> RunHistory | None:
+        """The history of a run, if it is stored."""
+        path = self._path(row, motion)
+        return None if path is None else self._read(path, row, motion)
+
+    def paths(self) -> list[Path]:
+        """Files of all stored histories."""
+        found = (self._path(row, motion) for row, motion in self._names)
+        return [path for path in found if path is not None]
+
+    def discard(self) -> None:
+        """Remove the folder beside the study, which has the histories now."""
+        if self._begun.is_dir():
+            for path in self._begun.iterdir():
+                path.unlink(missing_ok=True)
+            self._begun.rmdir()
+
+    def _path(self, row: int, motion: int) -> Path | None:
+        name = self._names[row, motion]
+        found = [folder / name for folder in self._folders]
+        for path in found:
+            # It is linked or copied into the folder of the study.
+            refuse_link(path)
+        return next((path for path in found if path not in self._damaged and is_there(path, _KIND)), None)
+
+    def _read(self, path: Path, row: int, motion: int) -> RunHistory:
+        study, arrays = self._study, read_arrays(path, _KIND)
+        try:
+            time = finite_numbers(arrays, "time")
+            shapes = _sample_shapes(study, row)
+            numbers = {name: finite_numbers(arrays, name) for name in shapes}
+            _check_time(time, study.grounds[motion].duration, study.hardware.sample_time)
+            for name, shape in shapes.items():
+                found, expected = numbers[name].shape, (time.size, *shape)
+                if found != expected:
+                    raise ValueError(f"{name} has the shape {found} where {expected} was expected")
+        except ValueError as reason:
+            raise RecordError(f"{path} is not the history of this run ({reason}); {_KIND.remedy}") from None
+        return RunHistory(time=time, numbers=numbers)
+
+
+def _check_time(time: Floats, duration: float, sample_time: float) -> None:
+    """Check that there is a sample at every step, from the start of a motion to its end [s]."""
+    expected = np.arange(time.size) * sample_time
+    if time.ndim != 1 or not np.array_equal(time, expected):
+        raise ValueError(f"its times are not those of samples every {sample_time:g} s")
+    # A motion need not end at a sample.
+    if not abs(duration / sample_time - time.size) < 2.0:
+        raise ValueError(f"it has {time.size} samples every {sample_time:g} s of a motion of {duration:g} s")
+
+
+def _sample_shapes(study: Study, row: int) -> dict[str, tuple[int, ...]]:
+    """Shape of one sample of each signal in the histories of a row."""
+    arrangement = study.arrangements[row] if row < len(study.arrangements) else study.at_zero
+    return {each.name: _shape_of(each, arrangement) for each in _kept_signals()} | {"energy": (_N_ENERGIES,)}
+
+
+def _stem_of(name: str) -> str:
+    """A label as part of the name of a file."""
+    return re.sub(r"[^A-Za-z0-9.]+", "_", name).strip("._") or "run"

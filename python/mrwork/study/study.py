@@ -166,7 +166,12 @@ class Arrangement:
     @property
     def has_actuators(self) -> bool:
         """Whether ideal actuators replace the dampers."""
-        return isinstance(self.law, ControlLaw) and self.law.spec.commands_force
+        return commands_force(self.law)
+
+
+def commands_force(law: StudyLaw | None) -> bool:
+    """Whether a law commands forces, which ideal actuators exert."""
+    return isinstance(law, ControlLaw) and law.spec.commands_force
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

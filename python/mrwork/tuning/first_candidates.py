@@ -20,7 +20,7 @@ from mrwork.store import digest_of
 from mrwork.study.run import LEVELS
 from mrwork.study.schema import TuneTable
 from mrwork.summary import Summarised
-from mrwork.tuning.problem import Bench, Benches, Scores, describe, recall_or_compute, score_candidates
+from mrwork.tuning.problem import Bench, Benches, describe
 from mrwork.tuning.results import LawResult
 from mrwork.tuning.space import FreeSetting, LawCandidate, SettingSpace, TuningObjective, space_of
 from mrwork.values import Floats
@@ -197,13 +197,9 @@ def references_of(benches: Benches, objective: TuningObjective, basis: Basis) ->
         began = time.perf_counter()
         best = each.candidates[0]
         if len(each.candidates) > 1:
-            scores = recall_or_compute(
-                benches.journal,
-                "reference",
-                digest_of(each.law, each.candidates),
-                Scores,
-                (len(each.candidates),),
-                lambda each=each: score_candidates(benches.training, objective, each.law, each.candidates),  # type: ignore[misc]  # its type is that of the default
+            inputs = digest_of(each.law, each.candidates)
+            scores = benches.training.recall_or_score(
+                "reference", inputs, objective, each.law, each.candidates
             )
             best = each.candidates[scores.best]
         train, test = benches.judgements(each.law, best, objective, robust=False)

@@ -23,7 +23,7 @@ from mrwork.search.peers import FrontResult, run_front
 from mrwork.search.registry import ALL_OPTIMISERS, PEERS
 from mrwork.search.rules import EliteRule, StopRules
 from mrwork.store import digest_of
-from mrwork.study.batches import RunCriteria
+from mrwork.study.results import RunCriteria
 from mrwork.study.schema import TuneTable
 from mrwork.study.study import Study
 from mrwork.tuning.first_candidates import Basis, FirstCandidate, distinct, first_candidates
@@ -303,14 +303,8 @@ def tune_law(plan: LawPlan, benches: Benches, basis: Basis, *, rng: int, report:
     if not plan.space.continuous:
         firsts = [FirstCandidate(candidate=each, origin="all levels") for each in plan.space.every()]
     candidates = tuple(each.candidate for each in firsts)
-    scores = recall_or_compute(
-        benches.journal,
-        "first candidates",
-        digest_of(plan.label, candidates),
-        Scores,
-        (len(candidates),),
-        lambda: score_candidates(bench, plan.objective, plan.law, candidates),
-    )
+    inputs = digest_of(plan.label, candidates)
+    scores = bench.recall_or_score("first candidates", inputs, plan.objective, plan.law, candidates)
     best, least = scores.best, float(scores.penalised[scores.best])
     chosen, origin = firsts[best].candidate, firsts[best].origin
     trace = [TracePoint(candidates=len(candidates), least=least)]
@@ -346,7 +340,7 @@ def tune_law(plan: LawPlan, benches: Benches, basis: Basis, *, rng: int, report:
             report(trace[-1].candidates, trace[-1].least)
 
         try:
-            found = _search(plan, bench, benches, candidates, scores, rng, on_generation)
+            found = _search(plan, bench, candidates, scores, rng, on_generation)
         except Interrupted as interrupt:
             if interrupt.result.best_misfit < least:
                 chosen, origin = plan.space.candidate(interrupt.result.best_unit), "search, interrupted"
@@ -379,7 +373,7 @@ def _finish(plan: LawPlan, bench: Bench, benches: Benches, chosen: LawCandidate)
     if start is None:
         return _FinishedCandidate(candidate=chosen, misfit=math.inf, gradients=0)
     point = recall_or_compute(
-        benches.journal,
+        bench.journal,
         "gradients",
         digest_of(plan.label, chosen),
         Finish,
@@ -389,14 +383,8 @@ def _finish(plan: LawPlan, bench: Bench, benches: Benches, chosen: LawCandidate)
         ),
     )
     candidate = plan.space.candidate(point.unit)
-    scores = recall_or_compute(
-        benches.journal,
-        "finish",
-        digest_of(plan.label, candidate),
-        Scores,
-        (1,),
-        lambda: score_candidates(bench, plan.objective, plan.law, [candidate]),
-    )
+    inputs = digest_of(plan.label, candidate)
+    scores = bench.recall_or_score("finish", inputs, plan.objective, plan.law, [candidate])
     return _FinishedCandidate(
         candidate=candidate, misfit=float(scores.penalised[0]), gradients=point.gradients
     )
@@ -405,7 +393,6 @@ def _finish(plan: LawPlan, bench: Bench, benches: Benches, chosen: LawCandidate)
 def _search(
     plan: LawPlan,
     bench: Bench,
-    benches: Benches,
     firsts: tuple[LawCandidate, ...],
     scores: Scores,
     rng: int,
@@ -442,7 +429,7 @@ def _search(
         n_params=n_params,
         state=state,
         on_generation=on_generation,
-        journal=benches.journal,
+        journal=bench.journal,
     )
 
 
@@ -487,13 +474,13 @@ def front_of(plan: LawPlan, benches: Benches, basis: Basis, *, rng: int, report:
         budget=table.budget,
         rng=rng + table.seed,
         starts=np.array(starts).reshape(-1, len(space.free)),
-        journal=benches.journal,
+        journal=bench.journal,
         on_generation=lambda evaluations: report(evaluations, float("nan")),
     )
     candidates = list(distinct([space.candidate(unit) for unit in found.units]))
-    train = _evaluate(benches, bench, plan, parts, candidates)
+    train = _evaluate(bench, plan, parts, candidates)
     testing = benches.tested(robust=table.robust)
-    test = None if testing is None else _evaluate(benches, testing, plan, parts, candidates)
+    test = None if testing is None else _evaluate(testing, plan, parts, candidates)
     points = [
         FrontPoint(
             settings=dict(describe(candidate)),
@@ -518,19 +505,7 @@ def _ratios(found: RunCriteria, bench: Bench, parts: list[TuningObjective]) -> F
 
 
 def _evaluate(
-    benches: Benches,
-    bench: Bench,
-    plan: LawPlan,
-    parts: list[TuningObjective],
-    candidates: list[LawCandidate],
+    bench: Bench, plan: LawPlan, parts: list[TuningObjective], candidates: list[LawCandidate]
 ) -> Floats:
     inputs = digest_of(plan.label, candidates, [motion.name for motion in bench.motions])
-    found = recall_or_compute(
-        benches.journal,
-        "front",
-        inputs,
-        RunCriteria,
-        bench.shape_of(len(candidates)),
-        lambda: bench.run(plan.law, candidates),
-    )
-    return _ratios(found, bench, parts)
+    return _ratios(bench.recall_or_run("front", inputs, plan.law, candidates), bench, parts)

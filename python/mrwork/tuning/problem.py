@@ -17,8 +17,8 @@ from mrwork.control.laws import control_law
 from mrwork.errors import SettingError
 from mrwork.motions import GroundMotion
 from mrwork.store import Journal, digest_of
-from mrwork.study.batches import RealisationBand, RunCriteria, simulate_criteria
-from mrwork.study.run import runs_of
+from mrwork.study.results import RealisationBand, RunCriteria
+from mrwork.study.run import runs_of, simulate_criteria
 from mrwork.study.run_result import DeviceDemand, demands_of
 from mrwork.study.study import Arrangement, Realisations, Row, Study, nominal
 from mrwork.summary import Summarised
@@ -55,6 +55,7 @@ class Bench(Summarised):
     motions: tuple[GroundMotion, ...]
     realisations: Realisations
     passive: RunCriteria
+    journal: Journal | None
     threads: int
     clock: Clock
     constant: RunCriteria | None = None
@@ -101,6 +102,28 @@ class Bench(Summarised):
         self.clock.simulating += seconds
         self.clock.candidates += len(candidates)
         return RunCriteria(numbers=numbers, energy_error=error, seconds=seconds)
+
+    def recall_or_run(
+        self, step: str, inputs: str, law: str, candidates: Sequence[LawCandidate]
+    ) -> RunCriteria:
+        """The criteria of candidates, from the journal if it has them."""
+        shape = self.shape_of(len(candidates))
+        return recall_or_compute(
+            self.journal, step, inputs, RunCriteria, shape, lambda: self.run(law, candidates)
+        )
+
+    def recall_or_score(
+        self, step: str, inputs: str, objective: TuningObjective, law: str, candidates: Sequence[LawCandidate]
+    ) -> Scores:
+        """The scores of candidates, from the journal if it has them."""
+        return recall_or_compute(
+            self.journal,
+            step,
+            inputs,
+            Scores,
+            (len(candidates),),
+            lambda: score_candidates(self, objective, law, candidates),
+        )
 
     def _batches(self, law: str, candidates: Sequence[LawCandidate]) -> list[tuple[list[int], bool]]:
         """Indices of candidates that are simulated together, and whether their largest commands may differ.
@@ -246,6 +269,9 @@ class Shaped(Protocol):
 T = TypeVar("T", bound=Shaped)
 
 
+_BENCHES = ("training", "testing", "training_varied", "testing_varied")
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Benches(Summarised):
     """Benches with the training and the test motions; the varied ones have the realisations of the study, if any."""
@@ -254,7 +280,6 @@ class Benches(Summarised):
     testing: Bench | None
     training_varied: Bench | None
     testing_varied: Bench | None
-    journal: Journal | None
 
     def searched(self, *, robust: bool) -> Bench:
         """The bench on which candidates are scored."""
@@ -266,27 +291,18 @@ class Benches(Summarised):
 
     def with_constant(self, constant: LawCandidate) -> Benches:
         """With the criteria under the best constant command, a baseline of objectives."""
-
-        def beside(name: str, bench: Bench) -> Bench:
-            found = recall_or_compute(
-                self.journal,
-                "baseline",
-                digest_of(name, constant),
-                RunCriteria,
-                bench.shape_of(1),
-                lambda: bench.run("passive", [constant]),
-            )
-            return replace(bench, constant=found)
-
-        def beside_if(name: str, bench: Bench | None) -> Bench | None:
-            return None if bench is None else beside(name, bench)
-
+        benches = {name: bench for name in _BENCHES if (bench := getattr(self, name)) is not None}
         return replace(
             self,
-            training=beside("training", self.training),
-            testing=beside_if("testing", self.testing),
-            training_varied=beside_if("training_varied", self.training_varied),
-            testing_varied=beside_if("testing_varied", self.testing_varied),
+            **{
+                name: replace(
+                    bench,
+                    constant=bench.recall_or_run(
+                        "baseline", digest_of(name, constant), "passive", [constant]
+                    ),
+                )
+                for name, bench in benches.items()
+            },
         )
 
     def judgements(
@@ -308,7 +324,7 @@ class Benches(Summarised):
             arrangement = bench.arrangement_with(law, candidate, label)
         except SettingError:
             return {}
-        runs = runs_of(bench.study, arrangement, self.journal, bench.threads)
+        runs = runs_of(bench.study, arrangement, bench.journal, bench.threads)
         motions = bench.study.motions
         return {
             (label, motions[number].name): demands_of(
@@ -330,14 +346,7 @@ class Benches(Summarised):
             inputs = digest_of(
                 law, candidate, [motion.name for motion in each.motions], len(each.realisations)
             )
-            return recall_or_compute(
-                self.journal,
-                "judgement",
-                inputs,
-                RunCriteria,
-                each.shape_of(1),
-                lambda: each.run(law, [candidate]),
-            )
+            return each.recall_or_run("judgement", inputs, law, [candidate])
 
         found = on(bench)
         varied = None if wide is None else Varied(bench=wide, found=on(wide))
@@ -400,6 +409,7 @@ def benches_of(
             passive=recall_or_compute(
                 journal, "passive", inputs, RunCriteria, (1, len(motions), len(realisations)), passive
             ),
+            journal=journal,
             threads=threads,
             clock=clock,
         )
@@ -410,7 +420,6 @@ def benches_of(
         testing=bench(testing, one) if separate else None,
         training_varied=None if wide is None or (separate and not robust) else bench(training, wide),
         testing_varied=bench(testing, wide) if separate and wide is not None else None,
-        journal=journal,
     )
 
 

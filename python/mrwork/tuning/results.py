@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 import math
 import re
@@ -30,7 +28,8 @@ from mrwork.store.run_folder import (
     check_manifest,
     read_manifest,
 )
-from mrwork.study.batches import RealisationBand
+from mrwork.study.folder import csv_text
+from mrwork.study.results import RealisationBand
 from mrwork.study.study import StudyFile
 from mrwork.summary import Summarised, Summary, listed, rounded, with_decimals
 from mrwork.tuning.space import LARGEST, FreeSetting, LawCandidate
@@ -137,6 +136,11 @@ class LawResult(Summarised, Related):
     trace: tuple[TracePoint, ...] = ()
 
     @property
+    def judged(self) -> TuningJudgement:
+        """The judgement on the test motions, or on the training motions where there is no other."""
+        return self.train if self.test is None else self.test
+
+    @property
     def chosen(self) -> LawCandidate:
         """The settings as a candidate."""
         settings = dict(self.settings)
@@ -200,7 +204,7 @@ class TuningResults(Summarised):
     @property
     def ranked(self) -> tuple[LawResult, ...]:
         """Laws and references, the lowest score on the test motions first, else on the training motions."""
-        return tuple(sorted((*self.laws, *self.references), key=lambda each: _judged(each).score))
+        return tuple(sorted((*self.laws, *self.references), key=lambda each: each.judged.score))
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -225,13 +229,13 @@ class TuningResults(Summarised):
         return tuple(found)
 
     def _overtaken(self, law: LawResult) -> list[str]:
-        best = min((each for each in self.references), key=lambda each: _judged(each).score, default=None)
-        if best is None or not math.isfinite(_judged(law).score) or _judged(best).score >= _judged(law).score:
+        best = min((each for each in self.references), key=lambda each: each.judged.score, default=None)
+        if best is None or not math.isfinite(law.judged.score) or best.judged.score >= law.judged.score:
             return []
         on = "test" if law.test is not None else "training"
         return [
             f"{law.label} does not reach the score of {best.label} on the {on} motions "
-            f"({_judged(law).score:.3f} against {_judged(best).score:.3f})."
+            f"({law.judged.score:.3f} against {best.judged.score:.3f})."
         ]
 
     def _summary(self) -> Summary:
@@ -254,10 +258,6 @@ class TuningResults(Summarised):
             ],
             notes=[f"warning: {each}" for each in self.warnings],
         )
-
-
-def _judged(law: LawResult) -> TuningJudgement:
-    return law.train if law.test is None else law.test
 
 
 def _at_ends(law: LawResult) -> list[tuple[str, str]]:
@@ -412,9 +412,7 @@ def _scores_csv(results: TuningResults) -> str:
     for law in (*results.laws, *results.references):
         for use, found in (("training", law.train), ("test", law.test)):
             lines += _lines(law, use, found, names)
-    target = io.StringIO()
-    csv.writer(target, lineterminator="\n").writerows(lines)
-    return target.getvalue()
+    return csv_text(lines)
 
 
 def _lines(law: LawResult, use: str, found: TuningJudgement | None, names: Sequence[str]) -> list[list[str]]:

@@ -95,8 +95,26 @@ def tune(
     demands: dict[tuple[str, str], tuple[DeviceDemand, ...]] = {}
 
     def results(status: Literal["finished", "interrupted"]) -> TuningResults:
-        made = _results(study, tuple(found), tuple(references), tuple(fronts), status, clock)
-        return replace(made, damper_warnings=damper_warnings(demands))
+        constant = next((each for each in references if each.label == BEST_CONSTANT), None)
+        seconds = time.perf_counter() - clock.began
+        separate = any(each.use == "training" for each in study.motions)
+        return TuningResults(
+            title=study.title,
+            status=status,
+            laws=tuple(_count_better(each, constant) for each in found),
+            references=tuple(_count_better(each, constant) for each in references),
+            training=tuple(motion.name for motion in study.chosen_on),
+            testing=tuple(each.name for each in study.motions if separate and each.use == "test"),
+            command_unit=study.command_unit,
+            realisations=0 if study.realisations is None else len(study.realisations),
+            seconds=seconds,
+            candidates_per_second=clock.candidates / seconds,
+            share_outside=clock.share_outside,
+            facts=study.facts,
+            fronts=tuple(fronts),
+            building_warnings=study.building_warnings,
+            damper_warnings=damper_warnings(demands),
+        )
 
     try:
         robust = any(table.robust for table in tables)
@@ -133,35 +151,6 @@ def tune(
     except KeyboardInterrupt:
         raise Interrupted(results("interrupted"), "tuning") from None
     return results("finished")
-
-
-def _results(
-    study: Study,
-    laws: tuple[LawResult, ...],
-    references: tuple[LawResult, ...],
-    fronts: tuple[Front, ...],
-    status: Literal["finished", "interrupted"],
-    clock: Clock,
-) -> TuningResults:
-    seconds = time.perf_counter() - clock.began
-    separate = any(each.use == "training" for each in study.motions)
-    constant = next((each for each in references if each.label == BEST_CONSTANT), None)
-    return TuningResults(
-        title=study.title,
-        status=status,
-        laws=tuple(_count_better(each, constant) for each in laws),
-        references=tuple(_count_better(each, constant) for each in references),
-        training=tuple(motion.name for motion in study.chosen_on),
-        testing=tuple(each.name for each in study.motions if separate and each.use == "test"),
-        command_unit=study.command_unit,
-        realisations=0 if study.realisations is None else len(study.realisations),
-        seconds=seconds,
-        candidates_per_second=clock.candidates / seconds,
-        share_outside=clock.share_outside,
-        facts=study.facts,
-        fronts=fronts,
-        building_warnings=study.building_warnings,
-    )
 
 
 def _count_better(law: LawResult, constant: LawResult | None) -> LawResult:

@@ -17,7 +17,7 @@ from mrwork.control.laws import control_law, control_laws
 from mrwork.errors import SettingError
 from mrwork.keys import Place, is_required, keys_of, suggestion
 from mrwork.store.codec import Related
-from mrwork.study.batches import RunCriteria
+from mrwork.study.results import RunCriteria
 from mrwork.study.schema import Baseline, Combination, Risk, TuneTable
 from mrwork.summary import Summarised, of_unit
 from mrwork.units import number_in

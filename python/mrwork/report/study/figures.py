@@ -1,8 +1,9 @@
-"""Figures over all rows of a study: storey profiles and energies; and the line style of each row."""
+"""Figures of a study's page with their sections: profiles, energies, histories and loops, spread over motions."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+import math
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,16 +13,31 @@ from matplotlib.ticker import MaxNLocator
 
 from mrwork.closed_loop.responses import axis_of
 from mrwork.report import style
-from mrwork.report.canvas import column_axes, room_for
+from mrwork.report.canvas import column_axes, finish, name_small_axes, plain_ticks, room_for, small_axes
+from mrwork.report.comparison import envelope, strong_part
+from mrwork.report.numbers import fixed, significant
+from mrwork.report.section import NOTHING, Group, Panel, Section, Table, panel
+from mrwork.report.study.tables import ShownRows
+from mrwork.report.style import DisplayUnit
+from mrwork.study.comparison import (
+    StudyComparison,
+    chosen_in_words,
+    judged_in_words,
+    motion_groups,
+    times_better,
+)
 from mrwork.study.results import StudyResults
+from mrwork.study.run_result import RunHistory
+from mrwork.study.study import uses_in_words
+from mrwork.values import Floats
 
 _LEFT_OF_NAMES = 0.95
 _KEY_LINE = 0.178
 _KEY_FONT = style.SMALL_TEXT_SIZE
 _BAR = 0.30
 _TONES = {"damping": style.BAND_EDGE, "devices": style.MODEL, "left": style.RULE}
-# They differ in lightness, too, as those of `style` do.
-_HUES = (style.MODEL, style.RESIDUAL, "#3c8d5a", "#8a5aa8", "#c79a1e", "#3aa0b8", "#a83c5c", "#6b6b2a")
+HUES = (style.MODEL, style.RESIDUAL, "#3c8d5a", "#8a5aa8", "#c79a1e", "#3aa0b8", "#a83c5c", "#6b6b2a")
+"""Colours of rows; they differ in lightness, too, as those of `style` do."""
 _PATTERNS = ("-", (0, (5, 1.6)), (0, (1.2, 1.4)))
 _DOTTED, _DASHED = (0, (1.2, 1.6)), (0, (5, 2))
 
@@ -45,8 +61,8 @@ def strokes(results: StudyResults) -> tuple[Stroke, ...]:
         elif row.kind == "passive_off":
             found.append(Stroke(colour=style.INK, pattern=_DASHED, width=1.3))
         else:
-            pattern = _PATTERNS[(number // len(_HUES)) % len(_PATTERNS)]
-            found.append(Stroke(colour=_HUES[number % len(_HUES)], pattern=pattern))
+            pattern = _PATTERNS[(number // len(HUES)) % len(_PATTERNS)]
+            found.append(Stroke(colour=HUES[number % len(HUES)], pattern=pattern))
             number += 1
     return tuple(found)
 
@@ -147,3 +163,389 @@ def _key(axes: Axes) -> None:
 def short(text: str, most: int) -> str:
     """A label of at most `most` characters."""
     return text if len(text) <= most else f"{text[: most - 1]}…"
+
+
+_BINS = 700
+_SMALL_BINS = 350
+_LOOP_SECONDS = 10.0
+_COMMAND_SECONDS = 4.0
+_LOOP_POINTS = 1500
+_HEIGHT = 2.5
+
+
+@style.drawn_in_style()
+def drift_figure(history: RunHistory, reference: RunHistory, storey: int, stroke: Stroke) -> Figure:
+    """Drift of a storey over time, in front of that of the building without dampers."""
+    return _over_time(
+        "Drift (mm)",
+        (reference.time, reference.drift[:, storey] * 1e3, style.DATA, 0.7),
+        (history.time, history.drift[:, storey] * 1e3, stroke.colour, 0.9),
+    )
+
+
+@style.drawn_in_style()
+def ground_figure(history: RunHistory) -> Figure:
+    """Ground acceleration over time."""
+    return _over_time(
+        "Ground acceleration (m/s²)", (history.time, history.ground_acceleration, style.INK, 0.8)
+    )
+
+
+def _over_time(ordinate: str, *lines: tuple[Floats, Floats, str, float]) -> Figure:
+    """Lines over time with their colours and widths [pt], in a range that is symmetric about zero."""
+    figure, axes = column_axes(height=_HEIGHT)
+    for time, values, colour, width in lines:
+        axes.plot(*envelope(time, values, _BINS), color=colour, linewidth=width)
+    finish(axes, ordinate, "Time (s)")
+    axes.margins(x=0.0)
+    largest = max(map(abs, axes.get_ylim()))
+    axes.set_ylim(-largest, largest)
+    return figure
+
+
+@style.drawn_in_style()
+def loop_figure(
+    history: RunHistory, device: int, unit: DisplayUnit, stroke: Stroke, *, over_velocity: bool
+) -> Figure:
+    """Force of a damper over its elongation or velocity, in the strong part of a motion."""
+    figure, axes = small_axes(labelled=True)
+    part = strong_part(history.time, history.force[:, device], _LOOP_SECONDS)
+    step = max(1, (part.stop - part.start) // _LOOP_POINTS)
+    drawn = slice(part.start, part.stop, step)
+    across = history.rate if over_velocity else history.deformation
+    axes.plot(
+        across[drawn, device] * 1e3,
+        history.force[drawn, device] * unit.factor,
+        color=stroke.colour,
+        linewidth=0.7,
+    )
+    name_small_axes(axes, f"Force ({unit.symbol})", "Velocity (mm/s)" if over_velocity else "Elongation (mm)")
+    return figure
+
+
+@style.drawn_in_style()
+def command_figure(history: RunHistory, device: int, unit: str, largest: float, stroke: Stroke) -> Figure:
+    """Current or voltage in the coil of a damper over time, around its largest force."""
+    figure, axes = small_axes(labelled=True)
+    part = strong_part(history.time, history.force[:, device], _COMMAND_SECONDS)
+    time, current = envelope(history.time[part], history.current[part, device], _SMALL_BINS)
+    axes.plot(time, current, color=stroke.colour, linewidth=0.7)
+    axes.set_ylim(-0.04 * largest, 1.06 * largest)
+    axes.yaxis.set_major_locator(MaxNLocator(nbins=4, steps=[1, 2, 5, 10]))
+    plain_ticks(axes, 3, "y")
+    name_small_axes(axes, f"{'Current' if unit == 'A' else 'Voltage'} ({unit})", "Time (s)")
+    return figure
+
+
+@style.drawn_in_style()
+def energy_history_figure(history: RunHistory) -> Figure:
+    """Input energy and its distribution, cumulative from the start and stacked."""
+    figure, axes = small_axes(labelled=True)
+    step = max(1, len(history.time) // _SMALL_BINS)
+    time = history.time[::step]
+    _, kinetic, strain, damping, devices = history.energy[::step].T
+    axes.stackplot(
+        time,
+        devices,
+        damping,
+        kinetic + strain,
+        colors=[style.MODEL, style.BAND_EDGE, style.RULE],
+        linewidth=0.0,
+    )
+    axes.plot(time, history.energy[::step, 0], color=style.INK, linewidth=0.9)
+    # An actuator may supply energy; the energy that it takes up is then negative.
+    axes.set_ylim(0.0, 1.05 * max(float(history.energy[:, 0].max()), float((damping + devices).max()), 1e-9))
+    axes.margins(x=0.0)
+    name_small_axes(axes, "Energy (J)", "Time (s)")
+    return figure
+
+
+ReadHistory = Callable[[int, int], RunHistory | None]
+"""Reads the history of a row under a motion; `None` if it is not stored."""
+
+
+def history_section(
+    results: StudyResults, histories: ReadHistory, motion: int, drawn: Sequence[int]
+) -> Section | None:
+    """Drift over time of the storey with the largest drift without dampers, for each row that is drawn."""
+    base = results.row_of("uncontrolled")
+    reference = None if base is None else histories(base, motion)
+    rows = [row for row in drawn if row != base and histories(row, motion) is not None]
+    if not rows or reference is None:
+        return None
+    storey = int(np.abs(reference.drift).max(axis=0).argmax())
+    name, storey_name = results.motions[motion].name, results.storey_names[storey]
+    of_row = strokes(results)
+    panels = [panel("ground", "Ground", ground_figure(reference), f"Ground acceleration of {name}")]
+    for row in rows:
+        history = histories(row, motion)
+        assert history is not None
+        panels.append(
+            panel(
+                f"drift-{row}",
+                results.rows[row].label,
+                drift_figure(history, reference, storey, of_row[row]),
+                f"Drift of {storey_name} under {name}: {results.rows[row].label}, and without dampers in grey",
+            )
+        )
+    return Section(
+        anchor="histories",
+        title="Time histories",
+        summary=f"drift of {storey_name} under {name}.",
+        groups=(
+            Group(
+                title=f"Drift of {storey_name} under {name}",
+                synthetic=results.motions[motion].synthetic,
+                prose=("Grey: without dampers.",),
+                panels=tuple(panels),
+            ),
+        ),
+    )
+
+
+def device_section(
+    results: StudyResults, histories: ReadHistory, motion: int, drawn: Sequence[int]
+) -> Section | None:
+    """Force loops, command and energies of the first damper, for each row that is drawn and has one."""
+    name = results.motions[motion].name
+    shown = [
+        (row, history)
+        for row in drawn
+        if (history := histories(row, motion)) is not None and history.force.shape[1] > 0
+    ]
+    if not shown:
+        return None
+    peak = max(float(np.abs(history.force[:, 0]).max()) for _, history in shown)
+    largest = max(float(history.current[:, 0].max()) for _, history in shown) or 1.0
+    unit = style.force_unit(peak)
+    device = results.device_names[0]
+    groups, of_row = [], strokes(results)
+    for row, history in shown:
+        label, stroke = results.rows[row].label, of_row[row]
+        panels: list[Panel] = [
+            panel(
+                f"loop-{suffix}-{row}",
+                "",
+                loop_figure(history, 0, unit, stroke, over_velocity=suffix == "velocity"),
+                f"Force of {device} against {suffix} under {name}: {label}",
+            )
+            for suffix in ("elongation", "velocity")
+        ]
+        panels.append(
+            panel(
+                f"command-{row}",
+                "",
+                command_figure(history, 0, results.command_unit, largest, stroke),
+                f"Command of {device} under {name}: {label}",
+            )
+        )
+        panels.append(
+            panel(f"energy-{row}", "", energy_history_figure(history), f"Energies under {name}: {label}")
+        )
+        groups.append(Group(title=label, panels=tuple(panels), layout="small"))
+    return Section(
+        anchor="devices",
+        title=f"Damper under {name}",
+        summary=f"force loops, {'current' if results.command_unit == 'A' else 'voltage'} and energies of {device}.",
+        groups=(
+            Group(
+                prose=(
+                    f"{device[:1].upper()}{device[1:]}: force loops in the ten seconds around the largest force, "
+                    "command in four of them. Cumulative energies: dissipated by the dampers (blue) and by "
+                    "the structure (light blue), kinetic and strain energy (grey), input (line).",
+                )
+            ),
+            *groups,
+        ),
+    )
+
+
+_ROW = 0.26
+_NAME = 36
+
+
+def spread_section(comparison: StudyComparison, shown: ShownRows) -> Section | None:
+    """Least, quartiles and most of the scores under single motions, and scores of groups; `None` of a single motion."""
+    results = comparison.results
+    assert isinstance(results, StudyResults)
+    scored = [row for _, rows in comparison.ranks for row in rows if math.isfinite(results.score(row))]
+    rows = [row for row in scored if row in shown.listed]
+    drawn = [row for row in scored if row in shown.drawn]
+    if len(results.judged) < 2 or not rows:
+        return None
+    groups = [
+        Group(title=f"Score over {judged_in_words(results)}", table=_spread_table(comparison, rows)),
+        Group(
+            panels=(
+                panel(
+                    "score-spread",
+                    "Score under each motion",
+                    score_figure(results, drawn),
+                    f"Score of {len(drawn)} arrangements under each of {judged_in_words(results)}, with the median",
+                    note="A dot for each test motion, circles for training motions; the line is the median.",
+                ),
+            )
+        ),
+    ]
+    if motion_groups(results):
+        groups.append(Group(title="Score under groups of motions", table=_group_table(results, rows)))
+    return Section(
+        anchor="spread",
+        title="Spread over motions",
+        summary=_spread_in_words(comparison),
+        groups=tuple(groups),
+    )
+
+
+def _spread_in_words(comparison: StudyComparison) -> str:
+    results, leading, passive = comparison.results, comparison.leading, comparison.passive
+    parts = []
+    if leading is not None and math.isfinite(results.score(leading)):
+        spread = results.spread(leading)
+        parts.append(
+            f"the score of {results.rows[leading].label} is {fixed(spread.mean, 3)}, under single motions "
+            f"{fixed(spread.least, 3)} to {fixed(spread.most, 3)}"
+        )
+        better = None if passive in (None, leading) else times_better(results, leading, passive)
+        if better is not None and passive is not None:
+            parts.append(
+                f"peak drift and peak acceleration are both lower than those of {results.rows[passive].label} under "
+                f"{better} of {judged_in_words(results)}"
+            )
+    return f"{'; '.join(parts)}. {chosen_in_words(results)}".strip()
+
+
+def _spread_table(comparison: StudyComparison, rows: list[int]) -> Table:
+    results, passive = comparison.results, comparison.passive
+    spreads = {row: results.spread(row) for row in rows}
+
+    def better(row: int, *names: str) -> str:
+        if passive is None or row == passive:
+            return NOTHING
+        return fixed(times_better(results, row, passive, names), 0)
+
+    cells = tuple(
+        (
+            results.rows[row].label,
+            *(
+                fixed(number, 3)
+                for number in (
+                    spreads[row].mean,
+                    spreads[row].least,
+                    spreads[row].lower_quartile,
+                    spreads[row].median,
+                    spreads[row].upper_quartile,
+                    spreads[row].most,
+                )
+            ),
+            better(row, "peak_drift"),
+            better(row, "peak_acceleration"),
+            better(row, "peak_drift", "peak_acceleration"),
+        )
+        for row in rows
+    )
+    constant = "the best passive damper" if passive is None else results.rows[passive].label
+    return Table(
+        label="Spread of the score over the motions",
+        columns=("", "Mean", "Least", "25 %", "Median", "75 %", "Most", "Drift", "Acc.", "Both"),
+        rows=cells,
+        over=(("", 1), ("Score under single motions", 6), (f"Motions better than {constant}", 3)),
+        headings=_headings(comparison, rows),
+        note=f"Of {judged_in_words(results)}. Better: lower peak drift, peak acceleration, or both. "
+        f"{chosen_in_words(results)}".rstrip(),
+    )
+
+
+def _headings(comparison: StudyComparison, rows: list[int]) -> dict[int, str]:
+    return {
+        rows.index(first): rank.title
+        for rank, members in comparison.ranks
+        for first in [next((row for row in members if row in rows), -1)]
+        if first >= 0
+    }
+
+
+def _group_table(results: StudyResults, rows: list[int]) -> Table:
+    groups = motion_groups(results)
+    return Table(
+        label="Score under groups of motions",
+        columns=("", *(f"{group.name[:1].upper()}{group.name[1:]}" for group in groups)),
+        rows=(
+            ("Motions", *(fixed(len(group.motions), 0) for group in groups)),
+            *(
+                (
+                    results.rows[row].label,
+                    *(fixed(results.score_under(row, group.motions), 3) for group in groups),
+                )
+                for row in rows
+            ),
+        ),
+        note="A motion may be in several groups: its soil, whether it has a near-fault pulse, its peak.",
+    )
+
+
+@style.drawn_in_style()
+def score_figure(results: StudyResults, rows: list[int]) -> Figure:
+    """Score under each motion, a line of dots for each row, the first on top."""
+    shown = list(reversed(rows))
+    names = [short(results.rows[row].label, _NAME) for row in shown]
+    figure, axes = column_axes(left=room_for(names), top=0.15, height=0.8 + _ROW * len(shown))
+    of_row = strokes(results)
+    judged = set(results.judged)
+    for place, row in enumerate(shown):
+        for motion in range(len(results.motions)):
+            score = results.score_under(row, (motion,))
+            filled = of_row[row].colour if motion in judged else "none"
+            axes.plot(
+                score,
+                place,
+                "o",
+                markersize=3.6,
+                markerfacecolor=filled,
+                markeredgecolor=of_row[row].colour,
+                alpha=0.75,
+            )
+        median = results.spread(row).median
+        axes.plot([median, median], [place - 0.34, place + 0.34], color=style.INK, linewidth=1.3)
+    axes.set_yticks(range(len(shown)), names)
+    axes.set_ylim(-0.6, len(shown) - 0.4)
+    axes.set_xlim(left=0.0)
+    axes.set_xlabel("Score under one motion")
+    axes.grid(visible=False, axis="y")
+    axes.grid(visible=True, axis="x")
+    return figure
+
+
+def motion_section(results: StudyResults) -> Section:
+    """The ground motions: use, groups, peak, duration, source and processing."""
+    uses = [motion.use for motion in results.motions]
+    peaks = np.array([motion.peak for motion in results.motions])
+    lengths = np.array([motion.duration for motion in results.motions])
+    return Section(
+        anchor="motions",
+        title="Ground motions",
+        summary=f"{uses_in_words(uses)}, peaks from {significant(float(peaks.min()), 3)} to "
+        f"{significant(float(peaks.max()), 3)} m/s², {significant(float(lengths.min()), 3)} to "
+        f"{significant(float(lengths.max()), 3)} s long.",
+        groups=(
+            Group(
+                table=Table(
+                    label="Ground motions",
+                    columns=("", "Use", "Groups", "Peak (m/s²)", "Duration (s)", "Source", "Changes"),
+                    rows=tuple(
+                        (
+                            motion.name,
+                            f"{motion.use}{', synthetic' if motion.synthetic else ''}",
+                            ", ".join(motion.groups),
+                            significant(motion.peak, 4),
+                            significant(motion.duration, 4),
+                            motion.source,
+                            "; ".join(motion.changes),
+                        )
+                        for motion in results.motions
+                    ),
+                    words=(1, 2, 5, 6),
+                )
+            ),
+        ),
+    )

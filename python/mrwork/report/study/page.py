@@ -11,11 +11,18 @@ from mrwork.closed_loop.evaluation import SCORE, criterion, ratio
 from mrwork.report.html import filled_in
 from mrwork.report.numbers import MINUS, fixed, significant
 from mrwork.report.section import NOTHING, Group, Section, Table, panel
-from mrwork.report.study.figures import energy_figure, profile_figure
-from mrwork.report.study.histories import ReadHistory, device_section, history_section
-from mrwork.report.study.motion_sections import motion_section, spread_section
+from mrwork.report.study.figures import (
+    ReadHistory,
+    device_section,
+    energy_figure,
+    history_section,
+    motion_section,
+    profile_figure,
+    spread_section,
+)
 from mrwork.report.study.tables import (
     ShownRows,
+    band_section,
     change_table,
     leading_table,
     overview_table,
@@ -24,7 +31,6 @@ from mrwork.report.study.tables import (
     signed_percent,
     value_table,
 )
-from mrwork.study.batches import BAND, RealisationBand
 from mrwork.study.comparison import (
     ADD_BEST_PASSIVE,
     MOST_IN_DETAIL,
@@ -32,7 +38,12 @@ from mrwork.study.comparison import (
     compared,
     judged_in_words,
 )
-from mrwork.study.results import OFF_BALANCE, ON_OFF, StudyResults, largest_step_changes
+from mrwork.study.results import (
+    OFF_BALANCE,
+    ON_OFF,
+    StudyResults,
+    largest_step_changes,
+)
 from mrwork.tested_range import OperatingRange, covering
 
 _QUANTITIES = (("peak_drift", "Peak drift"), ("peak_acceleration", "Peak acceleration"))
@@ -221,30 +232,15 @@ def uncertainty_section(results: StudyResults, shown: ShownRows) -> Section | No
     varied = results.varied
     if varied is None or not varied.rows:
         return None
-    off = results.row_of("passive_off")
+    off, judged = results.row_of("passive_off"), results.judged
     rows = []
     for number in shown.listed:
-        row = results.rows[number]
-        bands = [varied.score_band(number, off, results.judged)]
-        bands += [varied.ratio_band(number, off, results.judged, name) for name in SCORE]
-        rows.append((row.label, *map(_band, bands)))
-    table = Table(
-        label="Bands over realisations",
-        columns=("", "Score", *(criterion(name).short for name in SCORE)),
-        rows=tuple(rows),
-        note=f"Median, and the ends between which {BAND:.0%} of the {varied.count} realisations lie; each number is a "
-        "mean over the motions, over i = 0 in the same realisation. All rows have the same realisations; the laws are "
-        "those of the nominal study.",
-    )
-    summary = f"{varied.count} realisations of what is not known exactly."
-    return Section(anchor="bands", title="Under uncertainty", summary=summary, groups=(Group(table=table),))
-
-
-def _band(band: RealisationBand | None) -> str:
-    return (
-        NOTHING
-        if band is None
-        else f"{fixed(band.median, 3)} ({fixed(band.lower, 3)}–{fixed(band.upper, 3)})"
+        ratios = [varied.ratio_band(number, off, judged, name) for name in SCORE]
+        rows.append((results.rows[number].label, [varied.score_band(number, off, judged), *ratios]))
+    return band_section(
+        rows,
+        varied.count,
+        note="All rows have the same realisations; the laws are those of the nominal study.",
     )
 
 

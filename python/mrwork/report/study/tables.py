@@ -13,9 +13,9 @@ from types import MappingProxyType
 
 import numpy as np
 
-from mrwork.closed_loop.evaluation import Criterion, criterion
+from mrwork.closed_loop.evaluation import SCORE, Criterion, criterion
 from mrwork.report.numbers import fixed, significant
-from mrwork.report.section import NOTHING, Table
+from mrwork.report.section import NOTHING, Group, Section, Table
 from mrwork.study.comparison import (
     LAWS,
     RANKS,
@@ -25,7 +25,7 @@ from mrwork.study.comparison import (
     judged_in_words,
     rounds_to_increase,
 )
-from mrwork.study.results import StudyCriteria, StudyResults
+from mrwork.study.results import BAND, RealisationBand, StudyCriteria, StudyResults
 from mrwork.study.study import Kind
 
 MOST_LISTED = 60
@@ -255,7 +255,7 @@ def leading_table(comparison: StudyComparison, row: int) -> Table:
             }
             found += [signed_percent(number) for number in numbers]
             if several:
-                found.append(NOTHING if math.isnan(change.mean) else results.motions[change.motion].name)
+                found.append(change.motion or NOTHING)
         cells.append(tuple(found))
     return Table(
         label=f"Changes of {results.rows[row].label}",
@@ -286,7 +286,7 @@ def change_table(comparison: StudyComparison, reference: int, shown: Collection[
         headings[start] = rank.title
         changes = [comparison.changes(row, reference) for row in others]
         for line, (row, found) in enumerate(zip(others, changes, strict=True), start):
-            largest = [_largest(comparison, found, quantities)] if several else []
+            largest = [_largest(found, quantities)] if several else []
             cells.append(
                 (
                     results.rows[row].label,
@@ -330,9 +330,7 @@ def signed_percent(change: float) -> str:
     return f"+{text}" if rounds_to_increase(change) else text
 
 
-def _largest(
-    comparison: StudyComparison, changes: dict[str, QuantityChange], quantities: tuple[Criterion, ...]
-) -> str:
+def _largest(changes: dict[str, QuantityChange], quantities: tuple[Criterion, ...]) -> str:
     """The largest increase of a quantity under one motion; empty if none increases."""
     found = [(changes[entry.name], entry) for entry in quantities]
     known = [(change.largest, change.motion, entry) for change, entry in found if not math.isnan(change.mean)]
@@ -341,7 +339,7 @@ def _largest(
     largest, motion, entry = max(known, key=lambda each: each[0])
     if not rounds_to_increase(largest):
         return "none"
-    return f"{entry.short} {signed_percent(largest)}, {comparison.results.motions[motion].name}"
+    return f"{entry.short} {signed_percent(largest)}, {motion}"
 
 
 def _worse_laws(comparison: StudyComparison, reference: int, *, several: bool) -> tuple[str, ...]:
@@ -354,3 +352,30 @@ def _worse_laws(comparison: StudyComparison, reference: int, *, several: bool) -
         *(fixed(counts[entry.name], 0) for entry in compared_quantities()),
         *([""] if several else []),
     )
+
+
+def band_section(
+    rows: Sequence[tuple[str, Sequence[RealisationBand | None]]], count: int, *, note: str
+) -> Section | None:
+    """Bands of the score and of its ratios over realisations, for each label; `None` without any."""
+    if not rows:
+        return None
+    table = Table(
+        label="Bands over realisations",
+        columns=("", "Score", *(criterion(name).short for name in SCORE)),
+        rows=tuple((label, *map(_band, bands)) for label, bands in rows),
+        note=f"Median, and the ends between which {BAND:.0%} of the {count} realisations lie; each number is a mean "
+        f"over the motions, over i = 0 in the same realisation. {note}",
+    )
+    return Section(
+        anchor="bands",
+        title="Under uncertainty",
+        summary=f"{count} realisations of what is not known exactly.",
+        groups=(Group(table=table),),
+    )
+
+
+def _band(band: RealisationBand | None) -> str:
+    if band is None:
+        return NOTHING
+    return f"{fixed(band.median, 3)} ({fixed(band.lower, 3)}–{fixed(band.upper, 3)})"

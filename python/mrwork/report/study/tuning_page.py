@@ -17,23 +17,23 @@ from mrwork.report.canvas import column_axes, room_for
 from mrwork.report.html import filled_in
 from mrwork.report.numbers import fixed, shortest, significant
 from mrwork.report.section import NOTHING, Group, Section, Table, panel
-from mrwork.study.batches import BAND
+from mrwork.report.study.figures import HUES, short
+from mrwork.report.study.tables import band_section
 from mrwork.tuning.results import Front, LawResult, TuningJudgement, TuningResults
 
 _LINE = 0.36
 _BELOW, _ABOVE = 0.55, 0.55
 _LONGEST = 30
-_HUES = (style.MODEL, style.RESIDUAL, "#3c8d5a", "#8a5aa8", "#c79a1e", "#3aa0b8", "#a83c5c", "#6b6b2a")
 
 
 @style.drawn_in_style()
 def score_figure(laws: Sequence[LawResult]) -> Figure:
     """Scores on training and test motions, the best above, with range and quartiles over the test motions."""
-    names = [_short(each.label) for each in laws]
+    names = [short(each.label, _LONGEST) for each in laws]
     height = _BELOW + _ABOVE + _LINE * len(laws)
     figure, axes = column_axes(left=room_for(names), top=_ABOVE, height=height)
     for place, each in enumerate(reversed(laws)):
-        found = each.train if each.test is None else each.test
+        found = each.judged
         spread = found.spread.get("score")
         if spread is not None:
             axes.plot([spread.least, spread.most], [place, place], color=style.RULE, linewidth=2.0)
@@ -73,8 +73,8 @@ def course_figure(laws: Sequence[LawResult]) -> Figure:
             [point.candidates for point in each.trace],
             [point.least for point in each.trace],
             where="post",
-            color=_HUES[number % len(_HUES)],
-            label=_short(each.label),
+            color=HUES[number % len(HUES)],
+            label=short(each.label, _LONGEST),
         )
     axes.set_xlabel("Candidates")
     axes.set_ylabel("Least objective on the training motions")
@@ -108,10 +108,6 @@ def front_figure(front: Front) -> Figure:
     return figure
 
 
-def _short(text: str) -> str:
-    return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 1]}…"
-
-
 _DECIMALS = 3
 _IN_UNITS = {"m": ("mm", 1e3), "N": ("kN", 1e-3), "J": ("J", 1.0)}
 
@@ -121,7 +117,15 @@ def tuning_page(results: TuningResults, *, command: str = "") -> str:
     sections = [
         _score_section(results),
         _settings_section(results),
-        _band_section(results),
+        band_section(
+            [
+                (each.label, [bands.get("score"), *(bands.get(name) for name in SCORE)])
+                for each in results.ranked
+                if (bands := each.judged.bands)
+            ],
+            results.realisations,
+            note="All laws have the same realisations.",
+        ),
         *(_front_section(number, front) for number, front in enumerate(results.fronts)),
         _demand_section(results),
         _motion_section(results),
@@ -148,10 +152,6 @@ def tuning_page(results: TuningResults, *, command: str = "") -> str:
     )
 
 
-def _judged(law: LawResult) -> TuningJudgement:
-    return law.train if law.test is None else law.test
-
-
 def _leading(results: TuningResults) -> str:
     """The law with the lowest score, beside the reference with the lowest."""
     laws = [each for each in results.ranked if each in results.laws]
@@ -161,8 +161,8 @@ def _leading(results: TuningResults) -> str:
     law, reference = laws[0], references[0]
     on = "test" if results.testing else "training"
     text = (
-        f"On the {on} motions {law.label} has the score {_judged(law).score:.3f}, and {reference.label}, the best "
-        f"reference, {_judged(reference).score:.3f}."
+        f"On the {on} motions {law.label} has the score {law.judged.score:.3f}, and {reference.label}, the best "
+        f"reference, {reference.judged.score:.3f}."
     )
     if law.better is not None:
         text += (
@@ -176,7 +176,7 @@ def _score_section(results: TuningResults) -> Section:
     ranked = results.ranked
     rows = []
     for each in ranked:
-        found = _judged(each)
+        found = each.judged
         spread = found.spread.get("score")
         rows.append(
             (
@@ -269,40 +269,6 @@ def _shown(value: Any) -> str:
     return f"{len(value)} numbers"
 
 
-def _band_section(results: TuningResults) -> Section | None:
-    laws = [each for each in results.ranked if _judged(each).bands]
-    if not laws:
-        return None
-    names = ("score", *SCORE)
-    rows = tuple((each.label, *(_band(_judged(each), name) for name in names)) for each in laws)
-    return Section(
-        anchor="bands",
-        title="Under uncertainty",
-        summary=f"{results.realisations} realisations of what is not known exactly.",
-        groups=(
-            Group(
-                table=Table(
-                    label="Bands over realisations",
-                    columns=("", "Score", *(criterion(name).short for name in SCORE)),
-                    rows=rows,
-                    note=f"Median, and the ends between which {BAND:.0%} of the {results.realisations} realisations "
-                    "lie; each number is a mean over the motions, over i = 0 in the same realisation. All laws have "
-                    "the same realisations.",
-                )
-            ),
-        ),
-    )
-
-
-def _band(found: TuningJudgement, name: str) -> str:
-    band = found.bands.get(name)
-    return (
-        NOTHING
-        if band is None
-        else f"{fixed(band.median, 3)} ({fixed(band.lower, 3)}–{fixed(band.upper, 3)})"
-    )
-
-
 def _front_section(number: int, front: Front) -> Section:
     heads = [criterion(name).title for name in front.objectives]
     tested = any(each.test is not None for each in front.points)
@@ -345,7 +311,7 @@ def _in_line(settings: Mapping[str, Any]) -> str:
 def _demand_section(results: TuningResults) -> Section | None:
     entries = [entry for entry in criteria() if not entry.ratio]
     rows = tuple(
-        (each.label, *(_demand(_judged(each), entry.name, entry.unit) for entry in entries))
+        (each.label, *(_demand(each.judged, entry.name, entry.unit) for entry in entries))
         for each in results.ranked
     )
     heads = [
