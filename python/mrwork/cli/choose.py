@@ -29,7 +29,6 @@ from mrwork.records import observed
 from mrwork.records.concerns import findings_for
 from mrwork.store.run_folder import FIT, LAWS, MODELS, RANKING
 from mrwork.store.unfinished import StepJournals
-from mrwork.summary import aligned
 from mrwork.uncertainty.bands.prediction import Fold
 from mrwork.uncertainty.choice.families import ALL
 
@@ -143,9 +142,7 @@ def _summary(choice: Choice, folder: Path) -> dict[str, Any]:
 
 
 def _text(ranking: Ranking, folder: Path) -> str:
-    from mrwork.report.ranking_rows import HEADINGS, ranking_rows
-
-    lines = aligned([HEADINGS, *((row.model, *row.cells) for row in ranking_rows(ranking))])
+    lines = ranking.table.lines()
     for sentence in (ranking.sentence, *(f"Note: {remark}." for remark in ranking.remarks)):
         lines += ["", *textwrap.wrap(sentence, _WIDTH)]
     return "\n".join([*lines, "", f"Ranking: {folder / RANKING}"])
@@ -212,7 +209,7 @@ def run_choice_of_laws(options: argparse.Namespace, settings: FitSettings, *, se
 
 
 def _lines(table: LawTable, folder: Path) -> list[str]:
-    lines = table.lines
+    lines = table.table.lines()
     for sentence in (table.sentence, *(f"Note: {remark}." for remark in table.notes)):
         lines += ["", *textwrap.wrap(sentence, _WIDTH)]
     return [*lines, "", f"Laws: {folder / LAWS}"]

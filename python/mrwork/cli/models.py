@@ -15,6 +15,17 @@ from mrwork.dampers.spec import DamperSpec, Preset, damper, damper_models
 from mrwork.errors import SettingError
 from mrwork.store.output_file import replacing
 from mrwork.summary import aligned
+from mrwork.table import Column, text_table
+
+_PARAMETER_COLUMNS = (
+    Column(heading="parameter", cell=lambda each: each.name),
+    Column(heading="unit", cell=lambda each: each.unit),
+    Column(heading="nominal", cell=lambda each: f"{each.nominal:g}"),
+    Column(heading="lower", cell=lambda each: f"{each.lower:g}"),
+    Column(heading="upper", cell=lambda each: f"{each.upper:g}"),
+    Column(heading="scale", cell=lambda each: each.scale),
+    Column(heading="meaning", cell=lambda each: each.description),
+)
 
 
 def add_parser(verbs: Any) -> None:
@@ -80,12 +91,7 @@ def _in_full(spec: DamperSpec) -> str:
     lines = [spec.title, "=" * len(spec.title), ""]
     lines += [f"  {line}" for line in spec.equation.splitlines()]
     lines += ["", spec.description, "", f"Source:  {spec.source}", f"Nominal: {spec.nominal_source}", ""]
-    rows = [("parameter", "unit", "nominal", "lower", "upper", "scale", "meaning")]
-    rows += [
-        (p.name, p.unit, f"{p.nominal:g}", f"{p.lower:g}", f"{p.upper:g}", p.scale, p.description)
-        for p in spec.parameters
-    ]
-    lines += aligned(rows)
+    lines += text_table(_PARAMETER_COLUMNS, spec.parameters).lines()
     for name in spec.presets:
         lines += ["", *_preset_lines(spec.preset(name))]
     lines += [

@@ -16,8 +16,8 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, MaxNLocat
 from numpy.typing import ArrayLike, NDArray
 
 from mrwork.arguments import checked
+from mrwork.numbers import shortest
 from mrwork.report import style
-from mrwork.report.numbers import shortest
 
 LEFT, RIGHT, TOP, BOTTOM = 0.62, 0.20, 0.34, 0.5
 # One of several figures side by side in a study, and one that fills its page.

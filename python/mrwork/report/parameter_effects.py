@@ -16,8 +16,8 @@ from mrwork.arguments import NotNegative, Positive, checked
 from mrwork.dampers.parameters import ParamSpec
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError, SimulationError
+from mrwork.numbers import shortest
 from mrwork.report import canvas, style
-from mrwork.report.numbers import shortest
 from mrwork.simulate import Loading, Outcome, simulate_forces
 
 Floats = NDArray[np.float64]

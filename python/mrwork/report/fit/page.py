@@ -13,11 +13,12 @@ import numpy as np
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
+from mrwork import numbers
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import reopen
 from mrwork.identification.result import free_run
 from mrwork.records import DamperTest
-from mrwork.report import figures, numbers
+from mrwork.report import figures
 from mrwork.report.comparison import Comparison
 from mrwork.report.fit.agreement import (
     agreement_rows,

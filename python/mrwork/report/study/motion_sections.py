@@ -7,10 +7,10 @@ import math
 import numpy as np
 from matplotlib.figure import Figure
 
+from mrwork.numbers import NOTHING, fixed, significant
 from mrwork.report import style
 from mrwork.report.canvas import column_axes, room_for
-from mrwork.report.numbers import fixed, significant
-from mrwork.report.section import NOTHING, Group, Section, Table, panel
+from mrwork.report.section import Group, Section, panel
 from mrwork.report.study.figures import short, strokes
 from mrwork.report.study.tables import ShownRows
 from mrwork.study.comparison import (
@@ -22,6 +22,7 @@ from mrwork.study.comparison import (
 )
 from mrwork.study.results import StudyResults
 from mrwork.study.study import uses_in_words
+from mrwork.table import Table
 
 _ROW = 0.26
 _NAME = 36

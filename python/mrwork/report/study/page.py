@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mrwork.closed_loop.evaluation import SCORE, criterion, ratio
+from mrwork.numbers import MINUS, NOTHING, fixed, significant
 from mrwork.records.operating_range import OperatingRange, covering
 from mrwork.report.html import filled_in
-from mrwork.report.numbers import MINUS, fixed, significant
-from mrwork.report.section import NOTHING, Group, Section, Table, panel
+from mrwork.report.section import Group, Section, panel
 from mrwork.report.study.figures import energy_figure, profile_figure
 from mrwork.report.study.histories import ReadHistory, device_section, history_section
 from mrwork.report.study.motion_sections import motion_section, spread_section
@@ -34,6 +34,7 @@ from mrwork.study.comparison import (
     judged_in_words,
 )
 from mrwork.study.results import OFF_BALANCE, ON_OFF, StudyResults, largest_step_changes
+from mrwork.table import Table
 
 _QUANTITIES = (("peak_drift", "Peak drift"), ("peak_acceleration", "Peak acceleration"))
 
