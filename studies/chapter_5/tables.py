@@ -68,7 +68,6 @@ def law_table(outcome: SetOutcome, each: PerCurrent) -> Table:
         columns=("", *(heading for heading, _ in columns)),
         rows=(*rows, worst),
         note="i in A, parameters in SI; in brackets the standard error in units of the last digits.",
-        symbols=True,
     )
 
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from mrwork.report import numbers
+from mrwork.report.canvas import svg_bytes
 from mrwork.report.fit.ranking import ranking_figure
-from mrwork.report.svg import svg_bytes
 from mrwork.uncertainty import Ranking
 from mrwork.uncertainty.choice.leave_one_out import LeaveOneOut
 from mrwork.uncertainty.choice.ranking import Evidence, rank, ranking_of

@@ -10,7 +10,7 @@ from mrwork.identification.fit import ErrorNorms, FitStatus, Provenance
 from mrwork.records import DamperTest, Finding
 from mrwork.records.likeness import RecordedMotion
 from mrwork.records.operating_range import OperatingRange
-from mrwork.report.comparison import Comparison
+from mrwork.report.figures import Comparison
 
 
 def comparison(

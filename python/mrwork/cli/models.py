@@ -6,10 +6,9 @@ import argparse
 from dataclasses import asdict
 from typing import Any
 
-from mrwork.cli.numbers import AMPLITUDE, FREQUENCY, add_number
+from mrwork.cli.numbers import AMPLITUDE, FREQUENCY, add_number, named_path
 from mrwork.cli.options import add_json
 from mrwork.cli.output import print_json
-from mrwork.cli.paths import named_path
 from mrwork.cli.terminal import show
 from mrwork.dampers.spec import DamperSpec, Preset, damper, damper_models
 from mrwork.errors import SettingError
@@ -72,8 +71,8 @@ def _write_figure(spec: DamperSpec, options: argparse.Namespace) -> None:
     suffix = options.figure.suffix.lower()
     if suffix not in (".svg", ".png"):
         raise SettingError(f"--figure {options.figure} ends with {suffix or 'nothing'}; give .svg or .png")
-    from mrwork.report.parameter_effects import parameter_effects_figure
-    from mrwork.report.svg import png_bytes, svg_bytes
+    from mrwork.report.canvas import png_bytes, svg_bytes
+    from mrwork.report.damper_figures import parameter_effects_figure
 
     figure = parameter_effects_figure(spec, amplitude=options.amplitude, frequency=options.frequency)
     with replacing(options.figure) as stream:

@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.cli.numbers import AMPLITUDES, COMMANDS, FREQUENCIES, STROKE, VELOCITY, add_number
+from mrwork.cli.numbers import AMPLITUDES, COMMANDS, FREQUENCIES, STROKE, VELOCITY, add_number, named_path
 from mrwork.cli.options import add_json, add_quiet, add_run, add_seed, add_threads, opened_run
 from mrwork.cli.output import print_json, renew_page, told_findings
-from mrwork.cli.paths import named_path
 from mrwork.cli.terminal import note, show
 from mrwork.errors import SettingError
 from mrwork.identification.equivalent import identifiable_form

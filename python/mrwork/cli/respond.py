@@ -7,9 +7,9 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from mrwork.cli.numbers import named_path
 from mrwork.cli.options import add_json, add_out, add_quiet, add_seed, add_threads
 from mrwork.cli.output import drawn_page, print_json, stopped_in_words, undrawn_in_words
-from mrwork.cli.paths import named_path
 from mrwork.cli.progress import PATIENCE, ProgressLine, study_described
 from mrwork.cli.study_text import command_line, study_manifest
 from mrwork.cli.terminal import keep_stdout, note, show

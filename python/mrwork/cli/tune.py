@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from mrwork.cli.numbers import named_path
 from mrwork.cli.options import add_json, add_out, add_quiet, add_seed, add_threads
 from mrwork.cli.output import (
     drawn_page,
@@ -16,7 +17,6 @@ from mrwork.cli.output import (
     table_lines,
     undrawn_in_words,
 )
-from mrwork.cli.paths import named_path
 from mrwork.cli.progress import PATIENCE, ProgressLine, tuning_described
 from mrwork.cli.study_text import command_line, study_manifest
 from mrwork.cli.terminal import keep_stdout, note, show

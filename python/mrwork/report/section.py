@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 
 from mrwork import numbers as numbers
 from mrwork.arguments import checked
-from mrwork.report.comparison import Comparison
-from mrwork.report.svg import inline_svg
+from mrwork.report.canvas import inline_svg
+from mrwork.report.figures import Comparison
 from mrwork.stored import StoredRun
 from mrwork.summary import Summarised
 from mrwork.table import Table as Table

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from mrwork import numbers
 from mrwork.records.damper_test import DamperTest
 from mrwork.records.motion import half_cycle_ends
-from mrwork.report.comparison import Comparison
+from mrwork.report.figures import Comparison
 from mrwork.report.section import Group, Section, SectionKind
 from mrwork.table import Column, Table, page_table
 from mrwork.values import holds_arrays

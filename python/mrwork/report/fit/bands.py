@@ -23,8 +23,7 @@ from mrwork.records import DamperTest
 from mrwork.records.motion import whole_cycles
 from mrwork.report import style
 from mrwork.report.canvas import column_axes, draw_points, finish_signed, legend, name_small_axes, small_axes
-from mrwork.report.comparison import Comparison, even_samples
-from mrwork.report.figures import common_force_unit
+from mrwork.report.figures import Comparison, common_force_unit, even_samples
 from mrwork.report.fit.coverage import MAIN_LEVEL, conditions_in_words
 from mrwork.report.section import Group, Panel, Section, SectionKind, panel
 from mrwork.report.style import DisplayUnit

@@ -14,7 +14,7 @@ from mrwork.numbers import percent
 from mrwork.records import DamperTest
 from mrwork.report import style
 from mrwork.report.canvas import column_axes, draw_points, room_for
-from mrwork.report.comparison import Comparison
+from mrwork.report.figures import Comparison
 from mrwork.report.section import Absent, Group, Section, SectionKind, panel
 from mrwork.stored import StoredRun
 from mrwork.table import Column, Table, page_table

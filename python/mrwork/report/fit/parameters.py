@@ -8,7 +8,7 @@ from typing import get_args
 
 from mrwork import numbers
 from mrwork.identification.fit import Direction, Estimate, Fit, Identifiability, Intervals, VerdictName
-from mrwork.report.comparison import Comparison
+from mrwork.report.figures import Comparison
 from mrwork.report.section import Absent, Group, Section, SectionKind
 from mrwork.stored import StoredRun
 from mrwork.table import Column, Table, page_table

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from mrwork import numbers
 from mrwork.report import style
 from mrwork.report.canvas import grid_of_axes, name_ordinate
-from mrwork.report.comparison import Comparison
+from mrwork.report.figures import Comparison
 from mrwork.report.section import Absent, Group, Section, SectionKind, panel
 from mrwork.stored import StoredRun
 from mrwork.table import page_table

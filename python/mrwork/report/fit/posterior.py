@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from mrwork import numbers
 from mrwork.report import style
 from mrwork.report.canvas import axes_between, name_small_axes, plain_ticks, small_axes
-from mrwork.report.comparison import Comparison
+from mrwork.report.figures import Comparison
 from mrwork.report.fit.parameters import shown_unit
 from mrwork.report.section import Absent, Group, Section, SectionKind, panel
 from mrwork.stored import StoredRun

@@ -14,7 +14,7 @@ from mrwork import numbers
 from mrwork.numbers import shortest
 from mrwork.report import style
 from mrwork.report.canvas import SMALL_WIDTH, grid_of_axes, plain_ticks, small_axes
-from mrwork.report.comparison import Comparison
+from mrwork.report.figures import Comparison
 from mrwork.report.fit.parameters import shown_unit
 from mrwork.report.section import Absent, Group, Panel, Section, SectionKind, panel
 from mrwork.stored import StoredRun

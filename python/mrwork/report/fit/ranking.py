@@ -12,7 +12,7 @@ from matplotlib.ticker import MaxNLocator
 from mrwork import numbers
 from mrwork.report import style
 from mrwork.report.canvas import blank, name_ordinate, room_for
-from mrwork.report.comparison import Comparison
+from mrwork.report.figures import Comparison
 from mrwork.report.section import Absent, Group, Section, SectionKind, panel
 from mrwork.stored import StoredRun
 from mrwork.uncertainty.choice.ranking import Ranking, Standing

@@ -15,8 +15,7 @@ from mrwork import numbers
 from mrwork.numbers import most_of, percent, probability, shortest, tests_of
 from mrwork.report import style
 from mrwork.report.canvas import column_axes, draw_points, finish_signed, legend
-from mrwork.report.comparison import Comparison, scattered_samples
-from mrwork.report.figures import common_force_unit
+from mrwork.report.figures import Comparison, common_force_unit, scattered_samples
 from mrwork.report.fit.residual_tests import (
     LAGS,
     LEVEL,

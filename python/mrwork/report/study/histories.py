@@ -11,7 +11,7 @@ from matplotlib.ticker import MaxNLocator
 
 from mrwork.report import style
 from mrwork.report.canvas import column_axes, finish, name_small_axes, plain_ticks, small_axes
-from mrwork.report.comparison import envelope, strong_part
+from mrwork.report.figures import envelope, strong_part
 from mrwork.report.section import Group, Panel, Section, panel
 from mrwork.report.study.figures import Stroke, strokes
 from mrwork.report.style import DisplayUnit
