@@ -5,12 +5,12 @@ from __future__ import annotations
 import re
 
 from mrwork.report import Table
-from mrwork.table import Column, csv_text, page_table, text_table
+from mrwork.table import TableColumn, csv_text, page_table, text_table
 
 COLUMNS = (
-    Column(heading="test", cell=lambda each: each[0], words=True),
-    Column(heading="peak force", unit="N", cell=lambda each: each[1]),
-    Column(heading="remark", cell=lambda each: each[2], words=True),
+    TableColumn(heading="test", cell=lambda each: each[0], words=True),
+    TableColumn(heading="peak force", unit="N", cell=lambda each: each[1]),
+    TableColumn(heading="remark", cell=lambda each: each[2], words=True),
 )
 ITEMS = (("k_w <1>", "12.5", ""), ("slow", "3", "at 5 %"))
 

@@ -22,7 +22,7 @@ _LONG = 40
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Column:
+class TableColumn:
     """A column: its heading, the unit of its cells, the cell of an item, and whether cells are words, not numbers."""
 
     heading: str
@@ -131,7 +131,7 @@ class Table(Summarised):
         )
 
 
-def text_table(columns: Sequence[Column], items: Iterable[Any]) -> Table:
+def text_table(columns: Sequence[TableColumn], items: Iterable[Any]) -> Table:
     """A table for a terminal, with a row for each item."""
     return Table(
         columns=tuple(each.in_text for each in columns),
@@ -140,7 +140,12 @@ def text_table(columns: Sequence[Column], items: Iterable[Any]) -> Table:
 
 
 def page_table(
-    label: str, columns: Sequence[Column], items: Iterable[Any], *, foot: tuple[str, ...] = (), note: str = ""
+    label: str,
+    columns: Sequence[TableColumn],
+    items: Iterable[Any],
+    *,
+    foot: tuple[str, ...] = (),
+    note: str = "",
 ) -> Table:
     """A table for a page, with a row for each item, without the columns that are empty in every row."""
     rows = [[each.cell(item) for each in columns] for item in items]

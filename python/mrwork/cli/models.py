@@ -14,16 +14,16 @@ from mrwork.dampers.spec import DamperSpec, Preset, damper, damper_models
 from mrwork.errors import SettingError
 from mrwork.store.output_file import replacing
 from mrwork.summary import aligned
-from mrwork.table import Column, text_table
+from mrwork.table import TableColumn, text_table
 
 _PARAMETER_COLUMNS = (
-    Column(heading="parameter", cell=lambda each: each.name),
-    Column(heading="unit", cell=lambda each: each.unit),
-    Column(heading="nominal", cell=lambda each: f"{each.nominal:g}"),
-    Column(heading="lower", cell=lambda each: f"{each.lower:g}"),
-    Column(heading="upper", cell=lambda each: f"{each.upper:g}"),
-    Column(heading="scale", cell=lambda each: each.scale),
-    Column(heading="meaning", cell=lambda each: each.description),
+    TableColumn(heading="parameter", cell=lambda each: each.name),
+    TableColumn(heading="unit", cell=lambda each: each.unit),
+    TableColumn(heading="nominal", cell=lambda each: f"{each.nominal:g}"),
+    TableColumn(heading="lower", cell=lambda each: f"{each.lower:g}"),
+    TableColumn(heading="upper", cell=lambda each: f"{each.upper:g}"),
+    TableColumn(heading="scale", cell=lambda each: each.scale),
+    TableColumn(heading="meaning", cell=lambda each: each.description),
 )
 
 

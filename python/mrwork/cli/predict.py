@@ -28,7 +28,7 @@ from mrwork.identification.result import FitSpread, explained_by, free_run
 from mrwork.records import Likeness, observed
 from mrwork.records.likeness import likenesses_in_words
 from mrwork.records.operating_range import Exceedance, worst_of
-from mrwork.table import Column, text_table
+from mrwork.table import TableColumn, text_table
 from mrwork.uncertainty.bands.band import score
 from mrwork.uncertainty.bands.calibration_files import read_calibration
 from mrwork.uncertainty.bands.conformal import BEYOND_TESTED
@@ -37,16 +37,16 @@ from mrwork.uncertainty.bands.prediction import Prediction
 _AS_FITTED = "as in the identification"
 
 _COLUMNS = (
-    Column(heading="file", cell=lambda row: row["file"]),
-    Column(heading="fit %", cell=lambda row: f"{row['fit_percent']:.2f}"),
-    Column(heading="NRMSE", cell=lambda row: f"{row['nrmse']:.4f}"),
-    Column(heading="RMSE", unit="N", cell=lambda row: f"{row['rmse_n']:.2f}"),
-    Column(heading="samples", cell=lambda row: str(row["n_time"])),
-    Column(heading="sub-steps", cell=lambda row: str(row["substeps"])),
+    TableColumn(heading="file", cell=lambda row: row["file"]),
+    TableColumn(heading="fit %", cell=lambda row: f"{row['fit_percent']:.2f}"),
+    TableColumn(heading="NRMSE", cell=lambda row: f"{row['nrmse']:.4f}"),
+    TableColumn(heading="RMSE", unit="N", cell=lambda row: f"{row['rmse_n']:.2f}"),
+    TableColumn(heading="samples", cell=lambda row: str(row["n_time"])),
+    TableColumn(heading="sub-steps", cell=lambda row: str(row["substeps"])),
 )
 _BAND_COLUMNS = (
-    Column(heading="+-", unit="N", cell=lambda row: f"{row['band']['half_width_n']:.4g}"),
-    Column(heading="inside %", cell=lambda row: f"{100.0 * row['band']['inside']:.1f}"),
+    TableColumn(heading="+-", unit="N", cell=lambda row: f"{row['band']['half_width_n']:.4g}"),
+    TableColumn(heading="inside %", cell=lambda row: f"{100.0 * row['band']['inside']:.1f}"),
 )
 
 

@@ -14,7 +14,7 @@ from mrwork.records.damper_test import DamperTest
 from mrwork.records.motion import half_cycle_ends
 from mrwork.report.figures import Comparison
 from mrwork.report.section import Group, Section, SectionKind
-from mrwork.table import Column, Table, page_table
+from mrwork.table import Table, TableColumn, page_table
 from mrwork.values import holds_arrays
 
 Array = NDArray[np.float64]
@@ -125,14 +125,16 @@ def _table(classes: Sequence[_HalfCycles], every: _HalfCycles) -> Table:
     return page_table(
         "Errors by amplitude of the half cycles",
         (
-            Column(heading="amplitude", cell=lambda each: "all" if each is every else each.in_words),
-            Column(heading="half cycles", cell=lambda each: numbers.fixed(each.amplitude.size, 0)),
-            Column(heading="samples", cell=lambda each: numbers.fixed(each.count.sum(), 0)),
-            Column(heading="RMSE", unit="N", cell=lambda each: numbers.fixed(each.rmse, decimals)),
-            Column(heading="RMSE / RMS force", unit="%", cell=lambda each: numbers.percent(each.relative)),
-            Column(heading="RMSE at reversals", unit="N", cell=rmse(0)),
-            Column(heading="RMSE elsewhere", unit="N", cell=rmse(1)),
-            Column(
+            TableColumn(heading="amplitude", cell=lambda each: "all" if each is every else each.in_words),
+            TableColumn(heading="half cycles", cell=lambda each: numbers.fixed(each.amplitude.size, 0)),
+            TableColumn(heading="samples", cell=lambda each: numbers.fixed(each.count.sum(), 0)),
+            TableColumn(heading="RMSE", unit="N", cell=lambda each: numbers.fixed(each.rmse, decimals)),
+            TableColumn(
+                heading="RMSE / RMS force", unit="%", cell=lambda each: numbers.percent(each.relative)
+            ),
+            TableColumn(heading="RMSE at reversals", unit="N", cell=rmse(0)),
+            TableColumn(heading="RMSE elsewhere", unit="N", cell=rmse(1)),
+            TableColumn(
                 heading="at reversals / elsewhere",
                 cell=lambda each: numbers.fixed(each.excess_at_reversals, 2),
             ),

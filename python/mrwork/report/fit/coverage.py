@@ -17,7 +17,7 @@ from mrwork.report.canvas import column_axes, draw_points, room_for
 from mrwork.report.figures import Comparison
 from mrwork.report.section import Absent, Group, Section, SectionKind, panel
 from mrwork.stored import StoredRun
-from mrwork.table import Column, Table, page_table
+from mrwork.table import Table, TableColumn, page_table
 from mrwork.uncertainty.bands.calibration_files import StoredBands
 from mrwork.uncertainty.bands.conformal import LEVELS, LeftOutCoverage
 
@@ -154,7 +154,7 @@ def _table(rows: list[dict[float, LeftOutCoverage]], names: list[str]) -> Table:
     return page_table(
         "Coverage of tests left out",
         [
-            Column(heading=heading, unit=unit, cell=itemgetter(place))
+            TableColumn(heading=heading, unit=unit, cell=itemgetter(place))
             for place, (heading, unit) in enumerate(headings)
         ],
         [(name, *_texts(values)) for name, values in zip(names, cells, strict=True)],

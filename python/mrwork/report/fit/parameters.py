@@ -11,7 +11,7 @@ from mrwork.identification.fit import Direction, Estimate, Fit, Identifiability,
 from mrwork.report.figures import Comparison
 from mrwork.report.section import Absent, Group, Section, SectionKind
 from mrwork.stored import StoredRun
-from mrwork.table import Column, Table, page_table
+from mrwork.table import Table, TableColumn, page_table
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -227,9 +227,9 @@ def _table(judged: Mapping[str, tuple[str, str]]) -> Table:
     return page_table(
         "Identifiability of each parameter",
         (
-            Column(heading="parameter", cell=lambda name: name),
-            Column(heading="verdict", cell=lambda name: judged[name][0], words=True),
-            Column(heading="reason", cell=lambda name: judged[name][1], words=True),
+            TableColumn(heading="parameter", cell=lambda name: name),
+            TableColumn(heading="verdict", cell=lambda name: judged[name][0], words=True),
+            TableColumn(heading="reason", cell=lambda name: judged[name][1], words=True),
         ),
         judged,
     )

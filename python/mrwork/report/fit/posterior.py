@@ -19,7 +19,7 @@ from mrwork.report.figures import Comparison
 from mrwork.report.fit.parameters import shown_unit
 from mrwork.report.section import Absent, Group, Section, SectionKind, panel
 from mrwork.stored import StoredRun
-from mrwork.table import Column, Table, page_table
+from mrwork.table import Table, TableColumn, page_table
 from mrwork.uncertainty.posterior.draws import LARGEST_RHAT, LEAST_ESS, Draws, DrawsStatus
 
 Array = NDArray[np.float64]
@@ -133,18 +133,18 @@ def _table(draws: Draws) -> Table:
     return page_table(
         "Posterior of each parameter",
         (
-            Column(heading="parameter", cell=lambda each: each.name),
-            Column(heading="median", cell=lambda each: numbers.significant(each.median, 5)),
-            Column(heading="2.5 %", cell=lambda each: numbers.significant(each.lower, 5)),
-            Column(heading="97.5 %", cell=lambda each: numbers.significant(each.upper, 5)),
-            Column(heading="unit", cell=lambda each: shown_unit(each.unit), words=True),
-            Column(heading="ESS bulk", cell=lambda each: numbers.fixed(each.ess_bulk, 0)),
-            Column(heading="ESS tail", cell=lambda each: numbers.fixed(each.ess_tail, 0)),
-            Column(
+            TableColumn(heading="parameter", cell=lambda each: each.name),
+            TableColumn(heading="median", cell=lambda each: numbers.significant(each.median, 5)),
+            TableColumn(heading="2.5 %", cell=lambda each: numbers.significant(each.lower, 5)),
+            TableColumn(heading="97.5 %", cell=lambda each: numbers.significant(each.upper, 5)),
+            TableColumn(heading="unit", cell=lambda each: shown_unit(each.unit), words=True),
+            TableColumn(heading="ESS bulk", cell=lambda each: numbers.fixed(each.ess_bulk, 0)),
+            TableColumn(heading="ESS tail", cell=lambda each: numbers.fixed(each.ess_tail, 0)),
+            TableColumn(
                 heading="R-hat",
                 cell=lambda each: numbers.fixed(each.rhat if math.isfinite(each.rhat) else None, 3),
             ),
-            Column(heading="remark", cell=lambda each: each.reason or each.remark, words=True),
+            TableColumn(heading="remark", cell=lambda each: each.reason or each.remark, words=True),
         ),
         draws.summaries,
         note=f"{draws.n_steps} steps, one of {draws.thinning} kept after the burn-in; the diagnostics refer to the "

@@ -18,7 +18,7 @@ from mrwork.report.figures import Comparison
 from mrwork.report.fit.parameters import shown_unit
 from mrwork.report.section import Absent, Group, Panel, Section, SectionKind, panel
 from mrwork.stored import StoredRun
-from mrwork.table import Column, Table, page_table
+from mrwork.table import Table, TableColumn, page_table
 from mrwork.uncertainty.identifiability.profile import Profile, Profiles
 
 _COLUMNS, _HEIGHT = 4, 2.2
@@ -72,12 +72,12 @@ def _table(profiles: Profiles) -> Table:
     return page_table(
         "Intervals by profile likelihood",
         (
-            Column(heading="parameter", cell=lambda each: each.name),
-            Column(heading="estimate", cell=lambda each: numbers.significant(each.estimate, 5)),
-            Column(heading="from", cell=lambda each: _end(each.lower)),
-            Column(heading="to", cell=lambda each: _end(each.upper)),
-            Column(heading="unit", cell=lambda each: shown_unit(each.unit), words=True),
-            Column(heading="remark", cell=lambda each: each.reason, words=True),
+            TableColumn(heading="parameter", cell=lambda each: each.name),
+            TableColumn(heading="estimate", cell=lambda each: numbers.significant(each.estimate, 5)),
+            TableColumn(heading="from", cell=lambda each: _end(each.lower)),
+            TableColumn(heading="to", cell=lambda each: _end(each.upper)),
+            TableColumn(heading="unit", cell=lambda each: shown_unit(each.unit), words=True),
+            TableColumn(heading="remark", cell=lambda each: each.reason, words=True),
         ),
         profiles.profiles,
     )

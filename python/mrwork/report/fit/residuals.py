@@ -27,7 +27,7 @@ from mrwork.report.fit.residual_tests import (
 )
 from mrwork.report.section import Group, Panel, Section, SectionKind, panel
 from mrwork.report.style import DisplayUnit
-from mrwork.table import Column, Table, page_table
+from mrwork.table import Table, TableColumn, page_table
 from mrwork.uncertainty.bands.prediction import Prediction, mean_cycle
 
 Array = NDArray[np.float64]
@@ -188,13 +188,13 @@ def _origin(repeating: Sequence[float]) -> str:
 
 
 def _table(comparisons: Sequence[Comparison], found: Sequence[ResidualTests]) -> Table:
-    def column(heading: str, cell: Callable[[ResidualTests], str], unit: str = "") -> Column:
-        return Column(heading=heading, unit=unit, cell=lambda row: cell(row[1]))
+    def column(heading: str, cell: Callable[[ResidualTests], str], unit: str = "") -> TableColumn:
+        return TableColumn(heading=heading, unit=unit, cell=lambda row: cell(row[1]))
 
     return page_table(
         "Tests of the residuals",
         (
-            Column(heading="test", cell=lambda row: row[0].test.name),
+            TableColumn(heading="test", cell=lambda row: row[0].test.name),
             column("lag-1 autocorr.", lambda each: numbers.fixed(each.lag_one, 3)),
             column("Ljung-Box p", lambda each: probability(each.ljung_box_p)),
             column(

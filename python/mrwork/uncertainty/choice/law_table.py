@@ -14,7 +14,7 @@ from mrwork.dampers.parameters import LawName
 from mrwork.identification.fit import NEGLIGIBLE
 from mrwork.store.record import OrInfinite, Related
 from mrwork.summary import Summarised, Summary
-from mrwork.table import Column, Table, page_table, text_table
+from mrwork.table import Table, TableColumn, page_table, text_table
 from mrwork.uncertainty.choice.ranking import error_of_mean, is_as_good
 from mrwork.units import CommandUnit
 
@@ -104,16 +104,18 @@ def _left_out(each: TriedLaws) -> str:
     return f"{each.left_out_percent:.2f}" + ("" if error is None else f" ± {error:.2f}")
 
 
-_MODEL = Column(heading="model", cell=lambda each: each.model)
+_MODEL = TableColumn(heading="model", cell=lambda each: each.model)
 _COLUMNS = (
-    Column(heading="parameters", cell=lambda each: str(each.n_params)),
-    Column(heading="fit %", cell=lambda each: f"{each.fit_percent:.2f}"),
-    Column(heading="left-out fit %", cell=_left_out),
-    Column(heading="median", cell=lambda each: f"{each.median_percent:.2f}"),
-    Column(heading="worst", cell=lambda each: f"{each.worst_percent:.2f}"),
-    Column(heading="remark", cell=lambda each: "" if each.verdict == "behind" else each.verdict, words=True),
+    TableColumn(heading="parameters", cell=lambda each: str(each.n_params)),
+    TableColumn(heading="fit %", cell=lambda each: f"{each.fit_percent:.2f}"),
+    TableColumn(heading="left-out fit %", cell=_left_out),
+    TableColumn(heading="median", cell=lambda each: f"{each.median_percent:.2f}"),
+    TableColumn(heading="worst", cell=lambda each: f"{each.worst_percent:.2f}"),
+    TableColumn(
+        heading="remark", cell=lambda each: "" if each.verdict == "behind" else each.verdict, words=True
+    ),
 )
-_LAWS = Column(heading="laws", cell=lambda each: each.in_words, words=True)
+_LAWS = TableColumn(heading="laws", cell=lambda each: each.in_words, words=True)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -170,7 +172,7 @@ class LawTable(Summarised, Related):
         return page_table("Laws that were tried", (*self._model, _LAWS, *_COLUMNS), self.tried)
 
     @property
-    def _model(self) -> tuple[Column, ...]:
+    def _model(self) -> tuple[TableColumn, ...]:
         return (_MODEL,) if self.is_of_several else ()
 
     @property

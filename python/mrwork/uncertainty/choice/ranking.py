@@ -22,7 +22,7 @@ from mrwork.numbers import fixed
 from mrwork.records import DamperTest
 from mrwork.store.record import Related
 from mrwork.summary import Summarised, Summary, listed, rounded
-from mrwork.table import Column, Table, page_table, text_table
+from mrwork.table import Table, TableColumn, page_table, text_table
 from mrwork.uncertainty.choice.leave_one_out import UNRELIABLE, LeaveOneOut
 from mrwork.uncertainty.identifiability.verdicts import Scale
 
@@ -218,20 +218,20 @@ def _with_error(value: float | None, error: float | None, decimals: int) -> str:
     return text if value is None or not error else f"{text} ± {fixed(error, decimals)}"
 
 
-_MODEL = Column(heading="model", cell=lambda each: each.model)
-_TITLE = Column(heading="model", cell=lambda each: each.title)
+_MODEL = TableColumn(heading="model", cell=lambda each: each.model)
+_TITLE = TableColumn(heading="model", cell=lambda each: each.title)
 _COLUMNS = (
-    Column(heading="parameters", cell=lambda each: str(each.n_params)),
-    Column(heading="fit %", cell=lambda each: fixed(each.fit_percent, 2)),
-    Column(heading="left-out fit %", cell=lambda each: each.left_out_in_words),
-    Column(
+    TableColumn(heading="parameters", cell=lambda each: str(each.n_params)),
+    TableColumn(heading="fit %", cell=lambda each: fixed(each.fit_percent, 2)),
+    TableColumn(heading="left-out fit %", cell=lambda each: each.left_out_in_words),
+    TableColumn(
         heading="behind, points",
         cell=lambda each: _with_error(each.left_out_behind, each.left_out_behind_error, 2),
     ),
-    Column(heading="Δ ELPD", cell=lambda each: _with_error(each.elpd_behind, each.elpd_behind_error, 1)),
-    Column(heading="Δ BIC", cell=lambda each: fixed(each.bic_behind, 1)),
-    Column(heading="seconds", cell=lambda each: fixed(each.seconds, 1)),
-    Column(heading="remark", cell=lambda each: each.remark, words=True),
+    TableColumn(heading="Δ ELPD", cell=lambda each: _with_error(each.elpd_behind, each.elpd_behind_error, 1)),
+    TableColumn(heading="Δ BIC", cell=lambda each: fixed(each.bic_behind, 1)),
+    TableColumn(heading="seconds", cell=lambda each: fixed(each.seconds, 1)),
+    TableColumn(heading="remark", cell=lambda each: each.remark, words=True),
 )
 
 

@@ -24,7 +24,7 @@ from mrwork.records.damper_test import as_tests
 from mrwork.simulate import Outcome, simulate_forces
 from mrwork.store.record import Related
 from mrwork.summary import Summarised, Summary, of_unit, rounded
-from mrwork.table import Column
+from mrwork.table import TableColumn
 from mrwork.uncertainty.identifiability.curvature import Scaled, curvature, linearise
 from mrwork.uncertainty.identifiability.verdicts import Scale
 from mrwork.uncertainty.planning.candidates import Candidate, check_possible, motion_of
@@ -48,17 +48,17 @@ class Gain:
     drawn: float | None = None
 
 
-def gain_columns(unit: CommandUnit | None) -> tuple[Column, ...]:
+def gain_columns(unit: CommandUnit | None) -> tuple[TableColumn, ...]:
     """Columns of a table of gains, with commands in `unit`."""
     return (
-        Column(heading="test", cell=lambda each: each.candidate.in_words(unit)),
-        Column(heading="variance reduction", unit="%", cell=lambda each: percent(each.gain)),
-        Column(
+        TableColumn(heading="test", cell=lambda each: each.candidate.in_words(unit)),
+        TableColumn(heading="variance reduction", unit="%", cell=lambda each: percent(each.gain)),
+        TableColumn(
             heading="by draws",
             unit="%",
             cell=lambda each: NOTHING if each.drawn is None else percent(each.drawn, 0),
         ),
-        Column(heading="deviation after the test", cell=lambda each: significant(each.deviation, 3)),
+        TableColumn(heading="deviation after the test", cell=lambda each: significant(each.deviation, 3)),
     )
 
 
