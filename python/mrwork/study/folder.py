@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any
@@ -45,6 +43,7 @@ from mrwork.study.results import Key, MotionFacts, StudyCriteria, StudyResults
 from mrwork.study.run_result import OutcomeName, RunEnd, largest_demand, names_outside, worst_by_quantity
 from mrwork.study.stored_histories import Histories
 from mrwork.study.study import Kind, Row, StudyFile
+from mrwork.table import csv_text
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -453,7 +452,7 @@ def _criteria_csv(results: StudyResults) -> str:
         facts, score = results.motions[motion], results.score_under(row, (motion,))
         run_is = [run.outcome, f"{run.energy_error:.3g}", "" if math.isnan(score) else f"{score:.6g}"]
         lines.append([results.rows[row].label, facts.name, facts.use, *run_is, *numbers])
-    return _csv(lines)
+    return csv_text(lines)
 
 
 def _profiles_csv(results: StudyResults) -> str:
@@ -470,7 +469,7 @@ def _profiles_csv(results: StudyResults) -> str:
         ):
             for name, peak, rms in zip(names, peaks, squares, strict=True):
                 lines.append([*labels, quantity, name, f"{peak:.9g}", f"{rms:.9g}", unit])
-    return _csv(lines)
+    return csv_text(lines)
 
 
 def _store_run(results: StudyResults, row: int, motion: int, passive: int | None) -> StoredStudyRun:
@@ -510,9 +509,3 @@ def _store_step_check(results: StudyResults, row: int, motion: int) -> StoredSte
 def _every_criterion(numbers: Mapping[str, float] | None) -> _Criteria:
     found = numbers or {}
     return {entry.name: found.get(entry.name, math.nan) for entry in criteria()}
-
-
-def _csv(lines: Iterable[list[str]]) -> str:
-    target = io.StringIO()
-    csv.writer(target, lineterminator="\n").writerows(lines)
-    return target.getvalue()

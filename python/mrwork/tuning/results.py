@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 import math
 import re
@@ -34,6 +32,7 @@ from mrwork.store.run_folder import (
 from mrwork.study.batches import RealisationBand
 from mrwork.study.study import StudyFile
 from mrwork.summary import Summarised, Summary, listed, rounded, with_decimals
+from mrwork.table import csv_text
 from mrwork.tuning.space import LARGEST, Candidate, FreeSetting
 
 _MARGIN = 0.01
@@ -413,9 +412,7 @@ def _scores_csv(results: TuningResults) -> str:
     for law in (*results.laws, *results.references):
         for use, found in (("training", law.train), ("test", law.test)):
             lines += _lines(law, use, found, names)
-    target = io.StringIO()
-    csv.writer(target, lineterminator="\n").writerows(lines)
-    return target.getvalue()
+    return csv_text(lines)
 
 
 def _lines(law: LawResult, use: str, found: TuningJudgement | None, names: Sequence[str]) -> list[list[str]]:
