@@ -10,7 +10,6 @@ from mrwork.report import SMALL, WIDE, blank, finish, finish_loop, panel, style,
 from studies.chapter_2.device_families import FAMILIES
 from studies.chapter_2.findings import Chapter, Judged
 from studies.chapter_2.tables import SETS, findings, tables
-from studies.common.table import sections_as_markup
 
 _TONES = {"passive": style.DATA, "semi-active": style.MODEL, "active": style.RESIDUAL}
 # The setting over which a passive device is drawn, where it is one number.
@@ -81,7 +80,7 @@ def write_page(chapter: Chapter, path: Path) -> None:
     write_study_page(
         Path(__file__).parent / "page.html.j2",
         path,
-        tables=sections_as_markup(tables(chapter.found)),
+        tables=tables(chapter.found),
         trades=[
             panel(
                 f"trade-{name}", SETS[name], trade_figure(chapter.families, name), f"{SETS[name]}: families"

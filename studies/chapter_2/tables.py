@@ -5,14 +5,14 @@ from __future__ import annotations
 from typing import Any
 
 from mrwork.closed_loop import SCORE
-from mrwork.report import ResultTable
+from mrwork.report import Table
 from studies.chapter_2.device_families import FAMILIES, column_height
 from studies.common.table import table_of
 
 SETS = {"synthetic": "Two synthetic motions", "measured": "Four measured records"}
 
 
-def tables(found: dict[str, Any]) -> dict[str, tuple[ResultTable, ...]]:
+def tables(found: dict[str, Any]) -> dict[str, tuple[Table, ...]]:
     """Tables by the section that they belong to."""
     families = next(found[key] for key in ("families", "quick_families") if key in found)
     sets = [name for name in SETS if name in next(iter(families.values()))]
@@ -24,12 +24,21 @@ def tables(found: dict[str, Any]) -> dict[str, tuple[ResultTable, ...]]:
     }
 
 
-def _response_table(families: dict[str, Any], name: str) -> ResultTable:
+def _response_table(families: dict[str, Any], name: str) -> Table:
     ordered = sorted(families.items(), key=lambda entry: entry[1][name]["judged"])
     groups = {family.name: family.group for family in FAMILIES}
-    return ResultTable(
+    return Table(
         title=f"Ratios to the bare frame: {SETS[name].lower()}",
-        header=("device", "group", "score", "peak drift", "peak acc.", "rms drift", "rms acc.", "worst peak"),
+        columns=(
+            "device",
+            "group",
+            "score",
+            "peak drift",
+            "peak acc.",
+            "rms drift",
+            "rms acc.",
+            "worst peak",
+        ),
         rows=tuple(
             (
                 label,
@@ -43,15 +52,15 @@ def _response_table(families: dict[str, Any], name: str) -> ResultTable:
     )
 
 
-def _need_table() -> ResultTable:
-    return ResultTable(
+def _need_table() -> Table:
+    return Table(
         title="What it takes to have one",
-        header=("device", "needs"),
+        columns=("device", "needs"),
         rows=tuple((family.name, family.needs) for family in FAMILIES),
     )
 
 
-def _demand_table(families: dict[str, Any], name: str) -> ResultTable:
+def _demand_table(families: dict[str, Any], name: str) -> Table:
     return table_of(
         f"Demand: {SETS[name].lower()}",
         "device",
@@ -67,7 +76,7 @@ def _demand_table(families: dict[str, Any], name: str) -> ResultTable:
     )
 
 
-def _setting_table(families: dict[str, Any]) -> ResultTable:
+def _setting_table(families: dict[str, Any]) -> Table:
     return table_of(
         "Settings that were chosen",
         "device",
@@ -82,7 +91,7 @@ def _setting_table(families: dict[str, Any]) -> ResultTable:
     )
 
 
-def _closed_form_table(found: dict[str, Any]) -> ResultTable:
+def _closed_form_table(found: dict[str, Any]) -> Table:
     return table_of(
         "The loop beside the textbook",
         "case",

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from mrwork.dampers import design
-from mrwork.report import ResultTable
+from mrwork.report import Table
 
 FIELD = 150e3
 """Field of the columns of table 3.2 [A/m]."""
@@ -74,7 +74,7 @@ def within(found: dict[str, dict[str, float]]) -> dict[str, int]:
     }
 
 
-def tables(found: dict[str, Any]) -> tuple[ResultTable, ResultTable]:
+def tables(found: dict[str, Any]) -> tuple[Table, Table]:
     """Tables 3.1 and 3.2 in form."""
     fluids, counts = found["properties"], found["within"]
     rows = []
@@ -82,15 +82,15 @@ def tables(found: dict[str, Any]) -> tuple[ResultTable, ResultTable]:
         values = sorted(fluid[name] * each.factor for fluid in fluids.values())
         ours = f"{values[0]:.3g} to {values[-1]:.3g} {each.unit}, {counts[name]} of {len(fluids)} within"
         rows.append((name, f"{each.text} {each.unit}", each.electro, ours))
-    general = ResultTable(
+    general = Table(
         title="Table 3.1 in form: fluids with a yield stress",
-        header=("property", "magnetorheological", "electrorheological", "fluids of the package"),
+        columns=("property", "magnetorheological", "electrorheological", "fluids of the package"),
         rows=(*rows, *((*words, "") for words in _WORDS)),
         note="The second and third columns are remembered. Yield stress is that at saturation.",
     )
-    named = ResultTable(
+    named = Table(
         title="Table 3.2 in form: the fluids of the package",
-        header=(
+        columns=(
             "fluid",
             "particles by volume",
             "viscosity [Pa s]",

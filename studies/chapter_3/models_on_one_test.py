@@ -11,7 +11,7 @@ from collections.abc import Callable
 from typing import Any
 
 import mrwork as mr
-from mrwork.report import ResultTable
+from mrwork.report import Table
 
 SHOWN_TEST, OTHER_TEST = "spencer1997", "rd1005_1a"
 MODELS = {
@@ -50,12 +50,12 @@ def figures_of(fits: dict[str, dict[str, mr.Fit]]) -> dict[str, dict[str, dict[s
     }
 
 
-def table(found: dict[str, Any]) -> ResultTable:
+def table(found: dict[str, Any]) -> Table:
     """A row for each model."""
     models = list(dict.fromkeys(model for test in found.values() for model in test))
-    return ResultTable(
+    return Table(
         title="Four models on one test (figures 3.16 to 3.23 in form)",
-        header=(
+        columns=(
             "model",
             "parameters",
             *(f"{test}: {what}" for test in found for what in ("fit [%]", "rms error [N]")),

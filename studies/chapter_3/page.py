@@ -30,7 +30,6 @@ from studies.chapter_3.sized_frame import SizedFrame
 from studies.chapter_3.sized_front import front_figure
 from studies.chapter_3.slot_flow import STRESSES, errors
 from studies.chapter_3.tables import tables
-from studies.common.table import sections_as_markup
 
 Floats = NDArray[np.float64]
 
@@ -137,7 +136,7 @@ def write_page(chapter: Chapter, path: Path, *, skipped: str = "") -> None:
         Path(__file__).parent / "page.html.j2",
         path,
         skipped=skipped,
-        tables=sections_as_markup(made),
+        tables=made,
         fluids=[
             panel(f"fluids-{name}", title, fluid_figure(flux=flux), f"{title} of the fluids over the field")
             for name, title, flux in (("stress", "Yield stress", False), ("flux", "Flux density", True))

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from mrwork.dampers import design
-from mrwork.report import ResultTable
+from mrwork.report import Table
 from studies.common.table import table_of
 
 # Published figures, remembered: see `mr.dampers.design.twenty_ton_damper`. The power is an upper limit.
@@ -96,11 +96,11 @@ def _bare_range(damper: design.DamperDesign) -> float:
     return float(on / off)
 
 
-def tables(found: dict[str, Any]) -> tuple[ResultTable, ResultTable]:
+def tables(found: dict[str, Any]) -> tuple[Table, Table]:
     """Table 3.3 in form, and the deviations."""
-    beside = ResultTable(
+    beside = Table(
         title="Table 3.3 in form: the damper of 20 tons at 0.1 m/s and 1.5 A",
-        header=("figure", "published", "predicted", "over published", "predicted from"),
+        columns=("figure", "published", "predicted", "over published", "predicted from"),
         rows=tuple(
             (
                 name,

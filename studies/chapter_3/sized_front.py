@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
 
 from mrwork.dampers import design
-from mrwork.report import WIDE, ResultTable, blank, finish, style
+from mrwork.report import WIDE, Table, blank, finish, style
 from studies.chapter_3.sized_frame import SUPPLY, wishes
 
 FORCE = 8e3
@@ -86,7 +86,7 @@ def front_figure(front: design.SizeFront, *, power: bool) -> Figure:
     return figure
 
 
-def table(found: dict[str, Any]) -> ResultTable:
+def table(found: dict[str, Any]) -> Table:
     """A row for each chosen damper."""
     columns = {
         "volume_l": ("volume [l]", ".3f"),
@@ -99,9 +99,9 @@ def table(found: dict[str, Any]) -> ResultTable:
         "coils": ("coils", ".0f"),
         "response_ms": ("response [ms]", ".1f"),
     }
-    return ResultTable(
+    return Table(
         title=f"Size against dynamic range against power, {1e-3 * FORCE:g} kN",
-        header=("damper", *(heading for heading, _ in columns.values())),
+        columns=("damper", *(heading for heading, _ in columns.values())),
         rows=tuple(
             (_in_words(name), *(f"{each[key]:{form}}" for key, (_, form) in columns.items()))
             for name, each in found["chosen"].items()

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.dampers import design
-from mrwork.report import ResultTable
+from mrwork.report import Table
 from studies.common.table import table_of
 
 Floats = NDArray[np.float64]
@@ -114,12 +114,12 @@ def _far(values: Floats, closed: Floats | float) -> float:
     return float(np.max(abs(values / closed - 1.0)))
 
 
-def tables(found: dict[str, Any]) -> tuple[ResultTable, ResultTable]:
+def tables(found: dict[str, Any]) -> tuple[Table, Table]:
     """Errors at a few dimensionless yield stresses with the largest of each, and the closed forms."""
     at = errors(np.array(SHOWN))
-    compared = ResultTable(
+    compared = Table(
         title="Pressure drop of the approximations over that of the annulus, error [%]",
-        header=("approximation", *(f"T = {stress:g}" for stress in SHOWN), "largest"),
+        columns=("approximation", *(f"T = {stress:g}" for stress in SHOWN), "largest"),
         rows=tuple(
             (name, *map(_percent, values), _percent(found["largest_errors"][name]))
             for name, values in at.items()

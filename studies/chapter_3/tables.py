@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from mrwork.closed_loop import SCORE
-from mrwork.report import ResultTable
+from mrwork.report import Table
 from studies.chapter_3 import fluid_properties, models_on_one_test, published_damper, sized_front, slot_flow
 from studies.common.frame import RECORDS
 from studies.common.table import table_of
@@ -14,7 +14,7 @@ from studies.common.table import table_of
 FRAME_KEYS = ("sized", "quick_sized")
 
 
-def tables(found: dict[str, Any]) -> dict[str, tuple[ResultTable, ...]]:
+def tables(found: dict[str, Any]) -> dict[str, tuple[Table, ...]]:
     """Tables by the section that they belong to."""
     frame = next(found[key] for key in FRAME_KEYS if key in found)
     return {
@@ -31,7 +31,7 @@ def tables(found: dict[str, Any]) -> dict[str, tuple[ResultTable, ...]]:
 _WAYS = {"constant": "Best constant current", "clipped": "Clipped-optimal control"}
 
 
-def _size_table(sizes: dict[str, Any]) -> ResultTable:
+def _size_table(sizes: dict[str, Any]) -> Table:
     return table_of(
         "Dampers sized for the frame",
         "damper",
@@ -53,10 +53,10 @@ def _size_table(sizes: dict[str, Any]) -> ResultTable:
     )
 
 
-def _loop_table(loop: dict[str, Any], way: str) -> ResultTable:
-    return ResultTable(
+def _loop_table(loop: dict[str, Any], way: str) -> Table:
+    return Table(
         title=f"{_WAYS[way]}, five-storey frame at 0.3 g",
-        header=(
+        columns=(
             "damper",
             "current [A]",
             "score, choosing",
@@ -82,7 +82,7 @@ def _loop_table(loop: dict[str, Any], way: str) -> ResultTable:
     )
 
 
-def _record_tables(loop: dict[str, Any]) -> tuple[ResultTable, ...]:
+def _record_tables(loop: dict[str, Any]) -> tuple[Table, ...]:
     """The same under the records; no table where these are absent."""
     rows = [
         (name, each[way].get("records"), text)
@@ -94,9 +94,9 @@ def _record_tables(loop: dict[str, Any]) -> tuple[ResultTable, ...]:
         return ()
     names = [record for record, _ in RECORDS]
     return (
-        ResultTable(
+        Table(
             title="Measured records at 0.3 g",
-            header=("damper", "current", "score", *names, "force [kN]", "stroke [mm]"),
+            columns=("damper", "current", "score", *names, "force [kN]", "stroke [mm]"),
             rows=tuple(
                 (
                     name,

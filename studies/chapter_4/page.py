@@ -40,7 +40,6 @@ from studies.chapter_4.search_settings import (
 )
 from studies.chapter_4.tables import tables_of
 from studies.chapter_5.damper_tests import FORCE_NOISE_N
-from studies.common.table import as_markup
 
 _BUDGETS = 120
 
@@ -262,7 +261,7 @@ def _set_part(anchor: str, comparison: Comparison, findings: Sequence[TrialFindi
             )
             for place, label in enumerate(models)
         ),
-        tables=as_markup(tables_of(findings, tests.name)),
+        tables=tables_of(findings, tests.name),
         models=tuple(
             _model_part(f"{anchor}-m{place}", comparison, by_label[label])
             for place, label in enumerate(models)

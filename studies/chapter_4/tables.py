@@ -6,17 +6,16 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from mrwork.report import numbers
+from mrwork.report import Table, numbers
 from studies.chapter_4.decay import ATTAINABLE, LITERAL, STALL
 from studies.chapter_4.findings import SearchFinding, TrialFinding, adjusted
 from studies.chapter_4.search_settings import BASELINES, EFFICIENT, SEARCHES, STANDARD, SWARM
-from studies.common.table import ChapterTable
 
 _RANGE = "\N{EN DASH}"
 _NONE = numbers.fixed(None, 0)
 
 
-def tables_of(findings: Sequence[TrialFinding], where: str) -> tuple[ChapterTable, ...]:
+def tables_of(findings: Sequence[TrialFinding], where: str) -> tuple[Table, ...]:
     """Every table of one set of tests."""
     return (
         error_table(findings, where),
@@ -29,26 +28,27 @@ def tables_of(findings: Sequence[TrialFinding], where: str) -> tuple[ChapterTabl
     )
 
 
-def error_table(findings: Sequence[TrialFinding], where: str) -> ChapterTable:
+def error_table(findings: Sequence[TrialFinding], where: str) -> Table:
     """Form of table 4.2: average error and standard deviation."""
-    rows = []
-    for finding in findings:
+    rows, least = [], []
+    for row, finding in enumerate(findings):
         means = [finding.searches[search].mean_error for search in SEARCHES]
         cells = [
             f"{numbers.fixed(100.0 * each.mean_error, 2)} ± {numbers.fixed(100.0 * each.deviation, 2)}"
             for each in (finding.searches[search] for search in SEARCHES)
         ]
-        cells[int(np.argmin(means))] = f"**{cells[int(np.argmin(means))]}**"
+        least.append((row, 1 + int(np.argmin(means))))
         rows.append((_place(finding), *cells, numbers.fixed(100.0 * finding.least, 2)))
-    return ChapterTable(
+    return Table(
         title=f"Form of table 4.2: average error and standard deviation [% NRMSE], {where}",
-        header=("model and current", *SEARCHES, "least of all"),
+        columns=("model and current", *SEARCHES, "least of all"),
         rows=tuple(rows),
+        strong=frozenset(least),
         note="After the last generation, over all replicates; the lowest mean in bold. Least of all: that of any run.",
     )
 
 
-def level_table(findings: Sequence[TrialFinding], where: str) -> ChapterTable:
+def level_table(findings: Sequence[TrialFinding], where: str) -> Table:
     """Form of table 4.3: share of runs below the 95 % error level."""
     rows = [
         (
@@ -59,16 +59,16 @@ def level_table(findings: Sequence[TrialFinding], where: str) -> ChapterTable:
         for finding in findings
     ]
     mean = [np.mean([finding.searches[search].below for finding in findings]) for search in SEARCHES]
-    return ChapterTable(
+    return Table(
         title=f"Form of table 4.3: runs below the 95 % error level [%], {where}",
-        header=("model and current", "95 % level [% NRMSE]", *SEARCHES),
+        columns=("model and current", "95 % level [% NRMSE]", *SEARCHES),
         rows=(*rows, ("all", "", *(_percent(float(share)) for share in mean))),
         note="The level is our definition: 95 % of the way from the mean best error of the initial populations to the "
         "least error of any run.",
     )
 
 
-def evaluation_table(findings: Sequence[TrialFinding], where: str) -> ChapterTable:
+def evaluation_table(findings: Sequence[TrialFinding], where: str) -> Table:
     """Cost of all generations."""
     return _cost_table(
         f"Simulations in all generations, {where}",
@@ -80,7 +80,7 @@ def evaluation_table(findings: Sequence[TrialFinding], where: str) -> ChapterTab
     )
 
 
-def reaching_table(findings: Sequence[TrialFinding], where: str) -> ChapterTable:
+def reaching_table(findings: Sequence[TrialFinding], where: str) -> Table:
     """Cost of reaching the level."""
     return _cost_table(
         f"Simulations for each run that reaches the 95 % error level, {where}",
@@ -93,7 +93,7 @@ def reaching_table(findings: Sequence[TrialFinding], where: str) -> ChapterTable
 
 def _cost_table(
     title: str, findings: Sequence[TrialFinding], cost: Callable[[SearchFinding], float], note: str
-) -> ChapterTable:
+) -> Table:
     rows = []
     for finding in findings:
         costs = {search: cost(finding.searches[search]) for search in SEARCHES}
@@ -102,9 +102,9 @@ def _cost_table(
         rows.append(
             (_place(finding), *(numbers.fixed(value, 0) for value in costs.values()), _percent(saved))
         )
-    return ChapterTable(
+    return Table(
         title=title,
-        header=("model and current", *SEARCHES, "saved by efficient GA [%]"),
+        columns=("model and current", *SEARCHES, "saved by efficient GA [%]"),
         rows=tuple(rows),
         note=note,
     )
@@ -115,7 +115,7 @@ def _steps_spared(findings: Sequence[TrialFinding]) -> str:
     return _between(shares)
 
 
-def advantage_table(findings: Sequence[TrialFinding], where: str, baseline: str) -> ChapterTable:
+def advantage_table(findings: Sequence[TrialFinding], where: str, baseline: str) -> Table:
     """Whether the difference between the genetic algorithms is more than chance."""
     generations = adjusted([finding.same_generations[baseline] for finding in findings])
     simulations = adjusted([finding.same_simulations[baseline] for finding in findings])
@@ -129,9 +129,9 @@ def advantage_table(findings: Sequence[TrialFinding], where: str, baseline: str)
         )
         for finding, by_generations, by_simulations in zip(findings, generations, simulations, strict=True)
     ]
-    return ChapterTable(
+    return Table(
         title=f"Pairs in which the {EFFICIENT} is lower than the {baseline} [%], {where}",
-        header=(
+        columns=(
             "model and current",
             "same generations",
             "p, generations",
@@ -144,7 +144,7 @@ def advantage_table(findings: Sequence[TrialFinding], where: str, baseline: str)
     )
 
 
-def termination_table(findings: Sequence[TrialFinding], where: str) -> ChapterTable:
+def termination_table(findings: Sequence[TrialFinding], where: str) -> Table:
     """Form of table 4.4: expected and likely terminating generation, and where the test stopped."""
     rows = []
     for finding in findings:
@@ -162,9 +162,9 @@ def termination_table(findings: Sequence[TrialFinding], where: str) -> ChapterTa
                     _percent(rule.excess),
                 )
             )
-    return ChapterTable(
+    return Table(
         title=f"Form of table 4.4: terminating generation of the hypothesis test, {where}",
-        header=(
+        columns=(
             "model, current and search",
             "expected generation",
             "its likelihood",
@@ -180,7 +180,7 @@ def termination_table(findings: Sequence[TrialFinding], where: str) -> ChapterTa
     )
 
 
-def rule_table(findings: Sequence[TrialFinding], where: str) -> ChapterTable:
+def rule_table(findings: Sequence[TrialFinding], where: str) -> Table:
     """Effect of each rule, over all currents."""
     rows = []
     for model in dict.fromkeys(finding.model for finding in findings):
@@ -198,9 +198,9 @@ def rule_table(findings: Sequence[TrialFinding], where: str) -> ChapterTable:
                         _between([100.0 * end.excess for end in ends]),
                     )
                 )
-    return ChapterTable(
+    return Table(
         title=f"What a rule would have done, {where}",
-        header=(
+        columns=(
             "model, search and rule",
             "runs that it ends [%]",
             "median generation, by current",

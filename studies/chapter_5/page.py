@@ -31,7 +31,7 @@ from studies.chapter_5.damper_tests import FORCE_NOISE_N, Floats
 from studies.chapter_5.outcome import MODELS, STATIC, WITH_LAWS, Model, SetOutcome
 from studies.chapter_5.tables import law_rms_table, law_table, per_current_table, rms_table
 from studies.chapter_5.thickness_and_mean import STATIC_MODELS, forces, loops_table
-from studies.common.table import as_markup
+from studies.common.table import with_symbols
 
 _FINE = 60
 _LOOPS = 3
@@ -242,7 +242,7 @@ def _damper_part(anchor: str, outcomes: list[SetOutcome]) -> _DamperPart:
             )
             for place, outcome in enumerate(outcomes)
         ),
-        rms_tables=as_markup(map(rms_table, outcomes)),
+        rms_tables=with_symbols(map(rms_table, outcomes)),
         loop_motion=first.tests.motion,
         loop_note="Points: "
         + ("synthetic" if first.tests.synthetic else "measured")
@@ -259,13 +259,13 @@ def _damper_part(anchor: str, outcomes: list[SetOutcome]) -> _DamperPart:
             if model.label in first.each
         ),
         branches=tuple(_branch_panels(anchor, outcomes)),
-        branch_tables=as_markup(map(loops_table, outcomes)),
+        branch_tables=with_symbols(map(loops_table, outcomes)),
         models=tuple(
             _model_part(f"{anchor}-m{place}", outcomes, model)
             for place, model in enumerate(WITH_LAWS)
             if model.label in first.laws
         ),
-        law_rms=as_markup(map(law_rms_table, outcomes)),
+        law_rms=with_symbols(map(law_rms_table, outcomes)),
     )
 
 
@@ -292,7 +292,7 @@ def _model_part(anchor: str, outcomes: list[SetOutcome], model: Model) -> _Model
             )
             for name in model.free
         ),
-        tables=as_markup(
+        tables=with_symbols(
             table(outcome, outcome.each[model.label])
             for outcome in outcomes
             for table in (per_current_table, law_table)

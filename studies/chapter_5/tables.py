@@ -8,16 +8,15 @@ from dataclasses import replace
 import numpy as np
 
 import mrwork as mr
-from mrwork.report import numbers
+from mrwork.report import Table, numbers
 from studies.chapter_5.damper_tests import Floats
 from studies.chapter_5.outcome import Laws, PerCurrent, SetOutcome
-from studies.common.table import ChapterTable
 
 # After a value that has no standard error.
 _UNSURE = "*"
 
 
-def per_current_table(outcome: SetOutcome, each: PerCurrent) -> ChapterTable:
+def per_current_table(outcome: SetOutcome, each: PerCurrent) -> Table:
     """The form of tables 5.2 and 5.3: parameters with standard errors, a row per current."""
     spec = mr.damper(each.model.damper)
     shown = [spec.names.index(name) for name in each.model.free]
@@ -39,15 +38,15 @@ def per_current_table(outcome: SetOutcome, each: PerCurrent) -> ChapterTable:
     units = {name: _unit(spec, name) for name in each.model.free}
     headings = (name if unit == "1" else f"{name} [{unit}]" for name, unit in units.items())
     label = each.model.label
-    return ChapterTable(
+    return Table(
         title=f"{label[0].upper()}{label[1:]} model at each current, {outcome.tests.name}",
-        header=("i [A]", *headings, "RMS [N]"),
+        columns=("i [A]", *headings, "RMS [N]"),
         rows=tuple(rows),
         note=note.strip(),
     )
 
 
-def law_table(outcome: SetOutcome, each: PerCurrent) -> ChapterTable:
+def law_table(outcome: SetOutcome, each: PerCurrent) -> Table:
     """Polynomials through the values at each current beside the laws identified jointly, and the truth where known."""
     laws = outcome.laws[each.model.label]
     columns: list[tuple[str, Laws]] = []
@@ -64,16 +63,15 @@ def law_table(outcome: SetOutcome, each: PerCurrent) -> ChapterTable:
         for name in each.model.free
     )
     worst = ("largest RMS [N]", *(numbers.significant(float(np.max(law.rms_n)), 3) for _, law in columns))
-    return ChapterTable(
+    return Table(
         title=f"Laws of the {each.model.label} model, {outcome.tests.name}",
-        header=("", *(heading for heading, _ in columns)),
+        columns=("", *(heading for heading, _ in columns)),
         rows=(*rows, worst),
         note="i in A, parameters in SI; in brackets the standard error in units of the last digits.",
-        symbols=True,
     )
 
 
-def law_rms_table(outcome: SetOutcome) -> ChapterTable:
+def law_rms_table(outcome: SetOutcome) -> Table:
     """Cost of the laws: RMS error of the force with parameters taken from them."""
     header = ["i [A]"]
     columns: list[Floats] = []
@@ -95,7 +93,7 @@ def law_rms_table(outcome: SetOutcome) -> ChapterTable:
     )
 
 
-def rms_table(outcome: SetOutcome) -> ChapterTable:
+def rms_table(outcome: SetOutcome) -> Table:
     """Figure 5.9 as a table; the smallest of a row in bold."""
     labels = tuple(outcome.each)
     return _rms_table(
@@ -109,16 +107,14 @@ def rms_table(outcome: SetOutcome) -> ChapterTable:
 
 def _rms_table(
     title: str, header: tuple[str, ...], columns: list[Floats], outcome: SetOutcome, *, bold: bool = False
-) -> ChapterTable:
+) -> Table:
     table = np.array(columns).T
-    rows = []
-    for current, values in zip(outcome.tests.currents, table, strict=True):
-        texts = numbers.column([float(value) for value in values], 3)
-        best = int(np.argmin(values))
-        if bold:
-            texts[best] = f"**{texts[best]}**"
-        rows.append((f"{current:g}", *texts))
-    return ChapterTable(title=title, header=header, rows=tuple(rows))
+    rows = [
+        (f"{current:g}", *numbers.column([float(value) for value in values], 3))
+        for current, values in zip(outcome.tests.currents, table, strict=True)
+    ]
+    least = frozenset((row, 1 + int(place)) for row, place in enumerate(np.argmin(table, axis=1)))
+    return Table(title=title, columns=header, rows=tuple(rows), strong=least if bold else frozenset())
 
 
 def _polynomial(coefficients: tuple[float, ...], errors: tuple[float, ...]) -> str:

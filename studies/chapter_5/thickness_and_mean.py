@@ -13,10 +13,9 @@ import numpy as np
 import mrwork as mr
 from mrwork.identification import free_run
 from mrwork.records import Branches, branches
-from mrwork.report import numbers
+from mrwork.report import Table, numbers
 from studies.chapter_5.damper_tests import Floats
 from studies.chapter_5.outcome import WITH_LAWS, PerCurrent, SetOutcome
-from studies.common.table import ChapterTable
 
 STATIC_MODELS = tuple(model.label for model in WITH_LAWS)
 QUANTITIES = ("thickness", "mean")
@@ -89,7 +88,7 @@ def forces(outcome: SetOutcome, each: PerCurrent) -> list[Floats]:
     ]
 
 
-def loops_table(outcome: SetOutcome) -> ChapterTable:
+def loops_table(outcome: SetOutcome) -> Table:
     """The three numbers at each current, of the test and of the static models, and what these miss."""
     loops = compared(outcome)
     models = {label: sizes for label, sizes in loops.models.items() if label in STATIC_MODELS}
@@ -107,9 +106,9 @@ def loops_table(outcome: SetOutcome) -> ChapterTable:
             if name == "thickness":
                 texts[0] += f" ± {numbers.significant(float(loops.deviation[place]), 2)}"
             row += texts
-    return ChapterTable(
+    return Table(
         title=f"Thickness and mean of the loops, {outcome.tests.name}",
-        header=tuple(header),
+        columns=tuple(header),
         rows=tuple(map(tuple, rows)),
         note=" ".join(
             ["Width: full, at half of the thickness at v = 0. ±: of one cycle.", *_sentences(loops)]

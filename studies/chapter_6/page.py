@@ -15,7 +15,6 @@ from studies.chapter_6.tables import remarks, tables, title_of
 from studies.chapter_6.thesis_findings import CONSTANT, LYAPUNOV, SHOWN, sheets_at
 from studies.chapter_6.thesis_tables import thesis_tables
 from studies.common.frame import FRAME, LEVELS, Bench, bench, level_name, record_title
-from studies.common.table import as_markup, sections_as_markup
 
 _COLOURS = dict(zip(LEVELS, (style.MODEL, style.RESIDUAL), strict=True))
 _BASELINES = ("best constant", "i_max")
@@ -126,14 +125,14 @@ def write_page(found: dict[str, Any], path: Path, *, levels: Sequence[str], reco
             )
             for place, level in enumerate(LEVELS)
         ],
-        tables=as_markup(tables(found)),
+        tables=list(tables(found)),
         sheets=[
             {"level": name, "panels": _sheets(over, level, found["five_storeys"][CONSTANT][name]["current"])}
             for level, name in enumerate(map(level_name, LEVELS))
             if name in levels
         ],
         key={"controlled": swatch(style.MODEL, "line"), "without": swatch(style.INK, "dotted")},
-        thesis=sections_as_markup(thesis_tables(found, levels)),
+        thesis=thesis_tables(found, levels),
         draws=found["identified"]["draws"],
         offset={name: found["identified"]["parameters"][name]["truth"] for name in ("f0.0", "f0.1")},
         remarks=list(remarks(found)),

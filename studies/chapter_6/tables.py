@@ -7,7 +7,7 @@ from typing import Any
 
 from mrwork.closed_loop import SCORE
 from mrwork.control import control_law
-from mrwork.report import ResultTable
+from mrwork.report import Table
 from studies.chapter_6.conditions import CONDITIONS, HALF_STEP, REFERENCE
 from studies.chapter_6.loop_findings import ACTIVE, TUNED_LAWS
 from studies.chapter_6.published import QUANTITIES
@@ -27,7 +27,7 @@ def title_of(label: str) -> str:
     return control_law(label).title if label in TUNED_LAWS else label
 
 
-def tables(found: dict[str, Any]) -> Iterator[ResultTable]:
+def tables(found: dict[str, Any]) -> Iterator[Table]:
     """Every table of what was measured."""
     yield _dyke(found["dyke"])
     yield _causes(found["dyke"]["uncontrolled"], found["dyke_causes"], found["dyke_rounding"])
@@ -52,7 +52,7 @@ def remarks(found: dict[str, Any]) -> Iterator[str]:
     yield f"{found['seconds']:.0f} s in all."
 
 
-def _dyke(found: dict[str, Any]) -> ResultTable:
+def _dyke(found: dict[str, Any]) -> Table:
     labels = tuple(found)
     rows = []
     for name in QUANTITIES:
@@ -68,14 +68,14 @@ def _dyke(found: dict[str, Any]) -> ResultTable:
                 f"{row['deviation'][name]:+.1%}",
             ]
         rows.append((name, *cells))
-    return ResultTable(
+    return Table(
         title="Peaks of Dyke et al. 1996: published, ours, deviation",
-        header=("", *(text for label in labels for text in (label, "ours", "deviation"))),
+        columns=("", *(text for label in labels for text in (label, "ours", "deviation"))),
         rows=tuple(rows),
     )
 
 
-def _causes(plain: dict[str, Any], found: dict[str, Any], spread: dict[str, dict[str, float]]) -> ResultTable:
+def _causes(plain: dict[str, Any], found: dict[str, Any], spread: dict[str, dict[str, float]]) -> Table:
     names = tuple(plain["ours"])
     rows = [
         (label, *(f"{entry['deviation'][name]:+.1%}" for name in names), f"{entry['largest']:.1%}")
@@ -85,18 +85,18 @@ def _causes(plain: dict[str, Any], found: dict[str, Any], spread: dict[str, dict
         (f"M, C, K before rounding: {end}", *(f"{spread[name][end]:+.1%}" for name in names), "")
         for end in ("least", "most")
     ]
-    return ResultTable(
+    return Table(
         title="The row without a damper: deviations, one thing changed at a time",
-        header=("", *names, "largest"),
+        columns=("", *names, "largest"),
         rows=tuple(rows),
     )
 
 
-def _five_storeys(found: dict[str, Any], level: str) -> ResultTable:
+def _five_storeys(found: dict[str, Any], level: str) -> Table:
     rows = sorted(found.items(), key=lambda item: item[1][level]["score"])
-    return ResultTable(
+    return Table(
         title=f"Five storeys, four records at {level}, over i = 0",
-        header=(
+        columns=(
             "law",
             "phi",
             "peak drift",
@@ -135,19 +135,19 @@ def _is_baseline(label: str) -> bool:
     return _is_passive_device(label) or label in ACTIVE
 
 
-def _conditions(found: dict[str, Any], level: str) -> ResultTable:
+def _conditions(found: dict[str, Any], level: str) -> Table:
     names = [condition.name for condition in CONDITIONS]
     order = sorted(found, key=lambda law: found[law][REFERENCE.name][level]["score"])
-    return ResultTable(
+    return Table(
         title=f"Scores by condition at {level}; settings as tuned at Ts 1 ms",
-        header=("law", *names),
+        columns=("law", *names),
         rows=tuple(
             (title_of(law), *(f"{found[law][name][level]['score']:.4f}" for name in names)) for law in order
         ),
     )
 
 
-def _steps(found: dict[str, Any]) -> ResultTable:
+def _steps(found: dict[str, Any]) -> Table:
     rows = []
     for law, conditions in found.items():
         cells = []
@@ -161,14 +161,14 @@ def _steps(found: dict[str, Any]) -> ResultTable:
             ]
         rows.append((title_of(law), *cells))
     headings = ("score", "one ratio", "of", "energy error")
-    return ResultTable(
+    return Table(
         title="What half the step changes: the score, and the most that one ratio of one record moves",
-        header=("law", *(f"{text}, {level_name(level)}" for level in LEVELS for text in headings)),
+        columns=("law", *(f"{text}, {level_name(level)}" for level in LEVELS for text in headings)),
         rows=tuple(rows),
     )
 
 
-def _faults(found: dict[str, Any]) -> ResultTable:
+def _faults(found: dict[str, Any]) -> Table:
     return table_of(
         "Faults, clipped-optimal, El Centro at 0.3 g",
         "fault",
@@ -180,7 +180,7 @@ def _faults(found: dict[str, Any]) -> ResultTable:
     )
 
 
-def _frequencies(found: dict[str, Any]) -> ResultTable:
+def _frequencies(found: dict[str, Any]) -> Table:
     return table_of(
         "Natural frequencies [Hz]",
         "building",

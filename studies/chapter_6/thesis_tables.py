@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from mrwork.report import ResultTable
+from mrwork.report import Table
 from studies.chapter_6.tables import title_of
 from studies.chapter_6.thesis_findings import (
     CONSTANT,
@@ -28,7 +28,7 @@ from studies.common.table import table_of
 _NUMBERS = dict(zip(SHOWN, ("Table 6.1 in form", "Table 6.2 in form"), strict=True))
 
 
-def thesis_tables(found: dict[str, Any], levels: Sequence[str]) -> dict[str, list[ResultTable]]:
+def thesis_tables(found: dict[str, Any], levels: Sequence[str]) -> dict[str, list[Table]]:
     """By section of the page, every table; those of every floor at these levels only."""
     return {
         "sheets": list(_sheets(found)),
@@ -39,12 +39,12 @@ def thesis_tables(found: dict[str, Any], levels: Sequence[str]) -> dict[str, lis
     }
 
 
-def _sheets(found: dict[str, Any]) -> Iterator[ResultTable]:
+def _sheets(found: dict[str, Any]) -> Iterator[Table]:
     """Numbers of the sheets at each level."""
     for level, table in found["sheets"].items():
-        yield ResultTable(
+        yield Table(
             title=f"Sheets at {level}",
-            header=(
+            columns=(
                 "record and row",
                 "largest V [J]",
                 "over i = 0",
@@ -68,7 +68,7 @@ def _sheets(found: dict[str, Any]) -> Iterator[ResultTable]:
         )
 
 
-def _floors_at(found: dict[str, Any], levels: Sequence[str]) -> Iterator[ResultTable]:
+def _floors_at(found: dict[str, Any], levels: Sequence[str]) -> Iterator[Table]:
     """Values without control, then values and ratios with bands of each law, at these levels."""
     for level in levels:
         table = found["floors"][level]
@@ -80,12 +80,12 @@ def _floors_at(found: dict[str, Any], levels: Sequence[str]) -> Iterator[ResultT
             yield _side_by_side(table, level, quantities)
 
 
-def _worse(found: dict[str, Any]) -> Iterator[ResultTable]:
+def _worse(found: dict[str, Any]) -> Iterator[Table]:
     """Where control is worse than i = 0 and than the best constant current, a table for each level."""
     for level, table in found["worse"].items():
-        yield ResultTable(
+        yield Table(
             title=f"Where control makes a floor worse, {level}: floors of the {_count(table)} of all records",
-            header=(
+            columns=(
                 "row and quantity",
                 "worse than i = 0",
                 "with its whole band",
@@ -109,11 +109,16 @@ def _worse(found: dict[str, Any]) -> Iterator[ResultTable]:
         )
 
 
-def _worse_floors(found: dict[str, Any]) -> Iterator[ResultTable]:
+def _worse_floors(found: dict[str, Any]) -> Iterator[Table]:
     for level, table in found["floors"].items():
-        yield ResultTable(
+        yield Table(
             title=f"The floors that control makes worse than i = 0, {level}",
-            header=("row, quantity, record and floor", "over i = 0", "5 to 95 %", "best constant over i = 0"),
+            columns=(
+                "row, quantity, record and floor",
+                "over i = 0",
+                "5 to 95 %",
+                "best constant over i = 0",
+            ),
             rows=tuple(
                 (
                     f"{title_of(law)}: {quantity.title}, {name}",
@@ -130,7 +135,7 @@ def _worse_floors(found: dict[str, Any]) -> Iterator[ResultTable]:
         )
 
 
-def _bands(found: dict[str, Any]) -> Iterator[ResultTable]:
+def _bands(found: dict[str, Any]) -> Iterator[Table]:
     """Parameters of the identified damper, and the widths of the bands that follow from them."""
     identified = found["identified"]
     yield table_of(
@@ -146,9 +151,9 @@ def _bands(found: dict[str, Any]) -> Iterator[ResultTable]:
     )
     for level, table in found["worse"].items():
         laws = tuple(table)
-        yield ResultTable(
+        yield Table(
             title=f"Widest band of a ratio, {level}, and how many ratios of the published damper lie in theirs",
-            header=(
+            columns=(
                 "quantity",
                 *(text for law in laws for text in (title_of(law), f"in, of {_count(table)}")),
             ),
@@ -167,7 +172,7 @@ def _bands(found: dict[str, Any]) -> Iterator[ResultTable]:
         )
 
 
-def _arrangements(found: dict[str, Any]) -> Iterator[ResultTable]:
+def _arrangements(found: dict[str, Any]) -> Iterator[Table]:
     """Offsets and peaks of one-way dampers beside the pair: means over the records, and the range of the peaks."""
     for level, table in found["arrangements"].items():
         rows = []
@@ -206,9 +211,9 @@ def _arrangements(found: dict[str, Any]) -> Iterator[ResultTable]:
                         ),
                     )
                 )
-        yield ResultTable(
+        yield Table(
             title=f"One way against the pair, {level}",
-            header=(
+            columns=(
                 "row and dampers",
                 "offset of floor 1 before [mm]",
                 "after it [mm]",
@@ -224,10 +229,10 @@ def _arrangements(found: dict[str, Any]) -> Iterator[ResultTable]:
         )
 
 
-def _without(table: dict[str, Any], level: str) -> ResultTable:
-    return ResultTable(
+def _without(table: dict[str, Any], level: str) -> Table:
+    return Table(
         title=f"Without control (i = 0), {level}",
-        header=("record and floor", *(f"{each.title} [{each.unit}]" for each in QUANTITIES)),
+        columns=("record and floor", *(f"{each.title} [{each.unit}]" for each in QUANTITIES)),
         rows=tuple(
             (name, *(f"{table[record][each.name]['values'][floor]:.3f}" for each in QUANTITIES))
             for name, record, floor in _floors(table)
@@ -236,11 +241,11 @@ def _without(table: dict[str, Any], level: str) -> ResultTable:
     )
 
 
-def _of_law(table: dict[str, Any], law: str, level: str, quantities: Sequence[Quantity]) -> ResultTable:
+def _of_law(table: dict[str, Any], law: str, level: str, quantities: Sequence[Quantity]) -> Table:
     part = "peaks" if quantities is PEAKS else "rms"
-    return ResultTable(
+    return Table(
         title=f"{_NUMBERS[law]}: {title_of(law)}, {level}, {part}",
-        header=(
+        columns=(
             "record and floor",
             *(
                 text
@@ -267,12 +272,12 @@ def _of_law(table: dict[str, Any], law: str, level: str, quantities: Sequence[Qu
     )
 
 
-def _side_by_side(table: dict[str, Any], level: str, quantities: Sequence[Quantity]) -> ResultTable:
+def _side_by_side(table: dict[str, Any], level: str, quantities: Sequence[Quantity]) -> Table:
     shown = {LYAPUNOV: "6.1", PROPORTIONAL: "6.2", INVERSE: "inverse", CONSTANT: "constant"}
     part = "Peaks" if quantities is PEAKS else "Rms"
-    return ResultTable(
+    return Table(
         title=f"{part} over i = 0 side by side, {level}",
-        header=(
+        columns=(
             "record and floor",
             *(
                 f"{each.motion}, {text}" if label == LYAPUNOV else text

@@ -25,7 +25,6 @@ from studies.chapter_7.virtual_rig import (
     Signals,
     rd_1005_3,
 )
-from studies.common.table import sections_as_markup
 
 _TONES = (style.MODEL, style.RESIDUAL, style.PARAMETER_BAND, style.INK, style.DATA, style.BAND_EDGE)
 # What is shown of a test [s], and every how many samples: 250 Hz are enough for a frame of 3 Hz.
@@ -264,7 +263,7 @@ def write_page(chapter: Chapter, path: Path) -> None:
     write_study_page(
         Path(__file__).parent / "page.html.j2",
         path,
-        tables=sections_as_markup(made),
+        tables=made,
         measured=chapter.kind == "measured",
         sensors=SENSORS,
         hardware=HARDWARE,

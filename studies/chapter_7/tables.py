@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from mrwork.report import ResultTable
+from mrwork.report import Table
 from studies.chapter_7.controlled_tests import FORCES, NO_DAMPER_NAME, OFF, QUANTITIES
 from studies.chapter_7.earthquakes import CORNER, PEAK
 from studies.chapter_7.predictions import ALL_TRUE, FULL, JUDGED
@@ -40,7 +40,7 @@ _PARAMETER_UNITS = {
 _FACTORS = {"x_s": 1e3}
 
 
-def tables(found: dict[str, Any]) -> dict[str, tuple[ResultTable, ...]]:
+def tables(found: dict[str, Any]) -> dict[str, tuple[Table, ...]]:
     """Tables by the section that they belong to."""
     run = next(found[kind] for kind in KINDS if kind in found)
     return {
@@ -60,10 +60,10 @@ def tables(found: dict[str, Any]) -> dict[str, tuple[ResultTable, ...]]:
     }
 
 
-def _limits_table() -> ResultTable:
-    return ResultTable(
+def _limits_table() -> Table:
+    return Table(
         title="The table",
-        header=("limit", "value"),
+        columns=("limit", "value"),
         rows=(
             ("stroke, from the middle", f"{1e3 * TABLE.stroke:g} mm"),
             ("velocity", f"{1e3 * TABLE.velocity:g} mm/s"),
@@ -75,7 +75,7 @@ def _limits_table() -> ResultTable:
     )
 
 
-def _demand_table(demands: dict[str, Any]) -> ResultTable:
+def _demand_table(demands: dict[str, Any]) -> Table:
     return table_of(
         "What the records take of the table",
         "record",
@@ -95,15 +95,15 @@ def _demand_table(demands: dict[str, Any]) -> ResultTable:
     )
 
 
-def _frame_table(frame: dict[str, Any]) -> ResultTable:
+def _frame_table(frame: dict[str, Any]) -> Table:
     rows = []
     for name, true in frame["true"].items():
         value, error = frame["identified"][name], frame["standard_error"][name]
         rows.append((name, f"{true:.6g}", f"{value:.6g}", f"{error:.1g}", f"{frame['in_errors'][name]:+.1f}"))
     (f, f_error), (zeta, zeta_error) = frame["fourier"].values()
-    return ResultTable(
+    return Table(
         title="Table 7.1 in form: the frame",
-        header=("number", "true", "identified", "standard error", "deviation in standard errors"),
+        columns=("number", "true", "identified", "standard error", "deviation in standard errors"),
         rows=tuple(rows),
         note=f"Logarithmic decrement of {frame['extremes']} extremes; the Fourier spectrum gives {f:.6g} +- "
         f"{f_error:.1g} Hz and {zeta:.5g} +- {zeta_error:.1g} %. The errors are those of white noise; a frame that is "
@@ -111,11 +111,11 @@ def _frame_table(frame: dict[str, Any]) -> ResultTable:
     )
 
 
-def _sine_table(sines: dict[str, Any]) -> ResultTable:
+def _sine_table(sines: dict[str, Any]) -> Table:
     frequencies = next(iter(sines.values()))["amplitudes"]
-    return ResultTable(
+    return Table(
         title=f"Response amplitudes under {SWEEP_PEAK:g} m/s2, measured (predicted)",
-        header=(
+        columns=(
             "frequency",
             *(f"displacement at {current} [mm]" for current in sines),
             *(f"acceleration at {current} [m/s2]" for current in sines),
@@ -138,7 +138,7 @@ def _sine_table(sines: dict[str, Any]) -> ResultTable:
     )
 
 
-def _damper_table(damper: dict[str, Any]) -> ResultTable:
+def _damper_table(damper: dict[str, Any]) -> Table:
     rate = damper["rate"]
     rows = []
     for name, each in damper["coefficients"].items():
@@ -159,9 +159,9 @@ def _damper_table(damper: dict[str, Any]) -> ResultTable:
             f"{rate['standard_error']:.3g}",
         )
     )
-    return ResultTable(
+    return Table(
         title="The damper from the sine tests",
-        header=("coefficient", "true", "identified", "standard error"),
+        columns=("coefficient", "true", "identified", "standard error"),
         rows=tuple(rows),
         note=f"Static hysteretic model with current laws, {damper['tests']} tests, fit "
         f"{damper['fit_percent']:.2f} %. The gains of load cell and displacement sensor err by "
@@ -170,14 +170,14 @@ def _damper_table(damper: dict[str, Any]) -> ResultTable:
     )
 
 
-def _way_tables(run: dict[str, Any]) -> tuple[ResultTable, ...]:
+def _way_tables(run: dict[str, Any]) -> tuple[Table, ...]:
     if "ways" not in run:
         return ()
     shown = ("c.0", "alpha.1", "beta", "delta.0", "delta.1", "x_s")
     return (
-        ResultTable(
+        Table(
             title="The damper identified without a precaution",
-            header=("way", "fit [%]", *(f"{name} [{_PARAMETER_UNITS[name]}]" for name in shown)),
+            columns=("way", "fit [%]", *(f"{name} [{_PARAMETER_UNITS[name]}]" for name in shown)),
             rows=tuple(
                 (
                     name,
@@ -192,7 +192,7 @@ def _way_tables(run: dict[str, Any]) -> tuple[ResultTable, ...]:
     )
 
 
-def _choice_table(chosen: dict[str, Any]) -> ResultTable:
+def _choice_table(chosen: dict[str, Any]) -> Table:
     return table_of(
         "Settings",
         "case",
@@ -206,10 +206,10 @@ def _choice_table(chosen: dict[str, Any]) -> ResultTable:
     )
 
 
-def _score_table(tests: dict[str, Any]) -> ResultTable:
-    return ResultTable(
+def _score_table(tests: dict[str, Any]) -> Table:
+    return Table(
         title="Ratios to i = 0, mean over the records",
-        header=(
+        columns=(
             "case",
             "score",
             *QUANTITIES,
@@ -241,7 +241,7 @@ def mean_of(runs: dict[str, dict[str, float]], quantity: str) -> float:
     return abs(sum(each[quantity] for each in runs.values()) / len(runs))
 
 
-def _other_tables(other: dict[str, Any]) -> tuple[ResultTable, ...]:
+def _other_tables(other: dict[str, Any]) -> tuple[Table, ...]:
     return (
         _score_table(other["tests"]),
         _case_table(other["predictions"]["by_case"]),
@@ -249,7 +249,7 @@ def _other_tables(other: dict[str, Any]) -> tuple[ResultTable, ...]:
     )
 
 
-def _record_table(tests: dict[str, Any], record: str) -> ResultTable:
+def _record_table(tests: dict[str, Any], record: str) -> Table:
     off = tests["each"][OFF][record]
     rows = []
     for name, runs in tests["each"].items():
@@ -263,18 +263,18 @@ def _record_table(tests: dict[str, Any], record: str) -> ResultTable:
             else:
                 cells.append(f"{each[quantity]:.2f} ({each[quantity] / off[quantity]:.2f})")
         rows.append((name, *cells))
-    return ResultTable(
+    return Table(
         title=f"{record}, measured",
-        header=("case", *(f"{name} [{_UNITS[name]}]" for name in (*QUANTITIES, *FORCES))),
+        columns=("case", *(f"{name} [{_UNITS[name]}]" for name in (*QUANTITIES, *FORCES))),
         rows=tuple(rows),
         note="In brackets the ratio to i = 0.",
     )
 
 
-def _case_table(by_case: dict[str, Any]) -> ResultTable:
-    return ResultTable(
+def _case_table(by_case: dict[str, Any]) -> Table:
+    return Table(
         title="Errors of the prediction by case, rms over the records [%]",
-        header=("case", *JUDGED),
+        columns=("case", *JUDGED),
         rows=tuple(
             (name, *(f"{each[quantity]:.1f}" if quantity in each else "" for quantity in JUDGED))
             for name, each in by_case.items()
@@ -282,10 +282,10 @@ def _case_table(by_case: dict[str, Any]) -> ResultTable:
     )
 
 
-def _variant_table(by_variant: dict[str, Any]) -> ResultTable:
-    return ResultTable(
+def _variant_table(by_variant: dict[str, Any]) -> Table:
+    return Table(
         title="Errors with one part replaced by the true one, rms and largest over cases and records [%]",
-        header=("rig", *JUDGED),
+        columns=("rig", *JUDGED),
         rows=tuple(
             (name, *(f"{each[quantity]['rms']:.1f} ({each[quantity]['largest']:.1f})" for quantity in JUDGED))
             for name, each in by_variant.items()

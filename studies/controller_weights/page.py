@@ -8,7 +8,6 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from mrwork.report import numbers, panel, style, write_study_page
-from studies.common.table import as_markup
 from studies.controller_weights.tables import tables
 
 _TONES = (style.INK, style.MODEL, style.RESIDUAL, style.PARAMETER_BAND, style.DATA, style.BAND_EDGE)
@@ -29,7 +28,7 @@ def write_page(found: dict[str, Any], path: Path) -> None:
             )
             for number, (level, shapes) in enumerate(found.get("true_loop", {}).items())
         ],
-        tables=as_markup(tables(found)),
+        tables=list(tables(found)),
         unreachable=found["unreachable"],
     )
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from mrwork.report import ResultTable
+from mrwork.report import Table
 from studies.common.table import table_of
 from studies.controller_weights.loop import CURRENTS
 
 
-def tables(found: dict[str, Any]) -> Iterator[ResultTable]:
+def tables(found: dict[str, Any]) -> Iterator[Table]:
     """The tables of the README."""
     yield table_of(
         "Program and Riccati equations",
@@ -49,9 +49,9 @@ def tables(found: dict[str, Any]) -> Iterator[ResultTable]:
         },
     )
     for level, shapes in found.get("true_loop", {}).items():
-        yield ResultTable(
+        yield Table(
             title=f"R scanned in the true loop, {level} g, {CURRENTS[float(level)]:g} A at most",
-            header=(
+            columns=(
                 "weights",
                 "R as designed",
                 "best R",

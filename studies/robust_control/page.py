@@ -10,7 +10,6 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from mrwork.report import panel, style, write_study_page
-from studies.common.table import as_markup
 from studies.robust_control.tables import tables
 
 
@@ -28,7 +27,7 @@ def write_page(found: Mapping[str, Any], path: Path) -> None:
             )
             for number, (level, figures) in enumerate(found.items())
         ],
-        tables=as_markup(tables(found)),
+        tables=list(tables(found)),
     )
 
 

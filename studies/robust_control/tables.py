@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.closed_loop import SCORE
-from mrwork.report import ResultTable
+from mrwork.report import Table
 from mrwork.tuning import BEST_CONSTANT
 from studies.robust_control.findings import CLAIRVOYANT
 
@@ -24,7 +24,7 @@ Floats = NDArray[np.float64]
 RECORDS = ("el_centro", "hachinohe", "kobe", "northridge")
 
 
-def tables(found: Mapping[str, Any]) -> Iterator[ResultTable]:
+def tables(found: Mapping[str, Any]) -> Iterator[Table]:
     """The tables of the README."""
     for level, figures in found.items():
         laws = figures["laws"]
@@ -46,7 +46,7 @@ def is_record(name: str) -> bool:
     return name.startswith(RECORDS)
 
 
-def _scores(level: str, laws: Mapping[str, Any]) -> ResultTable:
+def _scores(level: str, laws: Mapping[str, Any]) -> Table:
     def cells(row: Mapping[str, Any]) -> tuple[str, ...]:
         names = list(row["motions"])
         groups = (
@@ -63,9 +63,9 @@ def _scores(level: str, laws: Mapping[str, Any]) -> ResultTable:
             f"{1e3 * row['peak_stroke']:.1f}",
         )
 
-    return ResultTable(
+    return Table(
         title=f"Scores at {level}",
-        header=(
+        columns=(
             "law",
             "training",
             "four",
@@ -82,7 +82,7 @@ def _scores(level: str, laws: Mapping[str, Any]) -> ResultTable:
     )
 
 
-def _both_peaks(level: str, laws: Mapping[str, Any]) -> ResultTable:
+def _both_peaks(level: str, laws: Mapping[str, Any]) -> Table:
     """Under how many motions each law has lower peaks than the best constant command, and any of the laws."""
     constant = _peaks(laws[BEST_CONSTANT])
     over = {
@@ -99,9 +99,9 @@ def _both_peaks(level: str, laws: Mapping[str, Any]) -> ResultTable:
             yield f"{int(lower.sum())} of {len(ratios)}"
         yield f"{ratios.max(axis=1).mean():.3f}"
 
-    return ResultTable(
+    return Table(
         title=f"Peaks below those of the best constant command at {level}",
-        header=(
+        columns=(
             "law",
             "peak drift",
             "peak acc.",
@@ -119,22 +119,22 @@ def _peaks(row: Mapping[str, Any]) -> Floats:
     return np.array(list(row["peaks"].values()))
 
 
-def _bands(level: str, laws: Mapping[str, Any]) -> ResultTable:
+def _bands(level: str, laws: Mapping[str, Any]) -> Table:
     def cells(row: Mapping[str, Any]) -> Iterator[str]:
         for name in ("score", "peak_drift"):
             band = row["bands"][name]
             yield f"{band['median']:.3f}"
             yield f"{band['lower']:.3f} to {band['upper']:.3f}"
 
-    return ResultTable(
+    return Table(
         title=f"Over draws of the damper, stiffness, damping and delay at {level}",
-        header=("law", "score", "90 % band", "peak drift", "90 % band"),
+        columns=("law", "score", "90 % band", "peak drift", "90 % band"),
         rows=tuple((label, *cells(row)) for label, row in laws.items() if row["bands"]),
         note="Each is the mean over the test motions of a ratio to i = 0 of the same realisation.",
     )
 
 
-def _left(level: str, laws: Mapping[str, Any], best: Mapping[str, Any]) -> ResultTable:
+def _left(level: str, laws: Mapping[str, Any], best: Mapping[str, Any]) -> Table:
     names = list(best["motions"])
     rows = [
         (label, *(f"{row['motions'][name]:.3f}" for name in names), f"{mean_over(row['motions'], names):.3f}")
@@ -147,9 +147,9 @@ def _left(level: str, laws: Mapping[str, Any], best: Mapping[str, Any]) -> Resul
             f"{mean_over(best['motions'], names):.3f}",
         )
     )
-    return ResultTable(
+    return Table(
         title=f"How much is left at {level}",
-        header=("law", *names, "mean"),
+        columns=("law", *names, "mean"),
         rows=tuple(rows),
         note="The clairvoyant knows the motion; it is a local optimum of several starts, not certified.",
     )

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import report_samples
 
-from mrwork.report.comparison import Comparison
+from mrwork.report.figures import Comparison
 from mrwork.report.fit.amplitudes import amplitude_section
 from mrwork.report.section import Section
 

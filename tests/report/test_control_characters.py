@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 from matplotlib.figure import Figure
 
 from mrwork.report import write_study_page
-from mrwork.report.svg import inline_svg, png_bytes, svg_bytes
+from mrwork.report.canvas import inline_svg, png_bytes, svg_bytes
 
 NAME = "a\x1b[31m\x07\u202eb"
 

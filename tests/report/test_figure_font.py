@@ -19,7 +19,7 @@ from matplotlib import font_manager
 from report_samples import comparison
 
 from mrwork.report import figures, style
-from mrwork.report.svg import inline_svg, svg_bytes
+from mrwork.report.canvas import inline_svg, svg_bytes
 
 # ASCII, Latin with accents, Greek, and the punctuation and mathematical signs of labels.
 _CHARACTERS = (
@@ -34,7 +34,7 @@ _DRAW = """
 import sys, hashlib
 from report_samples import comparison
 from mrwork.report import figures
-from mrwork.report.svg import inline_svg, svg_bytes
+from mrwork.report.canvas import inline_svg, svg_bytes
 figure = figures.force_history(comparison())
 print(hashlib.sha256(svg_bytes(figure) + inline_svg(figure, identifier="f", description="").encode()).hexdigest())
 """

@@ -23,7 +23,7 @@ from mrwork.errors import MrworkError, RecordError
 from mrwork.identification.fit_file import fit_from_json, read_fit
 from mrwork.identification.residual import ObservedTest
 from mrwork.records import Finding, cut
-from mrwork.report.comparison import Comparison
+from mrwork.report.figures import Comparison
 from mrwork.report.fit.page import comparisons_of, fit_page, open_run, write_page
 from mrwork.report.fit.search import waterfall_panel
 from mrwork.report.section import PageProgress

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from mrwork.report.canvas import png_bytes, svg_bytes
 from mrwork.report.fit.profiles import profiles_figure
-from mrwork.report.svg import png_bytes, svg_bytes
 from mrwork.uncertainty import Profile, Profiles
 
 

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from mrwork.report import numbers
+from mrwork.report.canvas import svg_bytes
 from mrwork.report.fit.ranking import ranking_figure
-from mrwork.report.ranking_rows import ranking_rows
-from mrwork.report.svg import svg_bytes
 from mrwork.uncertainty import Ranking
 from mrwork.uncertainty.choice.leave_one_out import LeaveOneOut
 from mrwork.uncertainty.choice.ranking import Evidence, rank, ranking_of
@@ -43,15 +42,22 @@ def ranking() -> Ranking:
 
 
 def test_every_family_is_a_row_and_the_reasons_are_there(ranking: Ranking) -> None:
-    rows = {row.model: row for row in ranking_rows(ranking)}
+    table = ranking.table
+    rows = {row[0]: dict(zip(table.columns, row, strict=True)) for row in table.rows}
     assert list(rows) == ["large", "good", "poor", "lost", "broken"]
-    assert [row.is_chosen for row in rows.values()] == [False, True, False, False, False]
-    assert rows["good"].remark == "chosen, Pareto k above 0.7 in 1 block"
-    assert rows["large"].remark.startswith("as good")
-    assert rows["broken"].remark == "failed, it diverged"
-    assert rows["broken"].left_out == rows["broken"].bic_behind == "–"
-    assert rows["good"].left_out == "94.00 ± 0.58"
-    assert rows["large"].behind == "0.00"
+    assert rows["good"]["remark"] == "chosen, Pareto k above 0.7 in 1 block"
+    assert rows["large"]["remark"].startswith("as good")
+    assert rows["broken"]["remark"] == "failed, it diverged"
+    assert rows["broken"]["left-out fit %"] == rows["broken"]["Δ BIC"] == "–"
+    assert rows["good"]["left-out fit %"] == "94.00 ± 0.58"
+    assert rows["large"]["behind, points"] == "0.00"
+
+
+def test_page_and_terminal_have_the_same_cells_of_a_ranking(ranking: Ranking) -> None:
+    text, page = ranking.table, ranking.page_table
+    assert [row[1:] for row in text.rows] == [row[1:] for row in page.rows]
+    assert [each.lower() for each in text.columns] == [each.lower() for each in page.columns]
+    assert [row[0] for row in page.rows] == [each.title for each in ranking.standings]
 
 
 def test_the_figure_has_every_family_that_was_judged_within_its_axes(ranking: Ranking) -> None:

@@ -15,7 +15,7 @@ from report_samples import comparison, fit, quality
 from mrwork.errors import SettingError
 from mrwork.records import DamperTest, Finding
 from mrwork.report import figures
-from mrwork.report.comparison import Comparison
+from mrwork.report.figures import Comparison
 from mrwork.report.fit import parameters
 from mrwork.report.fit.page import identification_report
 

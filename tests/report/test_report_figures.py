@@ -23,11 +23,11 @@ from report_samples import comparison, fit, quality
 from mrwork import StoredRun
 from mrwork.identification import SearchTrace
 from mrwork.report import figures, style
-from mrwork.report.comparison import Comparison, even_samples, scattered_samples, zoom_window
+from mrwork.report.canvas import inline_svg, svg_bytes
+from mrwork.report.figures import Comparison, even_samples, scattered_samples, zoom_window
 from mrwork.report.fit import search
 from mrwork.report.fit.page import run_figures, write_figures
 from mrwork.report.section import PageProgress
-from mrwork.report.svg import inline_svg, svg_bytes
 
 
 def stored(*tested: Comparison, place: Path = Path()) -> StoredRun:

@@ -13,7 +13,7 @@ from mrwork.control import lyapunov_function, plant_of
 from mrwork.errors import SettingError
 from mrwork.motions import GroundMotion
 from mrwork.report import response_sheet_figure
-from mrwork.report.svg import svg_bytes
+from mrwork.report.canvas import svg_bytes
 
 FRAME = five_storeys()
 MOTION = sweep(4.0)

@@ -9,7 +9,7 @@ from mrwork.identification import Estimate, Fit, FitQuality, SearchTrace
 from mrwork.identification.fit import ErrorNorms, FitStatus, Provenance
 from mrwork.records import DamperTest, Finding, range_of_tests
 from mrwork.records.likeness import RecordedMotion
-from mrwork.report.comparison import Comparison
+from mrwork.report.figures import Comparison
 
 
 def comparison(

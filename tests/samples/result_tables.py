@@ -11,7 +11,7 @@ class Table(Protocol):
     """A table of text."""
 
     title: str
-    header: tuple[str, ...]
+    columns: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
 
 
@@ -19,7 +19,7 @@ def assert_filled(tables: Iterable[Table]) -> None:
     """Each row has a name, and a text below each heading."""
     for table in tables:
         assert table.rows, table.title
-        assert {len(row) for row in table.rows} == {len(table.header)}, table.title
+        assert {len(row) for row in table.rows} == {len(table.columns)}, table.title
         assert all(row[0] for row in table.rows), table.title
 
 

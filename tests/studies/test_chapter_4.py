@@ -231,7 +231,7 @@ def test_tables_show_what_was_found(comparison: Comparison, settings: Comparison
     below = 100.0 * np.mean(trial.runs[SWARM].final <= trial.level)
     assert level_table(findings, "here").rows[0][2 + SEARCHES.index(SWARM)] == f"{below:.0f}"
     for table in tables_of(findings, "here"):
-        assert all(len(row) == len(table.header) for row in table.rows)
+        assert all(len(row) == len(table.columns) for row in table.rows)
 
 
 def test_the_page_stands_alone_and_calls_synthetic_data_synthetic(

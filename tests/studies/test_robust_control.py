@@ -45,7 +45,7 @@ def test_every_table_names_its_rows_and_fills_them(found: dict[str, Any]) -> Non
     made = list(tables({"0.1 g": {**found, "clairvoyant": left}}))
     assert len(made) == 4
     for table in made:
-        assert {len(row) for row in table.rows} == {len(table.header)}
+        assert {len(row) for row in table.rows} == {len(table.columns)}
         assert all(row[0] for row in table.rows), table.title
     assert made[3].rows[-1] == ("clairvoyant", "0.400", "0.500", "0.450")
 

@@ -23,7 +23,6 @@ from mrwork.store.destination import Destination
 from mrwork.store.run_folder import FIT_RUN
 from mrwork.store.unfinished import StepJournals
 from mrwork.uncertainty import LawChoice, LawTable, TriedLaws
-from mrwork.uncertainty.choice.law_table import LAW_HEADINGS
 from mrwork.uncertainty.choice.laws import LawProgress
 
 COMMANDS = (0.0, 1.0)
@@ -76,8 +75,10 @@ def test_all_laws_stand_in_one_table_that_names_their_model(choice: LawChoice) -
     percents = [each.left_out_percent for each in table.tried]
     assert percents == sorted(percents, reverse=True)
     assert all(len(each.left_out) == table.n_folds == 3 for each in table.tried)
-    assert table.lines[0].split()[0] == "model"
-    assert all(line.startswith(each.model) for line, each in zip(table.lines[1:], table.tried, strict=True))
+    assert table.table.columns[0] == "model"
+    assert all(
+        line.startswith(each.model) for line, each in zip(table.table.lines()[1:], table.tried, strict=True)
+    )
 
 
 def test_other_models_do_not_change_what_a_model_finds(
@@ -86,7 +87,7 @@ def test_other_models_do_not_change_what_a_model_finds(
     alone = mr.choose_laws("dahl", tests, settings=SETTINGS, threads=1)
     assert of_model(alone, "dahl") == of_model(choice, "dahl")
     assert alone.fit.theta == choice.fit.theta
-    assert alone.table.lines[0].split()[0] == LAW_HEADINGS[0]
+    assert alone.table.table.columns[0] == "parameters"
     assert "of dahl" not in alone.table.sentence
 
 
@@ -234,7 +235,7 @@ def test_a_choice_of_one_model_of_an_earlier_version_is_read(tests: tuple[Damper
     read = record_from_json(
         LawTable, json.dumps(document), origin="laws.json", name="choice", verb="identify"
     )
-    assert read.lines == table.lines
+    assert read.table == table.table
     assert read.model == "dahl"
     assert read.chosen.laws == table.chosen.laws
     assert read.notes == ()

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from report_samples import comparison
 from scipy.stats import chi2, f
 
-from mrwork.report.comparison import Comparison
+from mrwork.report.figures import Comparison
 from mrwork.report.fit.residual_tests import (
     LAGS,
     LEVEL,

@@ -22,7 +22,7 @@ from mrwork.cli.options import (
     opened_run,
     read_tests,
 )
-from mrwork.cli.output import print_json, renew_page, table_lines, told_findings
+from mrwork.cli.output import print_json, renew_page, told_findings
 from mrwork.cli.progress import IdentificationInWords, ProgressLine
 from mrwork.cli.terminal import note, show
 from mrwork.errors import SettingError
@@ -32,6 +32,7 @@ from mrwork.identification.identify import identify_again
 from mrwork.records import DamperTest, observed
 from mrwork.store.run_folder import CALIBRATION, FOLDS
 from mrwork.store.run_lock import adding
+from mrwork.table import Table
 from mrwork.uncertainty.bands.calibration_files import Folds, write_bands
 from mrwork.uncertainty.bands.conformal import (
     LEVELS,
@@ -170,21 +171,23 @@ def _text(calibration: Calibration, coverage: Sequence[LeftOutCoverage], folder:
         tests = [coverage[first : first + len(LEVELS)] for first in range(0, len(coverage), len(LEVELS))]
         shares = np.array([[100 * each.samples.coverage for each in rows] for rows in tests])
         scores = np.array([rows[LEVELS.index(_LEVEL)].samples.interval_score for rows in tests])
-        cells = [
-            (name, *(f"{share:.1f}" for share in each), f"{score:.3f}")
-            for name, each, score in zip(
-                [*(rows[0].test for rows in tests), "mean"],
-                [*shares, shares.mean(axis=0)],
-                [*scores, scores.mean()],
-                strict=True,
-            )
-        ]
-        heads = ("test", *(f"in {100 * level:.0f} %" for level in LEVELS), "score")
+        table = Table(
+            columns=("test", *(f"in {100 * level:.0f} %" for level in LEVELS), "score"),
+            rows=tuple(
+                (name, *(f"{share:.1f}" for share in each), f"{score:.3f}")
+                for name, each, score in zip(
+                    [*(rows[0].test for rows in tests), "mean"],
+                    [*shares, shares.mean(axis=0)],
+                    [*scores, scores.mean()],
+                    strict=True,
+                )
+            ),
+        )
         lines += [
             "Share of each test's samples [%] in the bands calibrated on the other tests, and the interval score of "
             "the 90 % band:",
             "",
-            *table_lines([heads, *cells]),
+            *table.lines("  "),
             "",
         ]
     return "\n".join([*lines, f"Written: {folder / CALIBRATION}"])

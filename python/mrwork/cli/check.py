@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from mrwork.cli.numbers import named_path
 from mrwork.cli.options import add_files, add_json, reading_of
 from mrwork.cli.output import print_json
-from mrwork.cli.paths import named_path
 from mrwork.cli.progress import reading_line
 from mrwork.cli.terminal import note, show
 from mrwork.command_signal import Command, command_range

@@ -6,15 +6,25 @@ import argparse
 from dataclasses import asdict
 from typing import Any
 
-from mrwork.cli.numbers import AMPLITUDE, FREQUENCY, add_number
+from mrwork.cli.numbers import AMPLITUDE, FREQUENCY, add_number, named_path
 from mrwork.cli.options import add_json
 from mrwork.cli.output import print_json
-from mrwork.cli.paths import named_path
 from mrwork.cli.terminal import show
 from mrwork.dampers.spec import DamperSpec, Preset, damper, damper_models
 from mrwork.errors import SettingError
 from mrwork.store.output_file import replacing
 from mrwork.summary import aligned
+from mrwork.table import TableColumn, text_table
+
+_PARAMETER_COLUMNS = (
+    TableColumn(heading="parameter", cell=lambda each: each.name),
+    TableColumn(heading="unit", cell=lambda each: each.unit),
+    TableColumn(heading="nominal", cell=lambda each: f"{each.nominal:g}"),
+    TableColumn(heading="lower", cell=lambda each: f"{each.lower:g}"),
+    TableColumn(heading="upper", cell=lambda each: f"{each.upper:g}"),
+    TableColumn(heading="scale", cell=lambda each: each.scale),
+    TableColumn(heading="meaning", cell=lambda each: each.description),
+)
 
 
 def add_parser(verbs: Any) -> None:
@@ -61,8 +71,8 @@ def _write_figure(spec: DamperSpec, options: argparse.Namespace) -> None:
     suffix = options.figure.suffix.lower()
     if suffix not in (".svg", ".png"):
         raise SettingError(f"--figure {options.figure} ends with {suffix or 'nothing'}; give .svg or .png")
-    from mrwork.report.parameter_effects import parameter_effects_figure
-    from mrwork.report.svg import png_bytes, svg_bytes
+    from mrwork.report.canvas import png_bytes, svg_bytes
+    from mrwork.report.damper_figures import parameter_effects_figure
 
     figure = parameter_effects_figure(spec, amplitude=options.amplitude, frequency=options.frequency)
     with replacing(options.figure) as stream:
@@ -80,12 +90,7 @@ def _in_full(spec: DamperSpec) -> str:
     lines = [spec.title, "=" * len(spec.title), ""]
     lines += [f"  {line}" for line in spec.equation.splitlines()]
     lines += ["", spec.description, "", f"Source:  {spec.source}", f"Nominal: {spec.nominal_source}", ""]
-    rows = [("parameter", "unit", "nominal", "lower", "upper", "scale", "meaning")]
-    rows += [
-        (p.name, p.unit, f"{p.nominal:g}", f"{p.lower:g}", f"{p.upper:g}", p.scale, p.description)
-        for p in spec.parameters
-    ]
-    lines += aligned(rows)
+    lines += text_table(_PARAMETER_COLUMNS, spec.parameters).lines()
     for name in spec.presets:
         lines += ["", *_preset_lines(spec.preset(name))]
     lines += [

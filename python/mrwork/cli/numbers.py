@@ -1,4 +1,4 @@
-"""Numbers of the command line: every option that takes one has a range, which its help states.
+"""Numbers and paths of the command line: every option that takes a number has a range, which its help states.
 
 A number outside its range is refused before anything is read, in one sentence that states the range.
 """
@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from mrwork.identification.settings import EQUAL_SHARES, LARGEST_POWER, ROOT_MEAN_SQUARE
@@ -162,3 +163,16 @@ def add_number(
     """Declare an option that takes a number, or several; its help ends with the range."""
     says = f"{help}; {numeric.in_words}"
     parser.add_argument(option, type=numeric, help=says, metavar=metavar, default=default, dest=dest)
+
+
+def named_path(text: str) -> Path:
+    """The path that a text names; an empty one, as of a shell variable that is not set, would be this folder.
+
+    Raises
+    ------
+    argparse.ArgumentTypeError
+        Where the text is empty.
+    """
+    if not text:
+        raise argparse.ArgumentTypeError("the name is empty; give a file or folder, . for this folder")
+    return Path(text)

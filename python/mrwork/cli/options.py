@@ -8,8 +8,7 @@ from math import isfinite
 from pathlib import Path
 from typing import get_args
 
-from mrwork.cli.numbers import EVERY, INSTANT, SEED, SETTLE, THREADS, add_number
-from mrwork.cli.paths import named_path
+from mrwork.cli.numbers import EVERY, INSTANT, SEED, SETTLE, THREADS, add_number, named_path
 from mrwork.cli.progress import reading_line
 from mrwork.cli.terminal import note
 from mrwork.dampers.parameters import LawName

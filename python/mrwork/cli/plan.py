@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.cli.numbers import AMPLITUDES, COMMANDS, FREQUENCIES, STROKE, VELOCITY, add_number
+from mrwork.cli.numbers import AMPLITUDES, COMMANDS, FREQUENCIES, STROKE, VELOCITY, add_number, named_path
 from mrwork.cli.options import add_json, add_quiet, add_run, add_seed, add_threads, opened_run
-from mrwork.cli.output import print_json, renew_page, table_lines, told_findings
-from mrwork.cli.paths import named_path
+from mrwork.cli.output import print_json, renew_page, told_findings
 from mrwork.cli.terminal import note, show
 from mrwork.errors import SettingError
 from mrwork.identification.equivalent import identifiable_form
@@ -21,6 +20,7 @@ from mrwork.identification.fit_file import OpenedRun, addition_content
 from mrwork.store.output_file import write_files
 from mrwork.store.run_folder import PLAN, REPORT
 from mrwork.store.run_lock import adding
+from mrwork.table import text_table
 from mrwork.uncertainty.planning.candidates import Candidate, Limits, candidate_grid, read_candidates
 from mrwork.units import CommandUnit
 
@@ -149,6 +149,9 @@ def _draws(
 
 
 def _text(check: CheckedPlan, origin: str, unit: CommandUnit | None, place: Path) -> str:
+    # SciPy's optimisers are slow to load, and the help does not need them.
+    from mrwork.uncertainty.planning.plan import gain_columns
+
     plan = check.plan
     best = plan.gains[0]
     deviations = [
@@ -162,16 +165,7 @@ def _text(check: CheckedPlan, origin: str, unit: CommandUnit | None, place: Path
         "model is valid there.",
         "",
     ]
-    rows = [
-        (
-            each.candidate.in_words(unit),
-            f"{100.0 * each.gain:.1f} %",
-            "-" if each.drawn is None else f"{100.0 * each.drawn:.0f} %",
-            f"{each.deviation:.3g}",
-        )
-        for each in plan.gains[:_SHOWN]
-    ]
-    lines += table_lines([("test", "variance reduction", "by draws", "deviation after"), *rows])
+    lines += text_table(gain_columns(unit), plan.gains[:_SHOWN]).lines("  ")
     if len(plan.gains) > _SHOWN:
         lines.append(f"  and {len(plan.gains) - _SHOWN} more in {place / PLAN}")
     lines += ["", _check_in_words(check, origin), f"Report: {place / REPORT}"]

@@ -27,7 +27,7 @@ from mrwork.identification.problem import prediction_warning
 from mrwork.identification.result import FitSpread, explained_by, free_run
 from mrwork.records import Likeness, observed
 from mrwork.records.likeness import likenesses_in_words
-from mrwork.summary import aligned
+from mrwork.table import TableColumn, text_table
 from mrwork.tested_range import Exceedance, worst_of
 from mrwork.uncertainty.bands.band import score
 from mrwork.uncertainty.bands.calibration_files import read_calibration
@@ -35,6 +35,19 @@ from mrwork.uncertainty.bands.conformal import BEYOND_TESTED
 from mrwork.uncertainty.bands.prediction import Prediction
 
 _AS_FITTED = "as in the identification"
+
+_COLUMNS = (
+    TableColumn(heading="file", cell=lambda row: row["file"]),
+    TableColumn(heading="fit %", cell=lambda row: f"{row['fit_percent']:.2f}"),
+    TableColumn(heading="NRMSE", cell=lambda row: f"{row['nrmse']:.4f}"),
+    TableColumn(heading="RMSE", unit="N", cell=lambda row: f"{row['rmse_n']:.2f}"),
+    TableColumn(heading="samples", cell=lambda row: str(row["n_time"])),
+    TableColumn(heading="sub-steps", cell=lambda row: str(row["substeps"])),
+)
+_BAND_COLUMNS = (
+    TableColumn(heading="+-", unit="N", cell=lambda row: f"{row['band']['half_width_n']:.4g}"),
+    TableColumn(heading="inside %", cell=lambda row: f"{100.0 * row['band']['inside']:.1f}"),
+)
 
 
 def add_parser(verbs: Any) -> None:
@@ -150,23 +163,7 @@ def run(options: argparse.Namespace) -> int:
         document |= {"spread_unseen": asdict(spread_unseen)} if spread_unseen is not None else {}
         print_json(document | ({"basis": basis} if basis else {}))
         return 0
-    heads = ["file", "fit %", "NRMSE", "RMSE [N]", "samples", "sub-steps"]
-    cells = [
-        [
-            row["file"],
-            f"{row['fit_percent']:.2f}",
-            f"{row['nrmse']:.4f}",
-            f"{row['rmse_n']:.2f}",
-            str(row["n_time"]),
-            str(row["substeps"]),
-        ]
-        for row in rows
-    ]
-    if basis:
-        heads += ["+- [N]", "inside %"]
-        for cell, row in zip(cells, rows, strict=True):
-            cell += [f"{row['band']['half_width_n']:.4g}", f"{100.0 * row['band']['inside']:.1f}"]
-    show("\n".join(aligned([heads, *cells])))
+    show("\n".join(text_table((*_COLUMNS, *(_BAND_COLUMNS if basis else ())), rows).lines()))
     if spread is not None:
         show(spread.in_words)
     if nuisances:

@@ -8,8 +8,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from mrwork.cli.numbers import named_path
 from mrwork.cli.options import add_json, add_out, add_quiet, add_seed, add_threads
-from mrwork.cli.paths import named_path
 from mrwork.cli.progress import PATIENCE, ProgressLine, study_described
 from mrwork.cli.study_text import StudyVerb, command_line, study_folder, study_text
 from mrwork.cli.terminal import keep_stdout, note, show

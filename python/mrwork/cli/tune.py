@@ -8,9 +8,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from mrwork.cli.numbers import named_path
 from mrwork.cli.options import add_json, add_out, add_quiet, add_seed, add_threads
 from mrwork.cli.output import table_lines
-from mrwork.cli.paths import named_path
 from mrwork.cli.progress import PATIENCE, ProgressLine, tuning_described
 from mrwork.cli.study_text import StudyVerb, command_line, study_folder
 from mrwork.cli.terminal import keep_stdout, note

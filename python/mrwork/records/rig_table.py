@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -21,6 +19,7 @@ from mrwork.store.input_file import RECORD, exists, is_file, is_folder, start_of
 from mrwork.store.output_file import replacing
 from mrwork.store.run_folder import real_place
 from mrwork.summary import Summarised, listed
+from mrwork.table import csv_text
 
 Use = Literal["fit", "calibration", "test"]
 """What a test is used for: identification, calibration of bands, or the final comparison."""
@@ -221,18 +220,15 @@ def write_test_table(path: str | os.PathLike[str], rows: Sequence[ListedTest]) -
     if exists(place):
         raise OutputError(f"{place} exists already; delete it, or choose another name for the table")
     check_given_once(rows)
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(_HEADER)
+    lines: list[Sequence[str]] = [_HEADER]
     for row in rows:
         file = Path(row.file)
         inside = file.resolve().is_relative_to(place.parent.resolve())
         name = file.resolve().relative_to(place.parent.resolve()) if inside else file.resolve()
-        writer.writerow(
-            [name.as_posix(), row.use or UNUSED, *(row.columns.get(key, "") for key in _SPECIFIED), row.doubt]
-        )
+        entries = (row.columns.get(key, "") for key in _SPECIFIED)
+        lines.append((name.as_posix(), row.use or UNUSED, *entries, row.doubt))
     with replacing(place) as stream:
-        stream.write(text.getvalue().encode())
+        stream.write(csv_text(lines).encode())
 
 
 def _row(entries: Mapping[str, str], folder: Path) -> ListedTest:

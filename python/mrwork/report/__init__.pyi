@@ -1,10 +1,9 @@
-from .cross_section import cross_section_figure as cross_section_figure
-from .loop_branches import branches_figure as branches_figure
-from .parameter_effects import parameter_effects_figure as parameter_effects_figure
+from .damper_figures import branches_figure as branches_figure
+from .damper_figures import cross_section_figure as cross_section_figure
+from .damper_figures import parameter_effects_figure as parameter_effects_figure
 from .response_sheet import response_sheet_figure as response_sheet_figure
 
 if True:  # the lower tier
-    from . import numbers as numbers
     from . import style as style
     from .canvas import SMALL as SMALL
     from .canvas import WIDE as WIDE
@@ -12,10 +11,11 @@ if True:  # the lower tier
     from .canvas import finish as finish
     from .canvas import finish_loop as finish_loop
     from .canvas import tested_points as tested_points
+    from .expectations import departures as departures
     from .html import swatch as swatch
     from .html import symbol as symbol
     from .html import write_study_page as write_study_page
-    from .result_table import ResultTable as ResultTable
-    from .result_table import departures as departures
     from .section import Panel as Panel
+    from .section import Table as Table
+    from .section import numbers as numbers
     from .section import panel as panel

@@ -1,4 +1,4 @@
-"""Canvas of all figures: empty axes of fixed sizes, and their titles, ticks, legends and points.
+"""Canvas of all figures: empty axes of fixed sizes, their titles, ticks, legends and points, and the drawn SVG or PNG.
 
 Draw inside `style.drawn_in_style()`, a context or a decorator. Sizes are in inches, and margins are the same in every
 panel, so that the axes of neighbours line up.
@@ -6,18 +6,24 @@ panel, so that the axes of neighbours line up.
 
 from __future__ import annotations
 
+import io
+import re
 from collections.abc import Sequence
+from html import escape
 from typing import Literal, cast
 
+import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
 from numpy.typing import ArrayLike, NDArray
 
 from mrwork.arguments import checked
+from mrwork.escaping import escaped_lines
+from mrwork.numbers import shortest
 from mrwork.report import style
-from mrwork.report.numbers import shortest
 
 LEFT, RIGHT, TOP, BOTTOM = 0.62, 0.20, 0.34, 0.5
 # One of several figures side by side in a study, and one that fills its page.
@@ -191,3 +197,61 @@ def tested_points(
     """One cycle of a test as points, thinned so that they can be distinguished."""
     drawn = slice(cycle.start, cycle.stop, max(1, (cycle.stop - cycle.start) // _LOOP_POINTS))
     draw_points(axes, abscissa[drawn], force[drawn], size=4.5)
+
+
+# Without a date, equal figures are equal files.
+_NO_DATE = {"Date": None}
+_PNG_DOTS_PER_INCH = 200
+
+
+def svg_bytes(figure: Figure) -> bytes:
+    """An SVG file with outlines for letters, which looks the same everywhere."""
+    return _saved(figure, font_type="path").encode()
+
+
+def png_bytes(figure: Figure) -> bytes:
+    """A picture for a slide or a text processor, 200 dots per inch."""
+    target = io.BytesIO()
+    _without_controls(figure)
+    with style.drawn_in_style():
+        figure.savefig(target, format="png", dpi=_PNG_DOTS_PER_INCH)
+    return target.getvalue()
+
+
+def inline_svg(figure: Figure, *, identifier: str, description: str) -> str:
+    """An `<svg>` element that scales with its column; `description` is for screen readers.
+
+    Its letters are text in the font that the page embeds.
+    `identifier` keeps the element's names apart from those of the other figures of the page.
+    """
+    text = _saved(figure, font_type="none")
+    view_box = re.search(r'viewBox="([^"]+)"', text)
+    body = text[text.index(">", text.index("<svg")) + 1 : text.rindex("</svg>")]
+    body = re.sub(r"<metadata>.*?</metadata>", "", body, flags=re.DOTALL)
+    body = re.sub(r"\bd=\"[^\"]*\"|<use [^>]*>", _two_decimals, body)
+    body = re.sub(r'(\bid="|url\(#|href="#)', rf"\g<1>{identifier}-", body)
+    title = f"{identifier}-title"
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink" role="img" '
+        f'viewBox="{view_box.group(1) if view_box else "0 0 360 270"}" aria-labelledby="{title}">'
+        f'<title id="{title}">{escape(description)}</title>{body}</svg>'
+    )
+
+
+def _saved(figure: Figure, *, font_type: str) -> str:
+    target = io.StringIO()
+    _without_controls(figure)
+    with style.drawn_in_style(), matplotlib.rc_context({"svg.fonttype": font_type}):
+        figure.savefig(target, format="svg", metadata=_NO_DATE)
+    return target.getvalue()
+
+
+def _without_controls(figure: Figure) -> None:
+    """Show control characters of names as escapes: no font has them, and no XML may."""
+    for text in figure.findobj(Text):
+        text.set_text(escaped_lines(text.get_text()))
+
+
+def _two_decimals(element: re.Match[str]) -> str:
+    # A hundredth of a point is far below what a screen or a printer shows, and halves the page.
+    return re.sub(r"(\.\d\d)\d+", r"\1", element.group())

@@ -1,19 +1,157 @@
-"""Figures of the tests of a fit, as matplotlib `Figure` objects without global state."""
+"""Figures of the tests of a fit: a test beside the force of its model, the samples that are drawn, and the drawings.
+
+Figures are matplotlib `Figure` objects without global state.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from mrwork.errors import SettingError
+from mrwork.identification.fit import FitQuality
 from mrwork.records.damper_test import DamperTest
+from mrwork.records.motion import upward_crossings
 from mrwork.report import canvas, style
 from mrwork.report.canvas import axes_between, draw_points, finish_signed, legend
-from mrwork.report.comparison import Comparison, even_samples, scattered_samples, zoom_window
 from mrwork.report.style import DisplayUnit
+from mrwork.values import holds_arrays
+
+
+@holds_arrays
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Comparison:
+    """A test, the free-run `model_force` [N] on its samples, shape (n_time,), and how well they agree."""
+
+    test: DamperTest
+    model_force: NDArray[np.float64]
+    quality: FitQuality
+
+    def __post_init__(self) -> None:
+        expected = (self.test.n_time,)
+        if self.model_force.shape != expected:
+            raise SettingError(
+                f"`model_force` has shape {self.model_force.shape}, test {self.test.name!r} has {expected}; "
+                "simulate the model on the samples of that test"
+            )
+
+    @property
+    def residual(self) -> NDArray[np.float64]:
+        """Measured minus model force [N], shape (n_time,)."""
+        return self.test.force - self.model_force
+
+    @property
+    def data_label(self) -> str:
+        """Name of the data in a legend; synthetic data are never called measured."""
+        return "synthetic" if self.test.synthetic else "measured"
+
+
+Floats = NDArray[np.float64]
+
+
+def envelope(time: Floats, signal: Floats, bins: int) -> tuple[Floats, Floats]:
+    """The minimum and the maximum of a signal in each of `bins` intervals, in their order; keeps the peaks."""
+    length = len(time) // bins
+    if length < 3:
+        return time, signal
+    whole = length * bins
+    parts = signal[:whole].reshape(bins, length)
+    at = np.sort(np.stack([parts.argmin(axis=1), parts.argmax(axis=1)], axis=1), axis=1)
+    index = np.append((at + length * np.arange(bins)[:, None]).ravel(), np.arange(whole, len(time)))
+    return time[index], signal[index]
+
+
+def strong_part(time: Floats, signal: Floats, seconds: float) -> slice:
+    """The samples of an interval of `seconds` around the peak of a signal."""
+    at = time[int(np.abs(signal).argmax())]
+    end = min(max(at + seconds / 2.0, time[0] + seconds), time[-1])
+    first, last = np.searchsorted(time, [end - seconds, end])
+    return slice(int(first), int(last) + 1)
+
+
+CYCLES_SHOWN = 3
+
+_GOLDEN = 0.6180339887498949
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Window:
+    """Samples start..stop-1 of a record; `first_cycle` counts from 1 and is `None` without cycles."""
+
+    start: int
+    stop: int
+    first_cycle: int | None
+    n_cycles: int
+
+    @property
+    def samples(self) -> slice:
+        """The window as a slice."""
+        return slice(self.start, self.stop)
+
+
+def zoom_window(displacement: NDArray[np.float64]) -> Window:
+    """A few whole cycles from the middle of a record, or its middle third where it has none.
+
+    At most half of the cycles are shown, so that the window enlarges the record.
+    """
+    n_time = displacement.size
+    crossings = upward_crossings(displacement)
+    complete = crossings.size - 1
+    shown = min(CYCLES_SHOWN, (complete + 1) // 2)
+    if shown < 1:
+        third = n_time // 3
+        return Window(start=third, stop=max(n_time - third, third + 1), first_cycle=None, n_cycles=0)
+    first = (complete - shown) // 2
+    return Window(
+        start=int(crossings[first]),
+        stop=int(crossings[first + shown]) + 1,
+        first_cycle=first + 1,
+        n_cycles=shown,
+    )
+
+
+def even_samples(
+    abscissa: NDArray[np.float64], ordinate: NDArray[np.float64], most: int, *, aspect: float
+) -> NDArray[np.intp]:
+    """At most `most` samples at equal steps along the drawn curve, shape (n_drawn,).
+
+    Equal steps in time would crowd where the curve is flat and leave gaps where it is steep. `aspect`
+    is the width of the drawing over its height.
+    """
+    return _nearest_samples(abscissa, ordinate, np.arange(most) / most, aspect)
+
+
+def scattered_samples(
+    abscissa: NDArray[np.float64], ordinate: NDArray[np.float64], most: int
+) -> NDArray[np.intp]:
+    """At most `most` samples spread along a loop that is passed many times, shape (n_drawn,).
+
+    Equal steps can coincide with the cycles and draw the same few points repeatedly; a reproducible
+    golden-ratio jitter within each step avoids that.
+    """
+    number = np.arange(most)
+    return _nearest_samples(abscissa, ordinate, (number + number * _GOLDEN % 1.0) / most, 1.0)
+
+
+def _nearest_samples(
+    abscissa: NDArray[np.float64],
+    ordinate: NDArray[np.float64],
+    shares: NDArray[np.float64],
+    aspect: float,
+) -> NDArray[np.intp]:
+    """The samples at `shares` of the length of the curve, each sample once."""
+    if ordinate.size <= shares.size:
+        return np.arange(ordinate.size)
+    across = aspect * np.diff(abscissa) / (float(np.ptp(abscissa)) or 1.0)
+    up = np.diff(ordinate) / (float(np.ptp(ordinate)) or 1.0)
+    along = np.concatenate(([0.0], np.cumsum(np.hypot(across, up))))
+    return np.unique(np.minimum(np.searchsorted(along, shares * along[-1]), ordinate.size - 1))
+
 
 POINTS_IN_WINDOW = 150
 POINTS_IN_LOOP = 600

@@ -14,6 +14,7 @@ from markupsafe import Markup
 from mrwork.arguments import checked
 from mrwork.escaping import escaped_lines
 from mrwork.report import style
+from mrwork.table import breakable, coded
 
 _GREEK = {
     "alpha": "α",
@@ -71,18 +72,6 @@ def symbol(name: str) -> str:
     subscripts = [part for part in (_GREEK.get(subscript or "", subscript), coefficient) if part]
     set_subscript = f"<sub>{escape(','.join(subscripts))}</sub>" if subscripts else ""
     return f"<i>{escape(letter)}</i>{set_subscript}"
-
-
-def breakable(name: str) -> str:
-    """A name that may be broken after an underscore, but not between a number and its unit."""
-    return re.sub(r"(?<=\d) (?=[A-Za-z]{1,2}\b)", "\N{NO-BREAK SPACE}", escape(name)).replace("_", "_<wbr>")
-
-
-def coded(sentence: str) -> str:
-    """A sentence with `commands` between backticks as HTML; a per cent sign and `i = 0` are not broken apart."""
-    bound = escape(sentence).replace(" %", "\N{NO-BREAK SPACE}%")
-    bound = bound.replace("i = 0", "i\N{NO-BREAK SPACE}=\N{NO-BREAK SPACE}0")
-    return re.sub(r"`([^`]+)`", r"<code>\1</code>", bound)
 
 
 def equation_html(equation: str) -> str:

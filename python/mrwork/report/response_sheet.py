@@ -22,7 +22,7 @@ from mrwork.control.plant import plant_of
 from mrwork.errors import SettingError
 from mrwork.report import style
 from mrwork.report.canvas import axes_between, legend, name_ordinate
-from mrwork.report.comparison import envelope, strong_part
+from mrwork.report.figures import envelope, strong_part
 from mrwork.values import holds_arrays
 
 Floats = NDArray[np.float64]

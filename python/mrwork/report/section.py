@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Literal
 
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
+from mrwork import numbers as numbers
 from mrwork.arguments import checked
-from mrwork.report.comparison import Comparison
-from mrwork.report.numbers import fixed
-from mrwork.report.svg import inline_svg
+from mrwork.report.canvas import inline_svg
+from mrwork.report.figures import Comparison
 from mrwork.stored import StoredRun
 from mrwork.summary import Summarised
+from mrwork.table import Table as Table
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,7 +38,6 @@ def unobserved(_: PageProgress) -> None:
 Layout = Literal["columns", "small", "whole"]
 """Layout of figures: two in a row, four small ones in a row, or one at its natural width, scrolled sideways."""
 
-NOTHING = fixed(None, 0)
 # At this scale the letters of a figure are as large as the small ones of the page.
 _PIXELS_PER_INCH = 78
 
@@ -51,27 +51,6 @@ class Panel(Summarised):
     svg: Markup
     note: str = ""
     width: int = 0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Table:
-    """A table: its first column names the row, those in `words` are text, all others numbers.
-
-    `label` describes it to a screen reader, `note` stands below it. `over` are headings above the columns, each with
-    the number of columns that it spans; `strong` are the cells (row, column) in bold, `alarming` those in the colour of
-    warnings. `headings` are headings above rows, by the number of the row.
-    """
-
-    label: str
-    columns: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-    foot: tuple[str, ...] = ()
-    words: tuple[int, ...] = ()
-    note: str = ""
-    over: tuple[tuple[str, int], ...] = ()
-    strong: frozenset[tuple[int, int]] = frozenset()
-    alarming: frozenset[tuple[int, int]] = frozenset()
-    headings: Mapping[int, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -104,32 +83,6 @@ class Absent:
     title: str
     description: str
     command: str
-
-
-def table(
-    *,
-    label: str,
-    columns: tuple[str, ...],
-    rows: tuple[tuple[str, ...], ...],
-    foot: tuple[str, ...] = (),
-    words: tuple[int, ...] = (),
-    note: str = "",
-) -> Table:
-    """A table without the columns that are empty in every row."""
-    empty = {"", NOTHING}
-    filled = [index for index in range(len(columns)) if any(row[index] not in empty for row in rows)]
-
-    def kept(row: tuple[str, ...]) -> tuple[str, ...]:
-        return tuple(row[index] for index in filled) if row else row
-
-    return Table(
-        label=label,
-        columns=kept(columns),
-        rows=tuple(kept(row) for row in rows),
-        foot=kept(foot),
-        words=tuple(place for place, index in enumerate(filled) if index in words),
-        note=note,
-    )
 
 
 @checked

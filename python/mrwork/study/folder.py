@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any
@@ -49,6 +47,7 @@ from mrwork.study.run_result import (
 )
 from mrwork.study.study import Kind, Row, StudyFile
 from mrwork.summary import listed
+from mrwork.table import csv_text
 from mrwork.tested_range import Exceedance, OperatingRange
 
 
@@ -513,10 +512,3 @@ def _store_step_check(results: StudyResults, row: int, motion: int) -> StoredSte
 def _every_criterion(numbers: Mapping[str, float] | None) -> _Criteria:
     found = numbers or {}
     return {entry.name: found.get(entry.name, math.nan) for entry in criteria()}
-
-
-def csv_text(lines: Iterable[list[str]]) -> str:
-    """Rows of cells as a table of values separated by commas."""
-    target = io.StringIO()
-    csv.writer(target, lineterminator="\n").writerows(lines)
-    return target.getvalue()

@@ -28,10 +28,10 @@ from mrwork.store.run_folder import (
     check_manifest,
     read_manifest,
 )
-from mrwork.study.folder import csv_text
 from mrwork.study.results import RealisationBand
 from mrwork.study.study import StudyFile
 from mrwork.summary import Summarised, Summary, listed, rounded, with_decimals
+from mrwork.table import csv_text
 from mrwork.tuning.space import LARGEST, FreeSetting, LawCandidate
 
 _MARGIN = 0.01

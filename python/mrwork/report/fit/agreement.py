@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.figure import Figure
 
+from mrwork import numbers
 from mrwork.identification.fit import Fit, FitQuality
 from mrwork.identification.result import FitSpread
 from mrwork.records.damper_test import DamperTest, Finding
 from mrwork.records.findings import gathered_findings
-from mrwork.report import figures, numbers
-from mrwork.report.comparison import Comparison, zoom_window
-from mrwork.report.figures import common_force_unit, small_velocity_loops
+from mrwork.report import figures
+from mrwork.report.figures import Comparison, common_force_unit, small_velocity_loops, zoom_window
 from mrwork.report.section import Group, Panel, Section, panel
 from mrwork.report.style import DisplayUnit
 

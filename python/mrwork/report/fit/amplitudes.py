@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork import numbers
 from mrwork.records.damper_test import DamperTest
-from mrwork.report import numbers
-from mrwork.report.comparison import Comparison
-from mrwork.report.section import Group, Section, SectionKind, Table, table
+from mrwork.report.figures import Comparison
+from mrwork.report.section import Group, Section, SectionKind
+from mrwork.table import Table, TableColumn, page_table
 from mrwork.tested_range import half_cycle_ends
 from mrwork.values import holds_arrays
 
@@ -73,6 +74,12 @@ class _HalfCycles:
         at, between = map(_root, self.squared_error.sum(axis=1), self.count.sum(axis=1))
         return at, between
 
+    @property
+    def excess_at_reversals(self) -> float:
+        """Root mean square error at reversals over that of the other samples."""
+        at, between = self.rmse_at_and_between_reversals
+        return at / between if between > 0.0 else math.nan
+
 
 def amplitude_section(comparisons: Sequence[Comparison]) -> Section | None:
     """A table of the errors by classes of amplitude, and what it shows; `None` where no half cycle is compared."""
@@ -109,40 +116,33 @@ def _prose(classes: Sequence[_HalfCycles]) -> tuple[str, ...]:
 
 
 def _table(classes: Sequence[_HalfCycles], every: _HalfCycles) -> Table:
-    rows = [(each.in_words, each) for each in classes]
-    if len(classes) > 1:
-        rows.append(("all", every))
-    errors = numbers.column([each.rmse for _, each in rows], 3)
-    return table(
-        label="Errors by amplitude of the half cycles",
-        columns=(
-            "Amplitude",
-            "Half cycles",
-            "Samples",
-            "RMSE (N)",
-            "RMSE / RMS force (%)",
-            "RMSE at reversals (N)",
-            "RMSE elsewhere (N)",
-            "At reversals / elsewhere",
+    rows = [*classes, *([every] if len(classes) > 1 else [])]
+    decimals = numbers.decimals_of([each.rmse for each in rows], 3)
+
+    def rmse(part: int) -> Callable[[_HalfCycles], str]:
+        return lambda each: numbers.significant(each.rmse_at_and_between_reversals[part], 3)
+
+    return page_table(
+        "Errors by amplitude of the half cycles",
+        (
+            TableColumn(heading="amplitude", cell=lambda each: "all" if each is every else each.in_words),
+            TableColumn(heading="half cycles", cell=lambda each: numbers.fixed(each.amplitude.size, 0)),
+            TableColumn(heading="samples", cell=lambda each: numbers.fixed(each.count.sum(), 0)),
+            TableColumn(heading="RMSE", unit="N", cell=lambda each: numbers.fixed(each.rmse, decimals)),
+            TableColumn(
+                heading="RMSE / RMS force", unit="%", cell=lambda each: numbers.percent(each.relative)
+            ),
+            TableColumn(heading="RMSE at reversals", unit="N", cell=rmse(0)),
+            TableColumn(heading="RMSE elsewhere", unit="N", cell=rmse(1)),
+            TableColumn(
+                heading="at reversals / elsewhere",
+                cell=lambda each: numbers.fixed(each.excess_at_reversals, 2),
+            ),
         ),
-        rows=tuple(_row(words, error, each) for (words, each), error in zip(rows, errors, strict=True)),
+        rows,
         note="The amplitude is half the displacement from one reversal to the next; the motion before the first "
         "reversal and after the last has none. At reversals: the first and the last tenth of the duration of each "
         "half cycle.",
-    )
-
-
-def _row(words: str, error: str, found: _HalfCycles) -> tuple[str, ...]:
-    at, between = found.rmse_at_and_between_reversals
-    return (
-        words,
-        numbers.fixed(found.amplitude.size, 0),
-        numbers.fixed(found.count.sum(), 0),
-        error,
-        numbers.percent(found.relative),
-        numbers.significant(at, 3),
-        numbers.significant(between, 3),
-        numbers.fixed(at / between if between > 0.0 else math.nan, 2),
     )
 
 

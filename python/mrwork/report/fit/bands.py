@@ -13,18 +13,18 @@ from matplotlib.path import Path
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
+from mrwork import numbers
 from mrwork.errors import RecordError, SettingError, SimulationError
 from mrwork.identification.fit import Fit
 from mrwork.identification.problem import Problem
 from mrwork.identification.residual import ObservedTest
+from mrwork.numbers import percent
 from mrwork.records import DamperTest
 from mrwork.records.motion import whole_cycles
-from mrwork.report import numbers, style
+from mrwork.report import style
 from mrwork.report.canvas import column_axes, draw_points, finish_signed, legend, name_small_axes, small_axes
-from mrwork.report.comparison import Comparison, even_samples
-from mrwork.report.figures import common_force_unit
+from mrwork.report.figures import Comparison, common_force_unit, even_samples
 from mrwork.report.fit.coverage import MAIN_LEVEL, conditions_in_words
-from mrwork.report.numbers import percent
 from mrwork.report.section import Group, Panel, Section, SectionKind, panel
 from mrwork.report.style import DisplayUnit
 from mrwork.stored import StoredRun

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from operator import itemgetter
 
 import numpy as np
 from matplotlib.figure import Figure
 
+from mrwork import numbers
 from mrwork.escaping import escaped
+from mrwork.numbers import percent
 from mrwork.records import DamperTest
-from mrwork.report import numbers, style
+from mrwork.report import style
 from mrwork.report.canvas import column_axes, draw_points, room_for
-from mrwork.report.comparison import Comparison
-from mrwork.report.numbers import percent
-from mrwork.report.section import Absent, Group, Section, SectionKind, Table, panel, table
+from mrwork.report.figures import Comparison
+from mrwork.report.section import Absent, Group, Section, SectionKind, panel
 from mrwork.stored import StoredRun
+from mrwork.table import Table, TableColumn, page_table
 from mrwork.uncertainty.bands.calibration_files import StoredBands
 from mrwork.uncertainty.bands.conformal import LEVELS, LeftOutCoverage
 
@@ -141,16 +144,20 @@ def _others(count: int) -> str:
 
 def _table(rows: list[dict[float, LeftOutCoverage]], names: list[str]) -> Table:
     cells = [_cells(row) for row in rows]
-    return table(
-        label="Coverage of tests left out",
-        columns=(
-            "Test",
-            *(f"In {100 * level:.0f} % band (%)" for level in LEVELS),
-            "Cycles in 90 % (%)",
-            "Width of 90 %",
-            "Interval score",
-        ),
-        rows=tuple((name, *_texts(values)) for name, values in zip(names, cells, strict=True)),
+    headings = (
+        ("test", ""),
+        *((f"in {100 * level:.0f} % band", "%") for level in LEVELS),
+        ("cycles in 90 %", "%"),
+        ("width of 90 %", ""),
+        ("interval score", ""),
+    )
+    return page_table(
+        "Coverage of tests left out",
+        [
+            TableColumn(heading=heading, unit=unit, cell=itemgetter(place))
+            for place, (heading, unit) in enumerate(headings)
+        ],
+        [(name, *_texts(values)) for name, values in zip(names, cells, strict=True)],
         foot=("Mean", *_texts([_mean(values) for values in zip(*cells, strict=True)])),
         note="A cycle is inside where its dissipated energy lies in the 90 % band of the energy. Width and interval "
         "score are in standard deviations of the test's force. The score is the mean width plus twenty times the "

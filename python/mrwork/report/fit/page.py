@@ -13,12 +13,14 @@ import numpy as np
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
+from mrwork import numbers
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import reopen
 from mrwork.identification.result import free_run
 from mrwork.records import DamperTest
-from mrwork.report import figures, numbers
-from mrwork.report.comparison import Comparison
+from mrwork.report import figures
+from mrwork.report.canvas import png_bytes, svg_bytes
+from mrwork.report.figures import Comparison
 from mrwork.report.fit.agreement import (
     agreement_rows,
     blocks_of_tests,
@@ -39,7 +41,6 @@ from mrwork.report.fit.residuals import RESIDUALS
 from mrwork.report.fit.search import search_facts, search_figure, search_panels
 from mrwork.report.html import equation_html, filled_in
 from mrwork.report.section import Absent, OnDrawn, PageProgress, Section, SectionKind, unobserved
-from mrwork.report.svg import png_bytes, svg_bytes
 from mrwork.store.output_file import write_files
 from mrwork.store.run_folder import FIGURES, REPORT
 from mrwork.stored import StoredRun, with_additions

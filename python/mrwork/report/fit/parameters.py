@@ -6,11 +6,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import get_args
 
+from mrwork import numbers
 from mrwork.identification.fit import Direction, Estimate, Fit, Identifiability, Intervals, VerdictName
-from mrwork.report import numbers
-from mrwork.report.comparison import Comparison
-from mrwork.report.section import Absent, Group, Section, SectionKind, Table, table
+from mrwork.report.figures import Comparison
+from mrwork.report.section import Absent, Group, Section, SectionKind
 from mrwork.stored import StoredRun
+from mrwork.table import Table, TableColumn, page_table
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -131,15 +132,7 @@ def _laws_section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
     if laws is None:
         return None
     chosen = laws.chosen
-    columns: tuple[str, ...] = ("Laws", "Parameters", "Fit %", "Left-out fit %", "Median", "Worst", "Remark")
-    rows = tuple((each.in_words, *each.cells[:-1]) for each in laws.tried)
-    words: tuple[int, ...] = (6,)
-    in_words = chosen.in_words
-    if laws.is_of_several:
-        columns = ("Model", *columns)
-        rows = tuple((each.model, *row) for each, row in zip(laws.tried, rows, strict=True))
-        words = (1, 7)
-        in_words = f"{laws.model}, {in_words}"
+    in_words = f"{laws.model}, {chosen.in_words}" if laws.is_of_several else chosen.in_words
     return Section(
         anchor="laws",
         title="Choice of current laws",
@@ -148,7 +141,7 @@ def _laws_section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
         groups=(
             Group(
                 prose=(laws.sentence, *(f"{note}." for note in laws.notes)),
-                table=table(label="Laws that were tried", columns=columns, words=words, rows=rows),
+                table=laws.page_table,
                 points=laws.definitions,
             ),
         ),
@@ -231,11 +224,14 @@ def _sentence(direction: Direction) -> str:
 
 
 def _table(judged: Mapping[str, tuple[str, str]]) -> Table:
-    return table(
-        label="Identifiability of each parameter",
-        columns=("Parameter", "Verdict", "Reason"),
-        words=(1, 2),
-        rows=tuple((name, *words) for name, words in judged.items()),
+    return page_table(
+        "Identifiability of each parameter",
+        (
+            TableColumn(heading="parameter", cell=lambda name: name),
+            TableColumn(heading="verdict", cell=lambda name: judged[name][0], words=True),
+            TableColumn(heading="reason", cell=lambda name: judged[name][1], words=True),
+        ),
+        judged,
     )
 
 

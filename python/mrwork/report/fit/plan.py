@@ -9,12 +9,14 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 
-from mrwork.report import numbers, style
+from mrwork import numbers
+from mrwork.report import style
 from mrwork.report.canvas import grid_of_axes, name_ordinate
-from mrwork.report.comparison import Comparison
-from mrwork.report.section import Absent, Group, Section, SectionKind, panel, table
+from mrwork.report.figures import Comparison
+from mrwork.report.section import Absent, Group, Section, SectionKind, panel
 from mrwork.stored import StoredRun
-from mrwork.uncertainty.planning.plan import Gain, Plan
+from mrwork.table import page_table
+from mrwork.uncertainty.planning.plan import Gain, Plan, gain_columns
 from mrwork.units import CommandUnit
 
 # Rows of the table.
@@ -56,18 +58,10 @@ def _section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
                     "there; a test in which it is not shows the error of the model instead.",
                     agreement,
                 ),
-                table=table(
-                    label="Candidates for the next test",
-                    columns=("Test", "Variance reduction (%)", "By draws (%)", "Deviation after the test"),
-                    rows=tuple(
-                        (
-                            each.candidate.in_words(unit),
-                            numbers.fixed(100 * each.gain, 1),
-                            numbers.fixed(None if each.drawn is None else 100 * each.drawn, 0),
-                            numbers.significant(each.deviation, 3),
-                        )
-                        for each in shown
-                    ),
+                table=page_table(
+                    "Candidates for the next test",
+                    gain_columns(unit),
+                    shown,
                     note=f"The best {len(shown)} of {len(plan.gains)}."
                     if len(plan.gains) > len(shown)
                     else "",

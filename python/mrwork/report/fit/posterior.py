@@ -12,12 +12,14 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, NullLocator
 from numpy.typing import NDArray
 
-from mrwork.report import numbers, style
+from mrwork import numbers
+from mrwork.report import style
 from mrwork.report.canvas import axes_between, name_small_axes, plain_ticks, small_axes
-from mrwork.report.comparison import Comparison
+from mrwork.report.figures import Comparison
 from mrwork.report.fit.parameters import shown_unit
-from mrwork.report.section import Absent, Group, Section, SectionKind, Table, panel, table
+from mrwork.report.section import Absent, Group, Section, SectionKind, panel
 from mrwork.stored import StoredRun
+from mrwork.table import Table, TableColumn, page_table
 from mrwork.uncertainty.posterior.draws import LARGEST_RHAT, LEAST_ESS, Draws, DrawsStatus
 
 Array = NDArray[np.float64]
@@ -127,23 +129,24 @@ def _prose(draws: Draws) -> tuple[str, ...]:
 
 
 def _table(draws: Draws) -> Table:
-    return table(
-        label="Posterior of each parameter",
-        # The one verdict on a parameter is in the section on identifiability.
-        columns=("Parameter", "Median", "2.5 %", "97.5 %", "Unit", "ESS bulk", "ESS tail", "R-hat", "Remark"),
-        words=(4, 8),
-        rows=tuple(
-            (
-                each.name,
-                *(numbers.significant(value, 5) for value in (each.median, each.lower, each.upper)),
-                shown_unit(each.unit),
-                numbers.fixed(each.ess_bulk, 0),
-                numbers.fixed(each.ess_tail, 0),
-                numbers.fixed(each.rhat if math.isfinite(each.rhat) else None, 3),
-                each.reason or each.remark,
-            )
-            for each in draws.summaries
+    # The one verdict on a parameter is in the section on identifiability.
+    return page_table(
+        "Posterior of each parameter",
+        (
+            TableColumn(heading="parameter", cell=lambda each: each.name),
+            TableColumn(heading="median", cell=lambda each: numbers.significant(each.median, 5)),
+            TableColumn(heading="2.5 %", cell=lambda each: numbers.significant(each.lower, 5)),
+            TableColumn(heading="97.5 %", cell=lambda each: numbers.significant(each.upper, 5)),
+            TableColumn(heading="unit", cell=lambda each: shown_unit(each.unit), words=True),
+            TableColumn(heading="ESS bulk", cell=lambda each: numbers.fixed(each.ess_bulk, 0)),
+            TableColumn(heading="ESS tail", cell=lambda each: numbers.fixed(each.ess_tail, 0)),
+            TableColumn(
+                heading="R-hat",
+                cell=lambda each: numbers.fixed(each.rhat if math.isfinite(each.rhat) else None, 3),
+            ),
+            TableColumn(heading="remark", cell=lambda each: each.reason or each.remark, words=True),
         ),
+        draws.summaries,
         note=f"{draws.n_steps} steps, one of {draws.thinning} kept after the burn-in; the diagnostics refer to the "
         f"draws kept. Required: an effective sample size (ESS) of {LEAST_ESS:g} and an R-hat below {LARGEST_RHAT:g}.",
     )

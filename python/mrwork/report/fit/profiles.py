@@ -10,13 +10,15 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
 from numpy.typing import NDArray
 
-from mrwork.report import numbers, style
+from mrwork import numbers
+from mrwork.numbers import shortest
+from mrwork.report import style
 from mrwork.report.canvas import SMALL_WIDTH, grid_of_axes, plain_ticks, small_axes
-from mrwork.report.comparison import Comparison
+from mrwork.report.figures import Comparison
 from mrwork.report.fit.parameters import shown_unit
-from mrwork.report.numbers import shortest
-from mrwork.report.section import Absent, Group, Panel, Section, SectionKind, Table, panel, table
+from mrwork.report.section import Absent, Group, Panel, Section, SectionKind, panel
 from mrwork.stored import StoredRun
+from mrwork.table import Table, TableColumn, page_table
 from mrwork.uncertainty.identifiability.profile import Profile, Profiles
 
 _COLUMNS, _HEIGHT = 4, 2.2
@@ -66,22 +68,18 @@ def _prose(profiles: Profiles) -> tuple[str, ...]:
 
 
 def _table(profiles: Profiles) -> Table:
-    return table(
-        label="Intervals by profile likelihood",
-        # The one verdict on a parameter is in the section on identifiability.
-        columns=("Parameter", "Estimate", "From", "To", "Unit", "Remark"),
-        words=(4, 5),
-        rows=tuple(
-            (
-                each.name,
-                numbers.significant(each.estimate, 5),
-                _end(each.lower),
-                _end(each.upper),
-                shown_unit(each.unit),
-                each.reason,
-            )
-            for each in profiles.profiles
+    # The one verdict on a parameter is in the section on identifiability.
+    return page_table(
+        "Intervals by profile likelihood",
+        (
+            TableColumn(heading="parameter", cell=lambda each: each.name),
+            TableColumn(heading="estimate", cell=lambda each: numbers.significant(each.estimate, 5)),
+            TableColumn(heading="from", cell=lambda each: _end(each.lower)),
+            TableColumn(heading="to", cell=lambda each: _end(each.upper)),
+            TableColumn(heading="unit", cell=lambda each: shown_unit(each.unit), words=True),
+            TableColumn(heading="remark", cell=lambda each: each.reason, words=True),
         ),
+        profiles.profiles,
     )
 
 

@@ -9,11 +9,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from mrwork.report import numbers, style
+from mrwork import numbers
+from mrwork.report import style
 from mrwork.report.canvas import blank, name_ordinate, room_for
-from mrwork.report.comparison import Comparison
-from mrwork.report.ranking_rows import HEADINGS, ranking_rows
-from mrwork.report.section import Absent, Group, Section, SectionKind, panel, table
+from mrwork.report.figures import Comparison
+from mrwork.report.section import Absent, Group, Section, SectionKind, panel
 from mrwork.stored import StoredRun
 from mrwork.uncertainty.choice.ranking import Ranking, Standing
 
@@ -30,23 +30,17 @@ def _section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
     ranking = run.ranking
     if ranking is None:
         return None
-    rows = ranking_rows(ranking)
-    columns = tuple(f"{heading[:1].upper()}{heading[1:]}" for heading in HEADINGS[:-1])
-    chosen = next(row for row in rows if row.is_chosen)
+    chosen = next(each for each in ranking.standings if each.verdict == "chosen")
     predicted = [each for each in ranking.standings if each.left_out_percent is not None]
     return Section(
         anchor="ranking",
         title="Choice of model",
-        summary=f"Choice of model: {chosen.title} of {len(rows)} families, left-out fit {chosen.left_out} %.",
+        summary=f"Choice of model: {chosen.title} of {len(ranking.standings)} families, left-out fit "
+        f"{chosen.left_out_in_words} %.",
         groups=(
             Group(
                 prose=(ranking.sentence, *(f"{remark}." for remark in ranking.remarks)),
-                table=table(
-                    label="Ranking of models",
-                    columns=(*columns, "Remark"),
-                    words=(len(columns),),
-                    rows=tuple((row.title, *row.cells) for row in rows),
-                ),
+                table=ranking.page_table,
                 points=ranking.definitions,
             ),
             Group(

@@ -12,7 +12,7 @@ from mrwork.command_signal import steps_of_command
 from mrwork.identification.covariance import effective_samples
 from mrwork.records import DamperTest
 from mrwork.records.motion import reversals, whole_cycles
-from mrwork.report.comparison import Comparison
+from mrwork.report.figures import Comparison
 from mrwork.uncertainty.bands.prediction import has_regular_cycles
 
 Array = NDArray[np.float64]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from statistics import NormalDist
 
@@ -11,10 +11,11 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator
 from numpy.typing import NDArray
 
-from mrwork.report import numbers, style
+from mrwork import numbers
+from mrwork.numbers import most_of, percent, probability, shortest, tests_of
+from mrwork.report import style
 from mrwork.report.canvas import column_axes, draw_points, finish_signed, legend
-from mrwork.report.comparison import Comparison, scattered_samples
-from mrwork.report.figures import common_force_unit
+from mrwork.report.figures import Comparison, common_force_unit, scattered_samples
 from mrwork.report.fit.residual_tests import (
     LAGS,
     LEVEL,
@@ -24,9 +25,9 @@ from mrwork.report.fit.residual_tests import (
     autocorrelation,
     residual_tests,
 )
-from mrwork.report.numbers import most_of, percent, probability, shortest, tests_of
-from mrwork.report.section import Group, Panel, Section, SectionKind, Table, panel, table
+from mrwork.report.section import Group, Panel, Section, SectionKind, panel
 from mrwork.report.style import DisplayUnit
+from mrwork.table import Table, TableColumn, page_table
 from mrwork.uncertainty.bands.prediction import Prediction, mean_cycle
 
 Array = NDArray[np.float64]
@@ -187,35 +188,27 @@ def _origin(repeating: Sequence[float]) -> str:
 
 
 def _table(comparisons: Sequence[Comparison], found: Sequence[ResidualTests]) -> Table:
-    return table(
-        label="Tests of the residuals",
-        columns=(
-            "Test",
-            "Lag-1 autocorr.",
-            "Ljung-Box p",
-            "Effective samples",
-            "Repeats each cycle (%)",
-            "RMS after steps / elsewhere",
-            "RMS at reversals / elsewhere",
-            "Breusch-Pagan p",
-            "RMS fast / slow",
-            "Excess kurtosis",
+    def column(heading: str, cell: Callable[[ResidualTests], str], unit: str = "") -> TableColumn:
+        return TableColumn(heading=heading, unit=unit, cell=lambda row: cell(row[1]))
+
+    return page_table(
+        "Tests of the residuals",
+        (
+            TableColumn(heading="test", cell=lambda row: row[0].test.name),
+            column("lag-1 autocorr.", lambda each: numbers.fixed(each.lag_one, 3)),
+            column("Ljung-Box p", lambda each: probability(each.ljung_box_p)),
+            column(
+                "effective samples",
+                lambda each: f"{numbers.fixed(each.n_effective, 0)} of {numbers.fixed(each.n_time, 0)}",
+            ),
+            column("repeats each cycle", lambda each: percent(each.repeating), unit="%"),
+            column("RMS after steps / elsewhere", lambda each: _ratio(each.after_steps)),
+            column("RMS at reversals / elsewhere", lambda each: _ratio(each.at_reversals)),
+            column("Breusch-Pagan p", lambda each: probability(each.breusch_pagan_p)),
+            column("RMS fast / slow", lambda each: numbers.fixed(each.fast_to_slow, 2)),
+            column("excess kurtosis", lambda each: numbers.fixed(each.excess, 1)),
         ),
-        rows=tuple(
-            (
-                comparison.test.name,
-                numbers.fixed(each.lag_one, 3),
-                probability(each.ljung_box_p),
-                f"{numbers.fixed(each.n_effective, 0)} of {numbers.fixed(each.n_time, 0)}",
-                percent(each.repeating),
-                _ratio(each.after_steps),
-                _ratio(each.at_reversals),
-                probability(each.breusch_pagan_p),
-                numbers.fixed(each.fast_to_slow, 2),
-                numbers.fixed(each.excess, 1),
-            )
-            for comparison, each in zip(comparisons, found, strict=True)
-        ),
+        zip(comparisons, found, strict=True),
         note=f"Ljung-Box p: probability that white noise shows at least this autocorrelation over {LAGS} lags. "
         "RMS after steps of the command, and at reversals of the motion: ratio of the RMS residuals there to that "
         f"elsewhere, in windows of {', '.join(map(str, WINDOWS))} samples, of those that differ most; "

@@ -9,9 +9,10 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 from numpy.typing import NDArray
 
+from mrwork import numbers
 from mrwork.identification.fit import Fit, SearchTrace
 from mrwork.identification.settings import Multistart
-from mrwork.report import numbers, style
+from mrwork.report import style
 from mrwork.report.canvas import (
     column_axes,
     draw_points,

@@ -12,11 +12,11 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from mrwork.closed_loop.responses import axis_of
+from mrwork.numbers import NOTHING, fixed, significant
 from mrwork.report import style
 from mrwork.report.canvas import column_axes, finish, name_small_axes, plain_ticks, room_for, small_axes
-from mrwork.report.comparison import envelope, strong_part
-from mrwork.report.numbers import fixed, significant
-from mrwork.report.section import NOTHING, Group, Panel, Section, Table, panel
+from mrwork.report.figures import envelope, strong_part
+from mrwork.report.section import Group, Panel, Section, panel
 from mrwork.report.study.tables import ShownRows
 from mrwork.report.style import DisplayUnit
 from mrwork.study.comparison import (
@@ -29,6 +29,7 @@ from mrwork.study.comparison import (
 from mrwork.study.results import StudyResults
 from mrwork.study.run_result import RunHistory
 from mrwork.study.study import uses_in_words
+from mrwork.table import Table
 from mrwork.values import Floats
 
 _LEFT_OF_NAMES = 0.95

@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mrwork.closed_loop.evaluation import SCORE, criterion, ratio
+from mrwork.numbers import MINUS, NOTHING, fixed, significant
 from mrwork.report.html import filled_in
-from mrwork.report.numbers import MINUS, fixed, significant
-from mrwork.report.section import NOTHING, Group, Section, Table, panel
+from mrwork.report.section import Group, Section, panel
 from mrwork.report.study.figures import (
     ReadHistory,
     device_section,
@@ -44,6 +44,7 @@ from mrwork.study.results import (
     StudyResults,
     largest_step_changes,
 )
+from mrwork.table import Table
 from mrwork.tested_range import OperatingRange, covering
 
 _QUANTITIES = (("peak_drift", "Peak drift"), ("peak_acceleration", "Peak acceleration"))

@@ -14,8 +14,8 @@ from types import MappingProxyType
 import numpy as np
 
 from mrwork.closed_loop.evaluation import SCORE, Criterion, criterion
-from mrwork.report.numbers import fixed, significant
-from mrwork.report.section import NOTHING, Group, Section, Table
+from mrwork.numbers import NOTHING, fixed, significant
+from mrwork.report.section import Group, Section
 from mrwork.study.comparison import (
     LAWS,
     RANKS,
@@ -27,6 +27,7 @@ from mrwork.study.comparison import (
 )
 from mrwork.study.results import BAND, RealisationBand, StudyCriteria, StudyResults
 from mrwork.study.study import Kind
+from mrwork.table import Table
 
 MOST_LISTED = 60
 """Most rows of a table."""

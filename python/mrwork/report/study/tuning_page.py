@@ -12,13 +12,14 @@ from matplotlib.ticker import MaxNLocator
 
 from mrwork.closed_loop.evaluation import SCORE, criteria, criterion
 from mrwork.escaping import escaped
+from mrwork.numbers import NOTHING, fixed, shortest, significant
 from mrwork.report import style
 from mrwork.report.canvas import column_axes, room_for
 from mrwork.report.html import filled_in
-from mrwork.report.numbers import fixed, shortest, significant
-from mrwork.report.section import NOTHING, Group, Section, Table, panel
+from mrwork.report.section import Group, Section, panel
 from mrwork.report.study.figures import HUES, short
 from mrwork.report.study.tables import band_section
+from mrwork.table import Table
 from mrwork.tuning.results import Front, LawResult, TuningJudgement, TuningResults
 
 _LINE = 0.36

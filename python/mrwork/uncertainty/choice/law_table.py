@@ -13,7 +13,8 @@ from mrwork.arguments import NotNegative, Whole
 from mrwork.dampers.parameters import LawName
 from mrwork.identification.fit import NEGLIGIBLE
 from mrwork.store.codec import OrInfinite, Related
-from mrwork.summary import Summarised, Summary, aligned
+from mrwork.summary import Summarised, Summary
+from mrwork.table import Table, TableColumn, page_table, text_table
 from mrwork.uncertainty.choice.ranking import error_of_mean, is_as_good
 from mrwork.units import CommandUnit
 
@@ -96,22 +97,24 @@ class TriedLaws(Summarised):
         """The laws in one line."""
         return ", ".join(f"{name} {law}" for name, law in self.laws.items()) or "all constant"
 
-    @property
-    def cells(self) -> tuple[str, ...]:
-        """Cells below `LAW_HEADINGS`."""
-        error = self.left_out_error
-        return (
-            str(self.n_params),
-            f"{self.fit_percent:.2f}",
-            f"{self.left_out_percent:.2f}" + ("" if error is None else f" ± {error:.2f}"),
-            f"{self.median_percent:.2f}",
-            f"{self.worst_percent:.2f}",
-            "" if self.verdict == "behind" else self.verdict,
-            self.in_words,
-        )
+
+def _left_out(each: TriedLaws) -> str:
+    error = each.left_out_error
+    return f"{each.left_out_percent:.2f}" + ("" if error is None else f" ± {error:.2f}")
 
 
-LAW_HEADINGS = ("parameters", "fit %", "left-out fit %", "median", "worst", "", "laws")
+_MODEL = TableColumn(heading="model", cell=lambda each: each.model)
+_COLUMNS = (
+    TableColumn(heading="parameters", cell=lambda each: str(each.n_params)),
+    TableColumn(heading="fit %", cell=lambda each: f"{each.fit_percent:.2f}"),
+    TableColumn(heading="left-out fit %", cell=_left_out),
+    TableColumn(heading="median", cell=lambda each: f"{each.median_percent:.2f}"),
+    TableColumn(heading="worst", cell=lambda each: f"{each.worst_percent:.2f}"),
+    TableColumn(
+        heading="remark", cell=lambda each: "" if each.verdict == "behind" else each.verdict, words=True
+    ),
+)
+_LAWS = TableColumn(heading="laws", cell=lambda each: each.in_words, words=True)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -158,14 +161,18 @@ class LawTable(Summarised, Related):
         return len(self.models) > 1
 
     @property
-    def headings(self) -> tuple[str, ...]:
-        """Headings of the columns; that of the model only where there are several."""
-        return ("model", *LAW_HEADINGS) if self.is_of_several else LAW_HEADINGS
+    def table(self) -> Table:
+        """The laws for a terminal, the longest column last."""
+        return text_table((*self._model, *_COLUMNS, _LAWS), self.tried)
 
     @property
-    def rows(self) -> list[tuple[str, ...]]:
-        """Cells below the headings."""
-        return [(each.model, *each.cells) if self.is_of_several else each.cells for each in self.tried]
+    def page_table(self) -> Table:
+        """The laws for a page, where they name the row."""
+        return page_table("Laws that were tried", (*self._model, _LAWS, *_COLUMNS), self.tried)
+
+    @property
+    def _model(self) -> tuple[TableColumn, ...]:
+        return (_MODEL,) if self.is_of_several else ()
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -179,17 +186,13 @@ class LawTable(Summarised, Related):
             *self.remarks,
         )
 
-    @property
-    def lines(self) -> list[str]:
-        """The table as aligned text."""
-        return aligned([self.headings, *self.rows])
-
     def _summary(self) -> Summary:
+        table = self.table
         return Summary(
             title=f"Choice of current laws: {f'{len(self.models)} models' if self.is_of_several else self.model}",
             facts=(("evaluated on", self.held_out),),
-            columns=self.headings,
-            rows=self.rows,
+            columns=table.columns,
+            rows=table.rows,
             notes=(self.sentence, *self.notes),
         )
 

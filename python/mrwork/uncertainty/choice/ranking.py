@@ -18,9 +18,11 @@ from mrwork.dampers.spec import damper
 from mrwork.errors import SettingError
 from mrwork.identification.fit import NEGLIGIBLE, Fit
 from mrwork.identification.result import MANY, BuildingCost
+from mrwork.numbers import fixed
 from mrwork.records import DamperTest
 from mrwork.store.codec import Related
 from mrwork.summary import Summarised, Summary, listed, rounded
+from mrwork.table import Table, TableColumn, page_table, text_table
 from mrwork.uncertainty.choice.leave_one_out import UNRELIABLE, LeaveOneOut
 from mrwork.uncertainty.identifiability.verdicts import Scale
 
@@ -193,6 +195,45 @@ class Standing:
     bic_behind: float | None = None
     same_as: str = ""
 
+    @property
+    def left_out_in_words(self) -> str:
+        """The fit to what was left out, with its standard error."""
+        return _with_error(self.left_out_percent, self.left_out_error, 2)
+
+    @property
+    def remark(self) -> str:
+        """The verdict, what makes it doubtful, and why the family failed."""
+        blocks = "1 block" if self.unreliable_blocks == 1 else f"{self.unreliable_blocks} blocks"
+        parts = (
+            "" if self.verdict == "behind" else self.verdict,
+            "not converged" if self.status == "not_converged" else "",
+            f"Pareto k above 0.7 in {blocks}" if self.unreliable_blocks else "",
+            self.reason,
+        )
+        return ", ".join(filter(None, parts))
+
+
+def _with_error(value: float | None, error: float | None, decimals: int) -> str:
+    text = fixed(value, decimals)
+    return text if value is None or not error else f"{text} ± {fixed(error, decimals)}"
+
+
+_MODEL = TableColumn(heading="model", cell=lambda each: each.model)
+_TITLE = TableColumn(heading="model", cell=lambda each: each.title)
+_COLUMNS = (
+    TableColumn(heading="parameters", cell=lambda each: str(each.n_params)),
+    TableColumn(heading="fit %", cell=lambda each: fixed(each.fit_percent, 2)),
+    TableColumn(heading="left-out fit %", cell=lambda each: each.left_out_in_words),
+    TableColumn(
+        heading="behind, points",
+        cell=lambda each: _with_error(each.left_out_behind, each.left_out_behind_error, 2),
+    ),
+    TableColumn(heading="Δ ELPD", cell=lambda each: _with_error(each.elpd_behind, each.elpd_behind_error, 1)),
+    TableColumn(heading="Δ BIC", cell=lambda each: fixed(each.bic_behind, 1)),
+    TableColumn(heading="seconds", cell=lambda each: fixed(each.seconds, 1)),
+    TableColumn(heading="remark", cell=lambda each: each.remark, words=True),
+)
+
 
 def rank(evidence: Sequence[Evidence], n_effective: float | None) -> tuple[Standing, ...]:
     """Rank families by their left-out fit, best first; collapsed families follow, those that failed come last.
@@ -332,6 +373,16 @@ class Ranking(Summarised, Related):
         if chosen != [self.chosen]:
             return f"it has chosen {self.chosen} and ranks {listed(chosen) or 'none'} as chosen"
         return ""
+
+    @property
+    def table(self) -> Table:
+        """The families by name, for a terminal."""
+        return text_table((_MODEL, *_COLUMNS), self.standings)
+
+    @property
+    def page_table(self) -> Table:
+        """The families by title, for a page."""
+        return page_table("Ranking of models", (_TITLE, *_COLUMNS), self.standings)
 
     def _summary(self) -> Summary:
         return Summary(

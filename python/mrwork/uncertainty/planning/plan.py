@@ -18,14 +18,17 @@ from mrwork.identification.covariance import effective_samples, residuals_by_tes
 from mrwork.identification.fit import Fit
 from mrwork.identification.nuisance import NuisanceName, without_nuisance
 from mrwork.identification.problem import Problem
+from mrwork.numbers import NOTHING, percent, significant
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
 from mrwork.simulate import Outcome, simulate_forces
 from mrwork.store.codec import Related
 from mrwork.summary import Summarised, Summary, of_unit, rounded
+from mrwork.table import TableColumn
 from mrwork.uncertainty.identifiability.curvature import Scaled, curvature, linearise
 from mrwork.uncertainty.identifiability.verdicts import Scale
 from mrwork.uncertainty.planning.candidates import Candidate, check_possible, motion_of
+from mrwork.units import CommandUnit
 from mrwork.values import holds_arrays
 
 # Finite-difference step in scaled coordinates.
@@ -43,6 +46,20 @@ class Gain:
     gain: float
     deviation: NotNegative
     drawn: float | None = None
+
+
+def gain_columns(unit: CommandUnit | None) -> tuple[TableColumn, ...]:
+    """Columns of a table of gains, with commands in `unit`."""
+    return (
+        TableColumn(heading="test", cell=lambda each: each.candidate.in_words(unit)),
+        TableColumn(heading="variance reduction", unit="%", cell=lambda each: percent(each.gain)),
+        TableColumn(
+            heading="by draws",
+            unit="%",
+            cell=lambda each: NOTHING if each.drawn is None else percent(each.drawn, 0),
+        ),
+        TableColumn(heading="deviation after the test", cell=lambda each: significant(each.deviation, 3)),
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)

@@ -7,7 +7,9 @@ from collections.abc import Sequence
 
 MINUS = "\N{MINUS SIGN}"
 _THIN_SPACE = "\N{NARROW NO-BREAK SPACE}"
-_NONE = "\N{EN DASH}"
+NOTHING = "\N{EN DASH}"
+"""Text of a number that is not known."""
+
 _SUPERSCRIPTS = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 
 # Numbers between these powers of ten are written without a power of ten.
@@ -22,7 +24,7 @@ _LEAST_PROBABILITY = 0.001
 def fixed(value: float | None, decimals: int) -> str:
     """A number with fixed decimals and separated thousands; a dash for a missing one, a sign for infinity."""
     if value is None or math.isnan(value):
-        return _NONE
+        return NOTHING
     if math.isinf(value):
         return "∞" if value > 0 else f"{MINUS}∞"
     text = f"{value:,.{decimals}f}"
@@ -59,7 +61,7 @@ def value_and_error(value: float, error: float | None) -> tuple[str, str]:
     The value keeps at least three digits; where the error exceeds it, each is written on its own.
     """
     if error is None or not math.isfinite(error) or error <= 0 or not math.isfinite(value):
-        return shortest(value, _DIGITS_ALONE), _NONE
+        return shortest(value, _DIGITS_ALONE), NOTHING
     if error > abs(value):
         return shortest(value, _DIGITS_ALONE), significant(error, _DIGITS_OF_ERROR)
     of_error = leading_exponent(error, _DIGITS_OF_ERROR) - _DIGITS_OF_ERROR + 1
@@ -80,10 +82,15 @@ def leading_exponent(value: float, digits: int) -> int:
     return int(f"{value:.{digits - 1}e}".partition("e")[2])
 
 
+def decimals_of(values: Sequence[float], digits: int) -> int:
+    """Decimals of a column of numbers: enough for `digits` significant digits of its smallest entry."""
+    sizes = [leading_exponent(value, digits) for value in values if math.isfinite(value) and value != 0]
+    return min(max(digits - 1 - min(sizes, default=0), 0), 6)
+
+
 def column(values: Sequence[float], digits: int) -> list[str]:
     """A column with equal decimals, enough for `digits` significant digits of its smallest entry."""
-    sizes = [leading_exponent(value, digits) for value in values if math.isfinite(value) and value != 0]
-    decimals = min(max(digits - 1 - min(sizes, default=0), 0), 6)
+    decimals = decimals_of(values, digits)
     return [fixed(value, decimals) for value in values]
 
 

@@ -1,11 +1,9 @@
-"""What studies share: a table for terminal and page, and figures compared with those that a file expects."""
+"""Figures of a study compared with those that a file expects."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +11,6 @@ from mrwork.arguments import checked
 from mrwork.errors import RecordError
 from mrwork.store.input_file import TOML, text_of
 from mrwork.store.parse import toml_table
-from mrwork.summary import Summarised, Summary
 
 
 @checked
@@ -57,55 +54,3 @@ def _compared(path: str, found: Mapping[str, Any], expected: Mapping[str, Any]) 
                 yield f"{inner} is {value:.5g}, expected {below['value']:g} +- {below['tolerance']:g}"
         elif not below.get("least", -math.inf) <= value <= below.get("most", math.inf):
             yield f"{inner} is {value:.5g}, expected {below}"
-
-
-@checked
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class ResultTable(Summarised):
-    """Text in rows; the first column names the row."""
-
-    title: str
-    header: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-    note: str = ""
-
-    def markdown(self) -> str:
-        """The table for a README."""
-        lines = [
-            f"**{self.title}**",
-            "",
-            _line(self.header),
-            _line(("---", *["---:"] * (len(self.header) - 1))),
-        ]
-        return "\n".join([*lines, *map(_line, self.rows), "", *([self.note, ""] if self.note else [])])
-
-    def html(self) -> str:
-        """The table for a page, in a region that scrolls."""
-        head = "".join(
-            f'<th scope="col"{_number(place)}>{escape(text)}</th>' for place, text in enumerate(self.header)
-        )
-        body = "".join(
-            f'<tr><th scope="row">{escape(row[0])}</th>'
-            + "".join(f'<td class="number">{escape(text)}</td>' for text in row[1:])
-            + "</tr>"
-            for row in self.rows
-        )
-        note = f'<p class="note">{escape(self.note)}</p>' if self.note else ""
-        return (
-            f'<h3>{escape(self.title)}</h3><div class="scroll" tabindex="0" role="region" '
-            f'aria-label="{escape(self.title)}"><table><thead><tr>{head}</tr></thead>'
-            f"<tbody>{body}</tbody></table></div>{note}"
-        )
-
-    def _summary(self) -> Summary:
-        return Summary(
-            title=self.title, columns=self.header, rows=self.rows, notes=(self.note,) if self.note else ()
-        )
-
-
-def _line(cells: tuple[str, ...]) -> str:
-    return "| " + " | ".join(cells) + " |"
-
-
-def _number(place: int) -> str:
-    return ' class="number"' if place else ""
