@@ -48,6 +48,7 @@ SMALL_VALUES = {
         "BandScore",
         "Box",
         "Candidate",
+        "LawCandidate",
         "Ceiling",
         "CloughPenzien",
         "Coefficient",

@@ -238,13 +238,7 @@ def name_in_file(entry: Field[Any]) -> str:
 
 
 class DeclaredTable(ABCMeta):
-    """Class of tables that a script builds: keywords that are unknown or missing are refused as in a file.
-
-    Raises
-    ------
-    SettingError
-        If a key is unknown or missing.
-    """
+    """Class of tables that a script builds: keywords that are unknown or missing are refused as in a file."""
 
     def __call__(cls, *args: Any, **given: Any) -> Any:
         """Build the table."""

@@ -64,7 +64,6 @@ class Table(Summarised):
     alarming: frozenset[tuple[int, int]] = frozenset()
     headings: Mapping[int, str] = field(default_factory=dict)
 
-    @checked
     def lines(self, indent: str = "") -> list[str]:
         """Columns and rows as aligned lines, each after `indent`."""
         return [f"{indent}{line}" for line in aligned([self.columns, *self.rows])]
@@ -79,7 +78,6 @@ class Table(Summarised):
         lines = (f"| {' | '.join(cells)} |" for cells in (self.columns, ruler, *body))
         return "\n".join([f"**{self.title}**", "", *lines, "", *([self.note, ""] if self.note else [])])
 
-    @checked
     def html(self, symbol: Callable[[str], str] | None = None) -> str:
         """The table for a page, in a region that scrolls; `symbol` sets headings and names of rows that are symbols."""
         set_heading, set_name = symbol or escape, symbol or breakable

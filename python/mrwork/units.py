@@ -308,11 +308,6 @@ def factor_to_si(unit: str, quantity: MeasuredQuantity, *, context: str) -> floa
         What the values measure.
     context
         Start of the error's sentence: the file and column, or the option.
-
-    Raises
-    ------
-    UnitError
-        The unit is unknown or measures another quantity.
     """
     factor = factor_of(unit, quantity)
     if factor is not None:

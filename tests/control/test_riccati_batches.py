@@ -197,7 +197,7 @@ def test_rows_without_a_solution_leave_their_neighbours_alone() -> None:
             "the matrices have 3, 4 rows; give",
         ),
         ({"time": "sampled"}, "`time` of regulator_gains is 'sampled'; choose one of continuous, discrete"),
-        ({"threads": -1}, "`threads` of regulator_gains is -1; give a whole number at least 0"),
+        ({"threads": -1}, "`threads` of regulator_gains is -1; give a whole number from 0 to 1024"),
         ({"threads": 1.5}, "`threads` of regulator_gains is 1.5; give a whole number"),
         ({"scaling": np.zeros((2, 2))}, "`scaling` is singular"),
         ({"state_weight": "x"}, "`state_weight` of regulator_gains is 'x'; give an array of numbers"),

@@ -138,17 +138,10 @@ def test_gains_follow_their_formulas() -> None:
 
 def test_settings_that_cannot_be_are_refused() -> None:
     system = plant()
-    surface = optimal_surface(system)
     with pytest.raises(SettingError, match=r"`poles` has shape \(6,\); the surface of 1 devices takes 5"):
         placed_surface(system, [-1.0] * 6)
     with pytest.raises(SettingError, match="each with a negative real part"):
         placed_surface(system, [-1.0, -2.0, -3.0, -4.0, 5.0])
-    with pytest.raises(SettingError, match="`margin` of sliding_gains is 1; give a number above 1"):
-        sliding_gains(surface, peak_acceleration=1.0, largest_force=1.0, margin=1.0)
-    with pytest.raises(
-        SettingError, match="`peak_acceleration` of sliding_gains is -1; give a number above 0"
-    ):
-        sliding_gains(surface, peak_acceleration=-1.0, largest_force=1.0)
     with pytest.raises(SettingError, match="not positive definite"):
         optimal_surface(system, np.zeros((6, 6)))
 

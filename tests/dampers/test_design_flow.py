@@ -220,7 +220,7 @@ def test_shear_mode_is_couette_flow() -> None:
 @pytest.mark.parametrize(
     ("changed", "words"),
     [
-        ({"flow": -1e-3}, "`flow` of plate_pressure is -0.001; give a number at least 0"),
+        ({"flow": -1e-3}, "`flow` of plate_pressure is -0.001; give a number from 0 to 1000"),
         ({"viscosity": 0.0}, "`viscosity` of plate_pressure is 0"),
         ({"yield_stress": [0.0, -1.0]}, "`yield_stress` of plate_pressure is -1 at 1"),
     ],

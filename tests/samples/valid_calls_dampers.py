@@ -202,12 +202,6 @@ def record_calls(files: Path) -> Calls:
             rows=[records.ListedTest(file=str(record()), use="fit")],
         ),
         "read_test_table": lambda: call(records.read_test_table, path=files / "none.csv"),
-        "range_of_test": lambda: call(records.range_of_test, test=test, unit="A", force=test.force),
-        "range_of_tests": lambda: call(records.range_of_tests, tests=[test, test], unit="A"),
-        "OperatingRange.exceeded_by": lambda: call(
-            records.range_of_test(test, None).exceeded_by,
-            demand=records.range_of_test(test, None),
-        ),
     }
 
 

@@ -38,6 +38,7 @@ def material_calls(_: Path) -> Calls:
         "Steel": lambda: call(design.Steel, name="mine", field=(0.0, 300.0), flux_density=(0.0, 0.5)),
         "Slot": lambda: call(design.Slot, inner_radius=0.05, gap=0.001, length=0.03),
         "annular_pressure": lambda: call(design.annular_pressure, slot=_SLOT, **flow, wall_speed=0.1),
+        "plate_pressure": lambda: call(design.plate_pressure, slot=_SLOT, **flow, wall_speed=0.1),
         "MagneticCircuit": lambda: call(
             design.MagneticCircuit,
             fluid=_FLUID,

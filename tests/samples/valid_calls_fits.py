@@ -224,9 +224,6 @@ def search_calls(_: Path) -> Calls:
         "run_search": lambda: call(
             search.run_search, optimiser=_SPHERE, objective=_sphere, rng=0, n_params=2
         ),
-        "run_replicates": lambda: call(
-            search.run_replicates, optimiser=_SPHERE, objective=_sphere, rng=0, n_params=2, replicates=(0, 3)
-        ),
         "StopRules": lambda: call(
             search.StopRules,
             target=0.1,
@@ -260,26 +257,8 @@ def search_calls(_: Path) -> Calls:
         "EfficientGA.tell": lambda: call(
             _SPHERE.tell, state=_begun()[0], proposal=_begun()[1], misfit=_begun()[2]
         ),
-        "Proposal.accepted": lambda: call(_begun()[1].accepted, misfit=_begun()[2]),
-        "distinct_best": lambda: call(
-            search.distinct_best,
-            population=np.random.default_rng(0).random((2, 5, 3)),
-            misfit=np.random.default_rng(0).random((2, 5)),
-            rule=search.EliteRule(count=2),
-        ),
-        "expected_termination": lambda: call(
-            search.expected_termination, best=np.array([5.0, 4.0, 1.0, 0.5]), confidence=0.9, floor=0.1
-        ),
         "Streams": lambda: call(
             search.Streams, rng=0, replicate=np.array([0, 1]), generation=np.array([0, 0])
-        ),
-        "Streams.uniform": lambda: call(_streams().uniform, count=3),
-        "Streams.normal": lambda: call(_streams().normal, count=np.array([3, 2])),
-        "latin_hypercube": lambda: call(search.latin_hypercube, streams=_streams(), count=4, n_params=2),
-        "library": lambda: call(search.library, name="scipy"),
-        "select": lambda: call(search.select, state=_begun()[0], rows=[0]),
-        "state_from_arrays": lambda: call(
-            search.state_from_arrays, kind=type(_begun()[0]), arrays=search.arrays_of(_begun()[0])
         ),
     }
 

@@ -6,7 +6,7 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from loop_samples import LARGEST, devices, five_storeys, rd1005, sweep
+from loop_samples import devices, five_storeys, rd1005, sweep
 from study_samples import results
 from wrong_arguments import Calls, ValidCall
 
@@ -159,9 +159,6 @@ def buildings_calls(_: Path) -> Calls:
                     "name": "column",
                 },
             ),
-            "liquid_column_optimum": (of.liquid_column_optimum, {"mass_ratio": 0.02, "width_ratio": 0.7}),
-            "head_loss_of": (of.head_loss_of, {"ratio": 0.05, "frequency": 0.5, "rms_velocity": 0.2}),
-            "column_length": (of.column_length, {"frequency": 0.5}),
             "PassiveElement": (
                 of.PassiveElement,
                 {
@@ -251,10 +248,9 @@ def plants_calls(_: Path) -> Calls:
             ),
             **{
                 each.__name__: (each, {"plant": plant})
-                for each in (of.drifts, of.accelerations, of.deformations, of.natural_frequencies)
+                for each in (of.drifts, of.accelerations, of.deformations)
             },
             "Outputs": (of.Outputs, {name: getattr(outputs, name) for name in ("names", "C", "D", "G")}),
-            "outputs select": (outputs.select, {"names": list(outputs.names[:2])}),
             "observer_of": (
                 of.observer_of,
                 {
@@ -268,18 +264,6 @@ def plants_calls(_: Path) -> Calls:
             ),
             "optimal_surface": (of.optimal_surface, {"plant": plant, "state_weight": plant.energy}),
             "placed_surface": (of.placed_surface, {"plant": plant, "poles": -np.arange(1.0, 9.0)}),
-            "sliding_gains": (
-                of.sliding_gains,
-                {
-                    "surface": of.optimal_surface(plant),
-                    "peak_acceleration": 2.0,
-                    "largest_force": [1000.0, 1500.0],
-                    "frequency": 5.0,
-                    "margin": 1.2,
-                    "bandwidth": 50.0,
-                },
-            ),
-            "fuzzy_table": (of.fuzzy_table, {"deformation_scale": 0.01, "rate_scale": 0.1, "n_points": 5}),
         }.items()
     }
 
@@ -291,7 +275,6 @@ def gains_calls(_: Path) -> Calls:
     acceleration = of.accelerations(plant)
     C, n = acceleration.C, len(plant.A)
     weighed = of.RegulatorSettings(drifts=1.0, control_weight=1e-7).weighed(plant)
-    solved = of.regulator_gains(plant.A, plant.B, plant.energy, 1e-6 * np.eye(2), scaling=plant.scaling)
     return {
         name: partial(ValidCall, *each)
         for name, each in {
@@ -331,8 +314,6 @@ def gains_calls(_: Path) -> Calls:
                     "threads": 1,
                 },
             ),
-            "check of solutions": (solved.check, {"row": 0}),
-            "LyapunovFunction.value": (of.lyapunov_function(plant).value, {"state": np.ones((3, 10))}),
             "lyapunov_function": (of.lyapunov_function, {"plant": plant, "weight": plant.energy}),
             "regulator_of_outputs": (
                 of.regulator_of_outputs,
@@ -347,10 +328,6 @@ def gains_calls(_: Path) -> Calls:
                 of.regulator_of_state,
                 {"plant": plant, "state_weight": plant.energy, "control_weight": 1e-7 * np.eye(2)},
             ),
-            "regulator_of_weights": (
-                of.regulator_of_weights,
-                {"plant": plant, "weighed": weighed, "control_weight": 1e-7},
-            ),
             "regulators_of_weights": (
                 of.regulators_of_weights,
                 {
@@ -358,14 +335,6 @@ def gains_calls(_: Path) -> Calls:
                     "weighed": [weighed, weighed],
                     "control_weights": [1e-7, 1e-6],
                     "threads": 1,
-                },
-            ),
-            "published_regulator": (of.published_regulator, {"name": "dyke1996"}),
-            "regulator_as_published": (
-                of.regulator_as_published,
-                {
-                    "plant": of.plant_of(mr.building("dyke1996"), mr.building("dyke1996").storeys[:1]),
-                    "published": of.published_regulator("dyke1996"),
                 },
             ),
         }.items()
@@ -377,7 +346,6 @@ def designs_calls(_: Path) -> Calls:
     of, frame = mr.control, five_storeys()
     plant = of.plant_of(frame, frame.storeys[:1])
     wishes = {"limits": {"rms_drift": 2e-3, "rms_acceleration": "1 m/s2"}, "budget": [500.0]}
-    spec, theta = rd1005(lagged=False)
     loop = devices(rd1005())
     return {
         name: partial(ValidCall, *each)
@@ -398,32 +366,12 @@ def designs_calls(_: Path) -> Calls:
                 of.DesignCase,
                 {"name": "x", "building": frame, "spectrum": mr.motions.KanaiTajimi()},
             ),
-            "stiffness_cases": (of.stiffness_cases, {"building": frame, "factors": [0.8, 1.0]}),
-            "soil_cases": (of.soil_cases, {"building": frame, "spectra": [mr.motions.KanaiTajimi()]}),
-            "damper_cases": (
-                of.damper_cases,
-                {"building": frame, "devices": loop, "amplitude": 5e-3, "frequency": 3.0, "most": 2},
-            ),
-            "WeightDesigner": (
-                of.WeightDesigner,
-                {"building": frame, "devices": frame.storeys[:1], **wishes, "program_modes": 2},
-            ),
             "inverse_weights": (
                 of.inverse_weights,
                 {
                     "plant": plant,
                     "gain": of.regulator_of_state(plant, plant.energy, 1e-6).gain,
                     "control_weight": [1.0],
-                },
-            ),
-            "static_counterpart": (
-                of.static_counterpart,
-                {
-                    "spec": spec,
-                    "theta": theta,
-                    "largest_command": LARGEST,
-                    "amplitude": (2e-3, 0.01),
-                    "velocity": (0.02, 0.2),
                 },
             ),
             "DesignProblem": (
@@ -486,14 +434,6 @@ def laws_calls(_: Path) -> Calls:
                     "settings": of.LyapunovSettings(state_weight=np.eye(10)),
                 },
             ),
-            "design_candidates": (
-                of.design_candidates,
-                {
-                    "name": "clipped_optimal",
-                    "problem": problem,
-                    "settings": [of.RegulatorSettings(control_weight=weight) for weight in (1e-7, 1e-6)],
-                },
-            ),
             "PassiveSettings": (of.PassiveSettings, {"command": 1.0}),
             "FrictionSettings": (of.FrictionSettings, {"slope": 1e5}),
             "FuzzySettings": (of.FuzzySettings, {"deformation": 0.01, "rate": 0.1}),
@@ -540,7 +480,6 @@ def loop_calls(_: Path) -> Calls:
     }
     commands = of.PrescribedCommands(interval=0.02, command=[[0.0, 0.0], [1.0, 1.0]])
     assert run.histories is not None
-    criteria = of.values(run, weight=1e4)
     return {
         name: partial(ValidCall, *each)
         for name, each in {
@@ -629,10 +568,6 @@ def loop_calls(_: Path) -> Calls:
                     "threads": 1,
                 },
             ),
-            "loop_observer": (
-                of.loop_observer,
-                {"building": frame, "devices": loop, "hardware": mr.Hardware(), "floors": [0, 4]},
-            ),
             "response_sheet_figure": (
                 mr.report.response_sheet_figure,
                 {
@@ -645,17 +580,8 @@ def loop_calls(_: Path) -> Calls:
                     "seconds": 1.0,
                 },
             ),
-            "kinetic_energy": (run.histories[0].kinetic_energy, {"building": frame}),
             "demand of a run": (run.demand, {"run": 0, "device": 1}),
             "outside of a run": (run.outside, {"run": 0}),
-            "criterion": (of.criterion, {"name": "peak_drift"}),
-            "value of a criterion": (
-                of.criterion("peak_force_share").value,
-                {"responses": run, "weight": 1e4},
-            ),
-            "values": (of.values, {"responses": run, "weight": 1e4}),
-            "ratio": (of.ratio, {"numerator": np.array([1.0, 2.0]), "denominator": np.array([1.0, 0.0])}),
-            "score": (of.score, {"controlled": [criteria], "passive": [criteria]}),
         }.items()
     }
 
@@ -663,7 +589,6 @@ def loop_calls(_: Path) -> Calls:
 def studies_calls(_: Path) -> Calls:
     """Studies and their results."""
     found = results()
-    comparison = mr.study.compared(found)
     return {
         name: partial(ValidCall, *each)
         for name, each in {
@@ -674,9 +599,6 @@ def studies_calls(_: Path) -> Calls:
             "run_study": (mr.run_study, {"study": None}),
             "tune": (mr.tune, {"study": None}),
             "compared": (mr.study.compared, {"results": found}),
-            **{name: (getattr(comparison, name), {"row": 3}) for name in ("rank_of", "heading", "in_words")},
-            "changes": (comparison.changes, {"row": 3, "reference": 0}),
-            "worse_counts": (comparison.worse_counts, {"reference": 0}),
             "criteria": (found.criteria, {"row": 3, "motion": 0}),
             "demands": (found.demands, {"row": 3, "motion": 0}),
             "step_changes": (found.step_changes, {"row": 3, "motion": 0}),

@@ -42,11 +42,6 @@ class PassiveElement(Summarised):
         f_y [N] and x_y [m]: the initial stiffness of the loop is f_y / x_y.
     sharpness
         n, how sharp the knee is: 1 is round, 10 nearly bilinear.
-
-    Raises
-    ------
-    SettingError
-        If a number is not finite, or is outside its range.
     """
 
     _made_by: ClassVar[str] = (

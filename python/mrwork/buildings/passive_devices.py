@@ -240,13 +240,11 @@ def with_liquid_column(
     )
 
 
-@checked
 def column_length(frequency: Positive) -> float:
     """Length of a liquid column [m] of a frequency [Hz]: `2 g / omega^2`."""
     return 2.0 * STANDARD_GRAVITY / (2.0 * pi * frequency) ** 2
 
 
-@checked
 def liquid_column_optimum(mass_ratio: Positive, width_ratio: Level) -> tuple[float, float]:
     """Frequency ratio and damping ratio of a liquid column for the least displacement under white noise.
 
@@ -260,11 +258,6 @@ def liquid_column_optimum(mass_ratio: Positive, width_ratio: Level) -> tuple[flo
         mu, mass of the liquid over that of the structure.
     width_ratio
         alpha, horizontal over whole length of the column.
-
-    Raises
-    ------
-    SettingError
-        If a ratio is out of range.
     """
     mu, square = mass_ratio, width_ratio**2
     frequency = sqrt(1.0 + mu * (1.0 - square / 2.0)) / (1.0 + mu)
@@ -272,7 +265,6 @@ def liquid_column_optimum(mass_ratio: Positive, width_ratio: Level) -> tuple[flo
     return frequency, width_ratio / 2.0 * sqrt(within)
 
 
-@checked
 def head_loss_of(ratio: NotNegative, frequency: Positive, rms_velocity: Positive) -> float:
     """Coefficient of head loss xi that has a damping ratio at an rms velocity of the liquid.
 
@@ -287,11 +279,6 @@ def head_loss_of(ratio: NotNegative, frequency: Positive, rms_velocity: Positive
         Of the liquid [Hz].
     rms_velocity
         sigma, rms velocity of the liquid [m/s].
-
-    Raises
-    ------
-    SettingError
-        If a number is out of range.
     """
     return 2.0 * ratio * 2.0 * pi * frequency * column_length(frequency) * sqrt(pi / 2.0) / rms_velocity
 

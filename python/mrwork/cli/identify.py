@@ -294,13 +294,7 @@ def add_choice(parser: argparse.ArgumentParser) -> None:
 
 
 def is_choice(options: argparse.Namespace) -> bool:
-    """Whether the command line is for a comparison of models.
-
-    Raises
-    ------
-    SettingError
-        Where an option belongs only to a comparison and there is none, or is impossible in a comparison.
-    """
+    """Whether the command line is for a comparison of models."""
     models = models_of(options)
     several = models == ALL or not isinstance(models, str)
     if not several and (options.posterior or (options.leave_out and not laws_are_chosen(options))):

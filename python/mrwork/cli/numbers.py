@@ -38,13 +38,7 @@ class Range:
         return f"{self._within.in_words} {self.unit}".rstrip()
 
     def __call__(self, text: str) -> float:
-        """The number that a text gives.
-
-        Raises
-        ------
-        argparse.ArgumentTypeError
-            Where it is none, or is outside the range.
-        """
+        """The number that a text gives."""
         try:
             value = int(text) if self.whole else float(text)
         except ValueError:
@@ -71,13 +65,7 @@ class Listed:
         return f"several with commas between, each {self.of.in_words}"
 
     def __call__(self, text: str) -> tuple[float, ...]:
-        """The numbers that a text gives.
-
-        Raises
-        ------
-        argparse.ArgumentTypeError
-            Where there is none, or one is outside the range.
-        """
+        """The numbers that a text gives."""
         try:
             numbers = tuple(self.of(part.strip()) for part in text.split(",") if part.strip())
         except argparse.ArgumentTypeError as refusal:
@@ -100,13 +88,7 @@ class OrWord:
         return f"{self.word}, or {self.of.in_words}"
 
     def __call__(self, text: str) -> float | str:
-        """The number or the word that a text gives.
-
-        Raises
-        ------
-        argparse.ArgumentTypeError
-            Where it is neither.
-        """
+        """The number or the word that a text gives."""
         if text == self.word:
             return text
         try:
@@ -166,13 +148,7 @@ def add_number(
 
 
 def named_path(text: str) -> Path:
-    """The path that a text names; an empty one, as of a shell variable that is not set, would be this folder.
-
-    Raises
-    ------
-    argparse.ArgumentTypeError
-        Where the text is empty.
-    """
+    """The path that a text names; an empty one, as of a shell variable that is not set, would be this folder."""
     if not text:
         raise argparse.ArgumentTypeError("the name is empty; give a file or folder, . for this folder")
     return Path(text)

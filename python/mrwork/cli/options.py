@@ -135,13 +135,7 @@ def add_json(parser: argparse.ArgumentParser) -> None:
 
 
 def reading_of(options: argparse.Namespace, use: Use | EveryUse) -> Reading:
-    """The test files of the command line, and the settings for reading them; of tables, the rows for a use.
-
-    Raises
-    ------
-    RecordError
-        Where a folder has no record, or a table of tests is invalid or has no row for the use.
-    """
+    """The test files of the command line, and the settings for reading them; of tables, the rows for a use."""
     rows: list[ListedTest] = []
     for file in options.files:
         rows += [ListedTest(file=file)] if is_synthetic(file) else listed_tests([file], use=use)
@@ -207,13 +201,7 @@ def laws_are_chosen(options: argparse.Namespace) -> bool:
 
 
 def laws_of(options: argparse.Namespace) -> dict[str, LawName]:
-    """Current law by name of parameter, of those that are given.
-
-    Raises
-    ------
-    SettingError
-        Where one is not of the form NAME=LAW, or there is none behind which the driver could lag.
-    """
+    """Current law by name of parameter, of those that are given."""
     if options.driver_lag and not options.law:
         raise SettingError("--driver-lag is of the command, which no parameter follows; give --law NAME=LAW")
     if options.driver_lag and laws_are_chosen(options):
@@ -233,13 +221,7 @@ def laws_of(options: argparse.Namespace) -> dict[str, LawName]:
 
 
 def command_unit(tests: tuple[DamperTest, ...], options: argparse.Namespace) -> CommandUnit:
-    """Unit of the command in the laws: that of the command line, or else the first one that any test has.
-
-    Raises
-    ------
-    SettingError
-        A test has its command in another unit.
-    """
+    """Unit of the command in the laws: that of the command line, or else the first one that any test has."""
     given: CommandUnit | None = options.command_unit
     own = [{unit for _, unit in test.commands} for test in tests]
     known = [unit for unit in COMMAND_SCALES if any(unit in units for units in own)]
@@ -263,13 +245,7 @@ def command_unit(tests: tuple[DamperTest, ...], options: argparse.Namespace) -> 
 def nuisances_of(
     options: argparse.Namespace, default: tuple[NuisanceName, ...] = ()
 ) -> tuple[NuisanceName, ...]:
-    """The nuisance parameters of the command line, each once; `default` where it names none.
-
-    Raises
-    ------
-    SettingError
-        Where none is combined with others.
-    """
+    """The nuisance parameters of the command line, each once; `default` where it names none."""
     if _NONE in options.nuisance and set(options.nuisance) != {_NONE}:
         raise SettingError("--nuisance none cannot be combined with others; give one or the other")
     chosen = tuple(name for name in get_args(NuisanceName) if name in options.nuisance)
@@ -277,13 +253,7 @@ def nuisances_of(
 
 
 def observation_of(options: argparse.Namespace, default: Sequence[str] = (DETECT,)) -> tuple[str, ...]:
-    """The words of --observe, checked; `default` where there is none.
-
-    Raises
-    ------
-    SettingError
-        Where a word is neither detect, none nor WHAT=VALUE, or its value is impossible.
-    """
+    """The words of --observe, checked; `default` where there is none."""
     return as_words(options.observe or default)
 
 

@@ -15,24 +15,12 @@ from mrwork.escaping import escaped, escaped_lines
 
 
 def show(text: str) -> None:
-    """Print a text on stdout; where its reader has left, as head does, the text is lost and the work goes on.
-
-    Raises
-    ------
-    OutputError
-        Where stdout cannot be written.
-    """
+    """Print a text on stdout; where its reader has left, as head does, the text is lost and the work goes on."""
     _written(f"{escaped_lines(text)}\n")
 
 
 def show_all() -> None:
-    """Print what others have written on stdout and it still holds back.
-
-    Raises
-    ------
-    OutputError
-        Where stdout cannot be written.
-    """
+    """Print what others have written on stdout and it still holds back."""
     _written("")
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mrwork.arguments import AnyNumbers, Positive, Whole, checked
+from mrwork.arguments import AnyNumbers, Positive, Whole
 from mrwork.closed_loop.responses import axis_of, unit_of
 from mrwork.errors import ArgumentError, SettingError, UnknownNameError
 from mrwork.store.codec import OrNan
@@ -52,7 +52,6 @@ class Criterion:
         """Unit of the number, as in tables."""
         return "1" if self.over_weight else unit_of(self.quantity).replace("^", "")
 
-    @checked
     def value(self, responses: object, weight: Positive) -> Floats:
         """The value for each run of `responses`, which has the quantities of runs as attributes; `weight` [N]."""
         if isinstance(responses, type) or not hasattr(responses, self.quantity):
@@ -83,15 +82,8 @@ def criteria() -> tuple[Criterion, ...]:
     return _CRITERIA
 
 
-@checked
 def criterion(name: str) -> Criterion:
-    """Return the criterion called `name`.
-
-    Raises
-    ------
-    UnknownNameError
-        If there is none of that name; the message lists them.
-    """
+    """Return the criterion called `name`."""
     for entry in _CRITERIA:
         if entry.name == name:
             return entry
@@ -99,13 +91,11 @@ def criterion(name: str) -> Criterion:
     raise UnknownNameError(f"no criterion is called {name!r}; choose from {known}")
 
 
-@checked
 def values(responses: object, *, weight: Positive) -> dict[str, Floats]:
     """Every criterion of `responses`, which has the quantities of runs as attributes; `weight` of the building [N]."""
     return {entry.name: entry.value(responses, weight) for entry in _CRITERIA}
 
 
-@checked
 def ratio(numerator: AnyNumbers, denominator: AnyNumbers) -> Floats:
     """The quotient, NaN for a zero denominator, infinite beyond the range of numbers."""
     try:
@@ -123,7 +113,6 @@ SCORE = ("peak_drift", "peak_acceleration", "rms_drift", "rms_acceleration")
 """Criteria whose ratios are averaged in the score."""
 
 
-@checked
 def score(
     controlled: Sequence[Mapping[str, AnyNumbers]], passive: Sequence[Mapping[str, AnyNumbers]]
 ) -> Floats:
@@ -133,11 +122,6 @@ def score(
     ----------
     controlled, passive
         Criteria of one law and of i = 0, for each motion.
-
-    Raises
-    ------
-    SettingError
-        If there is no motion, one side has more of them, or a criterion of `SCORE` is missing.
     """
     if not controlled or len(controlled) != len(passive):
         raise SettingError(

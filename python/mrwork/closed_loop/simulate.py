@@ -171,17 +171,10 @@ def _core_observer(
     )
 
 
-@checked
 def loop_observer(
     building: Building, devices: Sequence[Device], hardware: Hardware, floors: Sequence[int]
 ) -> Observer:
-    """The observer of a loop, which measures accelerations of these floors and the deformations of all devices.
-
-    Raises
-    ------
-    SettingError
-        If a floor does not exist or is named twice, or no observer can be designed.
-    """
+    """The observer of a loop, which measures accelerations of these floors and the deformations of all devices."""
     unknown = [floor for floor in floors if not 0 <= floor < len(building.floors)]
     if unknown:
         raise SettingError(

@@ -13,6 +13,7 @@ from .lqr import observer_of as observer_of
 from .lqr import regulator_of_outputs as regulator_of_outputs
 from .lqr import regulator_of_state as regulator_of_state
 from .lqr import regulators_of_weights as regulators_of_weights
+from .lyapunov import lyapunov_function as lyapunov_function
 from .plant import accelerations as accelerations
 from .plant import deformations as deformations
 from .plant import displacements as displacements
@@ -23,6 +24,8 @@ from .plant import velocities as velocities
 from .riccati import kalman_gains as kalman_gains
 from .riccati import lyapunov_solutions as lyapunov_solutions
 from .riccati import regulator_gains as regulator_gains
+from .sliding import optimal_surface as optimal_surface
+from .sliding import placed_surface as placed_surface
 
 if True:  # the lower tier
     from .counterpart import StaticCounterpart as StaticCounterpart
@@ -61,7 +64,6 @@ if True:  # the lower tier
     from .lyapunov import LyapunovFunction as LyapunovFunction
     from .lyapunov import LyapunovSettings as LyapunovSettings
     from .lyapunov import ProportionalSettings as ProportionalSettings
-    from .lyapunov import lyapunov_function as lyapunov_function
     from .plant import Outputs as Outputs
     from .plant import Plant as Plant
     from .plant import deformation_rates as deformation_rates
@@ -77,7 +79,5 @@ if True:  # the lower tier
     from .sliding import SlidingSettings as SlidingSettings
     from .sliding import SlidingSurface as SlidingSurface
     from .sliding import SuperTwistingSettings as SuperTwistingSettings
-    from .sliding import optimal_surface as optimal_surface
-    from .sliding import placed_surface as placed_surface
     from .sliding import sliding_gains as sliding_gains
     from .weights import WeightWishes as WeightWishes

@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mrwork.arguments import Positive, checked
+from mrwork.arguments import Positive
 from mrwork.dampers.parameters import LawName
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import SettingError
@@ -55,7 +55,6 @@ class _Cycles:
     force: Floats
 
 
-@checked
 def static_counterpart(
     spec: DamperSpec,
     theta: ArrayLike,
@@ -81,13 +80,6 @@ def static_counterpart(
     amplitude, velocity
         Smallest and largest expected amplitude [m] and peak velocity [m/s]; the model is fitted to sinusoids in this
         range.
-
-    Raises
-    ------
-    SettingError
-        If the model does not follow a command, or a range does not begin with its smaller end.
-    SimulationError
-        If the damper cannot be simulated at these motions.
 
     Examples
     --------

@@ -209,15 +209,8 @@ class Span:
     free: bool = True
     entries: tuple[float, ...] = ()
 
-    @checked
     def unit(self, magnitudes: Magnitudes) -> float:
-        """The product of magnitudes that the numbers of the span are multiples of.
-
-        Raises
-        ------
-        SettingError
-            If one of them is not positive.
-        """
+        """The product of magnitudes that the numbers of the span are multiples of."""
         for name, _ in self.of:
             if not getattr(magnitudes, name) > 0.0:
                 raise SettingError(

@@ -51,7 +51,6 @@ class FuzzyTable(Summarised):
     rate_scale: float
 
 
-@checked
 def fuzzy_table(
     *,
     deformation_scale: Positive,
@@ -66,11 +65,6 @@ def fuzzy_table(
         Expected peak deformation [m] and rate [m/s] of the device.
     n_points
         Number of points along each input, odd, so that the centres of the sets are among them.
-
-    Raises
-    ------
-    SettingError
-        If the number of points is even.
 
     Examples
     --------

@@ -205,7 +205,6 @@ class InverseNetwork(Summarised):
     fit_percent: float
     command_error: float
 
-    @checked
     def command(self, inputs: ArrayLike) -> Floats:
         """The command for inputs in the order of `names`, shape (..., n_inputs)."""
         given = np.asarray(inputs, dtype=np.float64)

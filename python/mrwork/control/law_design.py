@@ -200,20 +200,12 @@ class DesignedCandidates(Summarised):
     refusals: Mapping[int, str]
 
 
-@checked
 def design_candidates(
     name: str, problem: DesignProblem, settings: Sequence[LawSettings]
 ) -> DesignedCandidates:
     """Design one law with many settings, for a batch of simulations.
 
     Settings whose tables differ from those of the first design are refused, because candidates of a batch share them.
-
-    Raises
-    ------
-    UnknownNameError
-        If there is no such law.
-    SettingError
-        If the settings are those of another law, or the law needs a model of the damper that the problem does not give.
     """
     spec = control_law(name)
     curve = problem.curve if spec.needs_curve else None

@@ -194,15 +194,8 @@ def regulator_of_state(plant: Plant, state_weight: ArrayLike, control_weight: Ar
     return regulator_of_weights(plant, weighed_state(plant, Q), control_weight)
 
 
-@checked
 def regulator_of_weights(plant: Plant, weighed: Weighed, control_weight: ArrayLike) -> Regulator:
-    """The regulator of `int s'Q s + 2 s'N f + f'(R + S) f dt`, with Q, N and S of the weights of outputs and state.
-
-    Raises
-    ------
-    SettingError
-        If the control weight has the wrong shape or sign, or the Riccati equation has no stabilising solution.
-    """
+    """The regulator of `int s'Q s + 2 s'N f + f'(R + S) f dt`, with Q, N and S of the weights of outputs and state."""
     (found,) = regulators_of_weights(plant, [weighed], [control_weight], threads=1)
     if isinstance(found, SettingError):
         raise found
@@ -321,15 +314,8 @@ class PublishedRegulator(Summarised):
         return tuple(weighed.get(floor, 0.0) for floor in range(1, self.n_floors + 1))
 
 
-@checked
 def published_regulator(name: str) -> PublishedRegulator:
-    """Return the published weights called `name`.
-
-    Raises
-    ------
-    UnknownNameError
-        If there are none of that name; the message lists those that exist.
-    """
+    """Return the published weights called `name`."""
     for entry in PUBLISHED_REGULATORS:
         if entry.name == name:
             return entry
@@ -337,15 +323,8 @@ def published_regulator(name: str) -> PublishedRegulator:
     raise UnknownNameError(f"no published regulator is called {name!r}; choose one of {known}")
 
 
-@checked
 def regulator_as_published(plant: Plant, published: PublishedRegulator) -> Regulator:
-    """The regulator of a plant with published weights.
-
-    Raises
-    ------
-    SettingError
-        If the building has another number of floors than the published one.
-    """
+    """The regulator of a plant with published weights."""
     outputs = accelerations(plant)
     if len(outputs.names) != published.n_floors:
         raise SettingError(

@@ -45,15 +45,8 @@ class LyapunovFunction(Summarised):
     weight: Floats
     vectors: Floats
 
-    @checked
     def value(self, state: ArrayLike) -> Floats:
-        """V of each state, shape (n_time,) for states of shape (n_time, 2n); in J for the weight `plant.energy`.
-
-        Raises
-        ------
-        SettingError
-            If the states are not those of this building.
-        """
+        """V of each state, shape (n_time,) for states of shape (n_time, 2n); in J for the weight `plant.energy`."""
         given = np.asarray(state, dtype=np.float64)
         if given.ndim != 2 or given.shape[1] != len(self.P):
             raise SettingError(

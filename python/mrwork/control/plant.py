@@ -120,7 +120,6 @@ def plant_of(building: Building, attachment: ArrayLike, device_names: Sequence[s
     )
 
 
-@checked
 def natural_frequencies(plant: Plant) -> Floats:
     """Natural frequencies of the building without damping [rad/s], lowest first, shape (n,)."""
     n = plant.n_coordinates
@@ -175,15 +174,8 @@ class Outputs(Summarised):
                 f"({n}, 2n), ({n}, n_devices) and ({n},)"
             )
 
-    @checked
     def select(self, names: Sequence[str]) -> Outputs:
-        """The named outputs, in the order of the names.
-
-        Raises
-        ------
-        UnknownNameError
-            If there is no such output; the message lists the known ones.
-        """
+        """The named outputs, in the order of the names."""
         for name in names:
             if name not in self.names:
                 raise UnknownNameError(f"no output is called {name!r}; choose from {', '.join(self.names)}")
@@ -191,15 +183,8 @@ class Outputs(Summarised):
         return Outputs(names=tuple(names), C=self.C[rows], D=self.D[rows], G=self.G[rows])
 
 
-@checked
 def stacked(*parts: Outputs) -> Outputs:
-    """Concatenate groups of outputs.
-
-    Raises
-    ------
-    SettingError
-        If there is no group, or they are not of one plant.
-    """
+    """Concatenate groups of outputs."""
     if not parts:
         raise SettingError("no outputs were given; give one group or more")
     shapes = {(part.C.shape[1], part.D.shape[1]) for part in parts}
@@ -271,7 +256,6 @@ def deformations(plant: Plant) -> Outputs:
     return _positions(plant, plant.attachment, "deformation", plant.device_names)
 
 
-@checked
 def deformation_rates(plant: Plant) -> Outputs:
     """Rate of elongation of each device [m/s]: "rate NAME"."""
     return _rates(plant, plant.attachment, "rate", plant.device_names)

@@ -71,15 +71,8 @@ class RiccatiSolutions(Summarised):
         """Whether each row is solved, shape (n_batch,)."""
         return np.asarray(self.status == RiccatiStatus.SOLVED, dtype=np.bool_)
 
-    @checked
     def check(self, row: int = 0) -> None:
-        """Raise where a row is not solved.
-
-        Raises
-        ------
-        SettingError
-            If the row has no solution, with what to do.
-        """
+        """Raise where a row is not solved."""
         if not 0 <= row < len(self.status):
             raise SettingError(
                 f"there are {len(self.status)} rows, counted from 0, and row {row} is none of them"

@@ -151,7 +151,6 @@ def placed_surface(plant: Plant, poles: NDArray[np.complex128]) -> SlidingSurfac
     return _surface(plant, back, A, np.asarray(found.gain_matrix, dtype=np.float64))
 
 
-@checked
 def sliding_gains(
     surface: SlidingSurface,
     *,
@@ -182,11 +181,6 @@ def sliding_gains(
     bandwidth
         Bandwidth inside the boundary layer [1/s]. Above the rate of the driver's lag, 190 1/s in Spencer et al. 1997,
         the law chatters.
-
-    Raises
-    ------
-    SettingError
-        If the forces are not one for each device.
     """
     size = np.abs(surface.ground)
     force = np.asarray(largest_force, dtype=np.float64)

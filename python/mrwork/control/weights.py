@@ -79,12 +79,10 @@ class WeightWishes(RmsLimits, metaclass=DeclaredTable):
         default=False,
     )
 
-    @checked
     def of_problem(self, problem: DesignProblem) -> DesignedWeights:
         """The weights for a building with its devices, and its loop if the design is sampled."""
         return self.design(problem.plant, problem.timing if self.sampled else None)
 
-    @checked
     def design(self, plant: Plant, timing: LoopTiming | None = None) -> DesignedWeights:
         """The weights for the building and devices of a plant, which keeps them: a search tries many sizes of R."""
         known: dict[object, DesignedWeights] = plant._designs
@@ -126,12 +124,10 @@ class WeightWishes(RmsLimits, metaclass=DeclaredTable):
         )
         return soil if self.spectrum == "kanai_tajimi" else CloughPenzien(soil=soil)
 
-    @checked
     def in_words(self, problem: DesignProblem) -> tuple[str, ...]:
         """What the design reaches, what binds, and how the weights are to be used."""
         return (*self.of_problem(problem).in_words, SCAN)
 
-    @checked
     def relative_control_weight(self, plant: Plant) -> tuple[float, ...]:
         """R of each device as designed, over their mean."""
         found = self.design(plant).control_weight

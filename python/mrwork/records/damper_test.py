@@ -300,15 +300,8 @@ def same_commands(one: DamperTest, other: DamperTest) -> bool:
     )
 
 
-@checked
 def loading_of(test: DamperTest, spec: DamperSpec) -> Loading:
-    """Motion of a test, with its command in the unit of the model, constant or held from sample to sample.
-
-    Raises
-    ------
-    RecordError
-        If the model depends on the command and the test has no command in that unit.
-    """
+    """Motion of a test, with its command in the unit of the model, constant or held from sample to sample."""
     motion = Loading(dt=test.dt, displacement=test.displacement, velocity=test.velocity)
     if spec.current is None:
         return motion

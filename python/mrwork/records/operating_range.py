@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mrwork.arguments import Samples, checked
+from mrwork.arguments import Samples
 from mrwork.errors import SettingError
 from mrwork.records.damper_test import DamperTest
 from mrwork.records.motion import whole_cycles
@@ -20,7 +20,6 @@ from mrwork.units import COMMAND_SCALES, CommandUnit
 _RARE = 0.1
 
 
-@checked
 def range_of_test(test: DamperTest, unit: CommandUnit | None, force: Samples | None = None) -> OperatingRange:
     """Ranges of a test with its command in `unit`; `force` replaces the measured one [N], shape (n_time,)."""
     load = test.force if force is None else force
@@ -41,7 +40,6 @@ def range_of_test(test: DamperTest, unit: CommandUnit | None, force: Samples | N
     )
 
 
-@checked
 def range_of_tests(tests: Sequence[DamperTest], unit: CommandUnit | None = None) -> OperatingRange:
     """Ranges of one or more tests together; without a `unit`, that in which most of the commands are known."""
     if not tests:

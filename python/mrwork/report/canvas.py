@@ -20,7 +20,6 @@ from matplotlib.text import Text
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
 from numpy.typing import ArrayLike, NDArray
 
-from mrwork.arguments import checked
 from mrwork.escaping import escaped_lines
 from mrwork.numbers import shortest
 from mrwork.report import style
@@ -93,14 +92,12 @@ def grid_of_axes(count: int, columns: int, size: tuple[float, float]) -> tuple[F
     return figure, [figure.add_subplot(rows, columns, number + 1) for number in range(count)]
 
 
-@checked
 def blank(size: tuple[float, float]) -> tuple[Figure, Axes]:
     """An empty figure of this size and its axes."""
     figure, (axes,) = grid_of_axes(1, 1, size)
     return figure, axes
 
 
-@checked
 def finish(axes: Axes, title: str, abscissa: str = "") -> None:
     """Name the ordinate above the axes and the abscissa below them; few, round ticks."""
     name_ordinate(axes, title)
@@ -116,7 +113,6 @@ def finish_signed(axes: Axes, title: str, abscissa: str = "", *, y_bins: int = 6
     axes.axhline(0.0, color=style.FAINT_INK, linewidth=0.6, zorder=0.9)
 
 
-@checked
 def finish_loop(axes: Axes, *, over_velocity: bool) -> None:
     """The same for a force loop in N and mm, or N and mm/s."""
     finish(axes, "Force (N)", "Velocity (mm/s)" if over_velocity else "Displacement (mm)")
@@ -190,7 +186,6 @@ def draw_points(
     )
 
 
-@checked
 def tested_points(
     axes: Axes, abscissa: NDArray[np.float64], force: NDArray[np.float64], cycle: slice
 ) -> None:

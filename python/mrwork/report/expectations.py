@@ -7,23 +7,16 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from mrwork.arguments import checked
 from mrwork.errors import RecordError
 from mrwork.store.input_file import TOML, text_of
 from mrwork.store.parse import toml_table
 
 
-@checked
 def departures(found: Mapping[str, Any], file: Path) -> list[str]:
     """One sentence for each value outside its limits; values that were not measured are not compared.
 
     The file has tables like those of `found`; a value is expected to be equal, or in a range `{ least, most }`, or at a
     `{ value, tolerance }`.
-
-    Raises
-    ------
-    RecordError
-        The file is no such tables.
     """
     text = text_of(file, TOML)
     try:

@@ -11,7 +11,6 @@ from typing import Any
 from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 
-from mrwork.arguments import checked
 from mrwork.escaping import escaped_lines
 from mrwork.report import style
 from mrwork.table import breakable, coded
@@ -55,7 +54,6 @@ _TOKEN = re.compile(
 )
 
 
-@checked
 def symbol(name: str) -> str:
     """A parameter's name as a symbol: `k_w` as k with subscript w, `alpha` as its Greek letter.
 
@@ -119,7 +117,6 @@ def filled_in(name: str, **content: Any) -> str:
     return escaped_lines(_environment().get_template(name).render(**content))
 
 
-@checked
 def write_study_page(template: Path, path: Path, **content: Any) -> None:
     """Fill in a Jinja template, which may use `styles`, and write it."""
     page = _environment().from_string(template.read_text(encoding="utf-8"))
@@ -127,7 +124,6 @@ def write_study_page(template: Path, path: Path, **content: Any) -> None:
     path.write_text(escaped_lines(page.render(**content)), encoding="utf-8")
 
 
-@checked
 def swatch(colour: str, kind: str) -> Markup:
     """A sample of a mark for a key: "point", "line", "dotted", "dashed" or "wide"."""
     if kind == "point":

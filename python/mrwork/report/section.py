@@ -85,7 +85,6 @@ class Absent:
     command: str
 
 
-@checked
 def panel(identifier: str, title: str, figure: Figure, description: str, note: str = "") -> Panel:
     """A figure as a panel; `identifier` is unique on the page, `description` is for screen readers."""
     svg = inline_svg(figure, identifier=identifier, description=description)

@@ -52,7 +52,6 @@ class Proposal(Summarised):
         """Misfit at which the simulation of a row may stop, shape (n_ask,); `inf` where it may not."""
         return self.limit[self.changed]
 
-    @checked
     def accepted(self, misfit: AnyNumbers) -> NDArray[np.float64]:
         """Misfits for the optimiser, shape (n_ask,): `inf` at or above the threshold.
 
@@ -62,11 +61,6 @@ class Proposal(Summarised):
         ----------
         misfit
             Shape (n_ask,), not negative; `inf` marks a failed or stopped simulation.
-
-        Raises
-        ------
-        SettingError
-            Where there is not one misfit per row, or one is negative or NaN.
         """
         misfit = np.asarray(misfit, dtype=np.float64)
         n_ask = np.count_nonzero(self.changed)
@@ -83,7 +77,6 @@ class Proposal(Summarised):
             )
         return np.where(misfit >= self.threshold, math.inf, misfit)
 
-    @checked
     def member_misfits(self, misfit: AnyNumbers) -> NDArray[np.float64]:
         """Accepted misfits of all members, shape (n_running, n_population), `inf` for those not simulated."""
         members = np.full(self.known.shape, math.inf)
@@ -142,13 +135,7 @@ class Course(Summarised):
     def begun(
         cls, n_params: Dimension, rng: Seed, replicates: Sequence[Replicate], elite: EliteRule
     ) -> Course:
-        """Progress before the first simulation.
-
-        Raises
-        ------
-        SettingError
-            Where the seed, the dimension or the numbers of the replicates are impossible.
-        """
+        """Progress before the first simulation."""
         number = np.asarray(replicates, dtype=np.int64)
         n = number.size
         if n < 1 or np.unique(number).size < n:
@@ -191,7 +178,6 @@ class Course(Summarised):
         rows = self.running
         return Streams(rng=self.rng, replicate=self.replicate[rows], generation=self.generation[rows])
 
-    @checked
     def after(
         self,
         proposal: Proposal,
@@ -293,7 +279,6 @@ T = TypeVar("T")
 StateT = TypeVar("StateT", bound=SearchState)
 
 
-@checked
 def select(state: StateT, rows: Sequence[int]) -> StateT:
     """The state of these replicates only, in this order; traces have the length of the longest of them."""
     if not isinstance(getattr(state, "course", None), Course):
@@ -337,15 +322,8 @@ def arrays_of(state: object) -> dict[str, NDArray[Any]]:
     return arrays
 
 
-@checked
 def state_from_arrays(kind: type[T], arrays: Mapping[str, NDArray[Any]]) -> T:
-    """Undo `arrays_of`, bit for bit; `kind` is the class of the state.
-
-    Raises
-    ------
-    SettingError
-        Where the arrays are not those of such a state.
-    """
+    """Undo `arrays_of`, bit for bit; `kind` is the class of the state."""
     try:
         return _from_arrays(kind, arrays)
     except (KeyError, TypeError, ValueError, AttributeError) as reason:
@@ -518,7 +496,6 @@ class Ceiling:
             {"absolute": (self.absolute, 0.0, math.inf), "over_median": (self.over_median, 1.0, math.inf)}
         )
 
-    @checked
     def limit(self, course: Course) -> NDArray[np.float64]:
         """The ceiling of each running replicate, shape (n_running, 1); `inf` where there is none."""
         rows = course.running

@@ -231,7 +231,6 @@ def run_search(
     return run.results[0]
 
 
-@checked
 def run_replicates(
     optimiser: Optimiser[StateT],
     objective: Objective | AbortableObjective,
@@ -270,15 +269,6 @@ def run_replicates(
     -------
     ReplicatedSearch
         A result for each replicate; its `stop_reason` is a name of `StopRules` or "callback".
-
-    Raises
-    ------
-    Interrupted
-        On Ctrl-C, carrying the `ReplicatedSearch` of the completed generations with reason "interrupted".
-    SettingError
-        Where fewer evaluations than one generation are allowed, or `state` belongs to another search.
-    JournalError
-        Where the journal belongs to another search.
     """
     began = time.perf_counter()
     stop = optimiser.stop

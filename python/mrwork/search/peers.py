@@ -21,7 +21,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.arguments import Seed, checked
+from mrwork.arguments import Seed
 from mrwork.errors import SettingError
 from mrwork.search.course import Course, Dimension, Proposal, Replicate, propose, with_generation
 from mrwork.search.rules import LARGEST_POPULATION, EliteRule, StopRules, check_ranges
@@ -34,15 +34,8 @@ from mrwork.values import holds_arrays
 _FAILURE = 1e100
 
 
-@checked
 def library(name: str) -> ModuleType:
-    """Import a module of an optional library.
-
-    Raises
-    ------
-    SettingError
-        Where it is not installed.
-    """
+    """Import a module of an optional library."""
     try:
         return importlib.import_module(name)
     except (ImportError, ValueError) as error:

@@ -106,7 +106,6 @@ def has_stalled(best: NDArray[np.float64], *, generations: int, tolerance: float
     return np.asarray(now >= before * (1.0 - tolerance))
 
 
-@checked
 def expected_termination(
     best: Annotated[AnyNumbers, Shape(("n_generations",))], confidence: float = 0.95, *, floor: float = 0.0
 ) -> ExpectedTermination:
@@ -346,7 +345,6 @@ class EliteRule:
         check_ranges({"count": (self.count, 1, np.inf), "distance": (self.distance, 0.0, 1.0)})
 
 
-@checked
 def distinct_best(
     population: Annotated[NDArray[np.float64], Shape(("n_replicates", "n", "n_params"))],
     misfit: Annotated[AnyNumbers, Shape(("n_replicates", "n"))],

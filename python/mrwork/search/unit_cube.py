@@ -24,7 +24,6 @@ from mrwork.values import holds_arrays
 _MOST = 10**9
 
 
-@checked
 def latin_hypercube(
     streams: Streams,
     count: Annotated[int, Within(least=1, most=10**6)],
@@ -86,7 +85,6 @@ class Streams(Summarised):
     replicate: Annotated[NDArray[np.int64], Shape(("n",))]
     generation: Annotated[NDArray[np.int64], Shape(("n",))]
 
-    @checked
     def uniform(self, count: Annotated[int, Within(least=0, most=_MOST)]) -> NDArray[np.float64]:
         """Numbers in [0, 1), shape (n, count)."""
         drawn = np.empty((len(self.replicate), count))
@@ -94,7 +92,6 @@ class Streams(Summarised):
             generator.random(out=drawn[row])
         return drawn
 
-    @checked
     def normal(
         self, count: Annotated[NDArray[np.int64], Shape(("n",)), Within(least=0, most=_MOST)]
     ) -> NDArray[np.float64]:

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mrwork.arguments import checked
 from mrwork.control.design.limits import LimitedOutputs
 from mrwork.control.design.riccati_dual import (
     DualPoint,
@@ -253,15 +252,8 @@ class DesignedWeights(Summarised):
     system: DesignSystem
     rows: SquaredRows
 
-    @checked
     def gain_with(self, control_scale: float) -> Floats:
-        """The gain of the law with the control weight times `control_scale`, shape (n_devices, 2n).
-
-        Raises
-        ------
-        SettingError
-            If the factor is not positive.
-        """
+        """The gain of the law with the control weight times `control_scale`, shape (n_devices, 2n)."""
         if not 0.0 < control_scale < np.inf:
             raise SettingError(f"control_scale is {control_scale}; give a positive number")
         scaled = self.multipliers.copy()
@@ -271,16 +263,8 @@ class DesignedWeights(Summarised):
             return static_law_gain(self.system, self.rows, scaled, self.gain)
         return riccati_law_gain(self.system, regulate(self.system, self.rows, scaled))
 
-    @checked
     def settings(self, control_scale: float = 1.0) -> dict[str, Weights]:
-        """Settings of a regulator with these weights, as `RegulatorSettings(**designed.settings(1e-2))`.
-
-        Raises
-        ------
-        SettingError
-            If the weights are not those of outputs alone, as with a semi-active condition or a design in discrete time;
-            use `gain_with`.
-        """
+        """Settings of a regulator with these weights, as `RegulatorSettings(**designed.settings(1e-2))`."""
         if len(self.multipliers) > len(self.output_weights) + len(self.control_weight) or self.system.step:
             raise SettingError(
                 "these weights are more than weights of outputs: the law has their gain, see `gain_with`, or give the "

@@ -63,7 +63,6 @@ class WeightDesigner:
         up to about twelve storeys, 8 beyond.
     """
 
-    @checked
     def __init__(
         self,
         building: Building,
@@ -95,19 +94,12 @@ class WeightDesigner:
         self._program: DualProgram | None = None
         self._modes = program_modes
 
-    @checked
     def design(
         self,
         limits: RmsLimits | Mapping[str, Limit | str] | None = None,
         budget: float | str | Sequence[float | str] | None = None,
     ) -> DesignedWeights:
-        """The weights for these limits and this budget, those of the designer by default.
-
-        Raises
-        ------
-        SettingError
-            If other outputs are limited than before.
-        """
+        """The weights for these limits and this budget, those of the designer by default."""
         outputs = self._outputs if limits is None else LimitedOutputs.of(RmsLimits.of(limits), self.plant)
         if outputs.names != self._outputs.names:
             raise SettingError(

@@ -264,19 +264,12 @@ class DesignCase(Summarised):
     spectrum: SpectralDensity = field(default_factory=KanaiTajimi)
 
 
-@checked
 def stiffness_cases(
     building: Building,
     factors: Sequence[Positive] = (0.75, 1.0, 1.25),
     spectrum: SpectralDensity | None = None,
 ) -> tuple[DesignCase, ...]:
-    """The building with its stiffness multiplied by each factor; the damping matrix stays.
-
-    Raises
-    ------
-    SettingError
-        If a factor is not positive.
-    """
+    """The building with its stiffness multiplied by each factor; the damping matrix stays."""
     spectrum = KanaiTajimi() if spectrum is None else spectrum
     return tuple(
         DesignCase(
@@ -288,7 +281,6 @@ def stiffness_cases(
     )
 
 
-@checked
 def soil_cases(building: Building, spectra: Sequence[SpectralDensity]) -> tuple[DesignCase, ...]:
     """The building under each spectrum."""
     return tuple(
@@ -297,7 +289,6 @@ def soil_cases(building: Building, spectra: Sequence[SpectralDensity]) -> tuple[
     )
 
 
-@checked
 def damper_cases(
     building: Building,
     devices: Sequence[Device],
@@ -320,11 +311,6 @@ def damper_cases(
         Of the sinusoid [m, Hz], as in the motions to come.
     most
         Number of draws, evenly taken from those of the devices.
-
-    Raises
-    ------
-    SettingError
-        If there is no device, or it does not fit the building.
     """
     rows = elongation_rows(building, devices)
     n_draws = min(len(device.draws) for device in devices)

@@ -182,11 +182,6 @@ def system_of(
     ----------
     n_modes
         Number of modes, lowest first; all by default.
-
-    Raises
-    ------
-    SettingError
-        If a mode of the building is not damped.
     """
     building, n = plant.building, plant.n_coordinates
     shapes = building.modes[:, :n_modes]

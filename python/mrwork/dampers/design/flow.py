@@ -123,6 +123,7 @@ def annular_pressure(
     return slot.length * _gradient(moved, slot, flow, tau, viscous)
 
 
+@checked
 def plate_pressure(
     slot: Slot,
     *,

@@ -129,13 +129,7 @@ def fit_page(
 
 
 def open_run(place: str | Path) -> tuple[StoredRun, tuple[Comparison, ...]]:
-    """The run folder at `place` with everything that it holds, and the tests of its fit, for a page or for figures.
-
-    Raises
-    ------
-    RecordError
-        Where it is no run folder, its tests cannot be read as they were, or an addition is damaged.
-    """
+    """The run folder at `place` with everything that it holds, and the tests of its fit, for a page or for figures."""
     opened = reopen(place)
     fit = opened.fit
     if fit.identifiability is None:
@@ -151,13 +145,7 @@ def write_page(
     every_test: bool = False,
     on_progress: OnDrawn = unobserved,
 ) -> Path:
-    """Write `report.html` of a run into its folder, replacing an earlier one when the new one is complete.
-
-    Raises
-    ------
-    OutputError
-        Where the page cannot be written.
-    """
+    """Write `report.html` of a run into its folder, replacing an earlier one when the new one is complete."""
     page = fit_page(run, comparisons, every_test=every_test, on_progress=on_progress)
     write_files(run.place, {REPORT: page.encode()})
     return run.place / REPORT
@@ -291,13 +279,7 @@ def _shortened(parts: list[str], separator: str) -> str:
 def write_figures(
     run: StoredRun, comparisons: Sequence[Comparison], *, on_progress: OnDrawn = unobserved
 ) -> tuple[str, ...]:
-    """Write every figure of a run as an SVG and a PNG file into its folder; return their names without suffix.
-
-    Raises
-    ------
-    OutputError
-        Where a file cannot be written; earlier figures stay.
-    """
+    """Write every figure of a run as an SVG and a PNG file into its folder; return their names without suffix."""
     drawn = run_figures(run, comparisons)
     for number, (name, draw) in enumerate(drawn.items()):
         on_progress(PageProgress(done=number, total=len(drawn), task=f"figure {name}"))
