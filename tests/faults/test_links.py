@@ -72,8 +72,8 @@ class Job:
 
 
 # Small work, for which a second thread would only wait.
-FIT = "identify one.csv --model viscous_dahl --every 8 --threads 1 --out run"
-TWO = "identify one.csv two.csv --model viscous_dahl --every 8 --threads 1 --out run"
+FIT = "identify one.csv --model viscous_dahl --every 4 --threads 1 --out run"
+TWO = "identify one.csv two.csv --model viscous_dahl --every 4 --threads 1 --out run"
 COMPARED = "identify one.csv two.csv --model bingham,viscous_dahl --every 8 --threads 1 --out out"
 STUDY = "respond small.toml --out out"
 TUNED = "tune study.toml --quick --out out"
