@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
 import sys
 from dataclasses import replace
@@ -258,7 +259,12 @@ def test_a_quick_run_has_all_rows(job: SearchJob, capsys: pytest.CaptureFixture[
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Ctrl-C is sent in another way there")
-def test_an_interrupted_run_keeps_what_it_measured(job: SearchJob) -> None:
+def test_an_interrupted_run_keeps_what_it_measured(
+    job: SearchJob, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    # As if Numba were not installed, which would be compiled first.
+    (tmp_path / "sitecustomize.py").write_text("import sys; sys.modules['numba'] = None")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path), prepend=os.pathsep)
     command = [
         sys.executable,
         str(measured_data.ROOT / "studies" / "speed" / "study.py"),
