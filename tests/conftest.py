@@ -5,6 +5,7 @@ JAX compiles quickly, a module's compiled functions are released when it ends, a
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 from collections.abc import Iterator
@@ -16,8 +17,14 @@ from compiled import release_compiled
 
 # A test compiles a function to run it a few times: without optimisation that takes a third of the time.
 # A flag that is set already comes last, so it decides.
-_QUICK_COMPILATION = "--xla_backend_optimization_level=0 --xla_cpu_use_fusion_emitters=false"
+_QUICK_COMPILATION = (
+    "--xla_backend_optimization_level=0 --xla_cpu_use_fusion_emitters=false"
+    " --xla_cpu_parallel_codegen_split_count=1"
+)
 os.environ["XLA_FLAGS"] = f"{_QUICK_COMPILATION} {os.environ.get('XLA_FLAGS', '')}".strip()
+
+# The matrices are small: a second thread of the linear algebra would wait for the first one, and count as work.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 # No test asserts a wall time: an example that takes long on a loaded machine is not a wrong one.
 hypothesis.settings.register_profile("mrwork", deadline=None)
@@ -26,6 +33,12 @@ hypothesis.settings.load_profile("mrwork")
 # A background job of a shell ignores Ctrl-C, and so would every process that it starts.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def pytest_collection_finish() -> None:
+    """Eleven thousand tests live as long as the process: nobody looks through them for garbage."""
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import ast
+import json
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -42,22 +44,39 @@ IDENTIFY = f"""{TESTS}
 held = {{"k0": (2500.0, 2500.0), "x0": (0.038, 0.038), "n": (2.0, 2.0)}}
 fit = mr.identify("bouc_wen", test, bounds=held)
 """
-LOAD = f"""{TESTS}
-with open(sys.argv[1], "rb") as file:
-    fit = pickle.load(file)
-"""
-NO_JAX = "\nassert not {'jax', 'equinox', 'optimistix', 'numpyro'} & set(sys.modules)"
-VERBS = {
-    "identifiability": "mr.identifiability_of(fit, [test])",
-    "profile": "mr.profile(fit, [test], parameters=['k_w'])",
-    "plan": "from mrwork.uncertainty.planning.candidates import Candidate\n"
-    "mr.plan(fit, [test], [Candidate(amplitude=0.01, frequency=each) for each in (1.0, 2.0)])",
-    "sample": "mr.sample(fit, test, most_steps=20)",
-    "predict and calibrate": "mr.calibrate([mr.predict(fit, other)], held_out='')",
-    "choose": "mr.choose_model([test, other], models=['bingham', 'viscous_dahl'])",
+JAX = ("jax", "equinox", "optimistix", "numpyro")
+NO_JAX = f"\nassert not {set(JAX)} & set(sys.modules)"
+# Steps of one process, one after the other, and the packages that each must not load.
+STEPS = {
+    "an identification of a plain model": ("mr.identify('bingham', test)", ("scipy", *JAX)),
+    "identify": (IDENTIFY.removeprefix(TESTS), JAX),
+    "identifiability": ("mr.identifiability_of(fit, [test])", JAX),
+    "profile": ("mr.profile(fit, [test], parameters=['k_w'])", JAX),
+    "plan": (
+        "from mrwork.uncertainty.planning.candidates import Candidate\n"
+        "mr.plan(fit, [test], [Candidate(amplitude=0.01, frequency=each) for each in (1.0, 2.0)])",
+        JAX,
+    ),
+    "sample": ("mr.sample(fit, test, most_steps=20)", JAX),
+    "predict and calibrate": ("mr.calibrate([mr.predict(fit, other)], held_out='')", JAX),
+    "choose": ("mr.choose_model([test, other], models=['bingham', 'viscous_dahl'])", JAX),
+    "everything of a study but the design of weights": (
+        "mr.control.WeightWishes, mr.control.design_weights, mr.control.RegulatorSettings(control_weight=1.0)\n"
+        "mr.read_study(sys.argv[2])",
+        ("cvxpy", "clarabel", *JAX),
+    ),
 }
+REPORTING = f"""{TESTS}
+import json
+loaded = {{}}
+for name, (code, unwanted) in json.loads(sys.argv[1]).items():
+    exec(code)
+    loaded[name] = sorted(set(unwanted) & set(sys.modules))
+print(json.dumps(loaded))
+"""
 
 
+@cache
 def imports_of(file: Path) -> set[str]:
     """First names of all packages that a module imports."""
     names: set[str] = set()
@@ -97,28 +116,12 @@ def in_fresh_process(code: str, *arguments: object) -> str:
 
 
 @pytest.fixture(scope="module")
-def fit(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A fit of a process that was to load no JAX."""
-    place = tmp_path_factory.mktemp("imports") / "fit.pickle"
-    in_fresh_process(f"{IDENTIFY}with open(sys.argv[1], 'wb') as file: pickle.dump(fit, file){NO_JAX}", place)
-    return place
-
-
-@pytest.mark.parametrize("verb", VERBS)
-def test_no_verb_loads_jax(verb: str, fit: Path) -> None:
-    in_fresh_process(f"{LOAD}{VERBS[verb]}{NO_JAX}", fit)
-
-
-def test_only_a_design_of_weights_loads_cvxpy(tmp_path: Path) -> None:
-    study = tmp_path / "study.toml"
+def loaded(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[str]]:
+    """Packages that each of the steps, or one before it, has loaded and must not load."""
+    study = tmp_path_factory.mktemp("imports") / "study.toml"
     study.write_text(study_text("drifts = 1.0\ncontrol_weight = 1e-13"))
-    in_fresh_process(
-        "import sys, mrwork as mr\n"
-        "mr.control.WeightWishes, mr.control.design_weights, mr.control.RegulatorSettings(control_weight=1.0)\n"
-        "mr.read_study(sys.argv[1])\n"
-        "assert not {'cvxpy', 'clarabel'} & set(sys.modules)",
-        study,
-    )
+    told: dict[str, list[str]] = json.loads(in_fresh_process(REPORTING, json.dumps(STEPS), study))
+    return told
 
 
 def test_a_study_of_published_dampers_loads_nothing_of_the_identification(tmp_path: Path) -> None:
@@ -134,8 +137,9 @@ def test_a_study_of_published_dampers_loads_nothing_of_the_identification(tmp_pa
     )
 
 
-def test_a_plain_model_is_identified_without_scipy() -> None:
-    in_fresh_process(f"{TESTS}mr.identify('bingham', test)\nassert 'scipy' not in sys.modules")
+@pytest.mark.parametrize("step", STEPS)
+def test_no_heavy_package_is_loaded_where_it_is_not_needed(step: str, loaded: dict[str, list[str]]) -> None:
+    assert not loaded[step]
 
 
 def test_the_command_that_identifies_and_reports_loads_no_jax(tmp_path: Path) -> None:

@@ -19,7 +19,7 @@ N_TIME = 260
 MOST_SUBSTEPS = 16
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def theta(spec, history):
     """Candidates whose sub-steps differ, in random order, with the nominal one among them."""
     candidates = np.vstack([spec.nominal, random_theta(spec, 3 * N_BATCH, rng=21)])
@@ -27,13 +27,13 @@ def theta(spec, history):
     return candidates[simulate_forces(spec, candidates, history).substeps <= MOST_SUBSTEPS][:N_BATCH]
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def history():
     motion = noise()
     return replace(motion, displacement=motion.displacement[:N_TIME]).history()
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def measured(spec, history):
     return simulate_forces(spec, spec.nominal[None], history).force[0] * 0.9
 

@@ -9,7 +9,7 @@ from mrwork.records.window import settling_samples
 from mrwork.simulate import Loading, Outcome, simulate_forces
 
 # The reference takes so many times the steps of the finest that is compared with it.
-FINER = 8
+FINER = 4
 FACTORS = (1, 2, 4, 8)
 
 

@@ -6,10 +6,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from damper_samples import DT, N_TIME, noise, random_theta
+from damper_samples import DT, noise, random_theta
 
 from mrwork import _rust
-from mrwork.simulate import Loading, simulate_forces
+from mrwork.simulate import Loading, simulate_forces, simulate_sensitivities
 from mrwork.twins.models import simulate, twin_of
 
 # Sub-steps beyond this only make the twin slow, they exercise no other line of it.
@@ -90,6 +90,17 @@ def test_derivative_is_the_difference_quotient_of_rust(spec, jacobian):
     assert compared >= 4
 
 
+def test_derivative_is_that_of_the_kernel(spec, jacobian):
+    # Both differentiate the same steps, so only rounding is between them; a stiff loop near a kink magnifies it.
+    history = noise().history()
+    run = simulate_sensitivities(spec, spec.nominal[None], history)
+    expected = np.asarray(jacobian(spec.nominal, history.stages(int(run.substeps[0])))).T
+    error, norm = np.linalg.norm(run.jacobian[0] - expected, axis=1), np.linalg.norm(expected, axis=1)
+    # Columns that the force does not feel are let be.
+    felt = norm * np.abs(spec.nominal) > 1e-12 * np.linalg.norm(run.force[0])
+    assert np.all(error[felt] <= 1e-8 * norm[felt])
+
+
 @pytest.fixture(scope="module")
 def slopes_at_the_start(spec):
     """Derivatives of rate and force at rest, forward and backward, by parameters and velocity."""
@@ -114,24 +125,27 @@ def test_derivatives_are_finite_where_the_loop_starts(spec, slopes_at_the_start,
 
 
 def test_derivative_of_a_damper_that_never_moves_is_finite(spec, jacobian):
-    assert np.all(np.isfinite(jacobian(spec.nominal, jnp.zeros((N_TIME - 1, 3, 2)))))
+    history = noise().history()
+    substeps = int(simulate_forces(spec, spec.nominal[None], history).substeps[0])
+    # As many sub-steps as of the motion above, for which this is compiled.
+    assert np.all(np.isfinite(jacobian(spec.nominal, np.zeros_like(history.stages(substeps)))))
 
 
-def test_transformations_compose_and_trace_once(spec):
+def test_gradients_side_by_side_trace_once_and_are_those_of_the_kernel(spec):
     traces = 0
     history = Loading(dt=DT, displacement=noise().displacement[:60]).history()
-    stages = jnp.asarray(history.stages(2))
+    theta = random_theta(spec, 64, rng=8)
+    run = simulate_sensitivities(spec, theta, history)
+    numbers, rows = np.unique(run.substeps[run.substeps > 0], return_counts=True)
+    chosen = np.flatnonzero(run.substeps == numbers[np.argmax(rows)])[:4]
+    assert len(chosen) == 4
+    theta, stages = theta[chosen], jnp.asarray(history.stages(int(run.substeps[chosen[0]])))
 
     def energy(theta, stages):
         nonlocal traces
         traces += 1
         return jnp.sum(simulate(spec, theta, stages, DT) ** 2)
 
-    # Only what two sub-steps resolve: the rest would compare one NaN with another.
-    theta = random_theta(spec, 64, rng=8)
-    substeps = simulate_forces(spec, theta, history).substeps
-    theta = theta[(substeps > 0) & (substeps <= 2)][:4]
-    assert len(theta) == 4
     gradients = jax.jit(jax.vmap(jax.grad(energy), in_axes=(0, None)))
     first = gradients(theta, stages)
     second = gradients(theta[::-1], stages)
@@ -141,7 +155,9 @@ def test_transformations_compose_and_trace_once(spec):
     np.testing.assert_allclose(first, second[::-1], rtol=1e-12)
     assert np.all(np.isfinite(first))
     assert np.any(first != 0.0)
-    whole, alone = jax.jit(jax.value_and_grad(energy))(theta[0], stages)
-    # A parameter that this motion does not feel has a gradient of rounding only.
-    rounding = 1e-12 * float(whole) / np.abs(theta[0])
-    assert np.all(np.abs(alone - first[0]) <= 1e-9 * np.abs(first[0]) + rounding)
+    force, jacobian = run.force[chosen], run.jacobian[chosen]
+    kernel = 2.0 * np.einsum("bt,bpt->bp", force, jacobian)
+    # A parameter that this motion does not feel has a gradient of rounding only; terms of a sum cancel.
+    size = 2.0 * np.einsum("bt,bpt->bp", np.abs(force), np.abs(jacobian))
+    rounding = 1e-12 * np.sum(force**2, axis=1)[:, None] / np.abs(theta)
+    assert np.all(np.abs(first - kernel) <= 1e-8 * size + rounding)

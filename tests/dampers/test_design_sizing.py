@@ -76,10 +76,6 @@ def test_sizing_finds_a_small_damper(sized: SizedDamper) -> None:
     assert sized.design.envelope_volume < 0.7 * min(good)
 
 
-def test_sizing_repeats_itself(sized: SizedDamper) -> None:
-    assert size_damper(WISHES, fluid=FLUID, steel=STEEL, budget=600) == sized
-
-
 @pytest.mark.parametrize("search", ["genetic", "particle_swarm"])
 def test_any_search_of_the_registry_sizes(search: str) -> None:
     found = size_damper(WISHES, fluid=FLUID, steel=STEEL, search=search, budget=400)
@@ -133,11 +129,12 @@ def test_interrupted_sizing_keeps_what_it_found(monkeypatch: pytest.MonkeyPatch)
     assert WISHES.missed(result.design) == {}
 
 
-def test_progress_tells_candidates_and_the_smallest_volume() -> None:
+def test_sizing_repeats_itself_and_progress_tells_candidates_and_the_smallest_volume(
+    sized: SizedDamper,
+) -> None:
     seen: list[SizingProgress] = []
-    quiet = size_damper(WISHES, fluid=FLUID, steel=STEEL, budget=600)
     told = size_damper(WISHES, fluid=FLUID, steel=STEEL, budget=600, on_progress=seen.append)
-    assert told.design == quiet.design
+    assert told == sized
     assert [each.stage for each in seen] == ["smallest"] * len(seen)
     assert [each.evaluations for each in seen] == sorted(each.evaluations for each in seen)
     assert (seen[-1].evaluations, seen[-1].share) == (told.evaluations, told.evaluations / 600)

@@ -232,13 +232,13 @@ def imports() -> int:
 
 
 @pytest.mark.parametrize(
-    ("number", "twelfth"),
-    [*((signal.SIGINT, point) for point in range(12)), *((signal.SIGTERM, point) for point in (0, 4, 8))],
+    ("number", "sixth"),
+    [*((signal.SIGINT, point) for point in range(6)), *((signal.SIGTERM, point) for point in (0, 3))],
 )
 def test_a_signal_while_modules_are_loaded_is_no_traceback(
-    number: signal.StopSignals, twelfth: int, imports: int
+    number: signal.StopSignals, sixth: int, imports: int
 ) -> None:
-    point = 1 + twelfth * (imports - 1) // 12
+    point = 1 + sixth * (imports - 1) // 6
     ended = signalled(number, point, "check", "synthetic:spencer1997")
     assert ended.returncode == 128 + number, ended.stderr
     assert ended.stderr == "mrwork: interrupted\n"

@@ -71,9 +71,10 @@ class Job:
     there: tuple[str, ...] = ()
 
 
-FIT = "identify one.csv --model static_hysteretic --fix x_s=1e-4 --every 4 --out run"
-TWO = "identify one.csv two.csv --model static_hysteretic --fix x_s=1e-4 --every 4 --out run"
-COMPARED = "identify one.csv two.csv --model bingham,static_hysteretic --every 4 --out out"
+# Small work, for which a second thread would only wait.
+FIT = "identify one.csv --model viscous_dahl --every 4 --threads 1 --out run"
+TWO = "identify one.csv two.csv --model viscous_dahl --every 4 --threads 1 --out run"
+COMPARED = "identify one.csv two.csv --model bingham,viscous_dahl --every 8 --threads 1 --out out"
 STUDY = "respond small.toml --out out"
 TUNED = "tune study.toml --quick --out out"
 SAMPLED = "sample run --steps 4 --walkers 16"

@@ -1,6 +1,7 @@
 """An identification that is killed at any moment ends, resumed, in the same bits.
 
-`MRWORK_KILL_POINTS` says at how many moments it is killed, default 4.
+A process is killed once; the other moments are journals that end in the middle of a line. `MRWORK_KILL_POINTS` says at
+how many moments a process is killed instead.
 """
 
 from __future__ import annotations
@@ -30,7 +31,8 @@ from mrwork.search import EfficientGA, StopRules
 from mrwork.store.journal_file import line_of
 from mrwork.synthetic import synthetic_test
 
-N_KILLS = int(os.environ.get("MRWORK_KILL_POINTS", "4"))
+KILLED = "MRWORK_KILL_POINTS" in os.environ
+N_POINTS = int(os.environ.get("MRWORK_KILL_POINTS", "3"))
 SHORT = ["--population", "16", "--generations", "12"]
 COMMAND = ["identify", "synthetic:spencer1997", "--every", "4", "--seed", "3", *SHORT]
 DESCENTS = ["identify", "synthetic:spencer1997", "--every", "4", "--seed", "3"]
@@ -92,19 +94,24 @@ def killed_at(command: list[str], place: Path, n_lines: int, delay: float) -> No
     assert process.wait() == -signal.SIGKILL
 
 
-@pytest.mark.parametrize("point", range(N_KILLS))
+@pytest.mark.parametrize("point", range(N_POINTS))
 @pytest.mark.parametrize(("command", "uninterrupted"), [(COMMAND, "whole"), (DESCENTS, "descended")])
 def test_a_run_that_is_killed_is_resumed_to_the_same_bits(
     tmp_path: Path, request: pytest.FixtureRequest, command: list[str], uninterrupted: str, point: int
 ) -> None:
     whole: Path = request.getfixturevalue(uninterrupted)
-    seconds = [json.loads(line)["seconds"] for line in (whole / "journal.jsonl").read_text().splitlines()]
+    lines = (whole / "journal.jsonl").read_bytes().splitlines(keepends=True)
     chance = random.Random(point)
     # Each point in a part of the journal of its own, so that all stages are met: somewhere between two of its lines.
-    n_lines = int((point + chance.random()) / N_KILLS * len(seconds))
-    gap = seconds[n_lines] - (seconds[n_lines - 1] if n_lines else 0.0)
+    n_lines = int((point + chance.random()) / N_POINTS * len(lines))
     place = tmp_path / "run"
-    killed_at(command, place, n_lines, chance.random() * gap)
+    if KILLED or point == 1:
+        seconds = [json.loads(line)["seconds"] for line in lines]
+        gap = seconds[n_lines] - (seconds[n_lines - 1] if n_lines else 0.0)
+        killed_at(command, place, n_lines, chance.random() * gap)
+    else:
+        torn = lines[n_lines][: int(chance.random() * len(lines[n_lines]))]
+        part_with(tmp_path, b"".join(lines[:n_lines]) + torn)
     assert not place.exists()
     resumed = mrwork(*command, "--out", place, "--resume", "--threads", 1 + point % 2)
     assert resumed.returncode == 0, resumed.stderr

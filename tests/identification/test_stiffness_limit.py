@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
@@ -32,6 +33,7 @@ def parameters(**others: float) -> np.ndarray:
     return np.array([{**TRUE, **others}[name] for name in MODEL.names])
 
 
+@cache
 def slow_test() -> DamperTest:
     """A test at 0.1 Hz and a step of 0.04 s, which resolves loops to a seventh of the sharpness of this one."""
     dt = 0.0025

@@ -84,14 +84,22 @@ BUILDINGS: list[Document] = [
 """With every addition to a building and each of its forms."""
 
 
+ESSENTIAL = ("building", "damper", "controller", "motion")
+
+
+def essential(**tables: Any) -> Document:
+    """The sound study with what every study has, and these tables."""
+    return {**{name: SOUND[name] for name in ESSENTIAL}, **tables}
+
+
 def with_controller(table: Document) -> Document:
-    return {**SOUND, "controller": [table]}
+    return essential(controller=[table])
 
 
 # Tables that exclude others of the sound study, or that it has not.
 TABLES: dict[str, tuple[Document, KeyPath]] = {
     "": (SOUND, ()),
-    "[motion.suite]": ({**SOUND, "motion": [{"suite": {"motions": 8}, "dt": 0.02}]}, ("motion", 0, "suite")),
+    "[motion.suite]": (essential(motion=[{"suite": {"motions": 8}, "dt": 0.02}]), ("motion", 0, "suite")),
     "[[controller]]": (with_controller({"law": "passive_on"}), ("controller", 0)),
     "[controller.user]": (
         with_controller({"user": {"file": "law.py", "function": "command"}}),
@@ -172,7 +180,8 @@ def documents() -> Iterator[tuple[Document, KeyPath, type]]:
             several = isinstance(building[inner[0]], list)
             yield {**SOUND, "building": building}, ("building", inner[0], *((0,) if several else ())), kind
         else:
-            yield SOUND, place_of(heading), kind
+            place = place_of(heading)
+            yield essential(**{str(place[0]): SOUND[str(place[0])]}), place, kind
     for law, kind in SETTINGS.items():
         yield with_controller({"law": law, "settings": {}}), ("controller", 0, "settings"), kind
     wishes = {"law": "clipped_optimal", "settings": {"designed": {"budget": 1e3}}}
@@ -280,7 +289,7 @@ def test_a_number_of_a_building_is_read_or_refused_by_a_line(
 ) -> None:
     wrong = []
     for path in numbers_in(building):
-        mistake = Mistake(document={**SOUND, "building": building}, path=("building", *path), number=number)
+        mistake = Mistake(document=essential(building=building), path=("building", *path), number=number)
         sentence = sentence_on(with_mistake(mistake), tmp_path)
         begins = re.match(re.escape(str(tmp_path / "study.toml")) + r", line \d+: ", sentence)
         if sentence and (not begins or names_code(sentence, tmp_path)):

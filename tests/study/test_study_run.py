@@ -284,29 +284,28 @@ def test_a_best_constant_command_that_was_not_tried_is_refused(
         ran(study, path, resume=True)
 
 
-@pytest.mark.parametrize("damage", ["cut", "empty", "one bit", "not an archive"])
 def test_a_damaged_history_is_simulated_again_on_resuming(
-    path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], damage: str
+    path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "run"
     printed(capsys, "respond", path, "--out", out, "--quiet")
     files = sorted((out / "histories").iterdir())
     whole = files[0].read_bytes()
     middle = len(whole) // 2
-    files[0].unlink()
-    files[0].write_bytes(
-        {
-            "cut": whole[:middle],
-            "empty": b"",
-            "one bit": whole[:middle] + bytes([whole[middle] ^ 1]) + whole[middle + 1 :],
-            "not an archive": b"\x93NUMPY" + whole[:100],
-        }[damage]
-    )
-    printed(capsys, "respond", path, "--out", out, "--quiet", "--resume")
-    assert sorted((out / "histories").iterdir()) == files
-    with np.load(files[0]) as found, np.load(io.BytesIO(whole)) as expected:
-        for name in expected.files:
-            assert np.array_equal(found[name], expected[name]), name
+    damaged = {
+        "cut": whole[:middle],
+        "empty": b"",
+        "one bit": whole[:middle] + bytes([whole[middle] ^ 1]) + whole[middle + 1 :],
+        "not an archive": b"\x93NUMPY" + whole[:100],
+    }
+    for damage, content in damaged.items():
+        files[0].unlink()
+        files[0].write_bytes(content)
+        printed(capsys, "respond", path, "--out", out, "--quiet", "--resume")
+        assert sorted((out / "histories").iterdir()) == files
+        with np.load(files[0]) as found, np.load(io.BytesIO(whole)) as expected:
+            for name in expected.files:
+                assert np.array_equal(found[name], expected[name]), (damage, name)
 
 
 def test_an_unstable_gain_has_a_named_end_with_its_remedy_and_valid_json(

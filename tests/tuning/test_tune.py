@@ -41,6 +41,15 @@ def results(study: mr.Study) -> TuningResults:
     return tune(study, threads=1)
 
 
+@pytest.fixture(scope="module")
+def journal_content(study: mr.Study, tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    """The journal of the tuning."""
+    path = tmp_path_factory.mktemp("journal") / "journal.jsonl"
+    with closing(mr.Journal(path)) as journal:
+        tune(study, threads=1, journal=journal)
+    return path.read_bytes()
+
+
 def test_tuned_settings_are_no_worse_than_equal_weights_on_the_training_motions(
     results: TuningResults,
 ) -> None:
@@ -77,30 +86,23 @@ def test_threads_change_no_bit(study: mr.Study, results: TuningResults) -> None:
 
 @pytest.mark.parametrize("share", [0.05, 0.3, 0.6, 0.8, 0.95, 1.0])
 def test_a_journal_that_was_cut_resumes_to_the_same_bits(
-    study: mr.Study, results: TuningResults, share: float, tmp_path: Path
+    study: mr.Study, results: TuningResults, journal_content: bytes, share: float, tmp_path: Path
 ) -> None:
-    journal = mr.Journal(tmp_path / "journal.jsonl")
-    tune(study, threads=1, journal=journal)
-    journal.close()
-    content = (tmp_path / "journal.jsonl").read_bytes()
-    (tmp_path / "journal.jsonl").write_bytes(content[: int(share * len(content))])
-    resumed = mr.Journal(tmp_path / "journal.jsonl", resume=True)
-    again = tune(study, threads=1, journal=resumed)
-    resumed.close()
+    path = tmp_path / "journal.jsonl"
+    path.write_bytes(journal_content[: int(share * len(journal_content))])
+    with closing(mr.Journal(path, resume=True)) as journal:
+        again = tune(study, threads=1, journal=journal)
     assert without_times(again) == without_times(results)
     if share == 1.0:
-        assert (tmp_path / "journal.jsonl").read_bytes() == content
+        assert path.read_bytes() == journal_content
 
 
 @pytest.mark.parametrize("step", ["passive", "reference", "judgement", "first candidates"])
 def test_a_result_of_another_size_than_its_inputs_is_refused(
-    study: mr.Study, step: str, tmp_path: Path
+    study: mr.Study, journal_content: bytes, step: str, tmp_path: Path
 ) -> None:
     path = tmp_path / "journal.jsonl"
-    journal = mr.Journal(path)
-    tune(study, threads=1, journal=journal)
-    journal.close()
-    lines = [json.loads(line) for line in path.read_text().splitlines()]
+    lines = [json.loads(line) for line in journal_content.splitlines()]
     results = next(line for line in lines if line["step"] == step)["result"]
     for name, value in results.items():
         if isinstance(value, list):
@@ -112,10 +114,11 @@ def test_a_result_of_another_size_than_its_inputs_is_refused(
     path.write_bytes(
         b"".join(line_of({key: value for key, value in line.items() if key != "crc32"}) for line in lines)
     )
-    resumed = mr.Journal(path, resume=True)
-    with pytest.raises(JournalError, match=f"does not hold the result of a {step}"):
+    with (
+        closing(mr.Journal(path, resume=True)) as resumed,
+        pytest.raises(JournalError, match=f"does not hold the result of a {step}"),
+    ):
         tune(study, threads=1, journal=resumed)
-    resumed.close()
 
 
 def test_the_chosen_study_has_the_scores_of_the_tuning(results: TuningResults, tmp_path: Path) -> None:

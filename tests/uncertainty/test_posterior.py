@@ -159,8 +159,7 @@ def test_a_given_prior_moves_what_the_data_leave_open() -> None:
     assert given.summaries[0].deviation == pytest.approx(86.0 / np.sqrt(2.0), rel=0.1)
 
 
-@pytest.mark.parametrize("threads", [1, 2])
-def test_an_interrupted_chain_goes_on_to_the_same_bits_on_any_threads(tmp_path: Path, threads: int) -> None:
+def test_an_interrupted_chain_goes_on_to_the_same_bits_on_any_threads(tmp_path: Path) -> None:
     def interrupt(progress: SamplingProgress) -> None:
         if progress.steps > 40:
             raise KeyboardInterrupt
@@ -180,12 +179,12 @@ def test_an_interrupted_chain_goes_on_to_the_same_bits_on_any_threads(tmp_path: 
 
     whole = sampled("whole.jsonl", threads=1)
     with pytest.raises(Interrupted) as interrupted:
-        sampled("pieces.jsonl", threads=threads, on_progress=interrupt)
+        sampled("pieces.jsonl", threads=2, on_progress=interrupt)
     assert 40 < interrupted.value.result.n_steps < whole.n_steps
     kept = interrupted.value.result.draws()
     assert kept.status == "interrupted"
     assert kept.n_steps == interrupted.value.result.n_steps
-    again = sampled("pieces.jsonl", threads=threads, resume=True)
+    again = sampled("pieces.jsonl", threads=1, resume=True)
     assert again.n_steps == whole.n_steps
     np.testing.assert_array_equal(again.theta, whole.theta)
     np.testing.assert_array_equal(again.log_posterior, whole.log_posterior)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import gc
 import os
 import shutil
 import signal
@@ -38,6 +39,9 @@ def main() -> int:
     readers = [reader for reader in all_readers() if options.reader in reader.name]
     for reader in readers:
         reader.check()
+    # What is there now, no process that is forked looks through for garbage: that would copy all of it.
+    gc.collect()
+    gc.freeze()
     harness = Harness(
         readers, options.mutants, n_processes=options.processes, kept=options.out, first=options.first
     )
