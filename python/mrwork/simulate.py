@@ -313,7 +313,6 @@ def simulate_force(
 
 @contextmanager
 def _refusals() -> Iterator[None]:
-    """Context manager that turns refusals of the core into SettingErrors."""
     try:
         yield
     except (ValueError, OverflowError) as error:

@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 from mrwork.dampers import damper
 from mrwork.errors import SettingError
 from mrwork.identification import Objective
-from mrwork.identification.covariance import autocorrelation_time, effective_samples, residuals_by_test
+from mrwork.identification.result import autocorrelation_time, effective_samples, residuals_by_test
 from mrwork.synthetic import synthetic_test
 
 

@@ -17,7 +17,7 @@ from mrwork.identification import Multistart
 from mrwork.identification.fit_file import fit_from_json, read_fit
 from mrwork.identification.problem import command_warning
 from mrwork.records import DamperTest
-from mrwork.store.codec import json_document
+from mrwork.store.record import json_document
 
 FEW = Multistart(samples=6, starts=3, least_rounds=1, most_rounds=1, found=2)
 BINGHAM = (400.0, 0.01, 900.0, 0.0)

@@ -17,7 +17,7 @@ from mrwork.identification.identify import identify_again
 from mrwork.identification.problem import Problem, fingerprint_of
 from mrwork.identification.settings import UnregisteredSearch, method_of, search_named, searches
 from mrwork.search import DifferentialEvolution, EfficientGA, StopRules
-from mrwork.store.codec import differences, json_document
+from mrwork.store.record import differences, json_document
 
 TEST = mr.synthetic_test("rd1005_1a")
 SPEC = damper("static_hysteretic")

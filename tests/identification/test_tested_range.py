@@ -17,7 +17,7 @@ from mrwork.identification.fit_file import fit_from_json, read_fit
 from mrwork.identification.result import explained_by
 from mrwork.records import DamperTest, build_damper_test
 from mrwork.search import EfficientGA, StopRules
-from mrwork.store.codec import json_document
+from mrwork.store.record import json_document
 
 LAWFUL = mr.damper("bingham").with_current_laws({"f_c": "linear"}, unit="A")
 SEARCH = EfficientGA(stop=StopRules(max_generations=10))

@@ -12,7 +12,7 @@ from sinusoidal_tests import sinusoidal_test
 import mrwork as mr
 from mrwork.dampers import damper
 from mrwork.records import DamperTest, Observation, OperatingRange, build_damper_test, cut, repair
-from mrwork.records.detectors.spikes import spikes_of
+from mrwork.records.detectors.smoothing import spikes_of
 from mrwork.synthetic import SYNTHETIC_TESTS, synthetic_test
 
 MODEL = "viscous_dahl"

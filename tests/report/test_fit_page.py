@@ -27,7 +27,7 @@ from mrwork.report.comparison import Comparison
 from mrwork.report.fit.page import comparisons_of, fit_page, open_run, write_page
 from mrwork.report.fit.search import waterfall_panel
 from mrwork.report.section import PageProgress
-from mrwork.store.codec import json_document
+from mrwork.store.record import json_document
 from mrwork.synthetic import synthetic_test
 from mrwork.uncertainty import Prediction
 from mrwork.uncertainty.bands.calibration_files import predictions_content, read_predictions

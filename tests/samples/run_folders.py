@@ -12,8 +12,8 @@ import numpy as np
 import mrwork as mr
 from mrwork.identification import Fit
 from mrwork.identification.fit_file import addition_content
-from mrwork.store.codec import json_document
 from mrwork.store.output_file import write_files
+from mrwork.store.record import json_document
 from mrwork.store.run_folder import CHAIN, DRAWS, LAWS, PLAN, PROFILES, RANKING
 from mrwork.uncertainty import Candidate, LawTable, Ranking, TriedLaws, measured_coverage
 from mrwork.uncertainty.bands.calibration_files import write_bands
@@ -89,6 +89,8 @@ def _laws(model: str) -> LawTable:
         held_out="tests",
         n_folds=2,
         given={},
+        complete=True,
         models=(model, failing),
         failed={failing: "no candidate could be simulated"},
+        remarks=(),
     )

@@ -15,10 +15,9 @@ from command_line import started
 
 from mrwork import Journal
 from mrwork.errors import JournalError, MrworkWarning, OutputError, SettingError
-from mrwork.store.destination import Destination
 from mrwork.store.lock import Lock, is_lock
+from mrwork.store.output_folder import Destination, adding, replacing_run
 from mrwork.store.run_folder import FIT_RUN
-from mrwork.store.run_lock import adding, replacing_run
 from mrwork.store.unfinished import (
     StepJournals,
     begin_addition,

@@ -9,7 +9,7 @@ import pytest
 
 from mrwork.buildings import read_building
 from mrwork.errors import MrworkError
-from mrwork.store.parse import json_value, toml_table
+from mrwork.store.input_file import json_value, toml_table
 from mrwork.study import read_results, read_study
 
 DEEP_JSON = ["[" * n + "]" * n for n in (200, 3_000, 100_000)] + ['{"a":' * 3_000 + "1" + "}" * 3_000]

@@ -29,10 +29,9 @@ from mrwork.errors import OutputError, RecordError
 from mrwork.identification import Fit
 from mrwork.identification.fit_file import manifest_of, read_fit, write_run
 from mrwork.store.arrays_file import finite_numbers, read_arrays
-from mrwork.store.destination import Destination
 from mrwork.store.input_file import stored
 from mrwork.store.lock import Lock
-from mrwork.store.output_folder import check_destination, write_folder
+from mrwork.store.output_folder import Destination, check_destination, write_folder
 from mrwork.store.run_folder import (
     CALIBRATION,
     DRAWS,
@@ -216,7 +215,7 @@ import errno, os, resource, sys
 from pathlib import Path
 from report_samples import comparison, fit
 from mrwork.identification.fit_file import write_run
-from mrwork.store.destination import Destination
+from mrwork.store.output_folder import Destination
 from mrwork.store.run_folder import FIT_RUN
 
 place, size, failure = Path(sys.argv[1]), int(sys.argv[2]), sys.argv[3]

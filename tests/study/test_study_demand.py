@@ -14,7 +14,7 @@ from command_line import printed
 import mrwork as mr
 from mrwork.records import OperatingRange
 from mrwork.report.study.page import study_page
-from mrwork.store.codec import plain
+from mrwork.store.record import plain
 from mrwork.study import StudyResults, read_study, run_study
 from mrwork.study.dampers import IdentifiedDamper
 from mrwork.study.folder import study_document

@@ -12,7 +12,7 @@ import pytest
 import study_samples
 
 from mrwork.errors import RecordError
-from mrwork.store.codec import json_document
+from mrwork.store.record import json_document
 from mrwork.store.run_folder import MANIFEST, RESULTS
 from mrwork.study import StoredStudy, StudyResults, compared, read_results
 from mrwork.study.comparison import judged_in_words

@@ -16,8 +16,8 @@ import mrwork as mr
 from mrwork.closed_loop import SCORE
 from mrwork.errors import Interrupted, JournalError, SettingError
 from mrwork.records import OperatingRange
-from mrwork.store.codec import plain
-from mrwork.store.journal_file import line_of
+from mrwork.store.journal import line_of
+from mrwork.store.record import plain
 from mrwork.tuning import BEST_CONSTANT, Candidate, TuningResults, tune
 from mrwork.tuning.problem import Clock, benches_of
 from mrwork.tuning.results import chosen_study, tuning_document

@@ -18,9 +18,8 @@ from mrwork.errors import Interrupted, SettingError, SimulationError, UnknownNam
 from mrwork.identification import FitSettings
 from mrwork.records import DamperTest
 from mrwork.search import EfficientGA, StopRules
-from mrwork.store.codec import json_document
-from mrwork.store.destination import Destination
-from mrwork.store.record import record_from_json
+from mrwork.store.output_folder import Destination
+from mrwork.store.record import json_document, record_from_json
 from mrwork.store.run_folder import FIT_RUN
 from mrwork.store.unfinished import StepJournals
 from mrwork.uncertainty import LawChoice, LawTable, TriedLaws

@@ -68,8 +68,7 @@ from mrwork.buildings.shear import check_storeys, number_names, shear_building
 from mrwork.errors import RecordError
 from mrwork.files.matlab import read_matlab_matrices
 from mrwork.keys import Place, shown
-from mrwork.store.input_file import MATRIX, TOML, is_folder, text_of
-from mrwork.store.parse import toml_table
+from mrwork.store.input_file import MATRIX, TOML, is_folder, text_of, toml_table
 from mrwork.store.run_folder import real_place
 from mrwork.values import Floats
 

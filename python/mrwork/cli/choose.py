@@ -26,12 +26,12 @@ from mrwork.cli.terminal import note
 from mrwork.errors import SettingError
 from mrwork.identification.settings import FitSettings
 from mrwork.records import observed
-from mrwork.records.concerns import findings_for
+from mrwork.records.findings import findings_for
 from mrwork.store.run_folder import FIT, LAWS, MODELS, RANKING
 from mrwork.store.unfinished import StepJournals
 from mrwork.summary import aligned
 from mrwork.uncertainty.bands.prediction import Fold
-from mrwork.uncertainty.choice.families import ALL
+from mrwork.uncertainty.choice.choose import ALL
 
 if TYPE_CHECKING:
     from mrwork.uncertainty.choice.choose import Choice

@@ -17,7 +17,7 @@ from mrwork.errors import Interrupted, SettingError
 
 if TYPE_CHECKING:
     from mrwork.store import Journal
-    from mrwork.store.destination import Destination
+    from mrwork.store.output_folder import Destination
     from mrwork.study.results import StudyResults
     from mrwork.study.stored_histories import Histories
     from mrwork.study.study import Study
@@ -70,8 +70,7 @@ def run(options: argparse.Namespace) -> int:
     if options.study is None:
         raise SettingError("no study is given; give a STUDY.toml, or --schema to print its keys")
     # SciPy and the simulation are slow to load.
-    from mrwork.store.destination import Destination
-    from mrwork.store.output_folder import check_destination
+    from mrwork.store.output_folder import Destination, check_destination
     from mrwork.store.run_folder import STUDY_RUN
     from mrwork.store.unfinished import run_journal
     from mrwork.study.reading import read_study

@@ -25,7 +25,7 @@ from mrwork.summary import with_decimals
 
 if TYPE_CHECKING:
     from mrwork.store import Journal
-    from mrwork.store.destination import Destination
+    from mrwork.store.output_folder import Destination
     from mrwork.study.schema import TuneTable
     from mrwork.study.study import Study
     from mrwork.tuning.results import LawResult, TuningResults
@@ -72,8 +72,7 @@ def add_parser(verbs: Any) -> None:
 def run(options: argparse.Namespace) -> int:
     """Tune, write the folder, print the result."""
     # SciPy and the simulation are slow to load.
-    from mrwork.store.destination import Destination
-    from mrwork.store.output_folder import check_destination
+    from mrwork.store.output_folder import Destination, check_destination
     from mrwork.store.run_folder import TUNING_RUN
     from mrwork.store.unfinished import run_journal
     from mrwork.study.reading import read_study

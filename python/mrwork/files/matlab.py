@@ -147,7 +147,6 @@ def _array(
 
 
 def _shape(sides: Iterable[int]) -> tuple[int, ...]:
-    """Shape of a matrix of version 5, also of one without items."""
     shape = tuple(int(side) for side in sides)
     if len(shape) > _MOST_DIMENSIONS:
         raise DamagedError(f"a matrix claims {len(shape)} dimensions, {_MOST_DIMENSIONS} at most are read")
@@ -226,7 +225,6 @@ def _elements(block: Block, order: str) -> Iterator[tuple[int, Block]]:
 
 
 def _unpacked(block: Block, order: str, allowance: Allowance) -> tuple[int, Block]:
-    """Tag and content of the data element in a compressed one."""
     unpacker = zlib.decompressobj()
     kind, size = struct.unpack(f"{order}2I", unpacker.decompress(block, 8))
     if kind >> 16:

@@ -14,6 +14,7 @@ import numpy as np
 from mrwork.arguments import checked
 from mrwork.dampers.conversions import (
     Conversion,
+    Scales,
     bouc_wen_from_normalised,
     bouc_wen_from_normalised_jacobian,
     modified_bouc_wen_from_normalised,
@@ -24,7 +25,6 @@ from mrwork.dampers.conversions import (
     normalised_from_modified_bouc_wen_jacobian,
 )
 from mrwork.dampers.coordinates import Box
-from mrwork.dampers.nesting import Scales
 from mrwork.dampers.parameters import ParamSpec
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import SettingError

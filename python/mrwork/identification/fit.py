@@ -18,8 +18,7 @@ from mrwork.identification.settings import FitSettings, Reading
 from mrwork.records import AS_IT_IS, DamperTest, Observation, observed
 from mrwork.records.likeness import Likeness, RecordedMotion, likest_of_other_force, likest_of_same_force
 from mrwork.records.operating_range import OperatingRange, Outside, outside_of
-from mrwork.store.codec import digest_of
-from mrwork.store.record import LowerBound, OrInfinite, Related, UpperBound
+from mrwork.store.record import LowerBound, OrInfinite, Related, UpperBound, digest_of
 from mrwork.summary import Summarised, Summary, listed, of_unit, rounded
 from mrwork.values import holds_arrays
 
@@ -31,7 +30,7 @@ VerdictName = Literal["identifiable", "weakly identifiable", "sign unknown", "ne
 class Interval(Related):
     """Interval of one parameter in its unit; an end that the data do not bound is `None`.
 
-    `verdict` is `None` in draws of earlier versions.
+    `verdict` is `None` for a parameter of the noise.
     """
 
     name: str

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.dampers.conversions import nesting_of
 from mrwork.dampers.coordinates import Box
-from mrwork.dampers.nesting import nesting_of
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import Interrupted, SimulationError
 from mrwork.identification.equivalent import Form, half_ranges, identifiable_form, search_box

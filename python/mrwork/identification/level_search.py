@@ -299,7 +299,6 @@ def unlike_tests(tests: Sequence[DamperTest], most: int) -> tuple[DamperTest, ..
 
 
 def _merged(first: MultistartResult, second: MultistartResult) -> MultistartResult:
-    """Minima of two searches, best first; the trace of both."""
     theta, misfit = np.concatenate([first.theta, second.theta]), np.concatenate([first.misfit, second.misfit])
     order = np.argsort(misfit, kind="stable")
     return MultistartResult(
@@ -441,7 +440,6 @@ def _minima_of(
     on_search: OnSearch,
     on_iteration: Callable[[MultistartResult, float], None],
 ) -> Array:
-    """Minima of the plain model, best first, shape (n_minima, n_plain)."""
     if isinstance(search, Multistart):
         settings = replace(search, least_rounds=1, most_rounds=min(search.most_rounds, _LEVEL_ROUNDS))
         nested = (
@@ -488,7 +486,6 @@ def _with_best(interrupt: Interrupted[Any], command: float, searched: Box) -> In
 
 
 def _inside(box: Box, theta: Array) -> Array:
-    """Rows of parameters moved inside a box."""
     return np.asarray(box.inside(np.clip(theta, box.lower, box.upper)))
 
 

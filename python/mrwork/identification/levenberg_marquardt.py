@@ -49,13 +49,9 @@ def within_stiffness(
 ) -> Array:
     """Damped least-squares steps, those that end above the limit of stiffness replaced by the best ones below it.
 
-    Parameters
-    ----------
-    latent
-        Points, shape (n_rows, n_free).
-    step
-        Steps from them, shape (n_rows, n_dampings, n_free), that minimise the quadratic functions of `damped`, shape
-        (n_rows, n_dampings, n_free, n_free), and `gradient`, shape (n_rows, n_free).
+    `latent`: points, shape (n_rows, n_free). `step`: steps from them, shape (n_rows, n_dampings, n_free), that minimise
+    the quadratic functions of `damped`, shape (n_rows, n_dampings, n_free, n_free), and `gradient`, shape (n_rows,
+    n_free).
     """
     ends = np.asarray(box.theta_from_latent(latent[:, None] + step))
     stiffness = _log_stiffness(tests, ends.reshape(-1, ends.shape[-1])).reshape(*ends.shape[:2], -1)
@@ -170,12 +166,8 @@ def find_minimum(
 ) -> LocalMinimum:
     """Minimise the misfit from `start`, shape (n_params,), inside `box`, by the Levenberg-Marquardt method of SciPy.
 
-    Parameters
-    ----------
-    max_evaluations
-        Largest number of evaluations of the residuals with their Jacobian.
-    on_step
-        Called with the number of evaluations so far and the misfit; not if the result is recalled from a journal.
+    `max_evaluations`: largest number of evaluations of the residuals with their Jacobian. `on_step`: called with the
+    number of evaluations so far and the misfit; not if the result is recalled from a journal.
     """
     found = objective.once(
         "descent",
@@ -327,14 +319,8 @@ def find_minima(
     Damping is relative to the sensitivity of each parameter, the largest so far (Moré, Lecture Notes in Mathematics
     630, 1978, 105-116). The result of a start does not depend on the other starts, unless `hopeless` ones are given up.
 
-    Parameters
-    ----------
-    tolerance
-        A start has converged once a step lowers its squared misfit by less than this share.
-    hopeless
-        Rule by which starts are given up; none by default.
-    on_iteration
-        Called after each iteration with the present points.
+    `tolerance`: a start has converged once a step lowers its squared misfit by less than this share. `hopeless`: rule
+    by which starts are given up; none by default. `on_iteration`: called after each iteration with the present points.
     """
     state = _initial(objective, box, starts)
     iterations = 0

@@ -177,19 +177,12 @@ def search_starts(
     misfit is not `suspicious`, and it has been found again; a minimum on a bound takes one more round than others. Once
     enough minimisations agree, slow ones that are behind are given up, see `Hopeless`.
 
-    Parameters
-    ----------
-    rng
-        Seed; the same seed gives the same bits on any number of threads.
-    mirrored
-        Parameters whose signs can be changed together with little effect, but across a barrier that no local
-        minimisation crosses; a further one starts from the mirror image of the best minimum.
-    nested
-        Further starts of the first round, shape (n_starts, n_params).
-    suspicious
-        Least misfit above which the search does not end early, because a simpler description is as good.
-    on_iteration
-        Called after every iteration with the result so far and the share of the allowed iterations that is used up.
+    `rng`: seed; the same seed gives the same bits on any number of threads. `mirrored`: parameters whose signs can be
+    changed together with little effect, but across a barrier that no local minimisation crosses; a further one starts
+    from the mirror image of the best minimum. `nested`: further starts of the first round, shape (n_starts, n_params).
+    `suspicious`: least misfit above which the search does not end early, because a simpler description is as good.
+    `on_iteration`: called after every iteration with the result so far and the share of the allowed iterations that is
+    used up.
     """
     n_free, n_params = len(searched.free), len(box.names)
     if (nested is not None and nested.shape[1] != n_params) or any(each >= n_params for each in mirrored):
@@ -308,10 +301,7 @@ def scaled_to_force(
 def distinct_minima(box: Box, theta: NDArray[np.float64], misfit: NDArray[np.float64]) -> NDArray[np.float64]:
     """The best minimum, and up to two distant ones whose misfit is as good within 1 %; one to three rows.
 
-    Parameters
-    ----------
-    theta, misfit
-        Minima, best first, shape (n_minima, n_params) and (n_minima,).
+    `theta`, `misfit`: minima, best first, shape (n_minima, n_params) and (n_minima,).
     """
     unit = np.asarray(box.unit_from_theta(theta))
     chosen = [0]
@@ -358,12 +348,8 @@ def minima_from(
 ) -> NDArray[np.float64]:
     """The `distinct_minima` that local minimisations from these starts reach, in one batch; one to three rows.
 
-    Parameters
-    ----------
-    starts
-        Shape (n_starts, n_params).
-    mirrored
-        As in `search_starts`: a further minimisation starts from the mirror image of the best minimum.
+    `starts`: shape (n_starts, n_params). `mirrored`: as in `search_starts`: a further minimisation starts from the
+    mirror image of the best minimum.
     """
     settings = Multistart()
     found = _descend(objective, box, starts, settings, on_iteration=on_iteration)

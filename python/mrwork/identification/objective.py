@@ -143,13 +143,7 @@ class Objective(Summarised):
         )
 
     def refuse_observation(self) -> None:
-        """Refuse tests with an observation model, which the twin does not have.
-
-        Raises
-        ------
-        SettingError
-            Where a test has one; the message names the test.
-        """
+        """Refuse tests with an observation model, which the twin does not have."""
         for test in self.tests:
             if test.observation != AS_IT_IS:
                 raise SettingError(
@@ -339,7 +333,6 @@ class Objective(Summarised):
 
 
 def _squares(residuals: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Sum of squares of each row, shape (n_batch,)."""
     return np.asarray(np.einsum("bt,bt->b", residuals, residuals))
 
 

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec, damper
-from mrwork.identification.covariance import Slopes, covariance_at, standard_errors
 from mrwork.identification.equivalent import Form, identifiable_form
 from mrwork.identification.global_search import StartingPoints
 from mrwork.identification.levenberg_marquardt import (
@@ -26,6 +25,7 @@ from mrwork.identification.levenberg_marquardt import (
 from mrwork.identification.multistart import distinct_minima, minima_from
 from mrwork.identification.objective import Objective
 from mrwork.identification.problem import Problem, rate_is_shown
+from mrwork.identification.result import Slopes, covariance_at, standard_errors
 from mrwork.values import holds_arrays
 
 # Largest number of evaluations: of the final fit, of the screening of each start, and of the second screening, which
@@ -149,13 +149,9 @@ def screened(
 
     Returns the `distinct_minima`, shape (1 or 2, n_params).
 
-    Parameters
-    ----------
-    mirrored
-        Parameters whose signs can be changed together with little effect, but across a barrier that no local
-        minimisation crosses; a further one starts from the mirror image of the best minimum.
-    on_start
-        Called after every minimisation with the best so far and the share of the work that is done.
+    `mirrored`: parameters whose signs can be changed together with little effect, but across a barrier that no local
+    minimisation crosses; a further one starts from the mirror image of the best minimum. `on_start`: called after every
+    minimisation with the best so far and the share of the work that is done.
     """
     done = 0
     total = len(starts) + min(_SCREENED_TWICE, len(starts)) + bool(mirrored)
@@ -295,7 +291,6 @@ def polish_with_wanted_lag(
 
 
 def _without_lag(problem: Problem) -> Problem:
-    """The same problem for the model without the lag, in the same box."""
     spec = _with_lag(problem.spec, lagged=False)
     rate = problem.spec.names[-1]
 

@@ -24,7 +24,7 @@ from mrwork.identification.settings import ROOT_MEAN_SQUARE, FitSettings, Multis
 from mrwork.records import DamperTest, observed
 from mrwork.records.command_signal import Command, command_in_words, command_level
 from mrwork.store import Journal, digest_of
-from mrwork.store.codec import package_version
+from mrwork.store.record import package_version
 from mrwork.summary import listed
 
 _PACKAGES = ("mrwork", "numpy", "scipy", "jax", "optimistix")
@@ -119,7 +119,6 @@ class Problem:
 
 
 def _search_of(settings: FitSettings) -> Search:
-    """The search of complete settings."""
     assert settings.search is not None
     assert not isinstance(settings.search, str)
     return settings.search
@@ -230,7 +229,6 @@ def prediction_warning(spec: DamperSpec, tests: Sequence[DamperTest]) -> tuple[s
 
 
 def _digest_command(command: Command | None) -> float | str | None:
-    """A constant command, or the digest of one that varies."""
     return digest_of(command) if isinstance(command, np.ndarray) else command
 
 
@@ -315,7 +313,6 @@ def _rate_warning(spec: DamperSpec, form: Form, tests: Sequence[DamperTest]) -> 
 
 
 def _check_starts(spec: DamperSpec, form: Form, starts: Sequence[Start]) -> None:
-    """Refuse starts that cannot be used, before the search."""
     for start in starts:
         for name, value in start.items():
             if name not in spec.names:

@@ -73,7 +73,6 @@ def _wait_for(thread: threading.Thread) -> None:
 
 
 def _processors() -> int:
-    """Number of processors of this process."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 

@@ -209,23 +209,11 @@ def choose_columns(
 ) -> dict[TestQuantity, ColumnChoice]:
     """Find the column of every quantity that a file contains.
 
-    Parameters
-    ----------
-    names
-        Column names in file order.
-    columns
-        Quantity to ``"COLUMN:UNIT"`` or ``"COLUMN"``, with precedence over the column names. Other quantities are still
-        found by name.
-    source
-        The file, for messages.
-    units
-        Units that the file states apart from the names, by name.
-    stamps
-        Columns of times of the day, in seconds since the first.
-    required
-        Quantities that must have a column.
-    read
-        Reads a column by its name, for the unit that a message suggests.
+    `names`: column names in file order. `columns`: quantity to ``"COLUMN:UNIT"`` or ``"COLUMN"``, with precedence over
+    the column names. Other quantities are still found by name. `source`: the file, for messages. `units`: units that
+    the file states apart from the names, by name. `stamps`: columns of times of the day, in seconds since the first.
+    `required`: quantities that must have a column. `read`: reads a column by its name, for the unit that a message
+    suggests.
     """
     named = _Names(
         names=names, free=names, units=units or {}, stamps=stamps, source=source, required=required

@@ -9,9 +9,8 @@ from typing import Final
 
 from mrwork.arguments import checked
 from mrwork.errors import SettingError
-from mrwork.records.damper_test import DamperTest
+from mrwork.records.damper_test import AS_IT_IS, RANGES, DamperTest, Observation
 from mrwork.records.motion import spectrum
-from mrwork.records.observation import AS_IT_IS, RANGES, Observation
 
 DETECT: Final = "detect"
 NONE: Final = "none"

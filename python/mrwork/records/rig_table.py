@@ -109,7 +109,6 @@ def records_in(folder: Path) -> tuple[Path, ...]:
 
 
 def _is_record(path: Path) -> bool:
-    """Whether a file of a folder can hold a test."""
     named = path.suffix.lower() in EXTENSIONS and not path.name.startswith(".")
     return named and is_file(path) and not is_test_table(path)
 
@@ -271,7 +270,6 @@ def _rows_of_folder(folder: Path, use: Use | EveryUse) -> tuple[ListedTest, ...]
 
 
 def _used(rows: Sequence[ListedTest], table: Path, use: Use | EveryUse) -> tuple[ListedTest, ...]:
-    """The rows with this use."""
     used = tuple(row for row in rows if row.use is not None and use in (EVERY_USE, row.use))
     if not used:
         counts = [f"{sum(row.use == each for row in rows)} for {each}" for each in get_args(Use)]

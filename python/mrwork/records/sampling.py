@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.errors import RecordError
-from mrwork.files.time_column import rounded_grid
+from mrwork.files.named_columns import rounded_grid
 from mrwork.records.command_signal import resampled_command
 from mrwork.records.damper_test import Finding
 from mrwork.values import holds_arrays

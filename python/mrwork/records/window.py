@@ -39,12 +39,8 @@ def uncompared_spans(
     After a gap the damper must travel as far as it could have in the gap, at most half its peak-to-peak stroke, until
     its force no longer depends on the motion that is not known.
 
-    Parameters
-    ----------
-    displacement, velocity, spiky, missing
-        Shape (n_time,): motion [m, m/s], and samples that were interpolated in spikes and in gaps.
-    dt
-        Time step [s].
+    `displacement`, `velocity`, `spiky`, `missing`: shape (n_time,): motion [m, m/s], and samples that were interpolated
+    in spikes and in gaps. `dt`: time step [s].
     """
     left_out = spiky | missing
     travel = np.cumsum(np.abs(np.diff(displacement, prepend=displacement[0])))
@@ -177,7 +173,6 @@ def _shows_motion(test: DamperTest, part: slice) -> bool:
 
 
 def _excerpt_seconds(test: DamperTest, frequency: float) -> float:
-    """Duration in which the cycles of an excerpt are compared."""
     return (test.n_time - test.n_counted) * test.dt + _EXCERPT_CYCLES / frequency
 
 

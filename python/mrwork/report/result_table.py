@@ -11,8 +11,7 @@ from typing import Any
 
 from mrwork.arguments import checked
 from mrwork.errors import RecordError
-from mrwork.store.input_file import TOML, text_of
-from mrwork.store.parse import toml_table
+from mrwork.store.input_file import TOML, text_of, toml_table
 from mrwork.summary import Summarised, Summary
 
 

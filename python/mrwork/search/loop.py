@@ -16,7 +16,7 @@ from mrwork.search.course import Dimension, Proposal, Replicate
 from mrwork.search.population import SearchState, StateT, select
 from mrwork.search.rules import EliteRule, StopRules
 from mrwork.store import Journal, digest_of
-from mrwork.store.codec import array_of, plain
+from mrwork.store.record import array_of, plain
 from mrwork.summary import Summarised, Summary, rounded
 from mrwork.values import holds_arrays
 

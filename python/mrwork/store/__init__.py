@@ -3,7 +3,7 @@
 The file of a type is defined beside the type.
 """
 
-from mrwork.store.codec import digest_of
 from mrwork.store.journal import Counters, Journal
+from mrwork.store.record import digest_of
 
 __all__ = ["Counters", "Journal", "digest_of"]

@@ -16,10 +16,8 @@ from mrwork.closed_loop.clairvoyant_search import Clairvoyant
 from mrwork.closed_loop.evaluation import Spread, criteria
 from mrwork.errors import RecordError
 from mrwork.records.operating_range import Exceedance, OperatingRange
-from mrwork.store.codec import finite, json_document
-from mrwork.store.destination import Destination
-from mrwork.store.output_folder import write_folder
-from mrwork.store.record import OrInfinite, OrNan, Related, read_document
+from mrwork.store.output_folder import Destination, write_folder
+from mrwork.store.record import OrInfinite, OrNan, Related, finite, json_document, read_document
 from mrwork.store.run_folder import (
     CRITERIA_TABLE,
     HISTORIES,

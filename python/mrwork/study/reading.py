@@ -16,8 +16,7 @@ from mrwork.buildings.from_file import building_from_table
 from mrwork.closed_loop.hardware import Fault, Hardware
 from mrwork.errors import SettingError
 from mrwork.keys import KeyPath, Place, suggestion
-from mrwork.store.input_file import TOML, bytes_of, text_in
-from mrwork.store.parse import toml_table
+from mrwork.store.input_file import TOML, bytes_of, text_in, toml_table
 from mrwork.study.arrangements import (
     arrangements,
     clairvoyant_row,

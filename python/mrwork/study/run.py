@@ -22,7 +22,7 @@ from mrwork.closed_loop.simulate import PrescribedCommands, simulate_loop, simul
 from mrwork.errors import Interrupted, JournalError, SimulationError
 from mrwork.motions import GroundMotion
 from mrwork.store import Journal, digest_of
-from mrwork.store.codec import plain
+from mrwork.store.record import plain
 from mrwork.study.arrangements import constant_command, constant_commands
 from mrwork.study.batches import RunCriteria, VariedResults, simulate_varied, with_devices
 from mrwork.study.results import Key, MotionFacts, StudyResults

@@ -27,8 +27,7 @@ from mrwork.records.operating_range import (
     worst_of,
 )
 from mrwork.simulate import Outcome
-from mrwork.store.codec import rebuilt
-from mrwork.store.record import OneOf
+from mrwork.store.record import OneOf, rebuilt
 from mrwork.study.study import Arrangement
 from mrwork.values import Floats, holds_arrays
 

@@ -25,7 +25,7 @@ from mrwork.errors import SettingError
 from mrwork.motions import GroundMotion
 from mrwork.search.unit_cube import Streams, latin_hypercube
 from mrwork.store import digest_of
-from mrwork.store.codec import package_version
+from mrwork.store.record import package_version
 from mrwork.study.schema import DamperTable, TuneTable, UncertaintyTable, Use
 from mrwork.summary import Summarised, Summary, listed
 from mrwork.values import Floats, holds_arrays

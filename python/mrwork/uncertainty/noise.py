@@ -62,12 +62,8 @@ class Noise(ABC):
     def log_densities(self, residual: Array, force: Array, noise: Array) -> Array:
         """Log density of each sample given the earlier ones, (n_batch, n_time); a row's sum is its log-likelihood.
 
-        Parameters
-        ----------
-        residual
-            Model minus measured force, in deviations of the test's force.
-        force
-            Force of the model minus the mean measured force, in the same unit.
+        `residual`: model minus measured force, in deviations of the test's force. `force`: force of the model minus the
+        mean measured force, in the same unit.
         """
         return self._log_densities(residual, force, noise)
 
@@ -106,7 +102,6 @@ class Noise(ABC):
 
 
 def _gaussian(residual: Array, deviation: Array) -> Array:
-    """Log density of a normal residual with this standard deviation."""
     xp = deviation.__array_namespace__()
     result: Array = -0.5 * (residual / deviation) ** 2 - xp.log(deviation) - 0.5 * _LOG_2_PI
     return result
@@ -122,7 +117,6 @@ def _log_gamma(values: Array) -> Array:
 
 
 def _rms(residual: Array) -> float:
-    """Root mean square."""
     return float(np.sqrt(np.mean(residual**2)))
 
 

@@ -221,7 +221,6 @@ def _triangles(
 def _mean_square(
     columns: NDArray[np.float64], force: NDArray[np.float64], count: NDArray[np.float64]
 ) -> float:
-    """Mean square of the weighted least-squares residual."""
     weight = np.sqrt(count)
     weighted = columns * weight[:, np.newaxis]
     coefficients = np.linalg.lstsq(weighted, force * weight, rcond=None)[0]

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.identification.covariance import effective_samples
+from mrwork.identification.result import effective_samples
 from mrwork.records import DamperTest
 from mrwork.records.command_signal import steps_of_command
 from mrwork.records.motion import reversals, whole_cycles

@@ -41,13 +41,9 @@ class LoopPlant(NamedTuple):
     ) -> LoopPlant:
         """Return the plant of M [kg], C [N s/m], K [N/m], shape (n, n), and its rows.
 
-        Parameters
-        ----------
-        influence
-            r, the coordinates under a unit rigid-body displacement of the ground, shape (n,).
-        floors, storeys
-            Rows that give floor displacements and storey drifts from the coordinates, shape (n_floors, n) and
-            (n_storeys, n).
+        `influence`: r, the coordinates under a unit rigid-body displacement of the ground, shape (n,). `floors`,
+        `storeys`: rows that give floor displacements and storey drifts from the coordinates, shape (n_floors, n) and
+        (n_storeys, n).
         """
         m = jnp.asarray(mass, dtype=jnp.float64)
         c = jnp.asarray(damping, dtype=jnp.float64)

@@ -278,7 +278,6 @@ def accumulate(
 
 
 def _no_samples(plant: LoopPlant, n_devices: int) -> Reductions:
-    """Accumulated signals before the first step."""
     n_floors, n_storeys = plant.floors.shape[0], plant.storeys.shape[0]
     return Reductions(
         displacement=Extent.none(n_floors),
@@ -329,25 +328,12 @@ def run_loop(
 
     Derivatives need memory for the square root of the number of samples; the samples between are recomputed.
 
-    Parameters
-    ----------
-    law
-        One of `mrwork.twins.loop.tuned`, or any other with a `command`.
-    ground
-        Ground acceleration every half step [m/s^2], shape (2 n_steps + 1,), see `half_steps`.
-    step_time
-        Integration step [s].
-    largest_command
-        Largest command of each device, shape (n_devices,); the smallest is 0.
-    steps_per_sample
-        Integration steps per control sample.
-    delay
-        Integration steps from measurement to driver.
-    believed
-        Devices without states at the same places, used by laws that need the slope of the force in the current; by
-        default the devices themselves.
-    counted
-        Number of first steps of which peaks and sums are kept, all by default; energies are those of all steps.
+    `law`: one of `mrwork.twins.loop.tuned`, or any other with a `command`. `ground`: ground acceleration every half
+    step [m/s^2], shape (2 n_steps + 1,), see `half_steps`. `step_time`: integration step [s]. `largest_command`:
+    largest command of each device, shape (n_devices,); the smallest is 0. `steps_per_sample`: integration steps per
+    control sample. `delay`: integration steps from measurement to driver. `believed`: devices without states at the
+    same places, used by laws that need the slope of the force in the current; by default the devices themselves.
+    `counted`: number of first steps of which peaks and sums are kept, all by default; energies are those of all steps.
     """
     n_steps = jnp.float64((ground.shape[0] - 1) // 2)
     counted = n_steps if counted is None else counted
@@ -504,7 +490,6 @@ def _scan_samples(
 
 
 def _samples(ground: Array, steps_per_sample: int, delay: int) -> int:
-    """Number of control samples."""
     n_steps, odd = divmod(ground.shape[0] - 1, 2)
     if odd or n_steps < 1 or steps_per_sample < 1 or n_steps % steps_per_sample or delay < 0:
         raise SettingError(
@@ -521,17 +506,9 @@ Floats = NDArray[np.float64]
 def half_steps(acceleration: Floats, dt: Positive, step: Positive, n_steps: Count) -> Floats:
     """Ground acceleration every half step: linear between samples, zero after the last.
 
-    Parameters
-    ----------
-    acceleration
-        Record [m/s^2], shape (n_time,), every `dt` [s].
-    step
-        Integration step [s].
+    `acceleration`: record [m/s^2], shape (n_time,), every `dt` [s]. `step`: integration step [s].
 
-    Returns
-    -------
-    Floats
-        Shape (2 n_steps + 1,) [m/s^2].
+    Returns accelerations [m/s^2], shape (2 n_steps + 1,).
     """
     if acceleration.ndim != 1 or not acceleration.size:
         raise SettingError(f"`acceleration` has shape {acceleration.shape}; give (n_time,)")

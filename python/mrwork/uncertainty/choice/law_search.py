@@ -476,7 +476,6 @@ def _best_step(matrix: Array, gradient: Array) -> Array:
 
 
 def _degree(laws: Laws, name: str) -> int:
-    """Degree of the law of a parameter."""
     degree = law_named(laws.get(name, polynomial_laws()[0])).degree
     assert degree is not None  # laws that are chosen are polynomials
     return degree

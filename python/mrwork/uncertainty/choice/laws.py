@@ -29,8 +29,7 @@ from mrwork.records.damper_test import as_tests
 from mrwork.store import Journal
 from mrwork.summary import Summarised, Summary
 from mrwork.uncertainty.bands.prediction import Fold, held_out_words
-from mrwork.uncertainty.choice.choose import JournalOf, run_with_journal
-from mrwork.uncertainty.choice.families import compared_models, refuse_unknown
+from mrwork.uncertainty.choice.choose import JournalOf, compared_models, refuse_unknown, run_with_journal
 from mrwork.uncertainty.choice.law_search import FittedLaws, LawSearch, prepare_search
 from mrwork.uncertainty.choice.law_table import LawTable, law_table
 from mrwork.units import CommandUnit

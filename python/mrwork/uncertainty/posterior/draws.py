@@ -5,7 +5,6 @@ The file is netCDF for ArviZ, with checksums of its numbers; it is read back by 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields, replace
 from importlib import import_module
@@ -151,8 +150,7 @@ def next_check(n_steps: int, *, first: int = 200, growth: float = 1.25) -> int:
     return check
 
 
-# "unknown" in files that do not state it.
-DrawsStatus = Literal["converged", "not_converged", "interrupted", "unknown"]
+DrawsStatus = Literal["converged", "not_converged", "interrupted"]
 Remark = Literal[
     "", "fixed", "piles up at its lower bound", "piles up at its upper bound", "piles up at both bounds"
 ]
@@ -170,8 +168,8 @@ _DEVIATIONS = NormalDist().inv_cdf(0.5 * (1.0 + LEVEL))
 class DrawSummary:
     """Summary of the draws of one parameter or noise parameter, in `unit`.
 
-    `lower` and `upper` are the ends of the 95 % interval. `verdict` is `None` for noise and fixed parameters, and in
-    draws of earlier versions. `mcse` is the Monte-Carlo standard error of the mean, `tau` the autocorrelation time in
+    `lower` and `upper` are the ends of the 95 % interval. `verdict` is `None` for noise and fixed parameters.
+    `mcse` is the Monte-Carlo standard error of the mean, `tau` the autocorrelation time in
     steps. Diagnostics are NaN for a fixed parameter. `remark` names a fixed parameter, or the bound at
     which the draws pile up.
     """
@@ -423,18 +421,18 @@ class _Stated:
     steps: Count
     thinning: Count
     seconds: NotNegative
-    status: DrawsStatus = "unknown"
+    status: DrawsStatus
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _OfVariable(Related):
     """What the file says of a parameter."""
 
+    median: float
+    lower: float
+    upper: float
     verdict: VerdictName | None = None
     reason: str = ""
-    median: float = 0.0
-    lower: float = -math.inf
-    upper: float = math.inf
 
     def disagreement(self) -> str:
         """Whether the ends of the interval are in order."""
@@ -471,7 +469,7 @@ def read_draws(place: Path, fit: Fit) -> Draws | None:
 
 
 def _draws(members: Mapping[str, Member], path: Path, fit: Fit) -> Draws:
-    if members[""].attributes.get(_OF_FIT, fit.fingerprint) != fit.fingerprint:
+    if members[""].attributes.get(_OF_FIT) != fit.fingerprint:
         raise RecordError(
             f"{path} is of another fit than that beside it; run `mrwork sample {path.parent}` again"
         )
@@ -553,14 +551,13 @@ def _numbers(member: Member) -> Array:
 
 
 def _with_stored(summary: DrawSummary, attributes: Mapping[str, Any], path: Path) -> DrawSummary:
-    """The summary with the verdict and the quantiles of all draws, which files of earlier versions do not have."""
+    """The summary with the verdict and the quantiles of all draws; those that are kept are thinned."""
     known = {each.name for each in fields(_OfVariable)}
-    given = {name: value for name, value in attributes.items() if name in known}
-    stated = record_of(
+    stated: _OfVariable = record_of(
         _OfVariable,
-        given,
+        {name: value for name, value in attributes.items() if name in known},
         origin=str(path),
         name=f"posterior of {summary.name}",
         verb=f"sample {path.parent}",
     )
-    return replace(summary, **{name: getattr(stated, name) for name in given})
+    return replace(summary, **{name: getattr(stated, name) for name in known})

@@ -179,7 +179,6 @@ def _with_estimated_noise(target: Target, position: Array) -> Array:
 
 
 def _off_faces(target: Target, position: Array) -> NDArray[np.intp]:
-    """Indices of coordinates that do not lie on a face of the box."""
     space = target.space
     unit = np.asarray(space.box.unit_from_theta(np.asarray(space.values(position)[0])))
     return np.flatnonzero((unit > _ON_FACE) & (unit < 1.0 - _ON_FACE))

@@ -25,13 +25,13 @@ from mrwork.arguments import Threads, Within, checked
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import Interrupted, JournalError, SettingError
-from mrwork.identification.covariance import Slopes
 from mrwork.identification.fit import Fit, Provenance
 from mrwork.identification.problem import Problem
+from mrwork.identification.result import Slopes
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
-from mrwork.store.codec import array_of, digest_of, package_version
 from mrwork.store.journal import Journal
+from mrwork.store.record import array_of, digest_of, package_version
 from mrwork.summary import Summarised
 from mrwork.uncertainty.identifiability.verdicts import Scale
 from mrwork.uncertainty.noise import noise_model

@@ -22,9 +22,9 @@ from numpy.typing import NDArray
 from mrwork.arguments import AnyNumbers, Shape, checked
 from mrwork.dampers.coordinates import Box
 from mrwork.errors import SettingError, UnknownNameError
-from mrwork.identification.covariance import effective_samples
 from mrwork.identification.equivalent import Form
 from mrwork.identification.objective import Objective
+from mrwork.identification.result import effective_samples
 from mrwork.summary import Summarised
 from mrwork.uncertainty.noise import Noise
 
@@ -326,13 +326,10 @@ class Target(Summarised):
     ) -> Target:
         """The target with tempering from the residuals at `start`, shape (n_params,).
 
-        Parameters
-        ----------
-        tempering
-            Factor of the log-likelihood: a number, or "effective" for n_eff / n, the share of independent samples among
-            the residuals at the start. Default "effective" for noise models without correlation, 1 for those with it.
-            Residuals of real tests are mostly model error with a lag-1 autocorrelation of 0.9 and more: 2000 count
-            as some tens of independent observations, and intervals would be far too narrow if all were counted.
+        `tempering`: factor of the log-likelihood: a number, or "effective" for n_eff / n, the share of independent
+        samples among the residuals at the start. Default "effective" for noise models without correlation, 1 for those
+        with it. Residuals of real tests are mostly model error with a lag-1 autocorrelation of 0.9 and more: 2000 count
+        as some tens of independent observations, and intervals would be far too narrow if all were counted.
         """
         target = cls(
             form=form,
