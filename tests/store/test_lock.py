@@ -15,7 +15,7 @@ from command_line import started
 
 from mrwork import Journal
 from mrwork.errors import JournalError, MrworkWarning, OutputError, SettingError
-from mrwork.store.lock import Lock, is_lock
+from mrwork.store.output_file import Lock, is_lock
 from mrwork.store.output_folder import Destination, adding, replacing_run
 from mrwork.store.run_folder import FIT_RUN
 from mrwork.store.unfinished import (
@@ -36,7 +36,7 @@ def to(place: Path) -> Destination:
 HOLDER = """
 import sys, time
 from pathlib import Path
-from mrwork.store.lock import Lock
+from mrwork.store.output_file import Lock
 Lock(Path(sys.argv[1]))
 print("held", flush=True)
 time.sleep(600)

@@ -16,7 +16,7 @@ import mrwork as mr
 from mrwork.dampers import damper
 from mrwork.errors import Interrupted, SettingError
 from mrwork.identification import FitSettings, Objective, find_minimum, identifiable_form
-from mrwork.identification.law_coefficients import joint_box, with_other_laws
+from mrwork.identification.equivalent import joint_box, with_other_laws
 from mrwork.records import DamperTest
 from mrwork.records.window import middle_excerpt
 from mrwork.search import EfficientGA, StopRules

@@ -17,10 +17,9 @@ from warnings import warn
 import numpy as np
 
 from mrwork.errors import MrworkWarning, RecordError, reason_of
-from mrwork.files.column_names import unit_in_name
 from mrwork.files.delimited import open_delimited, table_of_text
 from mrwork.files.matlab import open_matlab
-from mrwork.files.named_columns import ColumnTable, VectorTable, open_parquet, unused_parts
+from mrwork.files.named_columns import ColumnTable, VectorTable, open_parquet, unit_in_name, unused_parts
 from mrwork.store.child_reader import TooLargeError, UnreadableError, read_members
 from mrwork.store.input_file import RECORD, bytes_of, check_file
 

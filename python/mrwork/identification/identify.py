@@ -31,7 +31,7 @@ from mrwork.identification.result import BuildingCost, cost_warning, fit_at
 from mrwork.identification.settings import Engine, FitSettings, Multistart, Search, Start, UnregisteredSearch
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
-from mrwork.records.observing import DETECT, as_words
+from mrwork.records.repairs import DETECT, as_words
 from mrwork.store import Journal
 
 

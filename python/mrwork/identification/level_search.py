@@ -13,33 +13,33 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.arguments import Seed, Shape, Within, checked
+from mrwork.arguments import Seed, Shape, checked
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.parameters import LawName, law_by_values, law_through
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import Interrupted, SettingError
-from mrwork.identification.equivalent import Form, identifiable_form, search_box
+from mrwork.identification.equivalent import (
+    Form,
+    fitted_laws,
+    identifiable_form,
+    joint_box,
+    leaves_range,
+    levels_needed,
+    plain_of,
+    search_box,
+    with_other_laws,
+    within_range,
+)
 from mrwork.identification.fit import SearchTrace
 from mrwork.identification.global_search import (
     OnSearch,
     StartingPoints,
     doubts_about,
-    generation_reporter,
     interrupted_at,
     nested_fit,
     no_simulation,
-    optimise_in_box,
-    refuse_empty_elite,
+    optimise,
     trace_of,
-)
-from mrwork.identification.law_coefficients import (
-    fitted_laws,
-    joint_box,
-    leaves_range,
-    levels_needed,
-    plain_of,
-    with_other_laws,
-    within_range,
 )
 from mrwork.identification.levenberg_marquardt import find_minima
 from mrwork.identification.multistart import (
@@ -442,11 +442,9 @@ def _minima_of(
 ) -> Array:
     if isinstance(search, Multistart):
         settings = replace(search, least_rounds=1, most_rounds=min(search.most_rounds, _LEVEL_ROUNDS))
-        nested = (
-            nested_fit(objective, near, settings, rng=rng, on_iteration=on_iteration)
-            if not len(starts)
-            else None
-        )
+        nested = None
+        if not len(starts):
+            nested = nested_fit(objective, near, settings, rng=rng, on_iteration=on_iteration)
         found = search_starts(
             objective,
             near,
@@ -457,21 +455,13 @@ def _minima_of(
             on_iteration=on_iteration,
         )
         return found.theta
-    ended = optimise_in_box(
-        search,
-        objective,
-        searched,
-        rng=rng,
-        on_generation=generation_reporter(search, on_search),
-    )
-    refuse_empty_elite(objective.spec, ended)
-    starts = np.concatenate([starts, np.asarray(searched.theta_from_unit(ended.elite))])
-    minima = find_minima(
-        objective,
-        near,
-        _inside(near, starts),
-        max_iterations=_ITERATIONS,
-    )
+
+    def theta_of(unit: Array) -> Array:
+        return np.asarray(searched.theta_from_unit(unit))
+
+    ended = optimise(search, objective, theta_of, n_params=len(searched.free), rng=rng, on_search=on_search)
+    starts = np.concatenate([starts, theta_of(ended.elite)])
+    minima = find_minima(objective, near, _inside(near, starts), max_iterations=_ITERATIONS)
     return np.asarray(minima.theta[np.argsort(minima.misfit, kind="stable")])
 
 
@@ -529,7 +519,7 @@ def _starts_of_levels(
 def joint_starts(
     spec: DamperSpec,
     levels: list[LevelFit],
-    n_starts: Annotated[int, Within(least=0, most=100_000)],
+    n_starts: int,
     *,
     rng: Seed,
 ) -> Array:
@@ -538,8 +528,6 @@ def joint_starts(
     The laws of the first start are fitted to the best minimum at each command, those of the others to a random one,
     each parameter multiplied by a log-normal factor (standard deviation of the logarithm 0.25).
     """
-    if not levels or not all(len(level.minima) for level in levels):
-        raise SettingError("give the minima at one command at least, in rows, to fit laws to")
     random = np.random.default_rng([rng, n_starts])
     commands = np.array([level.command for level in levels])
     starts = []

@@ -14,12 +14,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.arguments import Count, Shape, Within
+from mrwork.arguments import Count
 from mrwork.dampers.coordinates import Box
 from mrwork.errors import JournalError
 from mrwork.identification.objective import Objective, linearised
@@ -159,9 +158,9 @@ class LocalMinimum:
 def find_minimum(
     objective: Objective,
     box: Box,
-    start: Annotated[NDArray[np.float64], Shape(("n_params",))],
+    start: NDArray[np.float64],
     *,
-    max_evaluations: Annotated[int, Within(least=1, most=2**31 - 1)],
+    max_evaluations: int,
     on_step: Callable[[int, float], None] | None = None,
 ) -> LocalMinimum:
     """Minimise the misfit from `start`, shape (n_params,), inside `box`, by the Levenberg-Marquardt method of SciPy.
@@ -307,7 +306,7 @@ class Hopeless:
 def find_minima(
     objective: Objective,
     box: Box,
-    starts: Annotated[NDArray[np.float64], Shape(("n_starts", "n_params"))],
+    starts: NDArray[np.float64],
     *,
     max_iterations: Count,
     tolerance: float = TOLERANCE,

@@ -14,14 +14,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.arguments import Seed, Shape, Within
+from mrwork.arguments import Seed
 from mrwork.dampers.coordinates import ON_BOUND, Box
-from mrwork.errors import Interrupted, SettingError
+from mrwork.errors import Interrupted
 from mrwork.identification.levenberg_marquardt import Hopeless, LocalMinima, find_minima
 from mrwork.identification.objective import Objective
 from mrwork.identification.settings import Multistart
@@ -164,8 +163,8 @@ def search_starts(
     settings: Multistart,
     *,
     rng: Seed,
-    mirrored: tuple[Annotated[int, Within(least=0)], ...] = (),
-    nested: Annotated[NDArray[np.float64], Shape(("n_starts", "n_params"))] | None = None,
+    mirrored: tuple[int, ...] = (),
+    nested: NDArray[np.float64] | None = None,
     suspicious: float = math.inf,
     on_iteration: Callable[[MultistartResult, float], None] | None = None,
 ) -> MultistartResult:
@@ -184,16 +183,7 @@ def search_starts(
     `on_iteration`: called after every iteration with the result so far and the share of the allowed iterations that is
     used up.
     """
-    n_free, n_params = len(searched.free), len(box.names)
-    if (nested is not None and nested.shape[1] != n_params) or any(each >= n_params for each in mirrored):
-        raise SettingError(
-            f"`nested` and `mirrored` are of a model with {n_params} parameters; give starts and indices of these"
-        )
-    if any(box.log[each] for each in mirrored):
-        raise SettingError(
-            f"`mirrored` has {', '.join(box.names[each] for each in mirrored if box.log[each])}, positive on a "
-            "logarithmic scale; give parameters of either sign"
-        )
+    n_free = len(searched.free)
     streams = Streams(rng=rng, replicate=np.zeros(1, dtype=np.int64), generation=np.zeros(1, dtype=np.int64))
     sample = latin_hypercube(streams, settings.samples * n_free, n_free)[0]
     samples, misfit = scaled_to_force(objective, searched, np.asarray(searched.theta_from_unit(sample)))

@@ -20,7 +20,14 @@ from mrwork.identification.equivalent import Form, identifiable_form
 from mrwork.identification.fit import Fit, Provenance
 from mrwork.identification.nuisance import bounds_without_offsets, offset_warning
 from mrwork.identification.objective import Objective
-from mrwork.identification.settings import ROOT_MEAN_SQUARE, FitSettings, Multistart, Search, Start, method_of
+from mrwork.identification.settings import (
+    ROOT_MEAN_SQUARE,
+    FitSettings,
+    Multistart,
+    Search,
+    Start,
+    refuse_unregistered,
+)
 from mrwork.records import DamperTest, observed
 from mrwork.records.command_signal import Command, command_in_words, command_level
 from mrwork.store import Journal, digest_of
@@ -57,7 +64,7 @@ class Problem:
     ) -> Problem:
         """Complete the settings, check them against the model and the tests, and prepare the simulation."""
         settings = _complete_settings(settings, spec)
-        method_of(_search_of(settings)).check_runs()
+        refuse_unregistered(_search_of(settings))
         _check_starts(spec, identifiable_form(spec, settings.bounds), settings.starts)
         problem = cls._prepare(spec, tests, settings, threads=threads, journal=journal)
         if not problem.form.box.free:

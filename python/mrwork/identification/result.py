@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mrwork.dampers.coordinates import ON_BOUND, Box
 from mrwork.dampers.spec import DamperSpec, law_limits
-from mrwork.errors import SettingError, SimulationError
+from mrwork.errors import SimulationError
 from mrwork.identification.equivalent import Form
 from mrwork.identification.fit import (
     NEGLIGIBLE,
@@ -467,10 +467,6 @@ def autocorrelation_time(residual: ArrayLike) -> float:
     count as independent: the time is a lower limit there.
     """
     series = np.asarray(residual, dtype=np.float64)
-    if series.ndim != 1 or series.size == 0 or not np.all(np.isfinite(series)):
-        raise SettingError(
-            f"`residual` has shape {series.shape}; one row of finite numbers is expected, test by test"
-        )
     n_time = series.size
     # Zero-padded, so that the correlation is not circular.
     spectrum = np.fft.rfft(series, 2 * n_time)

@@ -2,12 +2,12 @@ from .damper_test import DamperTest as DamperTest
 from .damper_test import Finding as Finding
 from .damper_test import Observation as Observation
 from .loop_branches import branches as branches
-from .observing import observed as observed
 from .operating_range import OperatingRange as OperatingRange
 from .read import build_damper_test as build_damper_test
 from .read import guess_tests as guess_tests
 from .read import read_damper_test as read_damper_test
 from .read import read_damper_tests as read_damper_tests
+from .repairs import observed as observed
 from .repairs import repair as repair
 from .rig_table import read_test_table as read_test_table
 from .rig_table import write_test_table as write_test_table

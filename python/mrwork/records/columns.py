@@ -8,8 +8,10 @@ from dataclasses import dataclass, replace
 from typing import Final, Literal
 
 from mrwork.errors import MrworkError, RecordError, SettingError, UnitError
-from mrwork.files.column_names import (
+from mrwork.files.layout import numbered_names
+from mrwork.files.named_columns import (
     QUANTITIES,
+    ColumnTable,
     Missing,
     ReadColumn,
     TestQuantity,
@@ -23,8 +25,6 @@ from mrwork.files.column_names import (
     unit_in_name,
     without_unit,
 )
-from mrwork.files.layout import numbered_names
-from mrwork.files.named_columns import ColumnTable
 from mrwork.records.command_signal import LARGEST_COMMAND, impossible_command
 from mrwork.summary import listed
 from mrwork.units import (

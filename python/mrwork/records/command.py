@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.errors import RecordError
-from mrwork.files.column_names import column_option
+from mrwork.files.named_columns import column_option
 from mrwork.records.command_signal import (
     Command,
     beyond_any_driver,

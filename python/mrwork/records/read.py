@@ -20,8 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mrwork.arguments import AnyArrayLike, NotNegative, checked
 from mrwork.errors import MrworkError, RecordError
-from mrwork.files.column_names import TestQuantity
-from mrwork.files.named_columns import ColumnTable
+from mrwork.files.named_columns import ColumnTable, TestQuantity
 from mrwork.files.open_table import open_table
 from mrwork.records import checks
 from mrwork.records.columns import (
@@ -39,8 +38,7 @@ from mrwork.records.columns import (
 from mrwork.records.command import command_of, motion_matches_name, nominal_from_name, with_nominal_command
 from mrwork.records.command_signal import Command, ringing_samples, without_ringing
 from mrwork.records.damper_test import DamperTest, Finding, VelocitySource
-from mrwork.records.detectors.cycles import drift_finding, mass_finding
-from mrwork.records.detectors.delay import delay_finding
+from mrwork.records.detectors.cycles import delay_finding, drift_finding, mass_finding
 from mrwork.records.detectors.smoothing import smoothing_finding, smoothing_of, without_spikes
 from mrwork.records.detectors.velocity import velocity_agrees
 from mrwork.records.motion import Smoother, SmoothMotion, motion_of

@@ -21,8 +21,7 @@ from typing import Any, Final, Protocol, TypeVar
 from mrwork.arguments import checked
 from mrwork.errors import JournalError, MrworkError, OutputError
 from mrwork.store.input_file import FileKind, bytes_of, is_there, json_value
-from mrwork.store.lock import Lock
-from mrwork.store.output_file import open_to_write, refuse_link
+from mrwork.store.output_file import Lock, open_to_write, refuse_link
 from mrwork.store.record import differences, plain, rebuilt
 
 # Increased whenever names or order of the entries change, so that older journals are refused.

@@ -27,7 +27,7 @@ from typing import Any, Final
 
 from mrwork.errors import JournalError, OutputError, RecordError
 from mrwork.store.input_file import digest_of_content, digest_of_file, json_value, stored, text_of
-from mrwork.store.lock import Lock, is_lock
+from mrwork.store.output_file import Lock, is_lock
 from mrwork.store.record import json_document
 from mrwork.store.run_folder import (
     CALIBRATION,

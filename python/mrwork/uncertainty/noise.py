@@ -11,13 +11,13 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import import_module
-from typing import Annotated, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.arguments import Rows, Samples, Shape, checked
-from mrwork.errors import SettingError, UnknownNameError
+from mrwork.arguments import checked
+from mrwork.errors import UnknownNameError
 
 Array = NDArray[np.float64]
 
@@ -67,23 +67,12 @@ class Noise(ABC):
         """
         return self._log_densities(residual, force, noise)
 
-    def draw(
-        self, force: Rows, noise: Annotated[Array, Shape(("n_batch", "n_noise"))], rng: np.random.Generator
-    ) -> Array:
-        """Noise to add to a force of the model, shape (n_batch, n_time)."""
-        if noise.shape[1] != len(self.parameters):
-            names = ", ".join(each.name for each in self.parameters)
-            raise SettingError(
-                f"`noise` has shape {noise.shape}; {self.name} noise has the parameters {names}"
-            )
+    def draw(self, force: Array, noise: Array, rng: np.random.Generator) -> Array:
+        """Noise to add to a force of the model, shape (n_batch, n_time), for parameters (n_batch, n_noise)."""
         return self._draw(force, noise, rng)
 
-    def estimate(self, residual: Samples, force: Samples) -> Array:
+    def estimate(self, residual: Array, force: Array) -> Array:
         """Moment estimates of the noise parameters, shape (n_noise,), from the residuals of a fit, (n_time,)."""
-        if residual.size < 2:
-            raise SettingError(
-                f"noise is estimated from residuals, {residual.size} were given; give two or more"
-            )
         lower, upper = np.array([(each.lower, each.upper) for each in self.parameters]).T
         return np.clip(self._estimate(residual, force), lower, upper)
 

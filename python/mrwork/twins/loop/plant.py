@@ -70,18 +70,9 @@ class LoopPlant(NamedTuple):
 class LoopDevice:
     """Dampers across a storey with one command: `F = count f(x, v)`, or `count (f(x, v) - f(-x, -v))` if differential.
 
-    Attributes
-    ----------
-    spec
-        Model, with current laws if it depends on a command.
-    theta
-        Parameters in spec order, shape (n_params,).
-    row
-        e, with elongation = e @ q, shape (n,): a row of `storeys`.
-    count
-        Number of dampers in parallel.
-    differential
-        Whether there are as many dampers in the opposite direction.
+    `spec`: model, with current laws if it depends on a command. `theta`: parameters in spec order, shape (n_params,).
+    `row`: e, with elongation = e @ q, shape (n,): a row of `storeys`. `count`: number of dampers in parallel.
+    `differential`: whether there are as many dampers in the opposite direction.
     """
 
     spec: DamperSpec

@@ -83,16 +83,9 @@ class _Inputs(NamedTuple):
 class PrescribedLoop:
     """A building with devices under one ground motion, for commands that are constant over intervals.
 
-    Attributes
-    ----------
-    ground
-        Ground acceleration every half step [m/s^2], shape (2 n_steps + 1,), see `half_steps`.
-    step_time
-        Integration step [s].
-    places
-        Interval of each step, shape (n_steps,), in ascending order.
-    scales
-        Criteria at i = 0.
+    `ground`: ground acceleration every half step [m/s^2], shape (2 n_steps + 1,), see `half_steps`. `step_time`:
+    integration step [s]. `places`: interval of each step, shape (n_steps,), in ascending order. `scales`: criteria at i
+    = 0.
     """
 
     plant: LoopPlant

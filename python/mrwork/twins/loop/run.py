@@ -28,18 +28,9 @@ from mrwork.values import holds_arrays
 class Measurement:
     """Measurements available to a law at a control sample.
 
-    Attributes
-    ----------
-    state
-        s, shape (2n,).
-    deformation, rate
-        Elongation of each device [m] and its rate [m/s], shape (n_devices,).
-    force
-        Force of each device, shape (n_devices,) [N].
-    force_at
-        Forces for other coil currents, (n_devices,) to (n_devices,).
-    largest
-        Largest command of each device, shape (n_devices,).
+    `state`: s, shape (2n,). `deformation`, `rate`: elongation of each device [m] and its rate [m/s], shape
+    (n_devices,). `force`: force of each device, shape (n_devices,) [N]. `force_at`: forces for other coil currents,
+    (n_devices,) to (n_devices,). `largest`: largest command of each device, shape (n_devices,).
     """
 
     state: Array

@@ -154,7 +154,7 @@ def _equal_weights(scores: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]
 
 def simulate_draws(
     spec: DamperSpec,
-    theta: Annotated[NDArray[np.float64], Shape(("n_draws", "n_params"))],
+    theta: NDArray[np.float64],
     test: DamperTest,
     *,
     threads: Threads = 0,
@@ -191,7 +191,7 @@ def parameter_band(forces: Rows, level: Level) -> Band:
 @checked
 def noise_band(
     forces: Rows,
-    noise_draws: Annotated[NDArray[np.float64], Shape(("n_batch", "n_noise"))],
+    noise_draws: NDArray[np.float64],
     noise: Noise,
     level: Level,
     *,

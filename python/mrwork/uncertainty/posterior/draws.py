@@ -11,12 +11,12 @@ from importlib import import_module
 from math import ceil
 from pathlib import Path
 from statistics import NormalDist
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, Final, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.arguments import Count, NotNegative, Positive, Shape, Within, checked
+from mrwork.arguments import Count, NotNegative, Positive, checked
 from mrwork.errors import RecordError
 from mrwork.identification.fit import Fit, Interval, Intervals, Provenance, VerdictName
 from mrwork.store.child_reader import Member, UnreadableError, read_members
@@ -115,7 +115,7 @@ class Convergence(NamedTuple):
 
 
 @checked
-def convergence(chains: Annotated[Array, Shape(("n_chains", "n_draws"))]) -> Convergence:
+def convergence(chains: Array) -> Convergence:
     """Rank-normalised R-hat, effective sizes and Monte-Carlo error of draws, shape (n_chains, n_draws)."""
     # ArviZ takes a second to load, and has no type annotations.
     statistics: Any = import_module("arviz_stats.base").array_stats
@@ -137,7 +137,7 @@ def autocorrelation_times(values: Array) -> Array:
         return np.asarray(integrated_time(values, tol=0, has_walkers=True))
 
 
-def kept(n_steps: Annotated[int, Within(least=1, most=2**53)]) -> slice:
+def kept(n_steps: int) -> slice:
     """Rows of a chain after the burn-in; its first row is the start."""
     return slice(1 + int(_BURN_IN * n_steps), n_steps + 1)
 
