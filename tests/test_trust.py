@@ -12,8 +12,7 @@ import pytest
 
 import mrwork
 from mrwork.errors import RecordError
-from mrwork.store.arrays_file import read_arrays
-from mrwork.store.input_file import stored
+from mrwork.store.input_file import read_arrays, stored
 from test_imports import imports_of, in_fresh_process
 
 PACKAGE = Path(mrwork.__file__).parent

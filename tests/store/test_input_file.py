@@ -24,7 +24,7 @@ from mrwork.uncertainty.planning.candidates import read_candidates
 
 PACKAGE = Path(mrwork.__file__).parent
 # Calls that open a file or read a text, and the modules that may make them.
-GATE = ("store/input_file.py", "store/arrays_file.py")
+GATE = ("store/input_file.py",)
 OPENERS = {
     *("open", "open_code", "fdopen", "read_text", "read_bytes", "open_datatree", "open_dataset"),
     *(

@@ -28,8 +28,7 @@ from mrwork import load
 from mrwork.errors import OutputError, RecordError
 from mrwork.identification import Fit
 from mrwork.identification.fit_file import manifest_of, read_fit, write_run
-from mrwork.store.arrays_file import finite_numbers, read_arrays
-from mrwork.store.input_file import stored
+from mrwork.store.input_file import finite_numbers, read_arrays, stored
 from mrwork.store.output_file import Lock
 from mrwork.store.output_folder import Destination, check_destination, write_folder
 from mrwork.store.run_folder import (

@@ -400,9 +400,9 @@ def _no_thinning(_: Values, scales: Scales, distance: float) -> Values:
     return {"c2": scales.force / scales.speed / distance, "v_s": 0.3 * scales.speed}
 
 
-def _small_shift(scale_of_side: str, side: float) -> Callable[[Values, Scales, float], Values]:
+def _small_shift(scale_of_side: str) -> Callable[[Values, Scales, float], Values]:
     def near(_: Values, scales: Scales, distance: float) -> Values:
-        width = side * (scales.stroke if scale_of_side == "x_s" else 1.0)
+        width = 0.1 * (scales.stroke if scale_of_side == "x_s" else 1.0)
         return {"mu": 0.1 * scales.speed / distance, "share": 0.5, scale_of_side: width}
 
     return near
@@ -514,12 +514,12 @@ NESTINGS: Mapping[str, Nesting] = {
     "non_symmetric_bouc_wen": Nesting(
         model="normalised_bouc_wen",
         shared=("c", "k", "x0", "k_w", "rho", "sigma", "n"),
-        near=_small_shift("w_s", 0.1),
+        near=_small_shift("w_s"),
     ),
     "non_symmetric_bouc_wen_displacement": Nesting(
         model="normalised_bouc_wen",
         shared=("c", "k", "x0", "k_w", "rho", "sigma", "n"),
-        near=_small_shift("x_s", 0.1),
+        near=_small_shift("x_s"),
     ),
     "elasto_visco_plastic": Nesting(model="bingham", shared=("f0",), near=_stiff_spring),
     "extended_bingham": Nesting(model="bingham", shared=("f_c", "c0", "f0"), near=_stiff_series),

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
 from math import isfinite
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -144,11 +145,8 @@ def provenance_of(problem: Problem) -> Provenance:
     """Versions, inputs by hash, and settings of an identification."""
     tests = problem.objective.tests
     record = problem.settings.as_record()
-    return Provenance(
-        versions={"python": platform.python_version()} | {name: package_version(name) for name in _PACKAGES},
-        instruction_set=_rust.instruction_set(),
-        inputs={test.label: test.sha256 for test in tests},
-        settings={name: value for name, value in record.items() if name not in _SEPARATE}
+    return provenance_with(
+        {name: value for name, value in record.items() if name not in _SEPARATE}
         | {
             "windows": {
                 test.label: {
@@ -160,7 +158,22 @@ def provenance_of(problem: Problem) -> Provenance:
                 for test in tests
             },
         },
+        tests,
+        packages=_PACKAGES,
         rng=problem.settings.rng,
+    )
+
+
+def provenance_with(
+    settings: dict[str, Any], tests: Sequence[DamperTest], *, packages: Sequence[str], rng: int
+) -> Provenance:
+    """Provenance of a result of these settings, with the versions of the packages that compute it."""
+    return Provenance(
+        versions={"python": platform.python_version()} | {name: package_version(name) for name in packages},
+        instruction_set=_rust.instruction_set(),
+        inputs={test.label: test.sha256 for test in tests},
+        settings=settings,
+        rng=rng,
         created=datetime.now(UTC).isoformat(timespec="seconds"),
     )
 

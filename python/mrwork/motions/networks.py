@@ -45,9 +45,9 @@ def lines_of(data: bytes, path: Path) -> Lines:
     return Lines(path=path, texts=tuple(re.split(r"(?<!\r)\r*\n|\r", decoded(data))))
 
 
-def read_numbers(lines: Lines, first: int, end: int | None = None) -> Floats:
-    """Read all numbers of the lines from `first` to before `end`, shape (n,)."""
-    texts = lines.texts[first:end]
+def read_numbers(lines: Lines, first: int) -> Floats:
+    """Read all numbers of the lines from `first` on, shape (n,)."""
+    texts = lines.texts[first:]
     try:
         numbers = np.array(" ".join(texts).split(), dtype=np.float64)
     except ValueError:

@@ -173,16 +173,6 @@ class SharedFinding:
     highest: float | None = None
     unit: str = ""
 
-    @classmethod
-    def of_one(cls, finding: Finding, test: str, n_tests: int) -> SharedFinding:
-        """A finding of one test."""
-        return _told(finding, (test,), n_tests)
-
-    @classmethod
-    def of_the_set(cls, finding: Finding, n_tests: int) -> SharedFinding:
-        """A finding of all tests together, whose message names those that it concerns."""
-        return _told(finding, (), n_tests)
-
     @property
     def in_words(self) -> str:
         """One sentence: the severity, the tests, the message, and the range of the measured sizes."""
@@ -348,12 +338,15 @@ def findings_for(verb: Verb, tests: Sequence[DamperTest]) -> tuple[SharedFinding
     ]
     gathered = gathered_findings(told)
     own = [
-        SharedFinding.of_one(each, test.name, len(tests))
+        _told(each, (test.name,), len(tests))
         for test, findings in zip(told, gathered.own, strict=True)
         for each in findings
     ]
     together = [
-        SharedFinding.of_the_set(each, len(tests)) for each in findings_of_set(tests) if concerns(each, verb)
+        # The message names the tests that it concerns.
+        _told(each, (), len(tests))
+        for each in findings_of_set(tests)
+        if concerns(each, verb)
     ]
     return tuple(sorted((*together, *gathered.shared, *own), key=lambda each: each.severity != "warning"))
 

@@ -51,8 +51,15 @@ from mrwork.records.rig_table import (
     files_not_read,
     listed_tests,
 )
-from mrwork.records.sampling import Signals, check_time, complete_rows, uniform_step
-from mrwork.records.window import settling_samples, spans_with, uncompared_spans
+from mrwork.records.window import (
+    Signals,
+    check_time,
+    complete_rows,
+    settling_samples,
+    spans_with,
+    uncompared_spans,
+    uniform_step,
+)
 from mrwork.summary import listed
 from mrwork.units import CommandUnit
 from mrwork.values import frozen

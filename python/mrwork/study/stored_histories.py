@@ -10,8 +10,7 @@ import numpy as np
 
 from mrwork.closed_loop.responses import history_signals
 from mrwork.errors import RecordError
-from mrwork.store.arrays_file import finite_numbers, read_arrays
-from mrwork.store.input_file import is_there, stored
+from mrwork.store.input_file import finite_numbers, is_there, read_arrays, stored
 from mrwork.store.output_file import refuse_link, replacing
 from mrwork.store.run_folder import HISTORIES, part_of, real_place
 from mrwork.study.run_result import RunHistory

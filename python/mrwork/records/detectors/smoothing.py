@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from mrwork.records.damper_test import Channel, DamperTest, Finding, Measured, Smoothing
 from mrwork.records.motion import SmoothMotion, spectrum
-from mrwork.records.sampling import Signals
+from mrwork.records.window import Signals
 
 # Samples of the longest spike, and largest share of a record in spikes; what takes longer may be part of the test.
 _LONGEST_SPIKE: Final = 5

@@ -19,8 +19,7 @@ from mrwork.identification.fit_file import addition_content, fit_from_json, read
 from mrwork.records import DamperTest, Observation, RecordedMotion
 from mrwork.records.command_signal import Command
 from mrwork.records.likeness import alike_groups
-from mrwork.store.arrays_file import finite_numbers, read_arrays
-from mrwork.store.input_file import is_there, stored, text_of
+from mrwork.store.input_file import finite_numbers, is_there, read_arrays, stored, text_of
 from mrwork.store.output_file import write_files
 from mrwork.store.record import digest_of, json_document, parsed, read_document, record_of
 from mrwork.store.run_folder import CALIBRATION, FOLDS, PREDICTIONS

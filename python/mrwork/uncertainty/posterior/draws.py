@@ -142,11 +142,11 @@ def kept(n_steps: int) -> slice:
     return slice(1 + int(_BURN_IN * n_steps), n_steps + 1)
 
 
-def next_check(n_steps: int, *, first: int = 200, growth: float = 1.25) -> int:
+def next_check(n_steps: int) -> int:
     """Step of the next convergence check, a function of the step alone: a resumed run ends at the same step."""
-    check = first
+    check = 200
     while check <= n_steps:
-        check = ceil(check * growth)
+        check = ceil(1.25 * check)
     return check
 
 
