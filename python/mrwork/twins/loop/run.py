@@ -283,16 +283,6 @@ def _no_samples(plant: LoopPlant, n_devices: int) -> Reductions:
     )
 
 
-class LoopHistories(NamedTuple):
-    """Histories at the start of each step: q, q' (n_steps, n); forces, coil currents, commands (n_steps, n_devices)."""
-
-    displacement: Array
-    velocity: Array
-    force: Array
-    received: Array
-    command: Array
-
-
 class _RunCarry(NamedTuple):
     motion: LoopState
     received: Array
@@ -328,7 +318,7 @@ def run_loop(
     """
     n_steps = jnp.float64((ground.shape[0] - 1) // 2)
     counted = n_steps if counted is None else counted
-    last, _ = _scan_samples(
+    last = _scan_samples(
         plant,
         devices,
         law,
@@ -339,7 +329,6 @@ def run_loop(
         delay,
         believed,
         counted,
-        keep=False,
     )
     q, v = last.motion.q, last.motion.v
     return LoopResult(
@@ -349,38 +338,6 @@ def run_loop(
         strain=0.5 * q @ (plant.stiffness @ q),
         n_steps=counted,
     )
-
-
-@partial(jax.jit, static_argnames=("steps_per_sample", "delay"))
-def loop_histories(
-    plant: LoopPlant,
-    devices: Devices,
-    law: Law,
-    ground: Array,
-    *,
-    step_time: Array | float,
-    largest_command: Array,
-    steps_per_sample: int = 1,
-    delay: int = 0,
-    believed: Devices | None = None,
-) -> LoopHistories:
-    """Return the histories of the same run; see `run_loop`."""
-    _, histories = _scan_samples(
-        plant,
-        devices,
-        law,
-        ground,
-        step_time,
-        largest_command,
-        steps_per_sample,
-        delay,
-        believed,
-        jnp.inf,
-        keep=True,
-    )
-    assert histories is not None
-    flat: LoopHistories = jax.tree.map(lambda x: x.reshape(-1, x.shape[-1]), histories)
-    return flat
 
 
 def _scan_samples(
@@ -394,9 +351,7 @@ def _scan_samples(
     delay: int,
     believed: Devices | None,
     counted: Array | float,
-    *,
-    keep: bool,
-) -> tuple[_RunCarry, LoopHistories | None]:
+) -> _RunCarry:
     n_samples = _samples(ground, steps_per_sample, delay)
     pulls, rows = pulls_of(plant, devices), rows_of(devices)
     lagged = jnp.array([device.lagged for device in devices])
@@ -417,9 +372,7 @@ def _scan_samples(
         ]
         return jnp.stack(found)
 
-    def integrate(
-        carry: _RunCarry, inputs: tuple[Array, Array, StepGround]
-    ) -> tuple[_RunCarry, LoopHistories | None]:
+    def integrate(carry: _RunCarry, inputs: tuple[Array, Array, StepGround]) -> tuple[_RunCarry, None]:
         age, counts, accelerations = inputs
         command = carry.commands[age]
         # Without a lag, the coil current equals the command.
@@ -427,14 +380,9 @@ def _scan_samples(
         after, received, start = step(plant, devices, pulls, carry.motion, current, command, accelerations, h)
         more = accumulate(plant, carry.kept, carry.motion, start, current, accelerations.start)
         kept = jax.tree.map(lambda after, before: jnp.where(counts, after, before), more, carry.kept)
-        history = (
-            LoopHistories(carry.motion.q, carry.motion.v, start.force, current, command) if keep else None
-        )
-        return _RunCarry(after, received, carry.commands, kept), history
+        return _RunCarry(after, received, carry.commands, kept), None
 
-    def sample(
-        carry: _RunCarry, inputs: tuple[Array, Array, StepGround]
-    ) -> tuple[_RunCarry, LoopHistories | None]:
+    def sample(carry: _RunCarry, inputs: tuple[Array, Array, StepGround]) -> tuple[_RunCarry, None]:
         first, counts, accelerations = inputs
         measured = Measurement(
             state=jnp.concatenate([carry.motion.q, carry.motion.v]),
@@ -449,7 +397,8 @@ def _scan_samples(
         carry = carry._replace(
             commands=jnp.where(first, command, commands), received=jnp.where(first, command, carry.received)
         )
-        return lax.scan(integrate, carry, (jnp.asarray(ages), counts, accelerations))
+        last, _ = lax.scan(integrate, carry, (jnp.asarray(ages), counts, accelerations))
+        return last, None
 
     start = _RunCarry(
         motion=at_rest(plant, devices),
@@ -463,8 +412,6 @@ def _scan_samples(
         (jnp.arange(n_samples * steps_per_sample) < counted).reshape(n_samples, steps_per_sample),
         jax.tree.map(lambda a: a.reshape(n_samples, steps_per_sample), at_steps),
     )
-    if keep:
-        return lax.scan(sample, start, at_samples)
 
     @jax.checkpoint
     def stretch(carry: _RunCarry, inputs: tuple[Array, Array, StepGround]) -> tuple[_RunCarry, None]:
@@ -477,7 +424,7 @@ def _scan_samples(
     last, _ = lax.scan(stretch, start, folded)
     if whole < n_samples:
         last, _ = stretch(last, jax.tree.map(lambda a: a[whole:], at_samples))
-    return last, None
+    return last
 
 
 def _samples(ground: Array, steps_per_sample: int, delay: int) -> int:
