@@ -50,7 +50,7 @@ def _check_columns(theta: Array, count: int) -> None:
         )
 
 
-def _converted(theta: Array) -> Array:
+def _refuse_infinite(theta: Array) -> Array:
     """Converted parameters; those that JAX traces have no values yet."""
     if isinstance(theta, np.ndarray) and not np.isfinite(theta).all():
         raise SettingError(
@@ -60,7 +60,7 @@ def _converted(theta: Array) -> Array:
     return theta
 
 
-def _unchanged(theta: Floats, kept: int, n_to: int) -> Floats:
+def _identity_slopes(theta: Floats, kept: int, n_to: int) -> Floats:
     """Jacobian with ones for the first `kept` parameters and zeros elsewhere, shape (..., n_to, n_from)."""
     slopes = np.zeros((*theta.shape[:-1], n_to, theta.shape[-1]))
     slopes[..., range(kept), range(kept)] = 1.0
@@ -79,7 +79,9 @@ def normalised_from_bouc_wen(theta: AnyArray) -> Array:
     xp = theta.__array_namespace__()
     c0, k0, x0, alpha, gamma, beta, A, n = (theta[..., index] for index in range(8))
     z_max = (A / (beta + gamma)) ** (1.0 / n)
-    return _converted(xp.stack([c0, k0, x0, alpha * z_max, A / z_max, gamma / (beta + gamma), n], axis=-1))
+    return _refuse_infinite(
+        xp.stack([c0, k0, x0, alpha * z_max, A / z_max, gamma / (beta + gamma), n], axis=-1)
+    )
 
 
 def normalised_from_bouc_wen_jacobian(theta: Floats) -> Floats:
@@ -92,7 +94,7 @@ def normalised_from_bouc_wen_jacobian(theta: Floats) -> Floats:
     z_max = (A / total) ** (1.0 / n)
     rho = A / z_max
     curvature = np.log(A / total) / n**2
-    slopes = _unchanged(theta, 3, 7)
+    slopes = _identity_slopes(theta, 3, 7)
     slopes[..., 3, 3] = z_max
     slopes[..., 3, 4] = slopes[..., 3, 5] = -alpha * z_max / (n * total)
     slopes[..., 3, 6] = alpha * z_max / (n * A)
@@ -118,7 +120,7 @@ def bouc_wen_from_normalised(theta: AnyArray, A: float) -> Array:
     c, k, x0, k_w, rho, sigma, n = (theta[..., index] for index in range(7))
     z_max = A / rho
     sum_ = A / z_max**n
-    return _converted(
+    return _refuse_infinite(
         xp.stack([c, k, x0, k_w / z_max, sigma * sum_, (1.0 - sigma) * sum_, xp.full(n.shape, A), n], axis=-1)
     )
 
@@ -131,7 +133,7 @@ def bouc_wen_from_normalised_jacobian(theta: Floats, A: float) -> Floats:
     _, _, _, k_w, rho, sigma, n = np.moveaxis(theta, -1, 0)
     z_max = A / rho
     total = A / z_max**n
-    slopes = _unchanged(theta, 3, 8)
+    slopes = _identity_slopes(theta, 3, 8)
     slopes[..., 3, 3] = 1.0 / z_max
     slopes[..., 3, 4] = k_w / A
     for row, share, sign in ((4, sigma, 1.0), (5, 1.0 - sigma, -1.0)):
@@ -150,7 +152,7 @@ def rescaled_bouc_wen(theta: AnyArray, A: float) -> Array:
     c0, k0, x0, alpha, gamma, beta, old, n = (theta[..., index] for index in range(8))
     s = A / old
     power = s ** (1.0 - n)
-    return _converted(
+    return _refuse_infinite(
         xp.stack([c0, k0, x0, alpha / s, power * gamma, power * beta, xp.full(n.shape, A), n], axis=-1)
     )
 
@@ -192,7 +194,7 @@ def opensees_from_bouc_wen(
         If no such material exists; the message gives the reason.
     """
     _check_columns(theta, 8)
-    _finite(theta, ("c0", "k0", "x0", "alpha", "gamma", "beta", "A", "n"))
+    _check_finite(theta, ("c0", "k0", "x0", "alpha", "gamma", "beta", "A", "n"))
     if not (isfinite(Ao) and Ao > 0.0):
         raise SettingError(f"Ao is {Ao:g}; give a positive number, 1 to make ko the initial stiffness")
     if theta[6] <= 0.0:
@@ -235,7 +237,7 @@ def bouc_wen_from_opensees(material: OpenSeesBoucWen, *, c0: float = 0.0) -> NDA
     if not (m.ko > 0.0 and m.Ao > 0.0):
         raise SettingError(f"ko is {m.ko:g} and Ao {m.Ao:g}; both must be positive")
     theta = np.array([c0, m.alpha * m.ko, 0.0, (1.0 - m.alpha) * m.ko, m.beta, m.gamma, m.Ao, m.n])
-    _finite(theta, ("c0", "ko", "x0", "ko", "beta", "gamma", "Ao", "n"))
+    _check_finite(theta, ("c0", "ko", "x0", "ko", "beta", "gamma", "Ao", "n"))
     return theta
 
 
@@ -290,7 +292,7 @@ def convention_remarks(theta: NDArray[np.float64]) -> tuple[str, ...]:
     return tuple(remarks)
 
 
-def _finite(theta: NDArray[np.float64], names: tuple[str, ...]) -> None:
+def _check_finite(theta: NDArray[np.float64], names: tuple[str, ...]) -> None:
     for name, value in zip(names, theta, strict=True):
         if not isfinite(value):
             raise SettingError(f"{name} is {value}; a finite number is expected")
@@ -336,7 +338,7 @@ def _with_loop(theta: Array, loop: Array) -> Array:
 
 def _with_loop_jacobian(theta: Floats, loop: Floats) -> Floats:
     """Jacobian of `_with_loop`; the parameters of the loop depend only on those of the loop."""
-    slopes = _unchanged(theta, 5, loop.shape[-2] + 2)
+    slopes = _identity_slopes(theta, 5, loop.shape[-2] + 2)
     slopes[..., 5:, 5:] = loop[..., 3:, 3:]
     return slopes
 

@@ -57,7 +57,9 @@ def open_workbook(path: Path, is_record: Callable[[ColumnTable], bool]) -> Colum
         for member in members.values()
         if member.array is not None and member.array.size
     }
-    sheets = [sheet for name, text in texts.items() for sheet in _opened(path, name, text, digest, is_record)]
+    sheets = [
+        sheet for name, text in texts.items() for sheet in _open_sheet(path, name, text, digest, is_record)
+    ]
     if not sheets:
         listed = ", ".join(f"'{name}'" for name in texts) or "it has none with cells"
         raise RecordError(f"{path}: no sheet has a table of numbers ({listed}); put one test into a sheet")
@@ -71,7 +73,7 @@ def open_workbook(path: Path, is_record: Callable[[ColumnTable], bool]) -> Colum
     return read.table
 
 
-def _opened(
+def _open_sheet(
     path: Path, name: str, text: bytes, digest: str, is_record: Callable[[ColumnTable], bool]
 ) -> tuple[_Sheet, ...]:
     try:

@@ -210,7 +210,7 @@ class Estimate:
     upper: UpperBound
     remark: Literal["", "fixed", "at lower bound", "at upper bound", "not identifiable"] = ""
 
-    def judged(self, verdict: Verdict | None) -> Estimate:
+    def judge(self, verdict: Verdict | None) -> Estimate:
         """The estimate with the standard error that its verdict is by; as it is where it has no verdict."""
         if verdict is None:
             return self
@@ -486,7 +486,7 @@ class Fit(Summarised, Related):
             self,
             identifiability=own.with_intervals(self.intervals),
             n_effective=own.n_effective if self.n_effective is None else self.n_effective,
-            estimates=tuple(each.judged(own.verdict_on(each.name)) for each in self.estimates),
+            estimates=tuple(each.judge(own.verdict_on(each.name)) for each in self.estimates),
         )
 
     @checked

@@ -132,7 +132,7 @@ def points_from_levels(
 
     def in_own_laws(theta: Array) -> Array:
         rows = [with_other_laws(joint.spec, row, form.spec, commands) for row in theta]
-        return _inside(own_form.box, np.array(rows))
+        return _move_inside(own_form.box, np.array(rows))
 
     on_tests = objective.on(joint.spec, excerpts)
     on_searched = objective.on(joint.spec, searched) if left_out else on_tests
@@ -145,7 +145,7 @@ def points_from_levels(
             replace(settings, least_rounds=1),
             rng=seed,
             mirrored=joint.mirrored,
-            nested=_inside(joint.box, starts),
+            nested=_move_inside(joint.box, starts),
             on_iteration=on_iteration,
         )
 
@@ -192,7 +192,7 @@ def points_from_levels(
             if is_limited:
                 # No local minimisation returns from a law that is limited to its range.
                 more = np.array([within_range(joint.spec, each, commands) for each in (theta[0], *more)])
-            found = _merged(found, search_joint(more, rng + 1))
+            found = _merge_searches(found, search_joint(more, rng + 1))
             theta, misfit = on_all_tests(found)
             worse = alone.worse_in(on_tests, theta)
             if worse.size:
@@ -266,11 +266,11 @@ def _fit_each(problem: Problem, tests: tuple[DamperTest, ...], fits: Sequence[Le
         own = float(np.mean(np.asarray(loading_of(test, problem.form.spec).command)))
         fit = min(fits, key=lambda fit: abs(fit.command - own))
         searched = search_box(plain, box, (test,))
-        near = box.with_bounds(_widened(searched, box))
+        near = box.with_bounds(_widen_ranges(searched, box))
         minima = find_minima(
             problem.objective.on(plain, (test,)),
             near,
-            _inside(near, fit.minima[:_OWN_STARTS]),
+            _move_inside(near, fit.minima[:_OWN_STARTS]),
             max_iterations=_OWN_ITERATIONS,
             tolerance=_OWN_TOLERANCE,
         )
@@ -298,7 +298,7 @@ def unlike_tests(tests: Sequence[DamperTest], most: int) -> tuple[DamperTest, ..
     return tuple(tests[index] for index in sorted(taken))
 
 
-def _merged(first: MultistartResult, second: MultistartResult) -> MultistartResult:
+def _merge_searches(first: MultistartResult, second: MultistartResult) -> MultistartResult:
     theta, misfit = np.concatenate([first.theta, second.theta]), np.concatenate([first.misfit, second.misfit])
     order = np.argsort(misfit, kind="stable")
     return MultistartResult(
@@ -411,7 +411,7 @@ def _fit_level(
     plain, box = plain_of(problem.form)
     objective = problem.objective.on(plain, tests)
     searched = search_box(plain, box, tests)
-    near = box.with_bounds(_widened(searched, box))
+    near = box.with_bounds(_widen_ranges(searched, box))
     starts = np.empty((0, len(plain.names)))
     if nearest is not None:
         # Each minimum gives two starts: unchanged, and with its forces scaled by the ratio of the measured ones.
@@ -451,7 +451,7 @@ def _minima_of(
             searched,
             settings,
             rng=rng,
-            nested=_inside(near, starts) if nested is None else nested.starts,
+            nested=_move_inside(near, starts) if nested is None else nested.starts,
             on_iteration=on_iteration,
         )
         return found.theta
@@ -461,7 +461,7 @@ def _minima_of(
 
     ended = optimise(search, objective, theta_of, n_params=len(searched.free), rng=rng, on_search=on_search)
     starts = np.concatenate([starts, theta_of(ended.elite)])
-    minima = find_minima(objective, near, _inside(near, starts), max_iterations=_ITERATIONS)
+    minima = find_minima(objective, near, _move_inside(near, starts), max_iterations=_ITERATIONS)
     return np.asarray(minima.theta[np.argsort(minima.misfit, kind="stable")])
 
 
@@ -475,11 +475,11 @@ def _with_best(interrupt: Interrupted[Any], command: float, searched: Box) -> In
     return Interrupted(None if best is None else LevelFit(command=command, minima=best), "search")
 
 
-def _inside(box: Box, theta: Array) -> Array:
+def _move_inside(box: Box, theta: Array) -> Array:
     return np.asarray(box.inside(np.clip(theta, box.lower, box.upper)))
 
 
-def _widened(searched: Box, box: Box) -> dict[str, tuple[float, float]]:
+def _widen_ranges(searched: Box, box: Box) -> dict[str, tuple[float, float]]:
     bounds = {}
     for index, name in enumerate(searched.names):
         lower, upper = searched.lower[index], searched.upper[index]

@@ -217,7 +217,7 @@ def gathered_findings(tests: Sequence[DamperTest]) -> GatheredFindings:
         for finding in test.findings:
             places.setdefault(_key(finding), []).append((test, finding))
     recurring = {key: found for key, found in places.items() if len(_concerned(found)) > 1}
-    shared = [_shared(found, len(tests)) for found in recurring.values()]
+    shared = [_join_findings(found, len(tests)) for found in recurring.values()]
     return GatheredFindings(
         shared=tuple(sorted(shared, key=lambda each: each.severity != "warning")),
         own=tuple(
@@ -226,7 +226,7 @@ def gathered_findings(tests: Sequence[DamperTest]) -> GatheredFindings:
     )
 
 
-def _told(finding: Finding, tests: tuple[str, ...], n_tests: int) -> SharedFinding:
+def _finding_of_tests(finding: Finding, tests: tuple[str, ...], n_tests: int) -> SharedFinding:
     measured = finding.measured
     value = None if measured is None else measured.value
     return SharedFinding(
@@ -252,7 +252,7 @@ def _concerned(found: Sequence[tuple[DamperTest, Finding]]) -> list[DamperTest]:
     return list({id(test): test for test, _ in found}.values())
 
 
-def _shared(found: Sequence[tuple[DamperTest, Finding]], n_tests: int) -> SharedFinding:
+def _join_findings(found: Sequence[tuple[DamperTest, Finding]], n_tests: int) -> SharedFinding:
     first = found[0][1]
     measured = [finding.measured for _, finding in found if finding.measured is not None]
     values = [each.value for each in measured]
@@ -338,13 +338,13 @@ def findings_for(verb: Verb, tests: Sequence[DamperTest]) -> tuple[SharedFinding
     ]
     gathered = gathered_findings(told)
     own = [
-        _told(each, (test.name,), len(tests))
+        _finding_of_tests(each, (test.name,), len(tests))
         for test, findings in zip(told, gathered.own, strict=True)
         for each in findings
     ]
     together = [
         # The message names the tests that it concerns.
-        _told(each, (), len(tests))
+        _finding_of_tests(each, (), len(tests))
         for each in findings_of_set(tests)
         if concerns(each, verb)
     ]

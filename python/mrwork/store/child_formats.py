@@ -35,7 +35,7 @@ def hdf5(data: bytes, out: IO[bytes]) -> None:
 
     with h5py.File(io.BytesIO(data), "r") as file:
         members = [("", file), *_members(file, "", 1)]
-        head = {path: _described(member) for path, member in members}
+        head = {path: _describe(member) for path, member in members}
         out.write(json.dumps(head).encode() + b"\n")
         out.flush()
         for path, member in members:
@@ -58,7 +58,7 @@ def _members(group: Any, prefix: str, depth: int) -> Iterator[tuple[str, Any]]:
             yield from _members(member, f"{path}/", depth + 1)
 
 
-def _described(member: Any) -> dict[str, Any]:
+def _describe(member: Any) -> dict[str, Any]:
     """Shape and type, which is null for all but real numbers that the file itself holds, and attributes."""
     import h5py
 

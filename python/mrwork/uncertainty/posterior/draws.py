@@ -213,7 +213,7 @@ class DrawSummary:
             reason=self.reason,
         )
 
-    def judged(self, scale: ParameterScale) -> DrawSummary:
+    def judge(self, scale: ParameterScale) -> DrawSummary:
         """With the verdict: as for a profile, where an end at which the draws pile up is open."""
         if self.fixed:
             return self

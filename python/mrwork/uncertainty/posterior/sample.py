@@ -320,7 +320,7 @@ class SamplingProblem:
         scale = Scale.of(self.spec, own, objective.tests, theta)
         derivative = Slopes.at(objective.plain, self.target.form, self.start).by_model()
         judged = [
-            each.judged(scale.of_parameter(self.spec, index, derivative[:, index]))
+            each.judge(scale.of_parameter(self.spec, index, derivative[:, index]))
             for index, each in enumerate(found[: theta.size])
         ]
         return (*judged, *found[theta.size :])
