@@ -554,10 +554,10 @@ def test_what_a_killed_writer_left_is_removed_and_the_run_that_it_set_aside_put_
 def test_a_run_that_is_there_is_not_replaced_by_one_that_was_set_aside(tmp_path: Path) -> None:
     left = left_by_a_killed_writer(tmp_path)
     (tmp_path / "run").mkdir()
-    (tmp_path / "run" / MANIFEST).write_text('{"kind": "identification", "newer": 1}')
+    (tmp_path / "run" / MANIFEST).write_text('{"kind": "identification", "verb": "identify", "newer": 1}')
     check(tmp_path / "run")
     assert not left.exists()
-    assert (tmp_path / "run" / MANIFEST).read_text() == '{"kind": "identification", "newer": 1}'
+    assert (tmp_path / "run" / MANIFEST).read_text() == '{"kind": "identification", "verb": "identify", "newer": 1}'
 
 
 def test_the_folder_of_a_writer_at_work_stays(tmp_path: Path) -> None:

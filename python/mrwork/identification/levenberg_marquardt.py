@@ -23,6 +23,7 @@ from mrwork.dampers.coordinates import Box
 from mrwork.errors import JournalError
 from mrwork.identification.objective import Objective, linearised
 from mrwork.identification.residual import ObservedTest
+from mrwork.simulate import stiffness_shares
 from mrwork.values import holds_arrays
 
 Array = NDArray[np.float64]
@@ -99,7 +100,8 @@ def _stiffness_and_slope(tests: Sequence[ObservedTest], box: Box, latent: Array)
 def _log_stiffness(tests: Sequence[ObservedTest], theta: Array) -> Array:
     """Logarithm of the stiffness as a share of the limit, shape (n_batch, n_tests); infinite where it has none."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        stiffness = np.log(np.stack([each.stiffness_share(theta) for each in tests], axis=1))
+        shares = [stiffness_shares(each.spec, theta, each.history) for each in tests]
+        stiffness = np.log(np.stack(shares, axis=1))
     return np.where(np.isnan(stiffness), np.inf, stiffness)
 
 

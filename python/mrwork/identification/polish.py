@@ -244,11 +244,6 @@ class Ended:
     warnings: tuple[str, ...] = ()
 
     @property
-    def objective_value(self) -> float:
-        """What the search has minimised."""
-        return float(self.problem.objective(self.polished.theta[None])[0])
-
-    @property
     def misfit(self) -> float:
         """Root mean square of the NRMSE of all tests, whatever the power of the objective."""
         return float(self.problem.objective.plain(self.polished.theta[None])[0])
@@ -282,7 +277,8 @@ def polish_with_wanted_lag(
     polished = polish(plain, starts, on_start=lambda _minimum, _share: None, on_step=on_step)
     without = Ended(problem=plain, polished=polished)
     missing = missing_lag(plain.form.spec, plain.objective, polished.theta)
-    if missing is not None and missing.misfit_with < lagged.objective_value:
+    minimised = float(lagged.problem.objective(lagged.polished.theta[None])[0])
+    if missing is not None and missing.misfit_with < minimised:
         # The search with the lag has ended in a false minimum.
         start = replace(points, theta=problem.inside([*polished.theta, missing.rate])[None], minima=True)
         again = polish(problem, start, on_start=on_start, on_step=on_step)

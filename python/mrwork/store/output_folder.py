@@ -76,13 +76,9 @@ class Destination:
         """The folder, without links."""
         return real_place(self.path)
 
-    def check_owner(self) -> None:
-        """Check that a run can be put there: nothing, an empty folder or a run folder."""
-        self._run()
-
     def check_losses(self) -> None:
         """Check that nothing is lost there without leave."""
-        run = self._run()
+        run = self.run()
         if run is None or self.replace:
             return
         if run.kind != self.kind:
@@ -102,10 +98,11 @@ class Destination:
 
     def kept(self) -> list[Path]:
         """Files and folders of the user there, which stay."""
-        run = self._run()
+        run = self.run()
         return [] if run is None else run.of_user()
 
-    def _run(self) -> _FolderOfRun | None:
+    def run(self) -> FolderOfRun | None:
+        """The run that is there, `None` where there is nothing or an empty folder; all else is refused."""
         place = self.place
         if "\0" in str(self.path):
             raise OutputError(
@@ -129,11 +126,11 @@ class Destination:
                 f"the {MANIFEST} of {self.path} is not that of a run of mrwork, so the folder is left as it is; "
                 "choose another folder"
             )
-        return _FolderOfRun(place=place, kind=kind, manifest=manifest, taken=self.kind.entries)
+        return FolderOfRun(place=place, kind=kind, manifest=manifest, taken=self.kind.entries)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _FolderOfRun:
+class FolderOfRun:
     """A run folder with what its manifest states; `taken` are names in it that will be used."""
 
     place: Path
@@ -293,7 +290,7 @@ def check_destination(destination: Destination) -> None:
     """Check that a run can be written to its destination, before any computation."""
     parent = destination.place.parent
     try:
-        destination.check_owner()
+        destination.run()
         parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=_PROBE, dir=parent):
             pass
