@@ -557,7 +557,9 @@ def test_a_run_that_is_there_is_not_replaced_by_one_that_was_set_aside(tmp_path:
     (tmp_path / "run" / MANIFEST).write_text('{"kind": "identification", "verb": "identify", "newer": 1}')
     check(tmp_path / "run")
     assert not left.exists()
-    assert (tmp_path / "run" / MANIFEST).read_text() == '{"kind": "identification", "verb": "identify", "newer": 1}'
+    assert (
+        tmp_path / "run" / MANIFEST
+    ).read_text() == '{"kind": "identification", "verb": "identify", "newer": 1}'
 
 
 def test_the_folder_of_a_writer_at_work_stays(tmp_path: Path) -> None:
