@@ -16,7 +16,7 @@ from command_line import printed
 from mrwork import Journal
 from mrwork.errors import Interrupted, JournalError, RecordError
 from mrwork.simulate import Outcome
-from mrwork.store.journal import line_of, read_lines
+from mrwork.store.journal_file import line_of, read_lines
 from mrwork.store.record import plain
 from mrwork.store.unfinished import begin_journal
 from mrwork.study import Study, StudyResults, read_study, run_study

@@ -16,7 +16,7 @@ import mrwork as mr
 from mrwork.closed_loop import SCORE
 from mrwork.errors import Interrupted, JournalError, SettingError
 from mrwork.records import OperatingRange
-from mrwork.store.journal import line_of
+from mrwork.store.journal_file import line_of
 from mrwork.store.record import plain
 from mrwork.tuning import BEST_CONSTANT, Candidate, TuningResults, tune
 from mrwork.tuning.problem import Clock, benches_of

@@ -16,7 +16,7 @@ from scipy.stats import norm
 
 from mrwork import Journal
 from mrwork.errors import Interrupted, JournalError, SettingError
-from mrwork.store.journal import line_of, read_lines
+from mrwork.store.journal_file import line_of, read_lines
 from mrwork.store.record import array_of
 from mrwork.uncertainty import Draws, Ensemble, Normal, Uniform, sample
 from mrwork.uncertainty.posterior.draws import diagnose, draws_content, next_check, read_draws, summary_of

@@ -19,7 +19,7 @@ from mrwork.errors import MrworkWarning
 from mrwork.identification import FitSettings
 from mrwork.identification.fit_file import manifest_of, write_run
 from mrwork.identification.settings import resized, search_named
-from mrwork.store.journal import read_lines
+from mrwork.store.journal_file import read_lines
 from mrwork.store.output_folder import Destination
 from mrwork.store.record import json_document
 from mrwork.store.run_folder import (
