@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
 
-from mrwork.arguments import AnyArray, May, Positive, Rows, Shape, Within, checked
+from mrwork.arguments import AnyArray, May, Positive, Rows, Shape, checked
 from mrwork.errors import ArgumentError, SettingError
+from mrwork.keys import Within
 
 
 @checked

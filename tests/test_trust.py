@@ -12,14 +12,13 @@ import pytest
 
 import mrwork
 from mrwork.errors import RecordError
-from mrwork.store.arrays_file import read_arrays
-from mrwork.store.input_file import stored
+from mrwork.store.input_file import read_arrays, stored
 from test_imports import imports_of, in_fresh_process
 
 PACKAGE = Path(mrwork.__file__).parent
 # Packages that run what a file says, or that reach other machines and processes, and the modules that may import them.
 HOMES = {
-    "socket": "store/lock.py",  # the name of the machine
+    "socket": "store/output_file.py",  # the name of the machine
     "subprocess": "store/",  # readers of untrusted formats
 }
 HOMELESS = {

@@ -155,23 +155,11 @@ def simulate_misfits(
     substep_factor: Count = 1,
     threads: Threads = 0,
 ) -> Misfits:
-    """Simulate a batch and return its misfits to a measured force.
+    """Misfits of a batch of parameters in spec order, shape (n_batch, n_params), to a measured `force` [N], (n_time,).
 
-    Parameters
-    ----------
-    theta
-        Parameters in spec order, shape (n_batch, n_params).
-    force
-        Measured force [N], shape (n_time,).
-    first
-        First sample that is compared; earlier samples are only simulated.
-    limits
-        Sums of squared residuals [N^2] at which a candidate is abandoned, shape (n_batch,). Since the sum only
-        increases, the other candidates have the same bits as without limits.
-    substep_factor
-        Multiplies the number of sub-steps from the stiffness bound of the model; a power of two up to 64.
-    threads
-        Number of threads, 0 for all.
+    Samples before `first` are simulated and not compared. `limits`, shape (n_batch,), are sums of squared residuals
+    [N^2] at which a candidate is abandoned; since the sum only increases, the others have the same bits as without
+    limits. `substep_factor`, a power of two up to 64, multiplies the number of sub-steps from the stiffness bound.
     """
     with core_refusals():
         squared_error, outcome, substeps, steps = _rust.misfits(
@@ -218,12 +206,8 @@ def simulate_sensitivities(
     """Simulate a batch with the exact derivatives of its forces; other parameters as in `simulate_misfits`.
 
     The forces have the same bits as those of `simulate_forces`. The derivatives are exact up to rounding for the
-    discrete equations with the same sub-steps; at a kink they are those of the branch that the value takes.
-
-    Parameters
-    ----------
-    columns
-        Columns of `theta` for the derivatives, counted from 0, shape (n_columns,); all if `None`.
+    discrete equations with the same sub-steps; at a kink they are those of the branch that the value takes. They are
+    with respect to `columns` of `theta`, counted from 0; all if `None`.
 
     Examples
     --------

@@ -89,7 +89,10 @@ def test_draws_of_the_posterior_are_used_where_there_are_some(
     columns = dict(zip(opened.fit.spec.names, np.moveaxis(chains, -1, 0), strict=True))
     columns["noise.sigma"] = rng.random((4, 150))
     dataset = xarray.Dataset(
-        {name: (("chain", "draw"), values, {"units": "1"}) for name, values in columns.items()}
+        {
+            name: (("chain", "draw"), values, {"units": "1", "median": 0.0, "lower": -1.0, "upper": 1.0})
+            for name, values in columns.items()
+        }
     )
     tree = xarray.DataTree.from_dict(
         {
@@ -99,7 +102,9 @@ def test_draws_of_the_posterior_are_used_where_there_are_some(
         }
     )
     tree.attrs = {
+        "of_fit": opened.fit.fingerprint,
         "noise": "iid",
+        "status": "converged",
         "verdict": "Converged after 150 steps.",
         "temper": 1.0,
         "steps": 150,

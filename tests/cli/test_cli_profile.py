@@ -15,7 +15,7 @@ import mrwork as mr
 from mrwork import load
 from mrwork.cli import main
 from mrwork.cli.profile import stopped
-from mrwork.errors import Interrupted
+from mrwork.errors import Interrupted, RecordError
 from mrwork.identification.fit_file import addition_content, read_fit, reopen
 
 
@@ -223,10 +223,11 @@ def test_intervals_take_the_place_of_standard_errors_everywhere(
     assert {name: fit.verdict_on(name)[0] for name in judged} == judged
 
 
-def test_verdicts_of_earlier_versions_are_read_in_the_words_of_now(run: Path, tmp_path: Path) -> None:
+def test_verdicts_in_words_of_an_earlier_version_are_refused(run: Path, tmp_path: Path) -> None:
     old = tmp_path / "old"
     shutil.copytree(run, old)
     text = (old / "fit.json").read_text()
     assert '"weakly identifiable"' in text
     (old / "fit.json").write_text(text.replace('"weakly identifiable"', '"weakly"'))
-    assert read_fit(old) == read_fit(run)
+    with pytest.raises(RecordError, match="run `mrwork identify` again"):
+        read_fit(old)

@@ -156,19 +156,3 @@ def test_the_folder_of_a_web_app_is_no_run_folder(
     assert (ended.returncode, ended.stdout) == (2, "")
     assert "is not that of a run of mrwork, so the folder is left as it is" in ended.stderr
     assert contents(tmp_path) == before
-
-
-@pytest.mark.parametrize("folder", VERBS, indirect=True)
-def test_a_folder_of_an_earlier_version_opens_and_is_replaced_by_its_verb_only(
-    folder: Path, inputs: Path
-) -> None:
-    stated = json.loads((folder / "manifest.json").read_text())
-    verb = stated.pop("verb")
-    del stated["files"]
-    (folder / "manifest.json").write_text(json.dumps(stated))
-    read = {"identify": mr.load, "respond": mr.study.read_results, "tune": mr.tuning.read_tuning}
-    repr(read[verb](folder))
-    other = VERBS[VERBS.index(verb) - 1]
-    refused(*words(other, inputs, folder), lost=f"the results of `mrwork {verb}`, {FILES[verb]}")
-    assert mrwork(*words(verb, inputs, folder)).returncode == 0
-    assert json.loads((folder / "manifest.json").read_text())["verb"] == verb

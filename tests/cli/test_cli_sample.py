@@ -119,20 +119,6 @@ def test_a_full_disk_loses_nothing(run: Path, tmp_path: Path) -> None:
     assert not [entry.name for entry in place.iterdir() if "part" in entry.name or "lock" in entry.name]
 
 
-def test_a_chain_of_an_earlier_version_is_refused_and_goes_with_its_draws(run: Path, tmp_path: Path) -> None:
-    place = tmp_path / "run"
-    shutil.copytree(run, place)
-    (place / "posterior.jsonl").unlink(missing_ok=True)
-    (place / "posterior.h5").write_text("a chain")
-    sampling = ("sample", place, "--steps", "20", "--walkers", "20", "--threads", "1", "--json")
-    refused = mrwork(*sampling, "--resume")
-    assert refused.returncode == 2
-    assert "a chain of an earlier version" in refused.stderr
-    assert (place / "posterior.h5").is_file()
-    assert mrwork(*sampling).returncode == 0
-    assert not (place / "posterior.h5").exists()
-
-
 def test_what_cannot_be_is_one_sentence(
     run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

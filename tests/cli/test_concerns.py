@@ -18,7 +18,7 @@ from record_files import Columns, codes, write_text
 import mrwork as mr
 from mrwork.dampers import damper
 from mrwork.records import DamperTest, Finding, read_damper_test
-from mrwork.records.concerns import CONCERNS, Verb, findings_for
+from mrwork.records.findings import CONCERNS, Verb, findings_for
 from mrwork.records.repairs import REPAIR_KINDS
 
 VERBS: tuple[Verb, ...] = get_args(Verb)

@@ -10,7 +10,7 @@ import pytest
 from examples import examples
 from hypothesis import given
 
-import mrwork.twins.equations  # noqa: F401  (sets double precision)
+import mrwork.twins.models  # noqa: F401  (sets double precision)
 from mrwork.dampers import Box
 from mrwork.errors import SettingError
 

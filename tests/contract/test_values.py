@@ -24,13 +24,10 @@ import mrwork
 import mrwork as mr
 from mrwork.values import holds_arrays
 
-# What a child process runs, with libraries that are optional.
-CHILDREN = ("mrwork.store.child_hdf5", "mrwork.store.child_parquet", "mrwork.store.child_xlsx")
-
 
 def data_classes() -> Iterator[type]:
     for found in pkgutil.walk_packages(mrwork.__path__, "mrwork."):
-        if found.name in CHILDREN or found.name.endswith("__main__"):
+        if found.name.endswith("__main__"):
             continue
         module = importlib.import_module(found.name)
         for kind in vars(module).values():

@@ -30,7 +30,7 @@ from mrwork.control import (
     regulator_of_weights,
     regulators_of_weights,
 )
-from mrwork.control.weights import Weighed, weighed_outputs
+from mrwork.control.lqr import Weighed, weighed_outputs
 from mrwork.errors import MrworkError, SettingError
 
 Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-import mrwork.twins.equations  # noqa: F401  (sets double precision)
+import mrwork.twins.models  # noqa: F401  (sets double precision)
 from mrwork.dampers import (
     OpenSeesBoucWen,
     bouc_wen_from_normalised,

@@ -228,7 +228,7 @@ def test_shear_mode_is_couette_flow() -> None:
 def test_impossible_flow_is_refused(changed: dict[str, object], words: str) -> None:
     given: dict[str, object] = {"flow": 1e-3, "yield_stress": 0.0, "viscosity": VISCOSITY}
     with pytest.raises(SettingError, match=words):
-        plate_pressure(SLOT, **{**given, **changed})  # type: ignore[arg-type]
+        annular_pressure(SLOT, **{**given, **changed})  # type: ignore[arg-type]
 
 
 @given(root=st.floats(-0.99, 0.99), power=st.sampled_from([1, 3, 5]))

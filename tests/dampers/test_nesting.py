@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mrwork.dampers import damper
-from mrwork.dampers.nesting import NESTINGS, Scales, nesting_of
+from mrwork.dampers.conversions import NESTINGS, Scales, nesting_of
 from mrwork.errors import SimulationError
 from mrwork.simulate import Loading, simulate_force
 

@@ -15,8 +15,7 @@ from command_line import Ended, mrwork
 from study_texts import study_text
 
 from mrwork.cli.door import parser, verbs
-from mrwork.cli.numbers import Listed, OrWord, Range
-from mrwork.cli.options import named_path
+from mrwork.cli.numbers import Listed, OrWord, Range, named_path
 
 NO_NUMBERS = (
     *("nan", "-nan", "inf", "-inf", "1e400", "-1e400", "1e30", "-1e30", str(2**70), str(-(2**70))),

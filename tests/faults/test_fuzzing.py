@@ -19,14 +19,13 @@ import pytest
 
 from mrwork.errors import MrworkWarning, RecordError
 from mrwork.files.open_table import EXTENSIONS
-from mrwork.motions.formats.format import Lines
+from mrwork.motions.networks import Lines
 from mrwork.motions.read import FORMATS
 from mrwork.store.run_folder import (
     ADDITIONS,
     CHAIN,
     FIT,
     FOLDS,
-    FORMER_CHAIN,
     LAWS,
     MANIFEST,
     RANKING,
@@ -215,7 +214,7 @@ def test_every_registered_format_has_a_seed() -> None:
     assert set(EXTENSIONS) - {".pq"} - unread <= {Path(file).suffix for file in files}
     # Files of a run that a verb reads back; the page and the figures are only written.
     named = {Path(file).name for file in files}
-    folds = {FOLDS, FORMER_CHAIN, f"{CHAIN}.part", CHAIN}
+    folds = {FOLDS, f"{CHAIN}.part", CHAIN}
     assert (ADDITIONS | {MANIFEST, FIT, RANKING, LAWS, RESULTS}) - folds <= named
     motions = [
         seed.content for reader in readers if reader.name.startswith("motions: ") for seed in reader.seeds

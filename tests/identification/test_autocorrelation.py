@@ -7,9 +7,8 @@ import pytest
 from scipy.signal import lfilter
 
 from mrwork.dampers import damper
-from mrwork.errors import SettingError
 from mrwork.identification import Objective
-from mrwork.identification.covariance import autocorrelation_time, effective_samples, residuals_by_test
+from mrwork.identification.result import autocorrelation_time, effective_samples, residuals_by_test
 from mrwork.synthetic import synthetic_test
 
 
@@ -57,9 +56,3 @@ def test_tests_are_counted_one_by_one() -> None:
     assert together == pytest.approx(effective_samples([first]) + effective_samples([second]))
     # The noise of these tests is white, but for what noise in the motion makes of the force.
     assert 0.2 * residuals.size < together <= residuals.size
-
-
-@pytest.mark.parametrize("residual", [[], [[1.0, 2.0]], [1.0, np.nan]])
-def test_what_is_not_a_series_is_refused(residual: list[float]) -> None:
-    with pytest.raises(SettingError, match="one row of finite numbers"):
-        autocorrelation_time(residual)

@@ -13,8 +13,7 @@ from mrwork import identify
 from mrwork.dampers import Box, damper, damper_models
 from mrwork.errors import Interrupted, RecordError, SettingError, SimulationError
 from mrwork.identification import Fit, Objective, Progress, free_run, identifiable_form, search_box
-from mrwork.identification.covariance import covariance
-from mrwork.identification.result import fit_quality
+from mrwork.identification.result import covariance, fit_quality
 from mrwork.records import DamperTest
 from mrwork.search import EfficientGA, StopRules
 from mrwork.synthetic import SYNTHETIC_TESTS, synthetic_test

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from contextlib import closing
 from dataclasses import replace
 from functools import partial
@@ -15,7 +14,7 @@ import pytest
 import mrwork as mr
 from mrwork import Journal
 from mrwork.errors import SettingError
-from mrwork.identification import FitSettings, free_run
+from mrwork.identification import free_run
 from mrwork.records import AS_IT_IS, DamperTest, Observation, Smoothing, build_damper_test, cut, observed
 from mrwork.uncertainty import identifiability_of, predict
 
@@ -116,13 +115,6 @@ def test_predictions_and_posteriors_use_the_observation_of_the_fit() -> None:
     assert predict(fit, second).test.observation == Observation(average_seconds=WINDOW * first.dt)
     told = replace(first, observation=fit.quality[0].observation)
     assert identifiability_of(fit, first, threads=1) == identifiability_of(fit, told, threads=1)
-
-
-def test_a_fit_of_an_earlier_version_detects_nothing() -> None:
-    record = FitSettings().as_record()
-    assert FitSettings.of_record(json.loads(json.dumps(record))).observe == ("detect",)
-    del record["observe"]
-    assert FitSettings.of_record(record).observe == ("none",)
 
 
 def test_the_twin_says_how_to_do_without() -> None:

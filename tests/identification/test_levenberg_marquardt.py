@@ -25,12 +25,11 @@ from mrwork.identification import (
     find_minimum_on_twin,
     identifiable_form,
 )
-from mrwork.identification.covariance import Slopes, covariance_at, standard_errors
 from mrwork.identification.equivalent import Form
 from mrwork.identification.levenberg_marquardt_twin import TwinResiduals, arrays_of
 from mrwork.identification.nuisance import NuisanceName, bounds_without_offsets
 from mrwork.identification.objective import linearised
-from mrwork.identification.result import remark_of
+from mrwork.identification.result import Slopes, covariance_at, remark_of, standard_errors
 from mrwork.identification.settings import FitSettings
 from mrwork.records import DamperTest, Observation
 from mrwork.simulate import Loading, simulate_force

@@ -12,7 +12,7 @@ import mrwork as mr
 from mrwork.dampers import damper
 from mrwork.dampers.spec import law_limits
 from mrwork.identification import Fit, Multistart
-from mrwork.identification.law_coefficients import leaves_range, within_range
+from mrwork.identification.equivalent import leaves_range, within_range
 
 COMMANDS = np.array([0.0, 0.25, 0.5, 0.75, 1.0])
 # All its starts end where the yield force is limited to its lower bound at one of the commands.

@@ -19,7 +19,7 @@ from mrwork.motions import (
     time_scaled,
     trimmed,
 )
-from mrwork.motions.formats.table import motion_of_columns
+from mrwork.motions.read import motion_of_columns
 
 MOTION = synthetic_motion(duration=5.0)
 

@@ -22,8 +22,8 @@ from numpy.testing import assert_allclose
 from mrwork.closed_loop import STANDARD_GRAVITY
 from mrwork.errors import RecordError, SettingError, UnitError
 from mrwork.motions import GroundMotion, read_motion, read_motions
-from mrwork.motions.formats.format import Stated
-from mrwork.motions.formats.table import acceleration_column
+from mrwork.motions.networks import Stated
+from mrwork.motions.read import acceleration_column
 
 A = accelerations()
 IN_G = A / STANDARD_GRAVITY

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from odd_files import KN, MM, NEWTON, TIME, assert_is_the_test, write_table
 
 from mrwork.errors import MrworkError, RecordError, UnitError
-from mrwork.files.column_names import TestQuantity, likely_unit
+from mrwork.files.named_columns import TestQuantity, likely_unit
 from mrwork.records import parse_column_option, read_damper_test
 
 

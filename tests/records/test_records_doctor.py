@@ -11,11 +11,10 @@ from numpy.typing import NDArray
 
 from mrwork.dampers import damper
 from mrwork.records import DamperTest, Finding, build_damper_test, detect_smoothing, mislabelled
-from mrwork.records.build import examine
 from mrwork.records.checks import breakaway_overshoot, clipped_share
-from mrwork.records.detectors.cycles import drift_finding, loop_drift, moving_mass
-from mrwork.records.detectors.delay import delay_finding, force_delay
+from mrwork.records.detectors.cycles import delay_finding, drift_finding, force_delay, loop_drift, moving_mass
 from mrwork.records.motion import SmoothMotion, motion_of, whole_cycles
+from mrwork.records.read import examine
 from mrwork.simulate import Loading, simulate_force
 from mrwork.synthetic import SYNTHETIC_TESTS, synthetic_test
 

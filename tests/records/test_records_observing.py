@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 import mrwork as mr
 from mrwork.errors import SettingError
 from mrwork.records import AS_IT_IS, DamperTest, Observation, Smoothing, build_damper_test, cut, observed
-from mrwork.records.observing import as_words
+from mrwork.records.repairs import as_words
 from mrwork.synthetic import synthetic_test
 
 WINDOW = 33

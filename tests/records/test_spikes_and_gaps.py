@@ -11,8 +11,15 @@ from sinusoidal_tests import sinusoidal_test
 
 import mrwork as mr
 from mrwork.dampers import damper
-from mrwork.records import DamperTest, Observation, build_damper_test, cut, range_of_test, repair
-from mrwork.records.detectors.spikes import spikes_of
+from mrwork.records import (
+    DamperTest,
+    Observation,
+    build_damper_test,
+    cut,
+    range_of_test,
+    repair,
+)
+from mrwork.records.detectors.smoothing import spikes_of
 from mrwork.synthetic import SYNTHETIC_TESTS, synthetic_test
 
 MODEL = "viscous_dahl"

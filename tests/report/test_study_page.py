@@ -15,7 +15,8 @@ from blank_pictures import blank
 from counted_calls import calls_of
 
 from mrwork.cli.study_text import study_text
-from mrwork.report.study.figures import envelope, strokes
+from mrwork.report.figures import envelope
+from mrwork.report.study.figures import strokes
 from mrwork.report.study.page import study_page
 from mrwork.report.study.tables import MOST_DRAWN, MOST_LISTED, overview_table, ratio_table, value_table
 from mrwork.study import StudyResults, compared

@@ -89,6 +89,8 @@ def _laws(model: str) -> LawTable:
         held_out="tests",
         n_folds=2,
         given={},
+        complete=True,
         models=(model, failing),
         failed={failing: "no candidate could be simulated"},
+        remarks=(),
     )

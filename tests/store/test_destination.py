@@ -11,8 +11,7 @@ from pathlib import Path
 import pytest
 
 from mrwork.errors import OutputError
-from mrwork.store.destination import Destination
-from mrwork.store.output_folder import check_destination, write_folder
+from mrwork.store.output_folder import Destination, check_destination, write_folder
 from mrwork.store.run_folder import (
     DRAWS,
     FIGURES,
@@ -81,25 +80,13 @@ def refused(place: Path, kind: RunKind, *words: str) -> None:
     assert contents(place.parent) == before
 
 
-def former(place: Path) -> None:
-    """Make the manifest that of an earlier version."""
-    stated = json.loads((place / MANIFEST).read_text())
-    del stated["verb"], stated["files"]
-    (place / MANIFEST).write_text(json.dumps(stated))
-
-
 @pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.verb)
-@pytest.mark.parametrize("version", ["this", "former"])
-def test_a_verb_replaces_its_own_run_and_keeps_what_the_user_added(
-    tmp_path: Path, kind: RunKind, version: str
-) -> None:
+def test_a_verb_replaces_its_own_run_and_keeps_what_the_user_added(tmp_path: Path, kind: RunKind) -> None:
     place = tmp_path / "run"
     written(place, kind)
     (place / "notes.txt").write_text("oil was warm")
     (place / "photos").mkdir()
     (place / "photos" / "link").symlink_to("nowhere")
-    if version == "former":
-        former(place)
     written(place, kind, text="second")
     assert (place / JOURNAL).read_text() == "second"
     assert (place / "notes.txt").read_text() == "oil was warm"
@@ -120,17 +107,14 @@ def test_the_manifest_names_the_verb_and_lists_every_file_but_those_that_are_dra
 
 @pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.verb)
 @pytest.mark.parametrize("other", KINDS, ids=lambda kind: kind.verb)
-@pytest.mark.parametrize("version", ["this", "former"])
 def test_a_run_of_another_verb_is_replaced_on_request_only_and_then_whole(
-    tmp_path: Path, kind: RunKind, other: RunKind, version: str
+    tmp_path: Path, kind: RunKind, other: RunKind
 ) -> None:
     if kind == other:
         return
     place = tmp_path / "run"
     written(place, other)
     (place / "notes.txt").write_text("mine")
-    if version == "former":
-        former(place)
     refused(place, kind, f"the results of `mrwork {other.verb}`", MANIFEST)
     written(place, kind, text="second", replace=True)
     found = {str(path.relative_to(place)) for path in place.rglob("*") if path.is_file()}
@@ -139,8 +123,7 @@ def test_a_run_of_another_verb_is_replaced_on_request_only_and_then_whole(
 
 
 @pytest.mark.parametrize("name", sorted(FIT_RUN.added))
-@pytest.mark.parametrize("version", ["this", "former"])
-def test_what_later_verbs_have_added_is_named(tmp_path: Path, name: str, version: str) -> None:
+def test_what_later_verbs_have_added_is_named(tmp_path: Path, name: str) -> None:
     place = tmp_path / "run"
     written(place, FIT_RUN)
     if name == FIGURES:
@@ -148,11 +131,22 @@ def test_what_later_verbs_have_added_is_named(tmp_path: Path, name: str, version
         (place / name / "loops.svg").write_text("<svg/>")
     else:
         (place / name).write_text("hours")
-    if version == "former":
-        former(place)
     refused(place, FIT_RUN, f"would lose {name}")
     written(place, FIT_RUN, text="second", replace=True)
     assert not (place / name).exists()
+
+
+def test_a_run_of_an_earlier_version_is_refused_by_its_manifest(tmp_path: Path) -> None:
+    place = tmp_path / "run"
+    written(place, FIT_RUN)
+    stated = json.loads((place / MANIFEST).read_text())
+    files = stated.pop("files")
+    (place / MANIFEST).write_text(json.dumps(stated))
+    refused(place, FIT_RUN, MANIFEST)
+    del stated["verb"]
+    (place / MANIFEST).write_text(json.dumps(stated | {"files": files}))
+    with pytest.raises(OutputError, match="is not that of a run of mrwork"):
+        written(place, FIT_RUN, text="second", replace=True)
 
 
 @pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.verb)
@@ -238,14 +232,10 @@ def test_a_folder_with_the_manifest_of_another_program_is_never_replaced(
 
 
 def test_a_file_of_the_user_in_a_folder_of_the_run_or_under_a_name_of_it_is_named(tmp_path: Path) -> None:
-    for version in ("this", "former"):
-        place = tmp_path / version / "run"
-        place.parent.mkdir()
-        written(place, FIT_RUN)
-        if version == "former":
-            former(place)
-        (place / MODELS / "a" / "notes.txt").write_text("mine")
-        refused(place, FIT_RUN, f"would lose {MODELS}/, which other verbs or you have added")
+    place = tmp_path / "run"
+    written(place, FIT_RUN)
+    (place / MODELS / "a" / "notes.txt").write_text("mine")
+    refused(place, FIT_RUN, f"would lose {MODELS}/, which other verbs or you have added")
     place = tmp_path / "tuning"
     written(place, FIT_RUN)
     (place / STUDY).write_text("mine")

@@ -24,7 +24,7 @@ from mrwork.uncertainty.planning.candidates import read_candidates
 
 PACKAGE = Path(mrwork.__file__).parent
 # Calls that open a file or read a text, and the modules that may make them.
-GATE = ("store/input_file.py", "store/parse.py", "store/arrays_file.py")
+GATE = ("store/input_file.py",)
 OPENERS = {
     *("open", "open_code", "fdopen", "read_text", "read_bytes", "open_datatree", "open_dataset"),
     *(
@@ -49,14 +49,13 @@ OPENERS = {
 ELSEWHERE = {
     "cli/terminal.py": "the null device in place of a closed output",
     "files/delimited.py": "lines in memory",
-    "files/tdms.py": "bytes in memory",
+    "namespace.py": "stubs of the package",
+    "files/open_table.py": "bytes in memory",
     "files/rows.py": "bytes in memory",
     "report/style.py": "a file of the package",
     "report/html.py": "files of the package",
     "store/child_reader.py": "what its child process prints",
-    "store/child_hdf5.py": "bytes in memory",
-    "store/child_parquet.py": "bytes in memory",
-    "store/child_xlsx.py": "bytes in memory",
+    "store/child_formats.py": "bytes in memory",
     "store/child_program.py": "how much memory the process has",
     "store/output_file.py": "files that are written",
     "store/output_folder.py": "folders, to flush them",

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from mrwork import Journal
 from mrwork.errors import JournalError, OutputError
-from mrwork.store import digest_of
+from mrwork.store.codec import digest_of
 from mrwork.store.journal_file import line_of
 
 FACTS = {"seed": 1, "bounds": {"n": [1.0, 2.0]}, "files": [{"sha256": "ab"}]}

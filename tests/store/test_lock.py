@@ -15,10 +15,9 @@ from command_line import started
 
 from mrwork import Journal
 from mrwork.errors import JournalError, MrworkWarning, OutputError, SettingError
-from mrwork.store.destination import Destination
-from mrwork.store.lock import Lock, is_lock
+from mrwork.store.output_file import Lock, is_lock
+from mrwork.store.output_folder import Destination, adding, complete_manifest, replacing_run
 from mrwork.store.run_folder import FIT_RUN
-from mrwork.store.run_lock import adding, replacing_run
 from mrwork.store.unfinished import (
     StepJournals,
     begin_addition,
@@ -37,7 +36,7 @@ def to(place: Path) -> Destination:
 HOLDER = """
 import sys, time
 from pathlib import Path
-from mrwork.store.lock import Lock
+from mrwork.store.output_file import Lock
 Lock(Path(sys.argv[1]))
 print("held", flush=True)
 time.sleep(600)
@@ -170,7 +169,7 @@ def test_a_second_journal_of_the_same_process_is_told_to_close_the_first(tmp_pat
 def run(tmp_path: Path) -> Path:
     place = tmp_path / "run"
     place.mkdir()
-    (place / "manifest.json").write_text('{"kind": "identification", "status": "converged"}')
+    (place / "manifest.json").write_bytes(complete_manifest({"status": "converged"}, FIT_RUN, {}))
     return place
 
 

@@ -28,11 +28,9 @@ from mrwork import load
 from mrwork.errors import OutputError, RecordError
 from mrwork.identification import Fit
 from mrwork.identification.fit_file import manifest_of, read_fit, write_run
-from mrwork.store.arrays_file import finite_numbers, read_arrays
-from mrwork.store.destination import Destination
-from mrwork.store.input_file import stored
-from mrwork.store.lock import Lock
-from mrwork.store.output_folder import check_destination, write_folder
+from mrwork.store.input_file import finite_numbers, read_arrays, stored
+from mrwork.store.output_file import Lock
+from mrwork.store.output_folder import Destination, check_destination, write_folder
 from mrwork.store.run_folder import (
     CALIBRATION,
     DRAWS,
@@ -216,7 +214,7 @@ import errno, os, resource, sys
 from pathlib import Path
 from report_samples import comparison, fit
 from mrwork.identification.fit_file import write_run
-from mrwork.store.destination import Destination
+from mrwork.store.output_folder import Destination
 from mrwork.store.run_folder import FIT_RUN
 
 place, size, failure = Path(sys.argv[1]), int(sys.argv[2]), sys.argv[3]
@@ -556,10 +554,12 @@ def test_what_a_killed_writer_left_is_removed_and_the_run_that_it_set_aside_put_
 def test_a_run_that_is_there_is_not_replaced_by_one_that_was_set_aside(tmp_path: Path) -> None:
     left = left_by_a_killed_writer(tmp_path)
     (tmp_path / "run").mkdir()
-    (tmp_path / "run" / MANIFEST).write_text('{"kind": "identification", "newer": 1}')
+    (tmp_path / "run" / MANIFEST).write_text('{"kind": "identification", "verb": "identify", "newer": 1}')
     check(tmp_path / "run")
     assert not left.exists()
-    assert (tmp_path / "run" / MANIFEST).read_text() == '{"kind": "identification", "newer": 1}'
+    assert (
+        tmp_path / "run" / MANIFEST
+    ).read_text() == '{"kind": "identification", "verb": "identify", "newer": 1}'
 
 
 def test_the_folder_of_a_writer_at_work_stays(tmp_path: Path) -> None:

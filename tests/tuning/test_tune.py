@@ -16,8 +16,7 @@ import mrwork as mr
 from mrwork.closed_loop import SCORE
 from mrwork.errors import Interrupted, JournalError, SettingError
 from mrwork.records import OperatingRange
-from mrwork.store import digest_of
-from mrwork.store.codec import plain
+from mrwork.store.codec import digest_of, plain
 from mrwork.store.journal_file import line_of
 from mrwork.tuning import BEST_CONSTANT, LawCandidate, TuningResults, tune
 from mrwork.tuning.problem import Clock, benches_of

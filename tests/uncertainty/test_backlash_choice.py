@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 from backlash_rig import ELEMENT, MOTIONS, PLAY, backlash_test
 
@@ -39,7 +40,7 @@ def test_small_strokes_are_predicted_where_such_were_tested_and_warned_of_where_
     fit = joint.best
     assert fit.tested is not None
     tested, untested = backlash_test(SMALL, rng=7), backlash_test(SMALLEST)
-    _, quality = mr.identification.free_run(fit.spec, fit.theta, tested)
+    _, quality = mr.identification.free_run(fit.spec, np.array(fit.theta), tested)
     assert quality.fit_percent > 90.0
     assert fit.outside(tested).names == ()
     (sentence,) = fit.outside(untested).sentences

@@ -9,7 +9,7 @@ import pytest
 from sinusoidal_tests import PER_CYCLE, sinusoidal_test
 
 from mrwork.dampers import damper
-from mrwork.identification.covariance import autocorrelation_time
+from mrwork.identification.result import autocorrelation_time
 from mrwork.records import DamperTest
 from mrwork.uncertainty.choice.leave_one_out import blocks_of, longest_autocorrelation_times
 

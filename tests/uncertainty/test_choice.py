@@ -18,7 +18,7 @@ from mrwork.cli.door import parser
 from mrwork.errors import Interrupted, MrworkError, SettingError, UnknownNameError
 from mrwork.identification import FitSettings, Multistart
 from mrwork.records import DamperTest
-from mrwork.store.destination import Destination
+from mrwork.store.output_folder import Destination
 from mrwork.store.run_folder import FIT_RUN
 from mrwork.store.unfinished import StepJournals
 from mrwork.uncertainty import Choice, choose_model

@@ -16,11 +16,11 @@ import mrwork as mr
 from mrwork.dampers import damper
 from mrwork.errors import Interrupted, SettingError
 from mrwork.identification import FitSettings, Objective, find_minimum, identifiable_form
-from mrwork.identification.law_coefficients import joint_box, with_other_laws
+from mrwork.identification.equivalent import joint_box, with_other_laws
 from mrwork.records import DamperTest
 from mrwork.records.window import middle_excerpt
 from mrwork.search import EfficientGA, StopRules
-from mrwork.store.destination import Destination
+from mrwork.store.output_folder import Destination
 from mrwork.store.run_folder import FIT_RUN
 from mrwork.store.unfinished import StepJournals
 from mrwork.uncertainty import LawChoice, choose_laws

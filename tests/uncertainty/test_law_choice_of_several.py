@@ -18,11 +18,10 @@ from mrwork.errors import Interrupted, SettingError, SimulationError, UnknownNam
 from mrwork.identification import FitSettings
 from mrwork.records import DamperTest
 from mrwork.search import EfficientGA, StopRules
-from mrwork.store.codec import json_document, record_from_json
-from mrwork.store.destination import Destination
+from mrwork.store.output_folder import Destination
 from mrwork.store.run_folder import FIT_RUN
 from mrwork.store.unfinished import StepJournals
-from mrwork.uncertainty import LawChoice, LawTable, TriedLaws
+from mrwork.uncertainty import LawChoice, TriedLaws
 from mrwork.uncertainty.choice.laws import LawProgress
 
 COMMANDS = (0.0, 1.0)
@@ -223,22 +222,6 @@ def test_models_that_cannot_be_compared_are_refused_before_any_fit(
         mr.choose_laws(
             models, tests, laws=laws, settings=replace(SETTINGS, bounds=bounds), on_progress=no_fit
         )
-
-
-def test_a_choice_of_one_model_of_an_earlier_version_is_read(tests: tuple[DamperTest, ...]) -> None:
-    table = mr.choose_laws("dahl", tests, settings=SETTINGS, threads=1).table
-    document = json.loads(json_document(asdict(table)))
-    for name in ("models", "failed", "remarks"):
-        del document[name]
-    for each in document["tried"]:
-        del each["model"]
-    read = record_from_json(
-        LawTable, json.dumps(document), origin="laws.json", name="choice", verb="identify"
-    )
-    assert read.table == table.table
-    assert read.model == "dahl"
-    assert read.chosen.laws == table.chosen.laws
-    assert read.notes == ()
 
 
 @pytest.mark.parametrize(

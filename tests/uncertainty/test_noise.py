@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal, t
 
-import mrwork.twins.equations  # noqa: F401  (sets double precision)
+import mrwork.twins.models  # noqa: F401  (sets double precision)
 from mrwork.errors import UnknownNameError
 from mrwork.uncertainty import NOISES, Iid, noise_model
 

@@ -13,7 +13,7 @@ from mrwork import identify
 from mrwork.dampers import Box, damper
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.identification import identifiable_form
-from mrwork.identification.covariance import effective_samples
+from mrwork.identification.result import effective_samples
 from mrwork.records import Observation
 from mrwork.simulate import Loading, simulate_force
 from mrwork.uncertainty import NOISES, Lognormal, Normal, first_walkers, noise_model

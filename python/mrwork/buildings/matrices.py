@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import eigh
 
-from mrwork.arguments import NotNegative, Positive, Within, checked
+from mrwork.arguments import NotNegative, Positive, checked
 from mrwork.buildings.modes import damping_ratios_of, damping_warnings, growing_modes, is_positive, modes_of
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError, UnknownNameError
-from mrwork.keys import control_in
+from mrwork.keys import Within, control_in
 from mrwork.summary import Summarised, Summary, rounded
 from mrwork.tested_range import OperatingRange, Outside, outside_of
 from mrwork.values import Floats, frozen, holds_arrays, keep_arrays

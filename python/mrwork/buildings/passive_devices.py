@@ -10,7 +10,7 @@ from typing import Annotated, Final
 
 import numpy as np
 
-from mrwork.arguments import Level, NotNegative, Positive, Within, checked
+from mrwork.arguments import Level, NotNegative, Positive, checked
 from mrwork.buildings.additions import (
     mode_at_floor,
     with_base_isolation_of_period,
@@ -18,6 +18,7 @@ from mrwork.buildings.additions import (
 )
 from mrwork.buildings.matrices import Building, PassiveElement
 from mrwork.errors import SettingError, UnknownNameError
+from mrwork.keys import Within
 from mrwork.units import STANDARD_GRAVITY
 
 

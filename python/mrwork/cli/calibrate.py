@@ -30,8 +30,8 @@ from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import read_fit
 from mrwork.identification.identify import identify_again
 from mrwork.records import DamperTest, observed
+from mrwork.store.output_folder import adding
 from mrwork.store.run_folder import CALIBRATION, FOLDS
-from mrwork.store.run_lock import adding
 from mrwork.table import Table
 from mrwork.uncertainty.bands.calibration_files import Folds, write_bands
 from mrwork.uncertainty.bands.conformal import (

@@ -20,8 +20,7 @@ from mrwork.errors import MrworkError, SettingError
 from mrwork.escaping import escaped
 from mrwork.identification.settings import is_synthetic
 from mrwork.records import DamperTest, Finding, guess_tests, write_test_table
-from mrwork.records.concerns import findings_of_set
-from mrwork.records.findings import gathered_findings
+from mrwork.records.findings import findings_of_set, gathered_findings
 from mrwork.records.rig_table import EVERY_USE, TABLE_NAME, files_not_read, records_in
 from mrwork.store.input_file import is_folder
 

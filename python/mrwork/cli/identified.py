@@ -24,10 +24,8 @@ from mrwork.identification.fit_file import manifest_of, write_run
 from mrwork.identification.result import FitSpread
 from mrwork.identification.settings import Reading
 from mrwork.records import DamperTest
-from mrwork.records.concerns import findings_for, findings_of_set
-from mrwork.records.findings import gathered_findings
-from mrwork.store.destination import Destination
-from mrwork.store.output_folder import check_destination
+from mrwork.records.findings import findings_for, findings_of_set, gathered_findings
+from mrwork.store.output_folder import Destination, check_destination
 from mrwork.store.run_folder import FIT_RUN, REPORT
 from mrwork.store.unfinished import INTERRUPTED, is_complete
 

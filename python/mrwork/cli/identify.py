@@ -46,13 +46,21 @@ from mrwork.errors import SettingError
 from mrwork.identification.fit_file import read_fit
 from mrwork.identification.identify import identify_with
 from mrwork.identification.problem import start_from
-from mrwork.identification.settings import Engine, FitSettings, Search, method_of, search_named, searches
+from mrwork.identification.settings import (
+    Engine,
+    FitSettings,
+    Search,
+    has_generations,
+    resized,
+    search_named,
+    searches,
+)
 from mrwork.records import DamperTest, observed
-from mrwork.records.concerns import findings_for
+from mrwork.records.findings import findings_for
 from mrwork.store.run_folder import FIT, LAWS, MODELS, RANKING
 from mrwork.store.unfinished import StepJournals, discard_journal, run_journal
 from mrwork.uncertainty.bands.prediction import Fold
-from mrwork.uncertainty.choice.families import ALL
+from mrwork.uncertainty.choice.choose import ALL
 from mrwork.units import COMMAND_SCALES
 
 if TYPE_CHECKING:
@@ -266,12 +274,12 @@ def _search(options: argparse.Namespace) -> Search | None:
     sized = options.population is not None or options.generations is not None
     if options.search is None and not sized:
         return None
-    search = method_of(search_named(options.search or "genetic"))
-    if not search.has_generations and sized:
+    search = search_named(options.search or "genetic")
+    if sized and not has_generations(search):
         raise SettingError(
             "--search multistart takes neither --population nor --generations; leave them or --search out"
         )
-    return search.resized(population=options.population, generations=options.generations)
+    return resized(search, population=options.population, generations=options.generations)
 
 
 _WIDTH = 118

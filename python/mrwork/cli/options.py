@@ -17,8 +17,14 @@ from mrwork.identification.fit_file import OpenedRun, reopen
 from mrwork.identification.nuisance import NuisanceName
 from mrwork.identification.settings import Reading, is_synthetic
 from mrwork.records import DamperTest, parse_column_option
-from mrwork.records.observing import DETECT, VALUES_IN_WORDS, as_words
-from mrwork.records.repairs import AMOUNTS_IN_WORDS, REPAIR_KINDS, RepairKind
+from mrwork.records.repairs import (
+    AMOUNTS_IN_WORDS,
+    DETECT,
+    REPAIR_KINDS,
+    VALUES_IN_WORDS,
+    RepairKind,
+    as_words,
+)
 from mrwork.records.rig_table import (
     EveryUse,
     ListedTest,

@@ -13,8 +13,7 @@ from mrwork.cli.progress import PATIENCE, ProgressLine, page_described
 from mrwork.cli.terminal import note, show
 from mrwork.errors import MrworkError, OutputError
 from mrwork.records import DamperTest
-from mrwork.records.concerns import Verb, findings_for
-from mrwork.records.findings import SharedFinding
+from mrwork.records.findings import SharedFinding, Verb, findings_for
 from mrwork.store.codec import finite
 from mrwork.store.run_folder import FIT
 from mrwork.summary import Summarised, aligned

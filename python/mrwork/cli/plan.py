@@ -18,8 +18,8 @@ from mrwork.errors import SettingError
 from mrwork.identification.equivalent import identifiable_form
 from mrwork.identification.fit_file import OpenedRun, addition_content
 from mrwork.store.output_file import write_files
+from mrwork.store.output_folder import adding
 from mrwork.store.run_folder import PLAN, REPORT
-from mrwork.store.run_lock import adding
 from mrwork.table import text_table
 from mrwork.uncertainty.planning.candidates import Candidate, Limits, candidate_grid, read_candidates
 from mrwork.units import CommandUnit

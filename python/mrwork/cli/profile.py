@@ -17,8 +17,8 @@ from mrwork.errors import Interrupted, RecordError
 from mrwork.identification.fit import Direction, Fit
 from mrwork.identification.fit_file import OpenedRun, addition_content, fit_content
 from mrwork.store.output_file import write_files
+from mrwork.store.output_folder import adding
 from mrwork.store.run_folder import FIT, PROFILES, REPORT
-from mrwork.store.run_lock import adding
 
 if TYPE_CHECKING:
     from mrwork.uncertainty.identifiability.profile import Profiles

@@ -14,7 +14,7 @@ from mrwork.cli.progress import PATIENCE, ProgressLine, study_described
 from mrwork.cli.study_text import StudyVerb, command_line, study_folder, study_text
 from mrwork.cli.terminal import keep_stdout, note, show
 from mrwork.errors import SettingError
-from mrwork.store import Journal
+from mrwork.store.journal import Journal
 from mrwork.store.run_folder import STUDY_RUN
 from mrwork.study.folder import study_document, write_study
 from mrwork.study.results import StudyResults

@@ -13,17 +13,17 @@ from mrwork.cli.options import add_json, add_quiet, add_run, add_seed, add_threa
 from mrwork.cli.output import print_json, renew_page, result_lines, told_findings, verdicts_elsewhere
 from mrwork.cli.progress import PATIENCE, ProgressLine, sampling_described
 from mrwork.cli.terminal import note, show
-from mrwork.errors import Interrupted, JournalError
+from mrwork.errors import Interrupted
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import OpenedRun, fit_content
 from mrwork.store.output_file import write_files
-from mrwork.store.run_folder import CHAIN, DRAWS, FIT, FORMER_CHAIN, begun_of
+from mrwork.store.run_folder import CHAIN, DRAWS, FIT
 from mrwork.store.unfinished import addition_journal, keep_addition
 from mrwork.uncertainty.noise import NOISES, names_in_words
 from mrwork.uncertainty.posterior.target import Prior, parse_prior
 
 if TYPE_CHECKING:
-    from mrwork.store import Journal
+    from mrwork.store.journal import Journal
     from mrwork.uncertainty.posterior.draws import Draws
 
 
@@ -82,8 +82,6 @@ def run(options: argparse.Namespace) -> int:
     kept = opened.place / CHAIN
     # The file of the fit may have the intervals of the profiles: damaged ones are refused before the chain grows.
     profiles = read_profiles(opened.place, opened.fit)
-    if options.resume:
-        _refuse_former(kept)
     with addition_journal(kept, resume=options.resume, note=note) as journal:
         draws, status = _sample(opened, priors, journal, options)
         if draws is None:
@@ -94,24 +92,12 @@ def run(options: argparse.Namespace) -> int:
         fit = judged_by_additions(opened.place, opened.fit, draws=draws, profiles=profiles)
         contents = {DRAWS: draws_content(draws, opened.fit), FIT: fit_content(fit)}
         write_files(opened.place, contents, then=lambda: keep_addition(journal, kept))
-        # A chain of an earlier version, which is not that of the draws any more.
-        (opened.place / FORMER_CHAIN).unlink(missing_ok=True)
         status = renew_page(opened.place, quiet=options.quiet or options.json)
         if options.json:
             print_json(_summary(draws, opened.place) | {"findings": findings})
         else:
             show(_text(fit, draws, opened.place))
         return status
-
-
-def _refuse_former(kept: Path) -> None:
-    """Refuse to resume where the folder has a chain of an earlier version only."""
-    former = kept.with_name(FORMER_CHAIN)
-    if former.is_file() and not kept.is_file() and not begun_of(kept).is_file():
-        raise JournalError(
-            f"{former} is a chain of an earlier version, which cannot be resumed; sample again without --resume, "
-            "or keep its draws as they are"
-        )
 
 
 def _sample(

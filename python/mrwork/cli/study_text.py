@@ -24,9 +24,9 @@ from mrwork.cli.output import print_json, stopped_in_words, table_lines
 from mrwork.cli.terminal import note, show
 from mrwork.closed_loop.evaluation import SCORE, criterion
 from mrwork.errors import Interrupted
-from mrwork.store import Journal, digest_of
-from mrwork.store.destination import Destination
-from mrwork.store.output_folder import check_destination
+from mrwork.store.codec import digest_of
+from mrwork.store.journal import Journal
+from mrwork.store.output_folder import Destination, check_destination
 from mrwork.store.run_folder import REPORT, RunKind
 from mrwork.store.unfinished import discard_journal, is_complete, run_journal
 from mrwork.study.comparison import (

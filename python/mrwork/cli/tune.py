@@ -14,7 +14,7 @@ from mrwork.cli.output import table_lines
 from mrwork.cli.progress import PATIENCE, ProgressLine, tuning_described
 from mrwork.cli.study_text import StudyVerb, command_line, study_folder
 from mrwork.cli.terminal import keep_stdout, note
-from mrwork.store import Journal
+from mrwork.store.journal import Journal
 from mrwork.store.run_folder import CHOSEN, REPORT, TUNING_RUN
 from mrwork.study.schema import TuneTable
 from mrwork.study.study import Study

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import numpy as np
 
-from mrwork.arguments import Count, Positive, Threads, Within, checked
+from mrwork.arguments import Count, Positive, Threads, checked
 from mrwork.buildings.matrices import Building, Device
 from mrwork.closed_loop.evaluation import SCORE, criterion
 from mrwork.closed_loop.hardware import Hardware
@@ -24,6 +24,7 @@ from mrwork.closed_loop.responses import Responses, axis_of
 from mrwork.closed_loop.simulate import PrescribedCommands, samples_of, simulate_loop, simulate_prescribed
 from mrwork.control.laws import ControlLaw
 from mrwork.errors import Interrupted, SettingError
+from mrwork.keys import Within
 from mrwork.motions.ground_motion import GroundMotion
 from mrwork.summary import Summarised, Summary, rounded
 from mrwork.values import Floats, holds_arrays

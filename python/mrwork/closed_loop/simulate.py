@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mrwork import _rust
-from mrwork.arguments import Positive, Threads, Within, checked
+from mrwork.arguments import Positive, Threads, checked
 from mrwork.buildings.matrices import Building, elongation_rows
 from mrwork.buildings.matrices import Device as Device
 from mrwork.closed_loop.hardware import Fault, Hardware
@@ -30,6 +30,7 @@ from mrwork.control.plant import accelerations, deformations, plant_of, stacked
 from mrwork.dampers.parameters import law_named
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import MrworkWarning, SettingError
+from mrwork.keys import Within
 from mrwork.motions.ground_motion import GroundMotion
 from mrwork.simulate import core_refusals
 from mrwork.summary import Summarised

@@ -21,10 +21,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mrwork.argument_kinds import Refusal, kind_of
-from mrwork.arguments import AnyNumbers, Within, checked
+from mrwork.arguments import AnyNumbers, checked
 from mrwork.buildings.matrices import Device
 from mrwork.control.laws import ControlLaw
 from mrwork.errors import SettingError
+from mrwork.keys import Within
 from mrwork.summary import Summarised, Summary
 from mrwork.values import Floats, holds_arrays
 

@@ -11,12 +11,12 @@ from warnings import catch_warnings, simplefilter, warn
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mrwork.arguments import Positive, Within, checked
+from mrwork.arguments import Positive, checked
 from mrwork.control.design_problem import Design, DesignProblem, LawSettings, Span, attempt_each
 from mrwork.control.plant import Plant
 from mrwork.control.riccati import solve_riccati
 from mrwork.errors import MrworkWarning, SettingError
-from mrwork.keys import key
+from mrwork.keys import Within, key
 from mrwork.summary import Summarised
 from mrwork.values import Floats, holds_arrays
 

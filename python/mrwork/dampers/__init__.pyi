@@ -17,6 +17,6 @@ if True:  # the lower tier
     from .parameters import Coefficient as Coefficient
     from .parameters import LawName as LawName
     from .parameters import ParamSpec as ParamSpec
-    from .presets import PUBLISHED_SETS as PUBLISHED_SETS
-    from .presets import PublishedSet as PublishedSet
+    from .spec import PUBLISHED_SETS as PUBLISHED_SETS
     from .spec import Preset as Preset
+    from .spec import PublishedSet as PublishedSet

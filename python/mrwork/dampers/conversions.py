@@ -1,11 +1,12 @@
-"""Exact conversions between equivalent forms of a model, with their Jacobians in closed form.
+"""Relations between models: exact conversions between equivalent forms, and the simpler model that a model contains.
 
-A conversion accepts NumPy and JAX arrays, its Jacobian NumPy arrays only.
+A conversion accepts NumPy and JAX arrays, its Jacobian, in closed form, NumPy arrays only. A nested model is a limit of
+the other; `Nesting` gives points near it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from math import isfinite
@@ -15,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.arguments import AnyArray, Shape, checked
+from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
 
 # NumPy or JAX.
@@ -48,7 +50,7 @@ def _check_columns(theta: Array, count: int) -> None:
         )
 
 
-def _converted(theta: Array) -> Array:
+def _refuse_infinite(theta: Array) -> Array:
     """Converted parameters; those that JAX traces have no values yet."""
     if isinstance(theta, np.ndarray) and not np.isfinite(theta).all():
         raise SettingError(
@@ -58,7 +60,7 @@ def _converted(theta: Array) -> Array:
     return theta
 
 
-def _unchanged(theta: Floats, kept: int, n_to: int) -> Floats:
+def _identity_slopes(theta: Floats, kept: int, n_to: int) -> Floats:
     """Jacobian with ones for the first `kept` parameters and zeros elsewhere, shape (..., n_to, n_from)."""
     slopes = np.zeros((*theta.shape[:-1], n_to, theta.shape[-1]))
     slopes[..., range(kept), range(kept)] = 1.0
@@ -77,7 +79,9 @@ def normalised_from_bouc_wen(theta: AnyArray) -> Array:
     xp = theta.__array_namespace__()
     c0, k0, x0, alpha, gamma, beta, A, n = (theta[..., index] for index in range(8))
     z_max = (A / (beta + gamma)) ** (1.0 / n)
-    return _converted(xp.stack([c0, k0, x0, alpha * z_max, A / z_max, gamma / (beta + gamma), n], axis=-1))
+    return _refuse_infinite(
+        xp.stack([c0, k0, x0, alpha * z_max, A / z_max, gamma / (beta + gamma), n], axis=-1)
+    )
 
 
 def normalised_from_bouc_wen_jacobian(theta: Floats) -> Floats:
@@ -90,7 +94,7 @@ def normalised_from_bouc_wen_jacobian(theta: Floats) -> Floats:
     z_max = (A / total) ** (1.0 / n)
     rho = A / z_max
     curvature = np.log(A / total) / n**2
-    slopes = _unchanged(theta, 3, 7)
+    slopes = _identity_slopes(theta, 3, 7)
     slopes[..., 3, 3] = z_max
     slopes[..., 3, 4] = slopes[..., 3, 5] = -alpha * z_max / (n * total)
     slopes[..., 3, 6] = alpha * z_max / (n * A)
@@ -116,7 +120,7 @@ def bouc_wen_from_normalised(theta: AnyArray, A: float) -> Array:
     c, k, x0, k_w, rho, sigma, n = (theta[..., index] for index in range(7))
     z_max = A / rho
     sum_ = A / z_max**n
-    return _converted(
+    return _refuse_infinite(
         xp.stack([c, k, x0, k_w / z_max, sigma * sum_, (1.0 - sigma) * sum_, xp.full(n.shape, A), n], axis=-1)
     )
 
@@ -129,7 +133,7 @@ def bouc_wen_from_normalised_jacobian(theta: Floats, A: float) -> Floats:
     _, _, _, k_w, rho, sigma, n = np.moveaxis(theta, -1, 0)
     z_max = A / rho
     total = A / z_max**n
-    slopes = _unchanged(theta, 3, 8)
+    slopes = _identity_slopes(theta, 3, 8)
     slopes[..., 3, 3] = 1.0 / z_max
     slopes[..., 3, 4] = k_w / A
     for row, share, sign in ((4, sigma, 1.0), (5, 1.0 - sigma, -1.0)):
@@ -148,7 +152,7 @@ def rescaled_bouc_wen(theta: AnyArray, A: float) -> Array:
     c0, k0, x0, alpha, gamma, beta, old, n = (theta[..., index] for index in range(8))
     s = A / old
     power = s ** (1.0 - n)
-    return _converted(
+    return _refuse_infinite(
         xp.stack([c0, k0, x0, alpha / s, power * gamma, power * beta, xp.full(n.shape, A), n], axis=-1)
     )
 
@@ -190,7 +194,7 @@ def opensees_from_bouc_wen(
         If no such material exists; the message gives the reason.
     """
     _check_columns(theta, 8)
-    _finite(theta, ("c0", "k0", "x0", "alpha", "gamma", "beta", "A", "n"))
+    _check_finite(theta, ("c0", "k0", "x0", "alpha", "gamma", "beta", "A", "n"))
     if not (isfinite(Ao) and Ao > 0.0):
         raise SettingError(f"Ao is {Ao:g}; give a positive number, 1 to make ko the initial stiffness")
     if theta[6] <= 0.0:
@@ -233,7 +237,7 @@ def bouc_wen_from_opensees(material: OpenSeesBoucWen, *, c0: float = 0.0) -> NDA
     if not (m.ko > 0.0 and m.Ao > 0.0):
         raise SettingError(f"ko is {m.ko:g} and Ao {m.Ao:g}; both must be positive")
     theta = np.array([c0, m.alpha * m.ko, 0.0, (1.0 - m.alpha) * m.ko, m.beta, m.gamma, m.Ao, m.n])
-    _finite(theta, ("c0", "ko", "x0", "ko", "beta", "gamma", "Ao", "n"))
+    _check_finite(theta, ("c0", "ko", "x0", "ko", "beta", "gamma", "Ao", "n"))
     return theta
 
 
@@ -288,7 +292,7 @@ def convention_remarks(theta: NDArray[np.float64]) -> tuple[str, ...]:
     return tuple(remarks)
 
 
-def _finite(theta: NDArray[np.float64], names: tuple[str, ...]) -> None:
+def _check_finite(theta: NDArray[np.float64], names: tuple[str, ...]) -> None:
     for name, value in zip(names, theta, strict=True):
         if not isfinite(value):
             raise SettingError(f"{name} is {value}; a finite number is expected")
@@ -334,6 +338,198 @@ def _with_loop(theta: Array, loop: Array) -> Array:
 
 def _with_loop_jacobian(theta: Floats, loop: Floats) -> Floats:
     """Jacobian of `_with_loop`; the parameters of the loop depend only on those of the loop."""
-    slopes = _unchanged(theta, 5, loop.shape[-2] + 2)
+    slopes = _identity_slopes(theta, 5, loop.shape[-2] + 2)
     slopes[..., 5:, 5:] = loop[..., 3:, 3:]
     return slopes
+
+
+Values = Mapping[str, float]
+
+# Distances from the limit, in the scale of the tests: the nearest has the simpler model's force within a few per cent,
+# from the others a local minimisation sees the parameters of the larger model.
+_DISTANCES = (3.0, 10.0, 30.0, 100.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scales:
+    """Half ranges of the tests: `stroke` [m], `speed` [m/s], `force` [N]."""
+
+    stroke: float
+    speed: float
+    force: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Nesting:
+    """A simpler `model` in the limit of a larger one.
+
+    `shared`: parameters that the two models share with the same meaning. `near`: parameters of the larger model by name
+    that approach the force of the simpler one with these parameters, as a distance, at least 1, grows; in the scales of
+    the tests.
+    """
+
+    model: str
+    shared: tuple[str, ...]
+    near: Callable[[Values, Scales, float], Values]
+
+    def points(self, simpler: Values, scales: Scales) -> tuple[Values, ...]:
+        """Points of the larger model near the simpler one with these parameters, farthest first."""
+        return tuple(
+            {**{name: simpler[name] for name in self.shared}, **self.near(simpler, scales, distance)}
+            for distance in _DISTANCES
+        )
+
+
+def nesting_of(spec: DamperSpec) -> Nesting | None:
+    """The simpler model that a model contains; `None` for the simplest of a family."""
+    return NESTINGS.get(spec.name)
+
+
+def _series_dashpot(p: Values, scales: Scales, distance: float) -> Values:
+    """A dashpot c1 in series that hardly moves; the stiffness in parallel is divided between k0 and k1."""
+    k0 = 0.1 * scales.force / scales.stroke
+    k1 = p["k"] - k0
+    return {
+        "c0": p["c"],
+        "k0": k0,
+        "c1": distance * scales.force / scales.speed,
+        "k1": k1,
+        "x0": p["k"] * p["x0"] / k1 if k1 else p["x0"],
+    }
+
+
+def _no_thinning(_: Values, scales: Scales, distance: float) -> Values:
+    return {"c2": scales.force / scales.speed / distance, "v_s": 0.3 * scales.speed}
+
+
+def _small_shift(scale_of_side: str) -> Callable[[Values, Scales, float], Values]:
+    def near(_: Values, scales: Scales, distance: float) -> Values:
+        width = 0.1 * (scales.stroke if scale_of_side == "x_s" else 1.0)
+        return {"mu": 0.1 * scales.speed / distance, "share": 0.5, scale_of_side: width}
+
+    return near
+
+
+def _soft_bristles(p: Values, scales: Scales, distance: float) -> Values:
+    return {
+        "sigma_0": p["k_w"] * p["rho"],
+        "a0": p["rho"],
+        "sigma_1": 0.1 * scales.force / scales.speed / distance,
+        "sigma_2": p["k_x"],
+    }
+
+
+def _no_dashpot(_: Values, scales: Scales, distance: float) -> Values:
+    return {"k_x": scales.force / scales.speed / distance}
+
+
+def _small_play(_: Values, scales: Scales, distance: float) -> Values:
+    return {"g": 0.3 * scales.stroke / distance}
+
+
+def _exponential_knee(p: Values, scales: Scales, distance: float) -> Values:
+    """The loop of Dahl; a small stiffness carries the offset of the force."""
+    k = scales.force / scales.stroke / distance
+    return {"c": p["k_x"], "k": k, "x0": -p["f0"] / k, "sigma": 1.0, "n": 1.0 + 1.0 / distance}
+
+
+def _stiff_spring(p: Values, scales: Scales, distance: float) -> Values:
+    return {
+        "f_y": p["f_c"],
+        "v_r": p["v_s"],
+        "c": p["c0"],
+        "rho": distance / scales.stroke,
+        "r": scales.speed / scales.stroke / distance,
+        "k": 0.0,
+    }
+
+
+def _stiff_series(_: Values, scales: Scales, distance: float) -> Values:
+    return {
+        "rho": distance / scales.stroke,
+        "a": 1.0 / distance,
+        "tau": scales.stroke / scales.speed / distance,
+    }
+
+
+def _narrow_loop(p: Values, scales: Scales, distance: float) -> Values:
+    return {
+        "f_o": p["f_c"],
+        "V_r": p["v_s"],
+        "d_r": distance * scales.stroke * p["v_s"] / scales.speed,
+        "k0": 0.0,
+    }
+
+
+def _narrow_tied_loop(p: Values, scales: Scales, distance: float) -> Values:
+    return {
+        "A1": p["f_c"],
+        "A2": p["c0"],
+        "A3": 1.0 / p["v_s"],
+        "omega": scales.speed / scales.stroke / distance,
+    }
+
+
+def _side_of_displacement(p: Values, scales: Scales, distance: float) -> Values:
+    """From Gavin's x/d_r: with a wide x_s, delta tanh(x/x_s) is proportional to x."""
+    wide = distance * scales.stroke
+    return {
+        "c": p["c0"],
+        "k": p["k0"],
+        "alpha": p["f_o"],
+        "beta": 1.0 / p["V_r"],
+        "delta": wide / p["d_r"],
+        "x_s": wide,
+    }
+
+
+def _thin_loop(p: Values, scales: Scales, distance: float) -> Values:
+    return {
+        "a": p["f_c"],
+        "b": 2.0 / p["v_s"],
+        "v0": 0.0,
+        "c": p["c0"],
+        "h": scales.force / distance,
+        "v1": 0.0,
+        "w": 0.3 * scales.speed,
+        "x_s": 0.3 * scales.stroke,
+    }
+
+
+NESTINGS: Mapping[str, Nesting] = {
+    "viscous_dahl": Nesting(model="dahl", shared=("k_w", "rho", "f0"), near=_no_dashpot),
+    "lugre": Nesting(model="viscous_dahl", shared=("f0",), near=_soft_bristles),
+    "normalised_bouc_wen": Nesting(model="viscous_dahl", shared=("k_w", "rho"), near=_exponential_knee),
+    "backlash_bouc_wen": Nesting(
+        model="normalised_bouc_wen",
+        shared=("c", "k", "x0", "k_w", "rho", "sigma", "n"),
+        near=_small_play,
+    ),
+    "normalised_modified_bouc_wen": Nesting(
+        model="normalised_bouc_wen", shared=("k_w", "rho", "sigma", "n"), near=_series_dashpot
+    ),
+    "shear_thinning_modified_bouc_wen": Nesting(
+        model="normalised_modified_bouc_wen",
+        shared=("c0", "k0", "c1", "k1", "x0", "k_w", "rho", "sigma", "n"),
+        near=_no_thinning,
+    ),
+    "non_symmetric_bouc_wen": Nesting(
+        model="normalised_bouc_wen",
+        shared=("c", "k", "x0", "k_w", "rho", "sigma", "n"),
+        near=_small_shift("w_s"),
+    ),
+    "non_symmetric_bouc_wen_displacement": Nesting(
+        model="normalised_bouc_wen",
+        shared=("c", "k", "x0", "k_w", "rho", "sigma", "n"),
+        near=_small_shift("x_s"),
+    ),
+    "elasto_visco_plastic": Nesting(model="bingham", shared=("f0",), near=_stiff_spring),
+    "extended_bingham": Nesting(model="bingham", shared=("f_c", "c0", "f0"), near=_stiff_series),
+    "hyperbolic_tangent_gavin": Nesting(model="bingham", shared=("c0", "f0"), near=_narrow_loop),
+    "hyperbolic_tangent_guo": Nesting(model="bingham", shared=("f0",), near=_narrow_tied_loop),
+    "static_hysteretic": Nesting(
+        model="hyperbolic_tangent_gavin", shared=("f0",), near=_side_of_displacement
+    ),
+    "polynomial_fitting": Nesting(model="bingham", shared=("f0",), near=_thin_loop),
+}
+"""The simpler model of each model that contains one."""

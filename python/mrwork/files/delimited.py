@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.errors import RecordError
-from mrwork.files.labview import is_labview, labview_layout
 from mrwork.files.layout import (
     DECIMAL_COMMA,
     MISSING,
@@ -22,7 +21,9 @@ from mrwork.files.layout import (
     Layout,
     delimiter_of,
     is_data,
+    is_labview,
     is_number,
+    labview_layout,
     layout_of,
     sampled_layout,
     split,
@@ -369,7 +370,6 @@ class DelimitedTable(ColumnTable):
         return read
 
     def _seconds(self, cells: Sequence[str], column: int) -> NDArray[np.float64]:
-        """Seconds since the first time of a column of times."""
         times = [nanoseconds(text) for text in cells]
         for index, text, time in zip(self._data, cells, times, strict=True):
             if time is None and text.casefold() not in MISSING:
@@ -377,7 +377,6 @@ class DelimitedTable(ColumnTable):
         return seconds_since_first(times, with_dates=any(map(has_date, cells[:1])))
 
     def _has_decimal_commas(self, texts: Sequence[Sequence[str]], columns: Sequence[int]) -> bool:
-        """Whether the numbers have decimal commas."""
         place = dict[str, tuple[int, int, str]]()
         sure = False
         for index, row in zip(self._data, texts, strict=True):

@@ -147,7 +147,6 @@ def _array(
 
 
 def _shape(sides: Iterable[int]) -> tuple[int, ...]:
-    """Shape of a matrix of version 5, also of one without items."""
     shape = tuple(int(side) for side in sides)
     if len(shape) > _MOST_DIMENSIONS:
         raise DamagedError(f"a matrix claims {len(shape)} dimensions, {_MOST_DIMENSIONS} at most are read")
@@ -196,7 +195,7 @@ def _version_5(data: Block, allowance: Allowance) -> Variables:
     structs: dict[str, Variables] = {}
     for kind, block in _elements(data[_V5_HEADER:], order):
         if kind == _COMPRESSED:
-            kind, block = _unpacked(block, order, allowance)
+            kind, block = _unpack_element(block, order, allowance)
         if kind == _MATRIX:
             name, content = _matrix(block, order, allowance, fields=True)
             if isinstance(content, dict):
@@ -225,8 +224,7 @@ def _elements(block: Block, order: str) -> Iterator[tuple[int, Block]]:
         position = start + size if kind == _COMPRESSED else start + size + (-(start + size - position) % 8)
 
 
-def _unpacked(block: Block, order: str, allowance: Allowance) -> tuple[int, Block]:
-    """Tag and content of the data element in a compressed one."""
+def _unpack_element(block: Block, order: str, allowance: Allowance) -> tuple[int, Block]:
     unpacker = zlib.decompressobj()
     kind, size = struct.unpack(f"{order}2I", unpacker.decompress(block, 8))
     if kind >> 16:
@@ -334,7 +332,7 @@ def sparse_version_4(triplets: NDArray[np.generic], name: str, allowance: Allowa
     if not (np.abs(stated) <= _LARGEST_INDEX).all():
         raise DamagedError(f"sparse variable '{name}' has rows or columns that are no whole numbers")
     places = stated.astype(np.int64)
-    return _filled(
+    return _fill_matrix(
         places[:-1, 0] - 1,
         places[:-1, 1] - 1,
         triplets[:-1, 2],
@@ -362,10 +360,10 @@ def sparse_version_5(
             f"sparse variable '{name}' claims {n_items} items and has {min(len(rows), values.size)}"
         )
     columns = np.repeat(np.arange(shape[1]), counts)
-    return _filled(rows[:n_items], columns, values.ravel()[:n_items], shape, name, allowance)
+    return _fill_matrix(rows[:n_items], columns, values.ravel()[:n_items], shape, name, allowance)
 
 
-def _filled(
+def _fill_matrix(
     rows: NDArray[np.int64],
     columns: NDArray[np.int64],
     values: NDArray[np.generic],

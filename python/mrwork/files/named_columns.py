@@ -1,4 +1,7 @@
-"""Named numeric columns of a file of any format, the reader of Parquet files, and lists of files."""
+"""Named numeric columns of a file, and what the name of a column means: its quantity, its unit, the option for it.
+
+The reader of Parquet files, lists of files and the grid of rounded times are here, too.
+"""
 
 from __future__ import annotations
 
@@ -6,9 +9,13 @@ import glob
 import hashlib
 import importlib.util
 import os
+import re
+import shlex
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Final, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +24,264 @@ from mrwork.errors import RecordError
 from mrwork.store.child_reader import TooLargeError, UnreadableError, read_members
 from mrwork.store.input_file import RECORD, bytes_of, exists
 from mrwork.summary import listed
+from mrwork.units import FACTORS, CommandUnit, command_unit_of, quantity_of
+
+TestQuantity = Literal["time", "displacement", "velocity", "force", "current", "voltage"]
+
+LONGEST_NAME: Final = 300
+"""Characters of a column's name; nothing is told from a longer one."""
+
+QUANTITIES: Final[tuple[TestQuantity, ...]] = get_args(TestQuantity)
+# Names that count where no other column has the name of the quantity: sensors, and the time of the day.
+_OF_SENSORS: Final[Mapping[TestQuantity, frozenset[str]]] = {
+    "time": frozenset({"timestamp", "datetime"}),
+    "displacement": frozenset({"lvdt"}),
+    "velocity": frozenset(),
+    "force": frozenset({"cell"}),
+    "current": frozenset({"shunt"}),
+    "voltage": frozenset(),
+}
+# Set point of the driver, in amperes or volts: the unit decides.
+_COMMAND: Final = frozenset({"command", "cmd", "setpoint"})
+# `v` and `u` have different meanings on different rigs; the unit after them decides. Programs of rigs write the names
+# in the language of their user.
+_STEMS: Final[Mapping[TestQuantity, frozenset[str]]] = {
+    "time": frozenset({"time", "t", "zeit", "tiempo", "temps"}),
+    "displacement": frozenset({
+        "displacement", "disp", "displ", "stroke", "position", "pos", "x", "u", "extension",
+        "elongation", "deflection", "weg", "hub", "desplazamiento", "carrera", "déplacement",
+        "deplacement",
+    }),
+    "velocity": frozenset({"velocity", "vel", "v", "speed", "geschwindigkeit", "velocidad", "vitesse"}),
+    "force": frozenset({"force", "load", "f", "kraft", "fuerza"}),
+    "current": frozenset({"current", "i", "strom", "corriente", "courant", *_COMMAND}),
+    "voltage": frozenset({"voltage", "volt", "v", "u", "spannung", "voltaje", *_COMMAND}),
+}  # fmt: skip
+# Words in the name of a column of which the quantity is no sample of the measured signal.
+_NOT_MEASURED: Final = frozenset({
+    "command", "commanded", "setpoint", "set", "target", "demand", "reference", "ref", "desired",
+    "soll", "sollwert", "error", "limit", "min", "max", "minimum", "maximum", "peak", "valley",
+    "mean", "rms", "count", "cycle", "cycles", "segments", "offset", "date", "stamp", "of",
+})  # fmt: skip
+# Only with these words is a voltage or current the command of the damper, and not the signal of a sensor.
+_OF_COMMAND: Final = frozenset({
+    "command", "commanded", "setpoint", "set", "point", "target", "demand", "coil", "damper", "mr",
+    "mrd", "drive", "driver", "applied", "control", "input", "excitation", "spule", "bobina",
+})  # fmt: skip
+# With these words a voltage is that of the coil, and not the signal of a sensor.
+_OF_DRIVER: Final = frozenset({"coil", "driver", "spule", "bobina"})
+# Beside those words, what sets the force of a damper that follows no current or voltage.
+_SCALAR_COMMANDS: Final = _COMMAND | {"valve", "opening", "orifice", "needle", "gap", "control"}
+# A word, optionally followed by a separator and a unit: force_kN, Force (kN), "v [m/s]", disp/mm.
+_NAME: Final = re.compile(r"\s*([^\W\d_]+)(?:[\s_\-/,:.(\[]+(.*?)[)\]]?)?\s*")
+# Several words before the unit: Axial Force (kN), load_cell_kN, Position(Linear:Digital Position) (mm).
+_BRACKETED: Final = re.compile(r"(.*?)\s*[(\[{]\s*([^()\[\]{}]*?)\s*[)\]}]\s*")
+_SEPARATOR: Final = re.compile(r"[\s_,:/]+")
+_WORD: Final = re.compile(r"[A-ZÄÖÜ]?[a-zäöüßéèóñ]+|[A-ZÄÖÜ]+(?![a-zäöü])")
+
+
+def unit_in_name(quantity: TestQuantity, name: str) -> str | None:
+    """Return the unit text of a column whose name means the quantity, empty if it has none; else `None`.
+
+    A name of one word and its unit, such as ``force_kN``, or of several words among which is that of the quantity.
+    """
+    if len(name) > LONGEST_NAME:
+        return None
+    words, at_end = _words_and_unit(name)
+    match = _NAME.fullmatch(name)
+    if match is not None and match[1].casefold() in _STEMS[quantity] | _OF_SENSORS[quantity]:
+        unit = (match[2] or "").strip()
+        in_words = (
+            re.search(r"[\s(\[]", unit) or _words(unit) & _NOT_MEASURED or quantity_of(at_end) is not None
+        )
+        if quantity_of(unit) is not None or not in_words:
+            return unit
+    said = _words(words)
+    stems = _long_stems(quantity) | _OF_SENSORS[quantity]
+    others = said - stems
+    if quantity in ("current", "voltage"):
+        # A letter is enough beside words of a command: I_set, U_cmd.
+        letters = _STEMS[quantity] - stems
+        is_named = said & stems or (said & letters and len(said) > 1)
+        # Coil (A) and driver_V, which are no sensor's.
+        in_own_unit = quantity == quantity_of(at_end) and (quantity == "current" or said & _OF_DRIVER)
+        is_named = is_named or (said and in_own_unit)
+        # What a shunt shows in volts is no command.
+        is_sensed = said & _OF_SENSORS[quantity] and quantity_of(at_end) not in (None, quantity)
+        return at_end if is_named and others - letters <= _OF_COMMAND and not is_sensed else None
+    return at_end if said & stems and not others & _NOT_MEASURED else None
+
+
+def scalar_unit_in_name(name: str, apart: str = "") -> CommandUnit | None:
+    """Unit of a column whose name means a command that is neither a current nor a voltage; else `None`.
+
+    Such as ``valve_mm``, ``Valve Opening (%)``, ``setpoint_psi`` and ``command [deg C]``. `apart` is a unit that the
+    file states beside the name. A name of further words, as ``Axial Command (mm)``, means a command of the rig.
+    """
+    if len(name) > LONGEST_NAME:
+        return None
+    words, at_end = _words_and_unit(name)
+    match = _NAME.fullmatch(name)
+    for said, text in ((words, at_end), (match[1], match[2] or "") if match else ("", ""), (name, apart)):
+        unit = command_unit_of(text)
+        own = _words(said)
+        if unit is None or not own:
+            continue
+        if own & _SCALAR_COMMANDS and not own - _SCALAR_COMMANDS - _OF_COMMAND:
+            return unit
+    return None
+
+
+def is_second_choice(quantity: TestQuantity, name: str) -> bool:
+    """Whether a name that means the quantity counts only where no other does: that of a sensor, or as I_set."""
+    return not (is_plain(quantity, name) or _words(_words_and_unit(name)[0]) & _long_stems(quantity))
+
+
+def _long_stems(quantity: TestQuantity) -> frozenset[str]:
+    return frozenset(stem for stem in _STEMS[quantity] if len(stem) > 1)
+
+
+def unit_at_end(name: str) -> str:
+    """The unit in brackets or at the end of a column's name, empty where there is none."""
+    return _words_and_unit(name)[1] if len(name) <= LONGEST_NAME else ""
+
+
+def without_unit(name: str) -> str:
+    """A column's name without the unit in brackets or at its end."""
+    return _words_and_unit(name)[0].strip() if len(name) <= LONGEST_NAME else name
+
+
+def _words_and_unit(name: str) -> tuple[str, str]:
+    """The words of a column's name, and the unit in brackets or at its end; empty where there is none."""
+    match = _BRACKETED.fullmatch(name)
+    if match is not None:
+        return match[1], match[2]
+    for separator in _SEPARATOR.finditer(name):
+        if quantity_of(name[separator.end() :]) is not None:
+            return name[: separator.start()], name[separator.end() :]
+    return name, ""
+
+
+def _words(text: str) -> frozenset[str]:
+    return frozenset(word.casefold() for word in _WORD.findall(text))
+
+
+def is_plain(quantity: TestQuantity, name: str) -> bool:
+    """Whether a name has one word, besides a unit."""
+    match = _NAME.fullmatch(name)
+    if match is None or match[1].casefold() not in _STEMS[quantity]:
+        return False
+    rest = (match[2] or "").strip()
+    if quantity_of(rest) is not None:
+        return True
+    return not (" " in rest or _words(rest) & _NOT_MEASURED or quantity_of(unit_at_end(name)) is not None)
+
+
+ReadColumn = Callable[[str], NDArray[np.float64] | None]
+"""Reads a column by its name; `None` where it does not have numbers."""
+
+# Units from the smallest numbers to the largest, each up to a size in it: half the peak to peak of a motion and of a
+# force, the step of the time, the largest command. Limits lie between what rigs measure in the two units.
+_UP_TO: Final[Mapping[TestQuantity, tuple[tuple[str, float], ...]]] = {
+    "time": (("s", 0.1), ("ms", 50.0), ("us", np.inf)),
+    "displacement": (("m", 0.2), ("mm", 2000.0), ("um", np.inf)),
+    "velocity": (("m/s", 4.0), ("mm/s", np.inf)),
+    "force": (("kN", 20.0), ("N", np.inf)),
+    "current": (("A", 20.0), ("mA", np.inf)),
+    "voltage": (("V", 50.0), ("mV", np.inf)),
+}
+# A column of so few values is a count or a state, no motion and no force.
+_FEWEST_VALUES: Final = 5
+_BETWEEN_WORDS: Final = re.compile(r"[\s_()\[\]{},;:|]+")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Missing:
+    """A quantity that has to be told, with its column and its unit as far as they are known."""
+
+    quantity: TestQuantity
+    column: str = ""
+    unit: str = ""
+
+
+def no_numbers(name: str) -> None:
+    """The numbers of no column are known."""
+
+
+def column_option(key: str, column: str, unit: str) -> str:
+    """A --column option as a shell takes it."""
+    return f"--column {shlex.quote(f'{key}={column}:{unit}')}"
+
+
+def suggested_options(
+    missing: Sequence[Missing], free: Sequence[str], units: Mapping[str, str], read: ReadColumn
+) -> str:
+    """Options for all that is missing, with the likeliest of the `free` columns; empty where one has none.
+
+    They follow "likely" where a column or a unit is judged by its numbers.
+    """
+    left = [name for name in free if name not in {each.column for each in missing}]
+    numbers = {name: samples for name in free for samples in [read(name)] if samples is not None}
+    options: list[str] = []
+    is_sure = True
+    suggested: set[str] = set()
+    for each in missing:
+        if each.column and each.column in suggested:
+            # A command may be a current or a voltage.
+            continue
+        column = each.column or _likely_column(each.quantity, left, units, numbers)
+        if not column:
+            return ""
+        suggested.add(column)
+        left = [name for name in left if name != column]
+        unit = each.unit or (
+            units.get(column, "") if quantity_of(units.get(column, "")) == each.quantity else ""
+        )
+        is_sure = is_sure and bool(each.column and unit)
+        unit = unit or likely_unit(each.quantity, column, numbers.get(column))
+        options.append(column_option(each.quantity, column, unit))
+    return f"{'as in' if is_sure else 'likely'} {' '.join(options)}"
+
+
+def likely_unit(quantity: TestQuantity, name: str, samples: NDArray[np.float64] | None) -> str:
+    """The unit that a word of the heading is, or else that with which the numbers have the size of a test."""
+    for word in _BETWEEN_WORDS.split(name):
+        if len(word) > 1 and quantity_of(word) == quantity:
+            return word
+    size = None if samples is None else _size(quantity, samples)
+    if size is None:
+        return next(iter(FACTORS[quantity]))
+    return next(unit for unit, limit in _UP_TO[quantity] if size <= limit)
+
+
+def _size(quantity: TestQuantity, samples: NDArray[np.float64]) -> float | None:
+    known = samples[np.isfinite(samples)]
+    if known.size < 2:
+        return None
+    if quantity == "time":
+        return float(np.median(np.abs(np.diff(known))))
+    if quantity in ("current", "voltage"):
+        return float(np.abs(known).max())
+    return 0.5 * float(np.ptp(known))
+
+
+def _likely_column(
+    quantity: TestQuantity,
+    left: Sequence[str],
+    units: Mapping[str, str],
+    numbers: Mapping[str, NDArray[np.float64]],
+) -> str:
+    """A column of its unit, or else without any unit: for the time one that increases, otherwise one that varies."""
+    of_unit = [name for name in left if quantity_of(units.get(name, "")) == quantity]
+    without = [name for name in left if name in numbers and quantity_of(units.get(name, "")) is None]
+    increasing = [name for name in without if np.all(np.diff(numbers[name]) > 0.0)]
+    if quantity == "time":
+        # A number of the sample increases, too.
+        candidates = sorted(increasing, key=lambda name: bool(np.all(np.diff(numbers[name]) == 1.0)))
+    else:
+        varying = [name for name in without if np.unique(numbers[name]).size >= _FEWEST_VALUES]
+        candidates = [name for name in varying if name not in increasing]
+    return next(iter([*of_unit, *candidates]), "")
 
 
 class ColumnTable(ABC):
@@ -139,3 +404,34 @@ def _refuse_nameless(file: str) -> None:
     # An empty name would be the current folder.
     if not file or "\0" in file:
         raise RecordError(f"{file!r} is no path of a file; check the name")
+
+
+def rounded_grid(time: NDArray[np.float64]) -> NDArray[np.float64] | None:
+    """The uniform grid of which these times are rounded values, shape (n_time,); `None` if they are not.
+
+    The grid is the regression of the time on the number of the sample, which rounding does not bias, unlike the
+    median step. Each time may differ from it by half of the last digit with which it is written, more is jitter: one
+    column may have times of different numbers of decimals, as a format with a fixed number of significant digits
+    prints them. A digit above half a step could equally be a missing sample.
+    """
+    index = np.arange(time.size) - 0.5 * (time.size - 1)
+    slope = float(index @ time) / float(index @ index)
+    grid = np.asarray(np.mean(time) + slope * index, dtype=np.float64)
+    digit = last_digit(time)
+    typical = float(np.median(digit))
+    if typical > 0.5 * slope:
+        return None
+    # The regression of a short record is itself uncertain by a fifth of the typical digit.
+    allowed = np.minimum(0.5 * digit + 0.25 * typical, 0.5 * slope)
+    return grid if np.all(np.abs(time - grid) <= allowed) else None
+
+
+def last_digit(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Power of ten of the last decimal with which each value can be written, shape of `values`, 1 to 1e-12."""
+    digit = np.full(values.shape, 1e-12)
+    for power in range(12, -1, -1):
+        scaled = values * 10.0**power
+        # Values that were converted from another unit are a few roundings away from their decimals.
+        written = np.abs(scaled - np.round(scaled)) <= 1e-9 + 8.0 * np.spacing(np.abs(scaled))
+        digit = np.where(written, 10.0**-power, digit)
+    return digit

@@ -1,18 +1,185 @@
-"""Open a file of any format as named columns."""
+"""Open a file of any format as named columns; sheets of .xlsx workbooks and channels of .tdms files are opened here."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import hashlib
+import importlib.util
+import io
+import logging
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
+from warnings import warn
 
-from mrwork.errors import RecordError
-from mrwork.files.delimited import open_delimited
+import numpy as np
+
+from mrwork.errors import MrworkWarning, RecordError, reason_of
+from mrwork.files.delimited import open_delimited, table_of_text
 from mrwork.files.matlab import open_matlab
-from mrwork.files.named_columns import ColumnTable, open_parquet
-from mrwork.files.tdms import open_tdms
-from mrwork.files.workbook import open_workbook
-from mrwork.store.input_file import RECORD, check_file
+from mrwork.files.named_columns import ColumnTable, VectorTable, open_parquet, unit_in_name, unused_parts
+from mrwork.store.child_reader import TooLargeError, UnreadableError, read_members
+from mrwork.store.input_file import RECORD, bytes_of, check_file
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Sheet:
+    """A sheet that has a table: its name, the length of its text, and whether it is what the caller looks for."""
+
+    name: str
+    length: int
+    table: ColumnTable
+    is_record: bool
+
+
+def open_workbook(path: Path, is_record: Callable[[ColumnTable], bool]) -> ColumnTable:
+    """Open an .xlsx workbook: its first sheet that `is_record`, else the longest one.
+
+    A sheet is read as a text table is, so that header blocks, rows of units and times of the day are found. Formulas
+    have the values that were saved with them.
+    """
+    if importlib.util.find_spec("python_calamine") is None:
+        raise RecordError(f"{path}: reading .xlsx needs python-calamine; run: pip install 'mrwork[xlsx]'")
+    data = bytes_of(path, RECORD)
+    try:
+        members = read_members(data, "xlsx")
+    except TooLargeError as error:
+        raise RecordError(f"{path}: {error}; save one test, without other sheets") from None
+    except UnreadableError as error:
+        raise RecordError(
+            f"{path}: not a readable .xlsx workbook ({error}); save it again, without a password, or as CSV"
+        ) from None
+    digest = hashlib.sha256(data).hexdigest()
+    texts = {
+        str(member.attributes["name"]): member.array.tobytes()
+        for member in members.values()
+        if member.array is not None and member.array.size
+    }
+    sheets = [
+        sheet for name, text in texts.items() for sheet in _open_sheet(path, name, text, digest, is_record)
+    ]
+    if not sheets:
+        listed = ", ".join(f"'{name}'" for name in texts) or "it has none with cells"
+        raise RecordError(f"{path}: no sheet has a table of numbers ({listed}); put one test into a sheet")
+    records = [sheet for sheet in sheets if sheet.is_record]
+    read = next(iter(records), max(sheets, key=lambda sheet: sheet.length))
+    others = [name for name in texts if name != read.name]
+    read.table.further = tuple(sheet.name for sheet in records if sheet is not read)
+    unused = [f"'{name}'" for name in others if name not in read.table.further]
+    if unused:
+        read.table.unused = (f"sheet{'s' if len(unused) > 1 else ''} {', '.join(unused)}",)
+    return read.table
+
+
+def _open_sheet(
+    path: Path, name: str, text: bytes, digest: str, is_record: Callable[[ColumnTable], bool]
+) -> tuple[_Sheet, ...]:
+    try:
+        table = table_of_text(text, source=f"{path}, sheet '{name}'", sha256=digest)
+    except RecordError:
+        return ()
+    return (_Sheet(name=name, length=len(text), table=table, is_record=is_record(table)),)
+
+
+_UNIT_PROPERTIES: Final = ("unit_string", "NI_UnitDescription", "Unit", "unit")
+_TIME: Final = "Time"
+
+
+def open_tdms(path: Path) -> ColumnTable:
+    """Open a .tdms file; the columns are its numeric channels, with the units that they state.
+
+    Channels of several groups are called GROUP/CHANNEL where names are in several. Where no channel is a time, one is
+    made from the increment that all channels share.
+    """
+    try:
+        from nptdms import TdmsFile
+    except ImportError as error:
+        raise RecordError(
+            f"{path}: reading TDMS needs npTDMS; run: pip install 'mrwork[tdms]', or export the channels as text"
+        ) from error
+    data = bytes_of(path, RECORD)
+    try:
+        with _reports() as reports, TdmsFile.open(io.BytesIO(data)) as file:
+            channels = [channel for group in file.groups() for channel in group.channels()]
+            # No sample takes less than a byte, whatever a damaged header claims.
+            if sum(len(channel) for channel in channels) > len(data):
+                raise ValueError("it claims more samples than it has bytes")
+            occurs = Counter(channel.name for channel in channels)
+            names = [
+                each.name if occurs[each.name] == 1 else f"{each.group_name}/{each.name}" for each in channels
+            ]
+            read = {name: np.asarray(each[:]) for name, each in zip(names, channels, strict=True)}
+            units = {name: _unit(each) for name, each in zip(names, channels, strict=True)}
+            steps = {_waveform(each) for each in channels if len(each)}
+    except Exception as error:  # the library raises whatever a damaged file leads it to
+        raise RecordError(f"{path}: not a readable .tdms file ({reason_of(error)}); save it again") from error
+    if reports:
+        warn(
+            f"{path}: npTDMS reports: {reports[0]}; check that no samples are missing, or save it again",
+            MrworkWarning,
+            stacklevel=3,
+        )
+    for name, vector in read.items():
+        if vector.dtype.kind == "M" and vector.size:
+            # Time stamps as seconds since the first.
+            read[name], units[name] = (vector - vector[0]) / np.timedelta64(1, "s"), "s"
+    vectors = {name: vector for name, vector in read.items() if vector.dtype.kind in "iuf" and vector.size}
+    if not vectors:
+        raise RecordError(f"{path}: has no channel of numbers; expected one for each quantity")
+    if not any(unit_in_name("time", name) is not None for name in vectors) and len(steps) == 1:
+        (waveform,) = steps
+        if waveform is not None:
+            start, step, count = waveform
+            vectors = {_TIME: start + step * np.arange(count), **vectors}
+            units[_TIME] = "s"
+    return VectorTable(
+        source=str(path),
+        sha256=hashlib.sha256(data).hexdigest(),
+        vectors=vectors,
+        units={name: unit for name, unit in units.items() if unit},
+        unused=unused_parts("channel", [f"'{name}'" for name in read if name not in vectors], "no numbers"),
+    )
+
+
+@contextmanager
+def _reports() -> Iterator[list[str]]:
+    kept = _Kept(logging.WARNING)
+    # Each of its modules has a logger of its own, which prints on stderr.
+    names = [name for name in logging.root.manager.loggerDict if name.split(".")[0] == "nptdms"]
+    before = [(logger, logger.handlers, logger.propagate) for logger in map(logging.getLogger, names)]
+    for logger, _, _ in before:
+        logger.handlers, logger.propagate = [kept], False
+    try:
+        yield kept.messages
+    finally:
+        for logger, handlers, propagate in before:
+            logger.handlers, logger.propagate = handlers, propagate
+
+
+class _Kept(logging.Handler):
+    def __init__(self, level: int) -> None:
+        super().__init__(level)
+        self.messages: list[str] = []
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Keep the text of a message."""
+        self.messages.append(record.getMessage())
+
+
+def _unit(channel: Any) -> str:
+    known = (str(channel.properties.get(name, "")).strip() for name in _UNIT_PROPERTIES)
+    return next(filter(None, known), "")
+
+
+def _waveform(channel: Any) -> tuple[float, float, int] | None:
+    """Start and step [s] and number of samples of a channel that is sampled evenly."""
+    step = channel.properties.get("wf_increment")
+    if not isinstance(step, int | float) or not step > 0.0:
+        return None
+    return float(channel.properties.get("wf_start_offset", 0.0)), float(step), len(channel)
+
 
 TEXT_EXTENSIONS: Final = (".csv", ".tsv", ".txt", ".dat", ".asc", ".lvm")
 EXTENSIONS: Final = (*TEXT_EXTENSIONS, ".mat", ".tdms", ".xlsx", ".parquet", ".pq")

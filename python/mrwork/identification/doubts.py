@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.parameters import LawName, law_at, law_named, polynomial_laws
 from mrwork.dampers.spec import DamperSpec, damper
-from mrwork.identification.covariance import Slopes, autocorrelation_time
 from mrwork.identification.fit import Fit
 from mrwork.identification.global_search import StartingPoints
 from mrwork.identification.levenberg_marquardt import find_minima
@@ -29,6 +28,7 @@ from mrwork.identification.objective import Objective
 from mrwork.identification.polish import Polished, missing_lag
 from mrwork.identification.problem import Problem
 from mrwork.identification.progress import on_every_test
+from mrwork.identification.result import Slopes, autocorrelation_time
 from mrwork.records import DamperTest
 from mrwork.records.motion import Smoother, spectrum
 from mrwork.values import frozen
@@ -194,14 +194,8 @@ def motion_noise_warning(slopes: Slopes, standard_errors: Array, names: Sequence
 
     as its own errors are. Its mean square over draws has the bias and the scatter.
 
-    Parameters
-    ----------
-    slopes
-        Of the sum of squares at the minimum.
-    standard_errors
-        Of the parameters of the requested model, shape (n_params,).
-    names
-        Names of the parameters of the requested model.
+    `slopes`: of the sum of squares at the minimum. `standard_errors`: of the parameters of the requested model, shape
+    (n_params,).
     """
     errors = standard_errors
     known = np.isfinite(errors) & (errors > 0.0)

@@ -17,10 +17,10 @@ from mrwork.identification.nuisance import NONE, Nuisance, NuisanceName
 from mrwork.identification.settings import FitSettings, Reading
 from mrwork.records import AS_IT_IS, DamperTest, Observation, observed
 from mrwork.records.likeness import Likeness, RecordedMotion, likest_of_other_force, likest_of_same_force
-from mrwork.records.operating_range import range_of_test
+from mrwork.records.operating_range import OperatingRange, Outside, range_of_test
 from mrwork.store.codec import LowerBound, OrInfinite, Related, UpperBound, digest_of
 from mrwork.summary import Summarised, Summary, listed, of_unit, rounded
-from mrwork.tested_range import OperatingRange, Outside, outside_of
+from mrwork.tested_range import outside_of
 from mrwork.values import holds_arrays
 
 # Decided in `uncertainty/identifiability/verdicts.py` alone, and read from `Fit.verdict_on`.
@@ -31,7 +31,7 @@ VerdictName = Literal["identifiable", "weakly identifiable", "sign unknown", "ne
 class Interval(Related):
     """Interval of one parameter in its unit; an end that the data do not bound is `None`.
 
-    `verdict` is `None` in draws of earlier versions.
+    `verdict` is `None` for a parameter of the noise.
     """
 
     name: str
@@ -211,7 +211,7 @@ class Estimate:
     upper: UpperBound
     remark: Literal["", "fixed", "at lower bound", "at upper bound", "not identifiable"] = ""
 
-    def judged(self, verdict: Verdict | None) -> Estimate:
+    def judge(self, verdict: Verdict | None) -> Estimate:
         """The estimate with the standard error that its verdict is by; as it is where it has no verdict."""
         if verdict is None:
             return self
@@ -487,7 +487,7 @@ class Fit(Summarised, Related):
             self,
             identifiability=own.with_intervals(self.intervals),
             n_effective=own.n_effective if self.n_effective is None else self.n_effective,
-            estimates=tuple(each.judged(own.verdict_on(each.name)) for each in self.estimates),
+            estimates=tuple(each.judge(own.verdict_on(each.name)) for each in self.estimates),
         )
 
     @checked

@@ -11,9 +11,8 @@ from mrwork.errors import RecordError
 from mrwork.identification.fit import Fit
 from mrwork.records import DamperTest
 from mrwork.store.codec import json_document, parsed, read_document, record_from_json, record_of
-from mrwork.store.destination import Destination
 from mrwork.store.input_file import exists, is_folder, is_there, stored, text_of
-from mrwork.store.output_folder import write_folder
+from mrwork.store.output_folder import Destination, write_folder
 from mrwork.store.run_folder import (
     FIT,
     FIT_RUN,
@@ -50,21 +49,10 @@ def write_run(
     The folder contains `manifest.json`, `fit.json`, `journal.jsonl`, `report.html` and the documents. Files that the
     user has added to the earlier run are kept.
 
-    Parameters
-    ----------
-    destination
-        The folder; parent folders are created.
-    report_html
-        What `report.html` says until the page is drawn.
-    manifest
-        Facts about the run. All JSON documents may contain numpy numbers and paths; numbers that are not finite become
-        `null`.
-    journal
-        File with the steps of the run; it is copied.
-    documents
-        Further JSON documents, by path inside the folder.
-    flush
-        Wait until the files are on the disk, unless the fit was interrupted.
+    `report_html`: what `report.html` says until the page is drawn. `manifest`: facts about the run. All JSON documents
+    may contain numpy numbers and paths; numbers that are not finite become `null`. `journal`: file with the steps of
+    the run; it is copied. `documents`: further JSON documents, by path inside the folder. `flush`: wait until the files
+    are on the disk, unless the fit was interrupted.
     """
     contents = {name: json_document(document).encode() for name, document in (documents or {}).items()}
     write_folder(
@@ -104,8 +92,7 @@ def read_fit(path: str | Path) -> Fit:
     check_manifest(place, manifest, _facts(fit), file=FIT, verb="identify")
     if fit.tested is None or not fit.motions:
         raise RecordError(
-            f"{place / FIT} does not state the tested ranges and motions, as those of development versions; "
-            "run `mrwork identify` again"
+            f"{place / FIT} does not state the tested ranges and motions; run `mrwork identify` again"
         )
     return _with_one_verdict(fit)
 
@@ -134,18 +121,14 @@ def addition_content(document: Mapping[str, object], fit: Fit) -> bytes:
     return json_document({_FIT_OF: fit.fingerprint, **document}).encode()
 
 
-def read_addition(kind: type[T], path: Path, fit: Fit | None, *, name: str, verb: str) -> T | None:
-    """Read a file with an `addition_content`; `None` if there is no such file.
-
-    Files of earlier versions do not name their fit; without a `fit` that is not asked.
-    """
+def read_addition(kind: type[T], path: Path, fit: Fit, *, name: str, verb: str) -> T | None:
+    """Read a file with an `addition_content`; `None` if there is no such file."""
     file = stored(verb, name=f"a {name}")
     if not is_there(path, file):
         return None
     document = parsed(text_of(path, file), origin=str(path), verb=verb)
     found: T = record_of(kind, document, origin=str(path), name=name, verb=verb)
-    named = document.get(_FIT_OF)
-    if fit is not None and named is not None and named != fit.fingerprint:
+    if document.get(_FIT_OF) != fit.fingerprint:
         raise RecordError(f"{path} is of another fit than {FIT} beside it; run `mrwork {verb}` again")
     return found
 
@@ -190,8 +173,7 @@ def reopen(path: str | Path, *, on_read: OnRead | None = None) -> OpenedRun:
                 f"{test.label} has changed since {place} was identified from it; "
                 "restore the file, or run `mrwork identify` again"
             )
-        # Earlier versions compared the ends of an average, too.
-        if quality.n_time not in (test.n_counted, test.n_time - test.n_settle):
+        if quality.n_time != test.n_counted:
             raise RecordError(
                 f"{test.label}: {test.n_counted} samples count where {quality.n_time} did "
                 f"when {place} was identified; run `mrwork identify` again with this version"

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.dampers.conversions import nesting_of
 from mrwork.dampers.coordinates import Box
-from mrwork.dampers.nesting import nesting_of
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import Interrupted, SimulationError
 from mrwork.identification.equivalent import Form, half_ranges, identifiable_form, search_box
@@ -262,7 +262,10 @@ def points_from_optimiser(problem: Problem, search: Optimiser[Any], *, on_search
         problem, search, objective, form, theta_of, n_params=len(box.free), on_search=on_search
     )
     return StartingPoints(
-        objective=objective, form=form, theta=theta_of(found.elite[:_STARTS]), trace=joined_trace([found])
+        objective=objective,
+        form=form,
+        theta=theta_of(found.elite[:_STARTS]),
+        trace=trace_of_generations(found),
     )
 
 
@@ -280,58 +283,45 @@ def search_elite(
 
     An interrupt carries the best point so far.
     """
-    from mrwork.search import run_search
-
     try:
-        found = run_search(
-            search,
-            lambda unit: objective(theta_of(unit)),
-            rng=problem.settings.rng,
-            n_params=n_params,
-            on_generation=generation_reporter(search, on_search),
-            journal=objective.journal,
+        return optimise(
+            search, objective, theta_of, n_params=n_params, rng=problem.settings.rng, on_search=on_search
         )
     except Interrupted as interrupt:
         result = interrupt.result
         if not np.isfinite(result.best_misfit):
             raise Interrupted(None, "search") from interrupt
         best = theta_of(result.best_unit[None])[0]
-        raise interrupted_at(best, objective, form, joined_trace([result])) from interrupt
-    refuse_empty_elite(form.spec, found)
-    return found
+        raise interrupted_at(best, objective, form, trace_of_generations(result)) from interrupt
 
 
-def optimise_in_box(
+def optimise(
     search: Optimiser[Any],
     objective: Objective,
-    box: Box,
+    theta_of: Callable[[NDArray[np.float64]], NDArray[np.float64]],
     *,
+    n_params: int,
     rng: int,
-    on_generation: Callable[[GenerationEvent[Any]], None],
+    on_search: OnSearch,
 ) -> SearchResult[Any]:
-    """Run an optimiser on the free parameters of a box; its generations are recorded in the objective's journal."""
+    """Minimise the objective over unit vectors, of which `theta_of` makes rows of parameters."""
     from mrwork.search import run_search
-
-    return run_search(
-        search,
-        lambda unit: objective(np.asarray(box.theta_from_unit(unit))),
-        rng=rng,
-        n_params=len(box.free),
-        on_generation=on_generation,
-        journal=objective.journal,
-    )
-
-
-def generation_reporter(
-    search: Optimiser[Any], on_search: OnSearch, *, n_searches: int = 1
-) -> Callable[[GenerationEvent[Any]], None]:
-    """Callback that reports the generations of one of `n_searches` searches of equal length to `on_search`."""
 
     def on_generation(event: GenerationEvent[Any]) -> None:
         share = event.generation / search.stop.max_generations
-        on_search(event.generation, event.best_misfit, event.median_misfit, share / n_searches)
+        on_search(event.generation, event.best_misfit, event.median_misfit, share)
 
-    return on_generation
+    found = run_search(
+        search,
+        lambda unit: objective(theta_of(unit)),
+        rng=rng,
+        n_params=n_params,
+        on_generation=on_generation,
+        journal=objective.journal,
+    )
+    if not len(found.elite):
+        raise no_simulation(objective.spec, found.evaluations)
+    return found
 
 
 def interrupted_at(
@@ -342,24 +332,14 @@ def interrupted_at(
     return Interrupted(best, "search")
 
 
-def joined_trace(searches: Sequence[SearchResult[Any]]) -> SearchTrace:
-    """Concatenated traces of successive searches; `evaluations` accumulate."""
-    evaluations: list[int] = []
-    for search in searches:
-        before = evaluations[-1] if evaluations else 0
-        evaluations += [before + int(count) for count in search.trace.evaluations]
+def trace_of_generations(search: SearchResult[Any]) -> SearchTrace:
+    """Trace of an optimiser, an entry for each generation."""
     return SearchTrace(
-        evaluations=tuple(evaluations),
-        best=tuple(float(value) for search in searches for value in search.trace.best),
-        median=tuple(float(value) for search in searches for value in search.trace.median),
-        stop_reason=", ".join(dict.fromkeys(search.stop_reason for search in searches)),
+        evaluations=tuple(int(count) for count in search.trace.evaluations),
+        best=tuple(float(value) for value in search.trace.best),
+        median=tuple(float(value) for value in search.trace.median),
+        stop_reason=search.stop_reason,
     )
-
-
-def refuse_empty_elite(spec: DamperSpec, found: SearchResult[Any]) -> None:
-    """Refuse a search in which every simulation failed."""
-    if len(found.elite) == 0:
-        raise no_simulation(spec, found.evaluations)
 
 
 def no_simulation(spec: DamperSpec, evaluations: int) -> SimulationError:

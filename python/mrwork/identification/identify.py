@@ -31,8 +31,8 @@ from mrwork.identification.result import BuildingCost, cost_warning, fit_at
 from mrwork.identification.settings import Engine, FitSettings, Multistart, Search, Start, UnregisteredSearch
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
-from mrwork.records.observing import DETECT, as_words
-from mrwork.store import Journal
+from mrwork.records.repairs import DETECT, as_words
+from mrwork.store.journal import Journal
 
 
 @checked
@@ -177,7 +177,7 @@ def identify_with(
     for sentence in problem.warnings if warns else ():
         # Of the line that calls `identify`.
         warn(sentence, MrworkWarning, stacklevel=4)
-    reporter = _begun(problem, began, on_progress, journal)
+    reporter = _begin(problem, began, on_progress, journal)
     ending = _Ending(problem=problem, reporter=reporter, journal=journal, compares=warns, examines=examines)
 
     def on_search(generation: int, misfit: float, median: float, share: float) -> None:
@@ -215,7 +215,7 @@ def identify_from(
     """
     began = time.perf_counter() - (0.0 if journal is None else journal.seconds_before)
     problem = Problem.of(model, as_tests(tests), settings, threads=threads, journal=journal)
-    reporter = _begun(problem, began, on_progress, journal)
+    reporter = _begin(problem, began, on_progress, journal)
     problem = replace(problem, form=replace(problem.form, box=box))
     start = problem.inside([settings.starts[0][name] for name in model.names])
     points = StartingPoints(
@@ -224,7 +224,7 @@ def identify_from(
     return _Ending(problem=problem, reporter=reporter, journal=journal).finished(points)
 
 
-def _begun(
+def _begin(
     problem: Problem,
     began: float,
     on_progress: Callable[[Progress], bool | None] | None,

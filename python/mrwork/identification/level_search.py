@@ -13,34 +13,34 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.arguments import Seed, Shape, Within, checked
+from mrwork.arguments import Seed, Shape, checked
 from mrwork.command_signal import command_level, levels_of_command
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.parameters import LawName, law_by_values, law_through
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import Interrupted, SettingError
-from mrwork.identification.equivalent import Form, identifiable_form, search_box
+from mrwork.identification.equivalent import (
+    Form,
+    fitted_laws,
+    identifiable_form,
+    joint_box,
+    leaves_range,
+    levels_needed,
+    plain_of,
+    search_box,
+    with_other_laws,
+    within_range,
+)
 from mrwork.identification.fit import SearchTrace
 from mrwork.identification.global_search import (
     OnSearch,
     StartingPoints,
     doubts_about,
-    generation_reporter,
     interrupted_at,
     nested_fit,
     no_simulation,
-    optimise_in_box,
-    refuse_empty_elite,
+    optimise,
     trace_of,
-)
-from mrwork.identification.law_coefficients import (
-    fitted_laws,
-    joint_box,
-    leaves_range,
-    levels_needed,
-    plain_of,
-    with_other_laws,
-    within_range,
 )
 from mrwork.identification.levenberg_marquardt import find_minima
 from mrwork.identification.multistart import (
@@ -132,7 +132,7 @@ def points_from_levels(
 
     def in_own_laws(theta: Array) -> Array:
         rows = [with_other_laws(joint.spec, row, form.spec, commands) for row in theta]
-        return _inside(own_form.box, np.array(rows))
+        return _move_inside(own_form.box, np.array(rows))
 
     on_tests = objective.on(joint.spec, excerpts)
     on_searched = objective.on(joint.spec, searched) if left_out else on_tests
@@ -145,7 +145,7 @@ def points_from_levels(
             replace(settings, least_rounds=1),
             rng=seed,
             mirrored=joint.mirrored,
-            nested=_inside(joint.box, starts),
+            nested=_move_inside(joint.box, starts),
             on_iteration=on_iteration,
         )
 
@@ -192,7 +192,7 @@ def points_from_levels(
             if is_limited:
                 # No local minimisation returns from a law that is limited to its range.
                 more = np.array([within_range(joint.spec, each, commands) for each in (theta[0], *more)])
-            found = _merged(found, search_joint(more, rng + 1))
+            found = _merge_searches(found, search_joint(more, rng + 1))
             theta, misfit = on_all_tests(found)
             worse = alone.worse_in(on_tests, theta)
             if worse.size:
@@ -266,11 +266,11 @@ def _fit_each(problem: Problem, tests: tuple[DamperTest, ...], fits: Sequence[Le
         own = float(np.mean(np.asarray(loading_of(test, problem.form.spec).command)))
         fit = min(fits, key=lambda fit: abs(fit.command - own))
         searched = search_box(plain, box, (test,))
-        near = box.with_bounds(_widened(searched, box))
+        near = box.with_bounds(_widen_ranges(searched, box))
         minima = find_minima(
             problem.objective.on(plain, (test,)),
             near,
-            _inside(near, fit.minima[:_OWN_STARTS]),
+            _move_inside(near, fit.minima[:_OWN_STARTS]),
             max_iterations=_OWN_ITERATIONS,
             tolerance=_OWN_TOLERANCE,
         )
@@ -298,8 +298,7 @@ def unlike_tests(tests: Sequence[DamperTest], most: int) -> tuple[DamperTest, ..
     return tuple(tests[index] for index in sorted(taken))
 
 
-def _merged(first: MultistartResult, second: MultistartResult) -> MultistartResult:
-    """Minima of two searches, best first; the trace of both."""
+def _merge_searches(first: MultistartResult, second: MultistartResult) -> MultistartResult:
     theta, misfit = np.concatenate([first.theta, second.theta]), np.concatenate([first.misfit, second.misfit])
     order = np.argsort(misfit, kind="stable")
     return MultistartResult(
@@ -412,7 +411,7 @@ def _fit_level(
     plain, box = plain_of(problem.form)
     objective = problem.objective.on(plain, tests)
     searched = search_box(plain, box, tests)
-    near = box.with_bounds(_widened(searched, box))
+    near = box.with_bounds(_widen_ranges(searched, box))
     starts = np.empty((0, len(plain.names)))
     if nearest is not None:
         # Each minimum gives two starts: unchanged, and with its forces scaled by the ratio of the measured ones.
@@ -441,39 +440,28 @@ def _minima_of(
     on_search: OnSearch,
     on_iteration: Callable[[MultistartResult, float], None],
 ) -> Array:
-    """Minima of the plain model, best first, shape (n_minima, n_plain)."""
     if isinstance(search, Multistart):
         settings = replace(search, least_rounds=1, most_rounds=min(search.most_rounds, _LEVEL_ROUNDS))
-        nested = (
-            nested_fit(objective, near, settings, rng=rng, on_iteration=on_iteration)
-            if not len(starts)
-            else None
-        )
+        nested = None
+        if not len(starts):
+            nested = nested_fit(objective, near, settings, rng=rng, on_iteration=on_iteration)
         found = search_starts(
             objective,
             near,
             searched,
             settings,
             rng=rng,
-            nested=_inside(near, starts) if nested is None else nested.starts,
+            nested=_move_inside(near, starts) if nested is None else nested.starts,
             on_iteration=on_iteration,
         )
         return found.theta
-    ended = optimise_in_box(
-        search,
-        objective,
-        searched,
-        rng=rng,
-        on_generation=generation_reporter(search, on_search),
-    )
-    refuse_empty_elite(objective.spec, ended)
-    starts = np.concatenate([starts, np.asarray(searched.theta_from_unit(ended.elite))])
-    minima = find_minima(
-        objective,
-        near,
-        _inside(near, starts),
-        max_iterations=_ITERATIONS,
-    )
+
+    def theta_of(unit: Array) -> Array:
+        return np.asarray(searched.theta_from_unit(unit))
+
+    ended = optimise(search, objective, theta_of, n_params=len(searched.free), rng=rng, on_search=on_search)
+    starts = np.concatenate([starts, theta_of(ended.elite)])
+    minima = find_minima(objective, near, _move_inside(near, starts), max_iterations=_ITERATIONS)
     return np.asarray(minima.theta[np.argsort(minima.misfit, kind="stable")])
 
 
@@ -487,12 +475,11 @@ def _with_best(interrupt: Interrupted[Any], command: float, searched: Box) -> In
     return Interrupted(None if best is None else LevelFit(command=command, minima=best), "search")
 
 
-def _inside(box: Box, theta: Array) -> Array:
-    """Rows of parameters moved inside a box."""
+def _move_inside(box: Box, theta: Array) -> Array:
     return np.asarray(box.inside(np.clip(theta, box.lower, box.upper)))
 
 
-def _widened(searched: Box, box: Box) -> dict[str, tuple[float, float]]:
+def _widen_ranges(searched: Box, box: Box) -> dict[str, tuple[float, float]]:
     bounds = {}
     for index, name in enumerate(searched.names):
         lower, upper = searched.lower[index], searched.upper[index]
@@ -532,7 +519,7 @@ def _starts_of_levels(
 def joint_starts(
     spec: DamperSpec,
     levels: list[LevelFit],
-    n_starts: Annotated[int, Within(least=0, most=100_000)],
+    n_starts: int,
     *,
     rng: Seed,
 ) -> Array:
@@ -541,8 +528,6 @@ def joint_starts(
     The laws of the first start are fitted to the best minimum at each command, those of the others to a random one,
     each parameter multiplied by a log-normal factor (standard deviation of the logarithm 0.25).
     """
-    if not levels or not all(len(level.minima) for level in levels):
-        raise SettingError("give the minima at one command at least, in rows, to fit laws to")
     random = np.random.default_rng([rng, n_starts])
     commands = np.array([level.command for level in levels])
     starts = []

@@ -14,16 +14,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.arguments import Count, Shape, Within
+from mrwork.arguments import Count
 from mrwork.dampers.coordinates import Box
 from mrwork.errors import JournalError
 from mrwork.identification.objective import Objective, linearised
 from mrwork.identification.residual import ObservedTest
+from mrwork.simulate import stiffness_shares
 from mrwork.values import holds_arrays
 
 Array = NDArray[np.float64]
@@ -49,13 +49,9 @@ def within_stiffness(
 ) -> Array:
     """Damped least-squares steps, those that end above the limit of stiffness replaced by the best ones below it.
 
-    Parameters
-    ----------
-    latent
-        Points, shape (n_rows, n_free).
-    step
-        Steps from them, shape (n_rows, n_dampings, n_free), that minimise the quadratic functions of `damped`, shape
-        (n_rows, n_dampings, n_free, n_free), and `gradient`, shape (n_rows, n_free).
+    `latent`: points, shape (n_rows, n_free). `step`: steps from them, shape (n_rows, n_dampings, n_free), that minimise
+    the quadratic functions of `damped`, shape (n_rows, n_dampings, n_free, n_free), and `gradient`, shape (n_rows,
+    n_free).
     """
     ends = np.asarray(box.theta_from_latent(latent[:, None] + step))
     stiffness = _log_stiffness(tests, ends.reshape(-1, ends.shape[-1])).reshape(*ends.shape[:2], -1)
@@ -104,7 +100,8 @@ def _stiffness_and_slope(tests: Sequence[ObservedTest], box: Box, latent: Array)
 def _log_stiffness(tests: Sequence[ObservedTest], theta: Array) -> Array:
     """Logarithm of the stiffness as a share of the limit, shape (n_batch, n_tests); infinite where it has none."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        stiffness = np.log(np.stack([each.stiffness_share(theta) for each in tests], axis=1))
+        shares = [stiffness_shares(each.spec, theta, each.history) for each in tests]
+        stiffness = np.log(np.stack(shares, axis=1))
     return np.where(np.isnan(stiffness), np.inf, stiffness)
 
 
@@ -163,19 +160,15 @@ class LocalMinimum:
 def find_minimum(
     objective: Objective,
     box: Box,
-    start: Annotated[NDArray[np.float64], Shape(("n_params",))],
+    start: NDArray[np.float64],
     *,
-    max_evaluations: Annotated[int, Within(least=1, most=2**31 - 1)],
+    max_evaluations: int,
     on_step: Callable[[int, float], None] | None = None,
 ) -> LocalMinimum:
     """Minimise the misfit from `start`, shape (n_params,), inside `box`, by the Levenberg-Marquardt method of SciPy.
 
-    Parameters
-    ----------
-    max_evaluations
-        Largest number of evaluations of the residuals with their Jacobian.
-    on_step
-        Called with the number of evaluations so far and the misfit; not if the result is recalled from a journal.
+    `max_evaluations`: largest number of evaluations of the residuals with their Jacobian. `on_step`: called with the
+    number of evaluations so far and the misfit; not if the result is recalled from a journal.
     """
     found = objective.once(
         "descent",
@@ -315,7 +308,7 @@ class Hopeless:
 def find_minima(
     objective: Objective,
     box: Box,
-    starts: Annotated[NDArray[np.float64], Shape(("n_starts", "n_params"))],
+    starts: NDArray[np.float64],
     *,
     max_iterations: Count,
     tolerance: float = TOLERANCE,
@@ -327,14 +320,8 @@ def find_minima(
     Damping is relative to the sensitivity of each parameter, the largest so far (Moré, Lecture Notes in Mathematics
     630, 1978, 105-116). The result of a start does not depend on the other starts, unless `hopeless` ones are given up.
 
-    Parameters
-    ----------
-    tolerance
-        A start has converged once a step lowers its squared misfit by less than this share.
-    hopeless
-        Rule by which starts are given up; none by default.
-    on_iteration
-        Called after each iteration with the present points.
+    `tolerance`: a start has converged once a step lowers its squared misfit by less than this share. `hopeless`: rule
+    by which starts are given up; none by default. `on_iteration`: called after each iteration with the present points.
     """
     state = _initial(objective, box, starts)
     iterations = 0

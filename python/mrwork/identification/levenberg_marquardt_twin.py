@@ -177,11 +177,8 @@ def find_minimum_on_twin(
     The misfit of the result is that of the Rust core, with the numbers of sub-steps that the stiffness bound requires.
     Where these differ from those of the minimisation, it is repeated with them.
 
-    Parameters
-    ----------
-    on_step
-        Called after every step with the number of steps so far and the misfit; not if the result is recalled from a
-        journal.
+    `on_step`: called after every step with the number of steps so far and the misfit; not if the result is recalled
+    from a journal.
     """
     found = objective.once(
         "refinement", TwinMinimum, lambda: _minimise_on_twin(objective, box, start, on_step), box, start

@@ -14,15 +14,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.arguments import Seed, Shape, Within
+from mrwork.arguments import Seed
 from mrwork.command_signal import command_level
 from mrwork.dampers.coordinates import ON_BOUND, Box
-from mrwork.errors import Interrupted, SettingError
+from mrwork.errors import Interrupted
 from mrwork.identification.levenberg_marquardt import Hopeless, LocalMinima, find_minima
 from mrwork.identification.objective import Objective
 from mrwork.identification.settings import Multistart
@@ -164,8 +163,8 @@ def search_starts(
     settings: Multistart,
     *,
     rng: Seed,
-    mirrored: tuple[Annotated[int, Within(least=0)], ...] = (),
-    nested: Annotated[NDArray[np.float64], Shape(("n_starts", "n_params"))] | None = None,
+    mirrored: tuple[int, ...] = (),
+    nested: NDArray[np.float64] | None = None,
     suspicious: float = math.inf,
     on_iteration: Callable[[MultistartResult, float], None] | None = None,
 ) -> MultistartResult:
@@ -177,30 +176,14 @@ def search_starts(
     misfit is not `suspicious`, and it has been found again; a minimum on a bound takes one more round than others. Once
     enough minimisations agree, slow ones that are behind are given up, see `Hopeless`.
 
-    Parameters
-    ----------
-    rng
-        Seed; the same seed gives the same bits on any number of threads.
-    mirrored
-        Parameters whose signs can be changed together with little effect, but across a barrier that no local
-        minimisation crosses; a further one starts from the mirror image of the best minimum.
-    nested
-        Further starts of the first round, shape (n_starts, n_params).
-    suspicious
-        Least misfit above which the search does not end early, because a simpler description is as good.
-    on_iteration
-        Called after every iteration with the result so far and the share of the allowed iterations that is used up.
+    `rng`: seed; the same seed gives the same bits on any number of threads. `mirrored`: parameters whose signs can be
+    changed together with little effect, but across a barrier that no local minimisation crosses; a further one starts
+    from the mirror image of the best minimum. `nested`: further starts of the first round, shape (n_starts, n_params).
+    `suspicious`: least misfit above which the search does not end early, because a simpler description is as good.
+    `on_iteration`: called after every iteration with the result so far and the share of the allowed iterations that is
+    used up.
     """
-    n_free, n_params = len(searched.free), len(box.names)
-    if (nested is not None and nested.shape[1] != n_params) or any(each >= n_params for each in mirrored):
-        raise SettingError(
-            f"`nested` and `mirrored` are of a model with {n_params} parameters; give starts and indices of these"
-        )
-    if any(box.log[each] for each in mirrored):
-        raise SettingError(
-            f"`mirrored` has {', '.join(box.names[each] for each in mirrored if box.log[each])}, positive on a "
-            "logarithmic scale; give parameters of either sign"
-        )
+    n_free = len(searched.free)
     streams = Streams(rng=rng, replicate=np.zeros(1, dtype=np.int64), generation=np.zeros(1, dtype=np.int64))
     sample = latin_hypercube(streams, settings.samples * n_free, n_free)[0]
     samples, misfit = scaled_to_force(objective, searched, np.asarray(searched.theta_from_unit(sample)))
@@ -308,10 +291,7 @@ def scaled_to_force(
 def distinct_minima(box: Box, theta: NDArray[np.float64], misfit: NDArray[np.float64]) -> NDArray[np.float64]:
     """The best minimum, and up to two distant ones whose misfit is as good within 1 %; one to three rows.
 
-    Parameters
-    ----------
-    theta, misfit
-        Minima, best first, shape (n_minima, n_params) and (n_minima,).
+    `theta`, `misfit`: minima, best first, shape (n_minima, n_params) and (n_minima,).
     """
     unit = np.asarray(box.unit_from_theta(theta))
     chosen = [0]
@@ -358,12 +338,8 @@ def minima_from(
 ) -> NDArray[np.float64]:
     """The `distinct_minima` that local minimisations from these starts reach, in one batch; one to three rows.
 
-    Parameters
-    ----------
-    starts
-        Shape (n_starts, n_params).
-    mirrored
-        As in `search_starts`: a further minimisation starts from the mirror image of the best minimum.
+    `starts`: shape (n_starts, n_params). `mirrored`: as in `search_starts`: a further minimisation starts from the
+    mirror image of the best minimum.
     """
     settings = Multistart()
     found = _descend(objective, box, starts, settings, on_iteration=on_iteration)

@@ -13,7 +13,7 @@ from mrwork.dampers.spec import DamperSpec
 from mrwork.keys import SMALLEST
 from mrwork.records import DamperTest
 from mrwork.records.checks import FORCE_OFFSET
-from mrwork.records.observation import delayed
+from mrwork.records.damper_test import delayed
 from mrwork.summary import listed
 
 NuisanceName = Literal["offset", "level", "delay"]

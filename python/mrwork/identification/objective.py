@@ -18,7 +18,8 @@ from mrwork.identification.residual import ObservedTest
 from mrwork.identification.settings import EQUAL_SHARES, ROOT_MEAN_SQUARE, FitSettings
 from mrwork.records import AS_IT_IS, DamperTest
 from mrwork.simulate import Misfits, Outcome, simulate_misfits
-from mrwork.store import Journal, digest_of
+from mrwork.store.codec import digest_of
+from mrwork.store.journal import Journal
 from mrwork.summary import Summarised
 
 # Number of rows whose residuals are in memory at once where a misfit needs the whole history.
@@ -143,13 +144,7 @@ class Objective(Summarised):
         )
 
     def refuse_observation(self) -> None:
-        """Refuse tests with an observation model, which the twin does not have.
-
-        Raises
-        ------
-        SettingError
-            Where a test has one; the message names the test.
-        """
+        """Refuse tests with an observation model, which the twin does not have."""
         for test in self.tests:
             if test.observation != AS_IT_IS:
                 raise SettingError(
@@ -339,7 +334,6 @@ class Objective(Summarised):
 
 
 def _squares(residuals: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Sum of squares of each row, shape (n_batch,)."""
     return np.asarray(np.einsum("bt,bt->b", residuals, residuals))
 
 

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec, damper
-from mrwork.identification.covariance import Slopes, covariance_at, standard_errors
 from mrwork.identification.equivalent import Form, identifiable_form
 from mrwork.identification.global_search import StartingPoints
 from mrwork.identification.levenberg_marquardt import (
@@ -26,6 +25,7 @@ from mrwork.identification.levenberg_marquardt import (
 from mrwork.identification.multistart import distinct_minima, minima_from
 from mrwork.identification.objective import Objective
 from mrwork.identification.problem import Problem, rate_is_shown
+from mrwork.identification.result import Slopes, covariance_at, standard_errors
 from mrwork.values import holds_arrays
 
 # Largest number of evaluations: of the final fit, of the screening of each start, and of the second screening, which
@@ -149,13 +149,9 @@ def screened(
 
     Returns the `distinct_minima`, shape (1 or 2, n_params).
 
-    Parameters
-    ----------
-    mirrored
-        Parameters whose signs can be changed together with little effect, but across a barrier that no local
-        minimisation crosses; a further one starts from the mirror image of the best minimum.
-    on_start
-        Called after every minimisation with the best so far and the share of the work that is done.
+    `mirrored`: parameters whose signs can be changed together with little effect, but across a barrier that no local
+    minimisation crosses; a further one starts from the mirror image of the best minimum. `on_start`: called after every
+    minimisation with the best so far and the share of the work that is done.
     """
     done = 0
     total = len(starts) + min(_SCREENED_TWICE, len(starts)) + bool(mirrored)
@@ -248,11 +244,6 @@ class Ended:
     warnings: tuple[str, ...] = ()
 
     @property
-    def objective_value(self) -> float:
-        """What the search has minimised."""
-        return float(self.problem.objective(self.polished.theta[None])[0])
-
-    @property
     def misfit(self) -> float:
         """Root mean square of the NRMSE of all tests, whatever the power of the objective."""
         return float(self.problem.objective.plain(self.polished.theta[None])[0])
@@ -286,7 +277,8 @@ def polish_with_wanted_lag(
     polished = polish(plain, starts, on_start=lambda _minimum, _share: None, on_step=on_step)
     without = Ended(problem=plain, polished=polished)
     missing = missing_lag(plain.form.spec, plain.objective, polished.theta)
-    if missing is not None and missing.misfit_with < lagged.objective_value:
+    minimised = float(lagged.problem.objective(lagged.polished.theta[None])[0])
+    if missing is not None and missing.misfit_with < minimised:
         # The search with the lag has ended in a false minimum.
         start = replace(points, theta=problem.inside([*polished.theta, missing.rate])[None], minima=True)
         again = polish(problem, start, on_start=on_start, on_step=on_step)
@@ -295,7 +287,6 @@ def polish_with_wanted_lag(
 
 
 def _without_lag(problem: Problem) -> Problem:
-    """The same problem for the model without the lag, in the same box."""
     spec = _with_lag(problem.spec, lagged=False)
     rate = problem.spec.names[-1]
 

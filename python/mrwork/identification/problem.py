@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
 from math import isfinite
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,10 +22,17 @@ from mrwork.identification.equivalent import Form, identifiable_form
 from mrwork.identification.fit import Fit, Provenance
 from mrwork.identification.nuisance import bounds_without_offsets, offset_warning
 from mrwork.identification.objective import Objective
-from mrwork.identification.settings import ROOT_MEAN_SQUARE, FitSettings, Multistart, Search, Start, method_of
+from mrwork.identification.settings import (
+    ROOT_MEAN_SQUARE,
+    FitSettings,
+    Multistart,
+    Search,
+    Start,
+    refuse_unregistered,
+)
 from mrwork.records import DamperTest, observed
-from mrwork.store import Journal, digest_of
-from mrwork.store.codec import package_version
+from mrwork.store.codec import digest_of, package_version
+from mrwork.store.journal import Journal
 from mrwork.summary import listed
 
 _PACKAGES = ("mrwork", "numpy", "scipy", "jax", "optimistix")
@@ -57,7 +65,7 @@ class Problem:
     ) -> Problem:
         """Complete the settings, check them against the model and the tests, and prepare the simulation."""
         settings = _complete_settings(settings, spec)
-        method_of(_search_of(settings)).check_runs()
+        refuse_unregistered(_search_of(settings))
         _check_starts(spec, identifiable_form(spec, settings.bounds), settings.starts)
         problem = cls._prepare(spec, tests, settings, threads=threads, journal=journal)
         if not problem.form.box.free:
@@ -119,7 +127,6 @@ class Problem:
 
 
 def _search_of(settings: FitSettings) -> Search:
-    """The search of complete settings."""
     assert settings.search is not None
     assert not isinstance(settings.search, str)
     return settings.search
@@ -138,11 +145,8 @@ def provenance_of(problem: Problem) -> Provenance:
     """Versions, inputs by hash, and settings of an identification."""
     tests = problem.objective.tests
     record = problem.settings.as_record()
-    return Provenance(
-        versions={"python": platform.python_version()} | {name: package_version(name) for name in _PACKAGES},
-        instruction_set=_rust.instruction_set(),
-        inputs={test.label: test.sha256 for test in tests},
-        settings={name: value for name, value in record.items() if name not in _SEPARATE}
+    return provenance_with(
+        {name: value for name, value in record.items() if name not in _SEPARATE}
         | {
             "windows": {
                 test.label: {
@@ -154,7 +158,22 @@ def provenance_of(problem: Problem) -> Provenance:
                 for test in tests
             },
         },
+        tests,
+        packages=_PACKAGES,
         rng=problem.settings.rng,
+    )
+
+
+def provenance_with(
+    settings: dict[str, Any], tests: Sequence[DamperTest], *, packages: Sequence[str], rng: int
+) -> Provenance:
+    """Provenance of a result of these settings, with the versions of the packages that compute it."""
+    return Provenance(
+        versions={"python": platform.python_version()} | {name: package_version(name) for name in packages},
+        instruction_set=_rust.instruction_set(),
+        inputs={test.label: test.sha256 for test in tests},
+        settings=settings,
+        rng=rng,
         created=datetime.now(UTC).isoformat(timespec="seconds"),
     )
 
@@ -230,7 +249,6 @@ def prediction_warning(spec: DamperSpec, tests: Sequence[DamperTest]) -> tuple[s
 
 
 def _digest_command(command: Command | None) -> float | str | None:
-    """A constant command, or the digest of one that varies."""
     return digest_of(command) if isinstance(command, np.ndarray) else command
 
 
@@ -315,7 +333,6 @@ def _rate_warning(spec: DamperSpec, form: Form, tests: Sequence[DamperTest]) -> 
 
 
 def _check_starts(spec: DamperSpec, form: Form, starts: Sequence[Start]) -> None:
-    """Refuse starts that cannot be used, before the search."""
     for start in starts:
         for name, value in start.items():
             if name not in spec.names:

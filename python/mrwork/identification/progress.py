@@ -11,10 +11,10 @@ from typing import Annotated, Any, Literal, TypeVar
 
 import numpy as np
 
-from mrwork.arguments import Within
 from mrwork.errors import Interrupted
-from mrwork.store import Journal
+from mrwork.keys import Within
 from mrwork.store.codec import built
+from mrwork.store.journal import Journal
 
 T = TypeVar("T")
 
@@ -73,7 +73,6 @@ def _wait_for(thread: threading.Thread) -> None:
 
 
 def _processors() -> int:
-    """Number of processors of this process."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 

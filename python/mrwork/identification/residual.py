@@ -24,7 +24,7 @@ from mrwork.identification.nuisance import (
 from mrwork.records import AS_IT_IS, DamperTest
 from mrwork.records.damper_test import loading_of
 from mrwork.records.detectors.velocity import refuse_velocity
-from mrwork.simulate import Outcome, simulate_forces, simulate_sensitivities, stiffness_shares
+from mrwork.simulate import Outcome, simulate_forces, simulate_sensitivities
 from mrwork.values import holds_arrays
 
 Array = NDArray[np.float64]
@@ -97,10 +97,6 @@ class ObservedTest:
         failed = run.outcome != Outcome.FINISHED
         run.force[failed] = 0.0
         return self.test.observation.observe(run.force, self.test.dt), failed
-
-    def stiffness_share(self, theta: Array) -> Array:
-        """Stiffness of each row of `theta`, shape (n_batch,), as a share of the largest that is simulated here."""
-        return stiffness_shares(self.spec, theta, self.history)
 
     def residuals(self, theta: Array, *, threads: int = 0) -> tuple[Array, NDArray[np.bool_]]:
         """Residuals of each row of `theta` [N], shape (n_batch, n_counted), and which rows failed."""

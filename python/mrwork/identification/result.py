@@ -1,8 +1,15 @@
-"""The fit at a minimum: free runs on the tests, estimates of the parameters, and its cost in a building."""
+"""The fit at a minimum: free runs on the tests, estimates of the parameters with standard errors, cost in a building.
+
+One rule of effective samples is used everywhere: standard errors, tempering of a posterior, profiles, verdicts, plans,
+blocks of a cross-validation and the residual tests of a report. It is n / tau with the integrated autocorrelation time
+tau, summed over the initial monotone sequence of Geyer (1992). In theory the sums of adjacent correlations decrease
+with the lag; one that increases is chance, and counts as the least before it. Geyer's initial positive sequence counts
+such sums in full, and estimated a third too few samples for nearly white residuals.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from math import isfinite
@@ -25,6 +32,7 @@ from mrwork.identification.fit import (
     SearchTrace,
 )
 from mrwork.identification.nuisance import NONE, Nuisance, NuisanceName
+from mrwork.identification.objective import Objective, linearised
 from mrwork.identification.problem import Problem, provenance_of
 from mrwork.identification.residual import ObservedTest
 from mrwork.records import DamperTest, RecordedMotion
@@ -33,6 +41,7 @@ from mrwork.records.operating_range import range_of_tests
 from mrwork.simulate import stiffness_shares
 from mrwork.summary import listed
 from mrwork.tested_range import OperatingRange
+from mrwork.values import holds_arrays
 
 
 def free_run(
@@ -45,10 +54,7 @@ def free_run(
 ) -> tuple[NDArray[np.float64], FitQuality]:
     """Free-run simulation of a model on a test: the force as recorded [N], shape (n_time,), and its quality.
 
-    Parameters
-    ----------
-    nuisances
-        Parameters that are estimated from the test itself before the comparison.
+    `nuisances`: parameters that are estimated from the test itself before the comparison.
     """
     observed = ObservedTest.of(spec, test, nuisances)
     force, nuisance, substeps = observed.predicted(theta, substep_factor=substep_factor)
@@ -102,7 +108,6 @@ def fit_quality(
 
 
 def _lag_one(residual: NDArray[np.float64]) -> float:
-    """Autocorrelation of the residual at a lag of one sample."""
     centred = residual - residual.mean()
     power = float(centred @ centred)
     return float(centred[1:] @ centred[:-1]) / power if power > 0.0 else 0.0
@@ -173,10 +178,7 @@ def remarks_of(form: Form, theta: NDArray[np.float64]) -> tuple[Remark, ...]:
 
     Such a parameter depends on parameters of the form that are fixed or on a bound, and on no others.
 
-    Parameters
-    ----------
-    theta
-        Parameters of the form, shape (n_params,).
+    `theta`: parameters of the form, shape (n_params,).
     """
     own = [remark_of(form.box, index, float(value)) for index, value in enumerate(theta)]
     found: list[Remark] = []
@@ -213,14 +215,8 @@ def fit_at(
 ) -> Fit:
     """The fit at the parameters `theta` of the problem's form, shape (n_params,).
 
-    Parameters
-    ----------
-    errors
-        Standard errors, shape (n_params,), of the requested model, where they are known.
-    n_effective
-        Effective number of samples that they assume.
-    steps
-        Number of steps of the final fit.
+    `errors`: standard errors, shape (n_params,), of the requested model, where they are known. `n_effective`: effective
+    number of samples that they assume. `steps`: number of steps of the final fit.
     """
     spec, objective = problem.spec, problem.objective
     values = np.asarray(problem.form.to_model(theta))
@@ -349,3 +345,151 @@ def _remedy(fit: Fit, cheap: Sequence[Fit]) -> str:
     return (
         f"{best.model}, which has no states, fits {as_well} ({both}): use it in studies of the tested range"
     )
+
+
+# A combination of parameters (each scaled to unit sensitivity) that changes the residuals less than this, relative to
+# the one that changes them most, is not identifiable. Rounding leaves about 1e-11. The same number bounds the squared
+# component of a parameter that takes part in such a combination.
+INSENSITIVE = 1e-7
+
+
+@holds_arrays
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Slopes:
+    """Residuals of an objective at a minimum, shape (n_residuals,), and their derivatives, (n_free, n_residuals).
+
+    The derivatives are those by the parameters that the form varies, at its parameters `theta`. Covariance,
+    identifiability and the noise of the motion follow from them.
+    """
+
+    objective: Objective
+    form: Form
+    theta: NDArray[np.float64]
+    residuals: NDArray[np.float64]
+    by_free: NDArray[np.float64]
+
+    @classmethod
+    def at(cls, objective: Objective, form: Form, theta: NDArray[np.float64]) -> Slopes:
+        """Simulate the tests once with derivatives; they give the residuals where no parameter is free."""
+        (residuals,), (by_free,) = linearised(objective, theta[None], form.box.free)
+        return cls(objective=objective, form=form, theta=theta, residuals=residuals, by_free=by_free)
+
+    @property
+    def interior(self) -> list[int]:
+        """Parameters of the form that are free and not on a bound."""
+        return [i for i in self.form.box.free if remark_of(self.form.box, i, float(self.theta[i])) == ""]
+
+    def by_interior(self) -> NDArray[np.float64]:
+        """Derivatives by the parameters that are not on a bound, shape (n_interior, n_residuals)."""
+        interior, free = self.interior, list(self.form.box.free)
+        return self.by_free if interior == free else self.by_free[[free.index(each) for each in interior]]
+
+    def by_model(self) -> NDArray[np.float64]:
+        """Derivatives by the parameters of the requested model, shape (n_residuals, n_params).
+
+        By the chain rule through the form; zero for parameters that the form does not vary.
+        """
+        mapped = self.form.from_model.jacobian(np.asarray(self.form.to_model(self.theta)))
+        return np.asarray(self.by_free.T @ mapped[list(self.form.box.free)])
+
+
+def covariance_at(slopes: Slopes) -> tuple[NDArray[np.float64], float]:
+    """Covariance of the parameters of the requested model, and the number of samples that it assumes.
+
+    The covariance has shape (n_params, n_params), with zeros for parameters that do not vary and NaN for those that the
+    residuals do not determine. The residuals of a record are correlated, so they count as `effective_samples`, and the
+    covariance is that of independent residuals times `n_residuals/n_effective`. A parameter of the form on its bound is
+    treated as known.
+    """
+    residuals, interior, n_params = slopes.residuals, slopes.interior, len(slopes.theta)
+    n_effective = effective_samples(residuals_by_test(residuals, slopes.objective.tests))
+    cov = np.zeros((n_params, n_params))
+    if interior:
+        independent = covariance(slopes.by_interior().T, float(np.linalg.norm(residuals)))
+        cov[np.ix_(interior, interior)] = independent * (residuals.size / n_effective)
+    return covariance_through(slopes.form.to_model.jacobian(slopes.theta), cov), n_effective
+
+
+def standard_errors(cov: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Standard errors, shape (n_params,), of a covariance: 0 for what does not vary, NaN for what is undetermined."""
+    return np.asarray(np.sqrt(np.diag(cov)))
+
+
+def covariance(jacobian: NDArray[np.float64], misfit: float) -> NDArray[np.float64]:
+    """Covariance for independent residuals, shape (n_params, n_params); NaN where columns are not identifiable.
+
+    `cov = s^2 (J'J)^-1` with `s^2 = misfit^2 / (n_residuals - n_params)`, for the Jacobian of residuals whose sum
+    of squares is the squared misfit. Parameters that take part in a combination to which the residuals are insensitive
+    have NaN in their rows and columns.
+    """
+    n_residuals, n_params = jacobian.shape
+    result = np.full((n_params, n_params), np.nan)
+    norm = np.linalg.norm(jacobian, axis=0)
+    sensitive = np.flatnonzero(norm > 0.0)
+    if sensitive.size == 0 or n_residuals <= n_params or not np.all(np.isfinite(jacobian)):
+        return result
+    _, singular, right = np.linalg.svd(jacobian[:, sensitive] / norm[sensitive], full_matrices=False)
+    determined = singular > INSENSITIVE * singular[0]
+    variance = misfit**2 / (n_residuals - n_params)
+    root = right[determined].T / singular[determined] / norm[sensitive, None]
+    block = variance * root @ root.T
+    undetermined = np.sum(right[~determined] ** 2, axis=0) > INSENSITIVE
+    block[undetermined, :] = np.nan
+    block[:, undetermined] = np.nan
+    result[np.ix_(sensitive, sensitive)] = block
+    return result
+
+
+def covariance_through(map_jacobian: NDArray[np.float64], cov: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Covariance of mapped parameters, shape (n_mapped, n_mapped), by the delta method.
+
+    NaN propagates to what depends on it, and no further.
+    """
+    used = [np.flatnonzero(row) for row in map_jacobian]
+    return np.array(
+        [
+            [
+                row[here] @ cov[np.ix_(here, there)] @ other[there]
+                for other, there in zip(map_jacobian, used, strict=True)
+            ]
+            for row, here in zip(map_jacobian, used, strict=True)
+        ]
+    )
+
+
+def autocorrelation_time(residual: ArrayLike) -> float:
+    """Integrated autocorrelation time of a series, shape (n_time,), in samples; 1 for independent samples.
+
+    `tau = 1 + 2 sum_k rho_k` over the initial monotone sequence: pairs `rho_2m + rho_2m+1`, each no larger than those
+    before it, until the first that is not positive (Geyer, Statistical Science 7, 1992, 473-483). The correlation is
+    about zero, not about the mean, because the mean residual is model error. Alternating samples count as
+    independent, not as more.
+
+    The sum for a residual that repeats with the excitation ends at its first change of sign, so that repeated cycles
+    count as independent: the time is a lower limit there.
+    """
+    series = np.asarray(residual, dtype=np.float64)
+    n_time = series.size
+    # Zero-padded, so that the correlation is not circular.
+    spectrum = np.fft.rfft(series, 2 * n_time)
+    covariance = np.fft.irfft(np.abs(spectrum) ** 2, 2 * n_time)[:n_time]
+    if covariance[0] == 0.0:
+        return 1.0
+    rho = covariance / covariance[0]
+    pairs = rho[: n_time - n_time % 2].reshape(-1, 2).sum(axis=1)
+    negative = np.flatnonzero(pairs <= 0.0)
+    positive = pairs[: negative[0]] if negative.size else pairs
+    return max(2.0 * float(np.minimum.accumulate(positive).sum()) - 1.0, 1.0)
+
+
+def effective_samples(residuals: Iterable[ArrayLike]) -> float:
+    """Effective number of samples of all tests, from the residuals of each, shape (n_counted,)."""
+    return float(sum(np.size(each) / autocorrelation_time(each) for each in residuals))
+
+
+def residuals_by_test(
+    residuals: NDArray[np.float64], tests: Sequence[DamperTest]
+) -> tuple[NDArray[np.float64], ...]:
+    """Residuals of an objective, shape (..., n_residuals), divided into those of its tests, shape (..., n_counted)."""
+    ends = np.cumsum([test.n_counted for test in tests])
+    return tuple(np.split(residuals, ends[:-1], axis=-1))

@@ -10,15 +10,14 @@ from numpy.typing import NDArray
 
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec
-from mrwork.identification.equivalent import search_box
+from mrwork.identification.equivalent import fitted_law, joint_box, plain_of, search_box
 from mrwork.identification.global_search import (
     OnSearch,
     StartingPoints,
     interrupted_at,
-    joined_trace,
     search_elite,
+    trace_of_generations,
 )
-from mrwork.identification.law_coefficients import fitted_law, joint_box, plain_of
 from mrwork.identification.level_search import refuse_few_levels, tested_commands
 from mrwork.identification.levenberg_marquardt import LocalMinima
 from mrwork.identification.multistart import minima_from
@@ -134,7 +133,7 @@ def points_from_scaled_forces(
         starts[:, -1] *= np.resize(_RATES, len(starts))
     box = joint_form.box
     starts = np.array([box.inside(start) for start in np.clip(starts, box.lower, box.upper)])
-    trace = joined_trace([found])
+    trace = trace_of_generations(found)
 
     def on_iteration(minima: LocalMinima) -> None:
         misfits = minima.misfit[np.isfinite(minima.misfit)]

@@ -7,14 +7,13 @@ from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
 from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any, Literal, Protocol, TypeAlias, get_args, get_type_hints
+from typing import Any, Literal, TypeAlias, get_args, get_type_hints
 
 from mrwork.arguments import Count, Level, Seed, checked
 from mrwork.errors import RecordError, SettingError, UnknownNameError
 from mrwork.identification.nuisance import NuisanceName
 from mrwork.records import DamperTest, read_damper_test, repair
-from mrwork.records.observing import DETECT, NONE, as_words
-from mrwork.records.repairs import RepairKind
+from mrwork.records.repairs import DETECT, RepairKind, as_words
 from mrwork.records.window import counted_from, cut
 from mrwork.search.loop import Optimiser
 from mrwork.store.codec import LowerBound, UpperBound, built, record_of
@@ -75,78 +74,29 @@ class UnregisteredSearch:
 Search: TypeAlias = Multistart | UnregisteredSearch | Optimiser[Any]
 
 
-class SearchMethod(Protocol):
-    """How an identification uses one kind of search."""
-
-    @property
-    def has_generations(self) -> bool:
-        """Whether the settings include the size of a population and a largest number of generations."""
-
-    def resized(self, *, population: int | None = None, generations: int | None = None) -> Search:
-        """The search with another population or largest number of generations; `None` keeps the present one."""
-
-    def check_runs(self) -> None:
-        """Refuse a search that cannot run."""
+def has_generations(search: Search) -> bool:
+    """Whether the settings of a search have the size of a population and a largest number of generations."""
+    return not isinstance(search, Multistart | UnregisteredSearch)
 
 
-@dataclass(frozen=True, slots=True)
-class _MultistartMethod:
-    search: Multistart
-    has_generations: bool = False
-
-    def resized(self, *, population: int | None = None, generations: int | None = None) -> Search:
-        if population is not None or generations is not None:
-            raise SettingError("Multistart has no population and no generations; leave them out")
-        return self.search
-
-    def check_runs(self) -> None:
-        pass
+def resized(search: Search, *, population: int | None = None, generations: int | None = None) -> Search:
+    """The search with another population or largest number of generations; `None` keeps the present one."""
+    # Any, because the protocol of optimisers does not declare that the settings are a dataclass.
+    settings: Any = search
+    if population is not None:
+        settings = replace(settings, population=population)
+    if generations is not None:
+        settings = replace(settings, stop=replace(settings.stop, max_generations=generations))
+    return settings  # type: ignore[no-any-return] # of the same class
 
 
-@dataclass(frozen=True, slots=True)
-class _OptimiserMethod:
-    # Any, because the protocol does not declare that the settings are a dataclass.
-    search: Any
-    has_generations: bool = True
-
-    def resized(self, *, population: int | None = None, generations: int | None = None) -> Search:
-        settings = self.search
-        if population is not None:
-            settings = replace(settings, population=population)
-        if generations is not None:
-            settings = replace(settings, stop=replace(settings.stop, max_generations=generations))
-        found: Search = settings
-        return found
-
-    def check_runs(self) -> None:
-        pass
-
-
-@dataclass(frozen=True, slots=True)
-class _UnregisteredMethod:
-    search: UnregisteredSearch
-    has_generations: bool = False
-
-    def resized(self, *, population: int | None = None, generations: int | None = None) -> Search:
-        raise self._refusal()
-
-    def check_runs(self) -> None:
-        raise self._refusal()
-
-    def _refusal(self) -> SettingError:
-        return SettingError(
-            f"the search {self.search.kind} of this fit is not registered, so it cannot run again from a file; "
-            f"identify again with an instance of {self.search.kind} or the name of a registered search as `search`"
-        )
-
-
-def method_of(search: Search) -> SearchMethod:
-    """How an identification uses this search."""
-    if isinstance(search, Multistart):
-        return _MultistartMethod(search)
+def refuse_unregistered(search: Search) -> None:
+    """Refuse a search whose code is not known."""
     if isinstance(search, UnregisteredSearch):
-        return _UnregisteredMethod(search)
-    return _OptimiserMethod(search)
+        raise SettingError(
+            f"the search {search.kind} of this fit is not registered, so it cannot run again from a file; "
+            f"identify again with an instance of {search.kind} or the name of a registered search as `search`"
+        )
 
 
 @cache
@@ -380,8 +330,6 @@ class FitSettings:
                 for name, kind in _recorded_kinds().items()
                 if name in record
             }
-            # Before there was this setting, observation models were those of the tests.
-            known.setdefault("observe", (NONE,))
             return cls(
                 search=None if search is None else _search_of_record(search),
                 **known,

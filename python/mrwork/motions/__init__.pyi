@@ -13,10 +13,10 @@ from .spectrum import ResponseSpectrum as ResponseSpectrum
 from .spectrum import ShakeTable as ShakeTable
 from .spectrum import fitted_spectrum as fitted_spectrum
 from .spectrum import response_spectrum as response_spectrum
-from .suites import suite as suite
 from .synthetic import near_fault_pulse as near_fault_pulse
 from .synthetic import sine as sine
 from .synthetic import sine_sweep as sine_sweep
+from .synthetic import suite as suite
 from .synthetic import synthetic_motion as synthetic_motion
 
 if True:  # the lower tier

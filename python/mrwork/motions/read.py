@@ -1,23 +1,394 @@
-"""Read ground motions from files; the format is recognised by the content."""
+"""Read ground motions from files; the format is recognised by the content.
+
+What is no format of a network is a table: text columns with or without names, accelerations with a stated step, or a
+.mat file.
+"""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+import re
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
 from mrwork.arguments import checked
-from mrwork.errors import RecordError
-from mrwork.files.delimited import read_text_bytes
-from mrwork.files.named_columns import listed_files
-from mrwork.motions.formats.format import Format, Stated, lines_of, refuse_absurd, refuse_needless
-from mrwork.motions.formats.networks import COSMOS, ESM, K_NET, PEER_AT2, refuse_false_at2
-from mrwork.motions.formats.table import TABLE, read_matrix_motion, read_regular_motion
+from mrwork.errors import RecordError, SettingError, UnitError
+from mrwork.files.delimited import DelimitedTable, encoding_of, read_text_bytes, regular_table
+from mrwork.files.layout import DECIMAL_COMMA
+from mrwork.files.matlab import open_matlab, read_matlab_matrices
+from mrwork.files.named_columns import LONGEST_NAME, ColumnTable, VectorTable, listed_files, rounded_grid
+from mrwork.keys import SMALLEST
 from mrwork.motions.ground_motion import GroundMotion
+from mrwork.motions.networks import (
+    COSMOS,
+    ESM,
+    K_NET,
+    PEER_AT2,
+    Format,
+    Lines,
+    Stated,
+    is_number,
+    lines_of,
+    read_numbers,
+    recorded,
+    refuse_absurd,
+    refuse_false_at2,
+    refuse_needless,
+    shown,
+)
 from mrwork.store.input_file import RECORD, is_file, is_folder, start_of
+from mrwork.units import factor_of, factor_to_si, known_units
+from mrwork.values import Floats
+
+# Steps that differ by less, relative to their median, count as equal.
+_JITTER = 1e-3
+# A last sample of zero this long after the others [s], and in steps, is padding and not part of the record.
+_PADDING = 1.0
+_PADDING_STEPS = 20.0
+
+
+def motion_of_columns(
+    time: Floats, acceleration: Floats, *, name: str, source: str, where: Callable[[int], str]
+) -> GroundMotion:
+    """Build a motion from times [s] and accelerations [m/s^2], shape (n_time,); `where` names a row in messages.
+
+    `changes` lists what was done. Steps that are equal up to jitter or rounding are taken as uniform without changing
+    the samples; otherwise the record is resampled by linear interpolation.
+    """
+    changes: list[str] = []
+    for values, what in ((time, "time"), (acceleration, "acceleration")):
+        if not np.isfinite(values).all():
+            row = int(np.flatnonzero(~np.isfinite(values))[0])
+            raise RecordError(
+                f"{where(row)}: the {what} is no finite number; correct the value or delete the row"
+            )
+    if time.size < 2:
+        raise RecordError(f"{where(0)}: the record has {time.size} rows; give two or more")
+    wrong = np.flatnonzero(np.diff(time) <= 0.0)
+    if wrong.size:
+        row = int(wrong[0]) + 1
+        raise RecordError(
+            f"{where(row)}: time goes from {time[row - 1]:g} to {time[row]:g} s; sort the rows, and write times with "
+            "digits enough to differ"
+        )
+    if _ends_in_padding(time, acceleration):
+        changes.append(
+            f"last point dropped: zero at {time[-1]:g} s, {time[-1] - time[-2]:g} s behind the others, is padding"
+        )
+        time, acceleration = time[:-1], acceleration[:-1]
+    dt, acceleration, change = _on_one_step(time, acceleration, where)
+    if change:
+        changes.append(change)
+    return GroundMotion(name=name, dt=dt, acceleration=acceleration, source=source, changes=tuple(changes))
+
+
+def _ends_in_padding(time: Floats, acceleration: Floats) -> bool:
+    if time.size < 4 or acceleration[-1] != 0.0:
+        return False
+    last = float(time[-1] - time[-2])
+    return last > _PADDING and last > _PADDING_STEPS * float(np.diff(time[:-1]).max())
+
+
+def _on_one_step(
+    time: Floats, acceleration: Floats, where: Callable[[int], str]
+) -> tuple[float, Floats, str]:
+    """Step [s], samples, and a description of the change."""
+    steps = np.diff(time)
+    duration = float(time[-1] - time[0])
+    mean, median = duration / steps.size, float(np.median(steps))
+    # In a long record, times written with few digits differ in the last digit.
+    regular = np.abs(steps - median) <= _JITTER * median + 2.0 * np.spacing(np.abs(time).max())
+    if regular.all():
+        return mean, acceleration, ""
+    uniform = rounded_grid(time)
+    if uniform is not None:
+        dt = float(uniform[-1] - uniform[0]) / steps.size
+        return dt, acceleration, f"times written to {np.ptp(steps):.3g} s taken as uniform, every {dt:.6g} s"
+    if not regular.any():
+        raise RecordError(f"{where(0)}: no two times have a common step; check the column of times")
+    dt = float(steps[regular].mean())
+    # Regular steps are taken as equal, so that their samples are kept and not interpolated.
+    knots = np.concatenate(([0.0], np.cumsum(np.where(regular, dt, steps))))
+    n_time = int(np.floor(knots[-1] / dt + 1e-6)) + 1
+    if n_time > 2 * time.size:
+        row = int(np.argmax(steps)) + 1
+        raise RecordError(
+            f"{where(row)}: a gap of {steps[row - 1]:.4g} s before it, and steps of {dt:.4g} s elsewhere, leave most "
+            "of the record empty; cut out one continuous part"
+        )
+    odd = int(np.count_nonzero(~regular))
+    count = "one step differs" if odd == 1 else f"{odd} steps differ"
+    worst = steps[~regular][np.argmax(np.abs(steps[~regular] - dt))]
+    change = f"resampled every {dt:.6g} s, straight between: {count}, by up to {worst - dt:+.4g} s"
+    return dt, np.interp(dt * np.arange(n_time), knots, acceleration), change
+
+
+# "ground_accel_mps2", "Acc (g)", "a_mps2", "xg_ddot"; "t_s", "Time [ms]", "time".
+_ACCELERATION: Final = re.compile(r"(ground[\s_-]*)?(a|acc|accel|acceleration|ag|a_g|xg_ddot)", re.IGNORECASE)
+_TIME: Final = re.compile(r"\s*(?:t|time)(?:[\s_,:/(\[]+([a-z]+)[)\]]?)?\s*", re.IGNORECASE)
+_SECONDS: Final = ("sec", "secs", "second", "seconds")
+# Bytes in which a format is recognised, and lines of the longest header.
+_HEAD: Final = 65536
+_LONGEST_HEADER: Final = 100
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Column:
+    """A column and the factor from its unit to SI."""
+
+    name: str
+    factor: float
+
+
+def acceleration_column(names: Sequence[str], stated: Stated, *, source: str) -> Column:
+    """Find the column of the acceleration."""
+    listed = ", ".join(f"'{name}'" for name in names)
+    if stated.column is None:
+        found = [name for name in names if _is_acceleration(name)]
+    else:
+        found = [name for name in names if name.strip().casefold() == stated.column.strip().casefold()]
+    if len(found) != 1:
+        how_many = f"{len(found)} columns are" if found else "no column is"
+        what = "the acceleration" if stated.column is None else f"'{stated.column}'"
+        raise RecordError(
+            f"{source}: {how_many} {what} among {listed}; name one with `column`, or call it a_mps2 in the file"
+        )
+    (name,) = found
+    unit = _unit_in(name)
+    if unit is None and stated.unit is None:
+        raise UnitError(
+            f"{source}: column '{name}' does not state its unit; give it as `unit`, one of "
+            f"{known_units('acceleration')}"
+        )
+    factor = factor_to_si(stated.unit or unit or "", "acceleration", context=f"{source}: `unit`")
+    if unit is not None and factor != factor_of(unit, "acceleration"):
+        raise SettingError(
+            f"{source}: `unit` is '{stated.unit}' where column '{name}' states {unit}; leave it out"
+        )
+    return Column(name=name, factor=factor)
+
+
+def _time_column(names: Sequence[str], *, source: str) -> Column | None:
+    """Find the column of time, `None` if there is none; a column without a unit is in seconds."""
+    found = [(name, match[1] or "s") for name in names for match in [_TIME.fullmatch(name)] if match]
+    if len(found) > 1:
+        raise RecordError(
+            f"{source}: columns '{found[0][0]}' and '{found[1][0]}' both look like time; rename one"
+        )
+    if not found:
+        return None
+    name, unit = found[0]
+    unit = "s" if unit.casefold() in _SECONDS else unit
+    context = f"{source}: column '{name}'"
+    return Column(name=name, factor=factor_to_si(unit, "time", context=context))
+
+
+def _are_named(names: Sequence[str]) -> bool:
+    return any(_is_acceleration(name) for name in names) and all(
+        _is_acceleration(name) or _TIME.fullmatch(name) for name in names
+    )
+
+
+def _is_acceleration(name: str) -> bool:
+    unit = _unit_in(name)
+    stem = (
+        name.strip() if unit is None else name.strip().removesuffix(")").removesuffix("]").removesuffix(unit)
+    )
+    return _ACCELERATION.fullmatch(stem.rstrip(" _-,:([")) is not None
+
+
+def _unit_in(name: str) -> str | None:
+    """Unit of acceleration that ends a column's name, such as ``a_mps2``, ``Acc (cm/s^2)`` or ``EW [g]``.
+
+    ``a_g`` does not count as an acceleration in g: it is as often the acceleration of the ground in another unit.
+    """
+    text = name.strip()
+    if text.casefold() in ("a_g", "ag") or len(text) > LONGEST_NAME:
+        return None
+    bracketed = re.search(r"[(\[]([^)\]]*)[)\]]$", text)
+    if bracketed:
+        return bracketed[1].strip() if factor_of(bracketed[1], "acceleration") is not None else None
+    for separator in re.finditer(r"[\s_\-,:]+", text):
+        rest = text[separator.end() :]
+        if factor_of(rest, "acceleration") is not None:
+            return rest
+    return None
+
+
+_NAMELESS = ("t_s", "acceleration")
+
+
+def _motion_of_table(table: ColumnTable, stated: Stated, path: Path) -> GroundMotion:
+    """Build the motion from the columns of a table of any file format."""
+    acceleration = acceleration_column(table.names, stated, source=str(path))
+    time = _time_column(table.names, source=str(path))
+    needed = [acceleration] if time is None else [time, acceleration]
+    columns = table.read([column.name for column in needed])
+    samples = acceleration.factor * columns[acceleration.name]
+    if time is not None and stated.dt is not None:
+        raise SettingError(f"{path}: column '{time.name}' holds the times; leave out `dt`")
+    times: Floats
+    if time is not None:
+        times = time.factor * columns[time.name]
+    elif stated.dt is not None:
+        times = _step(stated.dt, path) * np.arange(samples.size, dtype=np.float64)
+    else:
+        raise RecordError(f"{path}: no column is time; name one t_s, or state the step as `dt`")
+    return motion_of_columns(
+        times,
+        samples,
+        name=path.stem,
+        source=path.name if stated.column is None else f"'{acceleration.name}' of {path.name}",
+        where=lambda row: f"{path}: {table.locate(row)}",
+    )
+
+
+def read_regular_motion(
+    data: bytes, stated: Stated, path: Path, others: Sequence[Format]
+) -> GroundMotion | None:
+    """Read the bytes of a table with names above rows that are all alike; `None` of any other file.
+
+    `others` are the formats that are no tables.
+    """
+    head = lines_of(data[:_HEAD], path)
+    above = [text for text in head.texts if text.strip() and not text.lstrip().startswith("#")]
+    if (
+        stated.channel is not None
+        or len(head.texts) <= _LONGEST_HEADER
+        or not above
+        or b"%" in data
+        # One end of a line here, but two in a table.
+        or b"\r\r\n" in data
+        or path.suffix.lower() == ".at2"
+        or any(form.recognises(head) for form in others)
+    ):
+        return None
+    fields = [field for field in re.split(r"[\t;,]", above[0]) if field.strip()]
+    if len(fields) < 2 or all(is_number(field) for field in fields):
+        return None
+
+    def line_by_line() -> DelimitedTable:
+        lines = lines_of(data, path)
+        return _table(lines, list(lines.texts))
+
+    table = regular_table(data, encoding_of(data), source=str(path), sha256="", careful=line_by_line)
+    return None if table is None else _motion_of_table(table, stated, path)
+
+
+def _read_table(lines: Lines, stated: Stated) -> GroundMotion:
+    texts = [re.sub(r"^(\s*)%", r"\1#", text) for text in lines.texts]
+    first = next(
+        (i for i, text in enumerate(texts) if text.strip() and not text.lstrip().startswith("#")), None
+    )
+    if first is None:
+        raise RecordError(f"{lines.path}: there are only comments; expected columns of time and acceleration")
+    delimiter = _delimiter(texts[first])
+    if delimiter.isspace():
+        # Also where blanks separate the columns; line numbers do not change.
+        texts = ["\t".join(text.split()) for text in texts]
+    fields = [field for field in texts[first].split(delimiter) if field.strip()]
+    if not all(is_number(field) or _has_comma(field) for field in fields):
+        return _motion_of_table(_table(lines, texts), stated, lines.path)
+    if stated.dt is not None:
+        return _series(lines, first, delimiter, stated)
+    above = next((text.strip().lstrip("# \t") for text in reversed(texts[:first]) if text.strip()), "")
+    names = tuple(name.strip() for name in above.split(delimiter))
+    if len(names) == len(fields) and _are_named(names):
+        return _motion_of_table(_table(lines, texts, names), stated, lines.path)
+    if len(fields) != 2:
+        raise RecordError(
+            f"{lines.where(first)} holds {len(fields)} numbers and no line above names columns; state the step "
+            "as `dt` if all are accelerations, or write a header line such as t_s,a_mps2"
+        )
+    if stated.unit is None:
+        raise UnitError(
+            f"{lines.path}: does not state the unit of its second column; give it as `unit`, one of "
+            f"{known_units('acceleration')}"
+        )
+    return _motion_of_table(_table(lines, texts, _NAMELESS), stated, lines.path)
+
+
+def _table(lines: Lines, texts: list[str], names: tuple[str, ...] | None = None) -> DelimitedTable:
+    return DelimitedTable(source=str(lines.path), sha256="", lines=texts, names=names)
+
+
+def _delimiter(line: str) -> str:
+    """What separates the numbers of a line; a tab for blanks. A comma between blanks is a decimal comma."""
+    words = line.split()
+    if len(words) > 1 and all(is_number(word) or _has_comma(word) for word in words):
+        return "\t"
+    return next((mark for mark in "\t;," if mark in line), "\t")
+
+
+def _has_comma(word: str) -> bool:
+    return DECIMAL_COMMA.fullmatch(word.strip()) is not None
+
+
+def _series(lines: Lines, first: int, delimiter: str, stated: Stated) -> GroundMotion:
+    """Read all numbers in order as accelerations."""
+    if stated.unit is None or stated.dt is None:
+        raise UnitError(
+            f"{lines.path}: does not state the unit of its numbers; give it as `unit`, one of "
+            f"{known_units('acceleration')}"
+        )
+    if delimiter == "," and all(_has_comma(text) for text in lines.texts[first:] if text.strip()):
+        raise RecordError(
+            f"{lines.where(first)} holds '{shown(lines.at(first))}', two numbers or one with a decimal comma; write "
+            "decimal points, or one number a line"
+        )
+    if delimiter != ",":
+        lines = replace(lines, texts=tuple(text.replace(",", ".") for text in lines.texts))
+    lines = replace(lines, texts=tuple(re.sub(r"[;,]", " ", text) for text in lines.texts))
+    numbers = read_numbers(lines, first)
+    every_second = np.diff(numbers[::2])
+    if len(lines.at(first).split()) == 2 and np.allclose(every_second, stated.dt, rtol=0.1):
+        raise SettingError(f"{lines.path}: its first column runs as time does; leave out `dt`")
+    factor = factor_to_si(stated.unit, "acceleration", context=f"{lines.path}: `unit`")
+    return recorded(
+        lines.path, dt=_step(stated.dt, lines.path), acceleration=factor * numbers, source="numbers"
+    )
+
+
+def _step(dt: float, path: Path) -> float:
+    if not (np.isfinite(dt) and dt >= SMALLEST):
+        raise SettingError(f"{path}: `dt` is {dt} s; give a positive step")
+    return dt
+
+
+TABLE = Format(
+    name="a table", recognises=lambda _: True, read=_read_table, needs=frozenset({"unit", "dt", "column"})
+)
+
+
+def read_matrix_motion(path: Path, stated: Stated) -> GroundMotion:
+    """Read a .mat file of version 4 to 7.
+
+    A matrix of two rows or two columns holds times [s] and accelerations, as in the files of the structural control
+    benchmarks; vectors are recognised by their names like the columns of a table.
+    """
+    matrices = read_matlab_matrices(path)
+    pairs = {name: pair for name, matrix in matrices.items() for pair in _pair(matrix)}
+    if stated.column is None and len(pairs) > 1:
+        listed = ", ".join(f"'{name}'" for name in pairs)
+        raise RecordError(f"{path}: variables {listed} may all be a ground motion; name one with `column`")
+    name = next(iter(pairs), None) if stated.column is None else stated.column
+    if name not in pairs:
+        return _motion_of_table(open_matlab(path), stated, path)
+    time, acceleration = pairs[name]
+    table = VectorTable(source=str(path), sha256="", vectors={"t_s": time, name: acceleration})
+    return _motion_of_table(table, replace(stated, column=name), path)
+
+
+def _pair(matrix: Floats) -> list[Floats]:
+    """Rows of times and accelerations, shape (2, n_time), if the matrix has two rows or columns; otherwise none."""
+    if matrix.ndim != 2 or 2 not in matrix.shape or matrix.size < 6:
+        return []
+    return [matrix if matrix.shape[0] == 2 else matrix.T]
+
 
 # Each format recognises its content; a table is the fallback and comes last.
 FORMATS: Final[tuple[Format, ...]] = (PEER_AT2, K_NET, COSMOS, ESM, TABLE)

@@ -1,28 +1,28 @@
-from .build import build_damper_test as build_damper_test
 from .damper_test import DamperTest as DamperTest
 from .damper_test import Finding as Finding
+from .damper_test import Observation as Observation
 from .loop_branches import branches as branches
-from .observation import Observation as Observation
-from .observing import observed as observed
 from .operating_range import OperatingRange as OperatingRange
+from .read import build_damper_test as build_damper_test
+from .read import guess_tests as guess_tests
 from .read import read_damper_test as read_damper_test
 from .read import read_damper_tests as read_damper_tests
+from .repairs import observed as observed
 from .repairs import repair as repair
 from .rig_table import read_test_table as read_test_table
 from .rig_table import write_test_table as write_test_table
-from .table_guess import guess_tests as guess_tests
 from .window import cut as cut
 
 if True:  # the lower tier
     from .columns import parse_column_option as parse_column_option
+    from .damper_test import AS_IT_IS as AS_IT_IS
     from .damper_test import Measured as Measured
     from .damper_test import Smoothing as Smoothing
-    from .detectors.labels import mislabelled as mislabelled
     from .detectors.smoothing import detect_smoothing as detect_smoothing
+    from .findings import mislabelled as mislabelled
     from .likeness import Likeness as Likeness
     from .likeness import RecordedMotion as RecordedMotion
     from .loop_branches import Branches as Branches
-    from .observation import AS_IT_IS as AS_IT_IS
     from .operating_range import Exceedance as Exceedance
     from .operating_range import Outside as Outside
     from .operating_range import range_of_test as range_of_test

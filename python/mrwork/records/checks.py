@@ -209,10 +209,7 @@ def force_sign(
     The sign is that of int F v dt / int |F v| dt over the whole record. F is relative to its mean over the distance
     travelled, so that a static offset has no effect.
 
-    Parameters
-    ----------
-    force, velocity
-        Shape (n_time,) [N, m/s]; the velocity is the derivative of the displacement.
+    `force`, `velocity`: shape (n_time,) [N, m/s]; the velocity is the derivative of the displacement.
     """
     power = (force - mean_over_travel(force, velocity)) * velocity
     whole = float(np.abs(power).sum())

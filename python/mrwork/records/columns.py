@@ -9,8 +9,10 @@ from typing import Final, Literal
 
 from mrwork.command_signal import LARGEST_COMMAND, impossible_command
 from mrwork.errors import MrworkError, RecordError, SettingError, UnitError
-from mrwork.files.column_names import (
+from mrwork.files.layout import numbered_names
+from mrwork.files.named_columns import (
     QUANTITIES,
+    ColumnTable,
     Missing,
     ReadColumn,
     TestQuantity,
@@ -24,8 +26,6 @@ from mrwork.files.column_names import (
     unit_in_name,
     without_unit,
 )
-from mrwork.files.layout import numbered_names
-from mrwork.files.named_columns import ColumnTable
 from mrwork.summary import listed
 from mrwork.units import (
     FACTORS,
@@ -204,32 +204,16 @@ def choose_columns(
     source: str,
     units: Mapping[str, str] | None = None,
     stamps: Collection[str] = (),
-    required: Sequence[TestQuantity] = REQUIRED,
     read: ReadColumn = no_numbers,
 ) -> dict[TestQuantity, ColumnChoice]:
     """Find the column of every quantity that a file contains.
 
-    Parameters
-    ----------
-    names
-        Column names in file order.
-    columns
-        Quantity to ``"COLUMN:UNIT"`` or ``"COLUMN"``, with precedence over the column names. Other quantities are still
-        found by name.
-    source
-        The file, for messages.
-    units
-        Units that the file states apart from the names, by name.
-    stamps
-        Columns of times of the day, in seconds since the first.
-    required
-        Quantities that must have a column.
-    read
-        Reads a column by its name, for the unit that a message suggests.
+    `names`: column names in file order. `columns`: quantity to ``"COLUMN:UNIT"`` or ``"COLUMN"``, with precedence over
+    the column names. Other quantities are still found by name. `source`: the file, for messages. `units`: units that
+    the file states apart from the names, by name. `stamps`: columns of times of the day, in seconds since the first.
+    `read`: reads a column by its name, for the unit that a message suggests.
     """
-    named = _Names(
-        names=names, free=names, units=units or {}, stamps=stamps, source=source, required=required
-    )
+    named = _Names(names=names, free=names, units=units or {}, stamps=stamps, source=source)
     chosen: dict[TestQuantity, ColumnChoice] = {}
     for name, specification in (columns or {}).items():
         quantity = _quantity(name)
@@ -279,7 +263,6 @@ class _Names:
     units: Mapping[str, str]
     stamps: Collection[str]
     source: str
-    required: Sequence[TestQuantity]
 
     def specified(self, quantity: TestQuantity, specification: str) -> ColumnChoice:
         """The column that a ``"COLUMN:UNIT"`` or ``"COLUMN"`` names; without a unit it has that of the file."""
@@ -336,7 +319,7 @@ class _Names:
                     column=name,
                 )
             factor_to_si(unit, quantity, context=f"{self.source}: column '{name}'")
-        if quantity in self.required:
+        if quantity in REQUIRED:
             raise self._without(quantity)
         return None
 
@@ -385,7 +368,7 @@ class _Names:
 
     def _is_weak(self, quantity: TestQuantity, name: str) -> bool:
         """Whether a name is no sufficient evidence for an error: one letter or several words, of an optional one."""
-        return quantity not in self.required and (len(name.strip()) == 1 or not is_plain(quantity, name))
+        return quantity not in REQUIRED and (len(name.strip()) == 1 or not is_plain(quantity, name))
 
     def _claimed_by_another(self, quantity: TestQuantity, name: str) -> bool:
         return any(
@@ -415,7 +398,7 @@ def guess_columns(
     names: Sequence[str], *, units: Mapping[str, str], stamps: Collection[str], source: str
 ) -> tuple[dict[TestQuantity, ColumnChoice], dict[TestQuantity, str]]:
     """The columns that can be told by name, with common symbols of units, and why others cannot be told."""
-    named = _Names(names=names, free=names, units=units, stamps=stamps, source=source, required=REQUIRED)
+    named = _Names(names=names, free=names, units=units, stamps=stamps, source=source)
     chosen: dict[TestQuantity, ColumnChoice] = {}
     doubts: dict[TestQuantity, str] = {}
     for quantity in QUANTITIES:

@@ -22,7 +22,7 @@ from mrwork.command_signal import (
     without_ringing,
 )
 from mrwork.errors import RecordError
-from mrwork.files.column_names import column_option
+from mrwork.files.named_columns import column_option
 from mrwork.records.damper_test import DamperTest, Finding, Measured
 from mrwork.units import CommandUnit
 

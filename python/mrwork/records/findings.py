@@ -1,12 +1,154 @@
-"""Findings that the checks make in several tests, each once with the tests that it concerns."""
+"""Findings among several tests: those of all, each said once, those that only a set shows, and the verbs that say them.
+
+`CONCERNS` lists the findings that a verb states before anybody relies on what it computes.
+"""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+from typing import Final, Literal, get_args
 
-from mrwork.records.damper_test import DamperTest, Finding
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.records.checks import mean_over_travel
+from mrwork.records.damper_test import DamperTest, Finding, Measured
+from mrwork.records.motion import motion_of
+from mrwork.records.repairs import REPAIR_KINDS
+from mrwork.summary import listed
+from mrwork.values import holds_arrays
+
+
+def repeated_records(tests: Sequence[DamperTest]) -> tuple[Finding, ...]:
+    """Warn of records that are the same byte for byte, such as copies under two names."""
+    copies: dict[str, list[str]] = defaultdict(list)
+    for test in tests:
+        if test.sha256:
+            copies[test.sha256].append(test.label)
+    return tuple(
+        Finding.warning(
+            "record_repeated",
+            f"{listed(labels)} are the same record, byte for byte, which counts {len(labels)} times",
+            action="give it once",
+        )
+        for labels in copies.values()
+        if len(labels) > 1
+    )
+
+
+_FEWEST_ALIKE: Final = 3
+# Pairs of peak velocities with a smaller logarithmic distance are too noisy for the slope.
+_APART: Final = 0.1
+# An outlier differs by at least this much, and by this many robust standard deviations of the set.
+_STANDS_OUT: Final = 0.18
+_SIGNIFICANT: Final = 3.5
+_MAD_TO_DEVIATION: Final = 1.4826
+
+
+@holds_arrays
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Loops:
+    """Logarithms of dissipative force and peak velocity of tests, and their commands, shape (n_tests,)."""
+
+    force: NDArray[np.float64]
+    velocity: NDArray[np.float64]
+    command: NDArray[np.float64]
+
+
+def mislabelled(tests: Sequence[DamperTest]) -> tuple[Finding, ...]:
+    """Warn of tests whose dissipative force does not match that of the other tests at their command.
+
+    The dissipative force of a test is int F v dt / int |v| dt. Its logarithm is modelled by a level for each command
+    and one slope over the logarithm of the peak velocity. Both are medians, so that a few wrong labels do not affect
+    them. Commands with fewer than three tests have no level, nor have tests whose command varies.
+    """
+    findings: list[Finding] = []
+    for quantity, unit in (("current", "A"), ("voltage", "V")):
+        constant = {
+            index: command
+            for index, test in enumerate(tests)
+            for command, own in test.commands
+            if own == unit and not isinstance(command, np.ndarray)
+        }
+        if len(constant) >= _FEWEST_ALIKE:
+            labelled, commands = [tests[index] for index in constant], np.array(list(constant.values()))
+            findings += _standing_out(labelled, commands, quantity, unit)
+    return tuple(findings)
+
+
+def _standing_out(
+    tests: Sequence[DamperTest], commands: NDArray[np.float64], quantity: str, unit: str
+) -> list[Finding]:
+    # Commands that differ by less than a percent of the largest count as equal.
+    step = max(0.01 * float(np.abs(commands).max()), 1e-9)
+    groups: dict[int, list[int]] = defaultdict(list)
+    for row, command in enumerate(commands):
+        groups[round(float(command) / step)].append(row)
+    alike = [np.array(rows) for rows in groups.values() if len(rows) >= _FEWEST_ALIKE]
+    if not alike:
+        return []
+    loops = _loops(tests, commands)
+    force = loops.force - _slope(loops, alike) * loops.velocity
+    levels = np.array([np.median(force[rows]) for rows in alike])
+    beside = np.concatenate([force[rows] - level for rows, level in zip(alike, levels, strict=True)])
+    spread = _MAD_TO_DEVIATION * float(np.median(np.abs(beside)))
+    limit = max(_STANDS_OUT, _SIGNIFICANT * spread)
+    at = np.array([np.median(commands[rows]) for rows in alike])
+    findings = []
+    for row, difference in zip(np.concatenate(alike), beside, strict=True):
+        if abs(difference) <= limit:
+            continue
+        test = tests[row]
+        ratio = float(np.expm1(difference))
+        amount = f"{100 * abs(ratio):.0f} % {'more' if ratio > 0 else 'less'}"
+        findings.append(
+            Finding.warning(
+                "command_mislabelled",
+                f"{test.label}: dissipates {amount} than the other tests at "
+                f"{commands[row]:.3g} {unit} in similar motion (their spread is {100 * spread:.0f} %)"
+                f"{_belongs(float(force[row]), levels, at, unit)}",
+                action=f"check its {quantity}",
+                measured=Measured(value=ratio, standard_error=spread, unit=""),
+            )
+        )
+    return findings
+
+
+def _loops(tests: Sequence[DamperTest], commands: NDArray[np.float64]) -> _Loops:
+    force, velocity = np.empty(len(tests)), np.empty(len(tests))
+    for row, test in enumerate(tests):
+        motion = motion_of(test.displacement, test.dt)
+        travelling = motion.velocity
+        power = (test.force - mean_over_travel(test.force, travelling)) @ travelling
+        force[row] = max(power / np.abs(travelling).sum(), np.finfo(np.float64).tiny)
+        velocity[row] = np.percentile(np.abs(travelling), 99.0)
+    return _Loops(force=np.log(force), velocity=np.log(velocity), command=commands)
+
+
+def _slope(loops: _Loops, alike: Sequence[NDArray[np.intp]]) -> float:
+    """Median slope of log force over log velocity between pairs of tests at the same command (Theil-Sen estimator)."""
+    slopes = [
+        (loops.force[first] - loops.force[second]) / (loops.velocity[first] - loops.velocity[second])
+        for rows in alike
+        for first, second in combinations(rows, 2)
+        if abs(loops.velocity[first] - loops.velocity[second]) > _APART
+    ]
+    return float(np.median(slopes)) if slopes else 0.0
+
+
+def _belongs(force: float, levels: NDArray[np.float64], at: NDArray[np.float64], unit: str) -> str:
+    """Command whose level matches the force, interpolated between those of the set."""
+    order = np.argsort(at)
+    levels, at = np.exp(levels[order]), at[order]
+    wanted = float(np.exp(force))
+    if levels.size < 2 or np.any(np.diff(levels) <= 0.0) or not levels[0] <= wanted <= levels[-1]:
+        return ""
+    return f", as at about {np.interp(wanted, levels, at):.2g} {unit}"
+
 
 # Tests that a sentence names; of more it names some and counts the others.
 _NAMED = 6
@@ -30,16 +172,6 @@ class SharedFinding:
     lowest: float | None = None
     highest: float | None = None
     unit: str = ""
-
-    @classmethod
-    def of_one(cls, finding: Finding, test: str, n_tests: int) -> SharedFinding:
-        """A finding of one test."""
-        return _told(finding, (test,), n_tests)
-
-    @classmethod
-    def of_the_set(cls, finding: Finding, n_tests: int) -> SharedFinding:
-        """A finding of all tests together, whose message names those that it concerns."""
-        return _told(finding, (), n_tests)
 
     @property
     def in_words(self) -> str:
@@ -85,7 +217,7 @@ def gathered_findings(tests: Sequence[DamperTest]) -> GatheredFindings:
         for finding in test.findings:
             places.setdefault(_key(finding), []).append((test, finding))
     recurring = {key: found for key, found in places.items() if len(_concerned(found)) > 1}
-    shared = [_shared(found, len(tests)) for found in recurring.values()]
+    shared = [_join_findings(found, len(tests)) for found in recurring.values()]
     return GatheredFindings(
         shared=tuple(sorted(shared, key=lambda each: each.severity != "warning")),
         own=tuple(
@@ -94,7 +226,7 @@ def gathered_findings(tests: Sequence[DamperTest]) -> GatheredFindings:
     )
 
 
-def _told(finding: Finding, tests: tuple[str, ...], n_tests: int) -> SharedFinding:
+def _finding_of_tests(finding: Finding, tests: tuple[str, ...], n_tests: int) -> SharedFinding:
     measured = finding.measured
     value = None if measured is None else measured.value
     return SharedFinding(
@@ -120,7 +252,7 @@ def _concerned(found: Sequence[tuple[DamperTest, Finding]]) -> list[DamperTest]:
     return list({id(test): test for test, _ in found}.values())
 
 
-def _shared(found: Sequence[tuple[DamperTest, Finding]], n_tests: int) -> SharedFinding:
+def _join_findings(found: Sequence[tuple[DamperTest, Finding]], n_tests: int) -> SharedFinding:
     first = found[0][1]
     measured = [finding.measured for _, finding in found if finding.measured is not None]
     values = [each.value for each in measured]
@@ -135,3 +267,90 @@ def _shared(found: Sequence[tuple[DamperTest, Finding]], n_tests: int) -> Shared
         highest=max(values, default=None),
         unit=measured[0].unit if measured else "",
     )
+
+
+Verb = Literal["check", "identify", "predict", "calibrate", "sample", "profile", "plan", "report"]
+
+_EVERY: Final[tuple[Verb, ...]] = get_args(Verb)
+# Verbs that take files; the others take the tests of a run, which its identification has told of.
+_OF_FILES: Final[tuple[Verb, ...]] = ("check", "identify", "predict", "calibrate")
+# What changes no number by itself.
+_TOLD_ONCE: Final[tuple[Verb, ...]] = ("check", "identify")
+
+CONCERNS: Final[Mapping[str, tuple[Verb, ...]]] = {
+    # Samples that the sensors did not give.
+    "gaps": _EVERY,
+    "spikes": _EVERY,
+    "clipped": _EVERY,
+    "few_samples_per_cycle": _EVERY,
+    "resampled": _TOLD_ONCE,
+    "time_rounded": _TOLD_ONCE,
+    "nan_rows_dropped": _TOLD_ONCE,
+    # The motion, which drives every simulation.
+    "displacement_unusual": _EVERY,
+    # All other verbs refuse it.
+    "velocity_factor": ("check",),
+    "velocity_sign_flipped": _EVERY,
+    "velocity_inconsistent": _EVERY,
+    "velocity_noisy": _EVERY,
+    "velocity_late": _EVERY,
+    "velocity_derived": _TOLD_ONCE,
+    "rest_before_motion": _TOLD_ONCE,
+    # The force, with which every simulation is compared.
+    "force_sign_flipped": _EVERY,
+    "force_sign_unclear": _EVERY,
+    "force_delay": _EVERY,
+    "moving_mass": _EVERY,
+    "breakaway": _EVERY,
+    "loop_drift": _EVERY,
+    # A fit describes the offset and the average of its own tests; those of other tests may differ.
+    "force_offset": _OF_FILES,
+    "moving_average": _OF_FILES,
+    # What the file says of the test.
+    "command_negative": _EVERY,
+    "command_varies": _TOLD_ONCE,
+    "command_rings": _TOLD_ONCE,
+    "command_unclear": _EVERY,
+    "name_disagrees": _OF_FILES,
+    "name_not_used": _OF_FILES,
+    "not_used": _OF_FILES,
+    "files_not_read": _OF_FILES,
+    "further_records": _OF_FILES,
+    "command_mislabelled": _EVERY,
+    "record_repeated": _EVERY,
+    # Asked for on the command line; that a repair found no cause is news.
+    **{f"repaired_{kind}": _TOLD_ONCE for kind in REPAIR_KINDS},
+    **{f"no_{kind}": _OF_FILES for kind in REPAIR_KINDS},
+}
+"""Verbs that say a finding, by its code. `check` and `identify` say all; a code that is not listed, every verb."""
+
+
+def concerns(finding: Finding, verb: Verb) -> bool:
+    """Whether a verb says a finding."""
+    return verb in CONCERNS.get(finding.code, _EVERY)
+
+
+def findings_for(verb: Verb, tests: Sequence[DamperTest]) -> tuple[SharedFinding, ...]:
+    """What the checks found in several tests and in each that matters to a verb, each once, warnings first."""
+    told = [
+        replace(test, findings=tuple(each for each in test.findings if concerns(each, verb)))
+        for test in tests
+    ]
+    gathered = gathered_findings(told)
+    own = [
+        _finding_of_tests(each, (test.name,), len(tests))
+        for test, findings in zip(told, gathered.own, strict=True)
+        for each in findings
+    ]
+    together = [
+        # The message names the tests that it concerns.
+        _finding_of_tests(each, (), len(tests))
+        for each in findings_of_set(tests)
+        if concerns(each, verb)
+    ]
+    return tuple(sorted((*together, *gathered.shared, *own), key=lambda each: each.severity != "warning"))
+
+
+def findings_of_set(tests: Sequence[DamperTest]) -> tuple[Finding, ...]:
+    """What several tests show together and none alone: wrong commands, and copies."""
+    return (*mislabelled(tests), *repeated_records(tests))

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import ClassVar, Final
 
 import numpy as np
@@ -59,7 +59,7 @@ class RecordedMotion(Related):
     periodic motion at constant command, of the (first part of the) record of any other; as base64 of 16-bit integers.
     `current` [A] and `voltage` [V] are constant, or the largest of a varying command, whose shape is in `commands`.
     `force` is the standard deviation of the force [N]; `force_shape` is the force about `force_mean` per `half_force`
-    [N], as the displacement, empty in fits of earlier versions.
+    [N], as the displacement.
     """
 
     _made_by: ClassVar[str] = "mr.records.RecordedMotion.of(test)"
@@ -73,10 +73,10 @@ class RecordedMotion(Related):
     half_stroke: NotNegative
     shape: str = field(repr=False)
     force: NotNegative
+    force_mean: float
+    half_force: NotNegative
+    force_shape: str = field(repr=False)
     commands: tuple[str, ...] = field(default=(), repr=False)
-    force_mean: float = 0.0
-    half_force: NotNegative = 0.0
-    force_shape: str = field(default="", repr=False)
     command: float | None = None
     command_unit: CommandUnit | None = None
 
@@ -122,7 +122,7 @@ class RecordedMotion(Related):
         for text in (self.shape, *self.commands):
             if not _decoded(text).size:
                 return f"the motion of {self.test} has no samples"
-        if self.force_shape and _decoded(self.force_shape).size != _decoded(self.shape).size:
+        if _decoded(self.force_shape).size != _decoded(self.shape).size:
             return f"the force of {self.test} has other samples than its motion"
         return ""
 
@@ -133,9 +133,6 @@ class RecordedMotion(Related):
 
     @property
     def _force(self) -> Array:
-        """The force [N], shape (n_samples,); zero where it is not known."""
-        if not self.force_shape:
-            return np.zeros_like(self.displacement)
         return self.force_mean + self.half_force * _decoded(self.force_shape)
 
     def same_command(self, other: RecordedMotion) -> bool:
@@ -270,18 +267,16 @@ def motion_likeness(test: RecordedMotion, seen: RecordedMotion) -> Likeness | No
     found = None if known is False else test._aligned(seen)
     if found is None:
         return None
-    alike = Likeness(
-        test=test.test, like=seen.test, correlation=found.correlation, known_command=known is True
-    )
-    if not (test.force_shape and seen.force_shape):
-        return alike
     (stroke, force), (other_stroke, other_force) = found.one[:2], found.other[:2]
     deviation = max(float(np.std(other_force)), np.finfo(np.float64).tiny)
     ratio = float(np.std(force)) / deviation
     shift = float(np.mean(force) - ratio * np.mean(other_force))
     smoothing = abs(float(np.std(stroke) / np.std(other_stroke)) - 1.0)
-    return replace(
-        alike,
+    return Likeness(
+        test=test.test,
+        like=seen.test,
+        correlation=found.correlation,
+        known_command=known is True,
         force_ratio=ratio,
         force_shift=shift,
         same_force=abs(np.log(max(ratio, 1e-3))) <= _CONDITION + _SMOOTHED * smoothing

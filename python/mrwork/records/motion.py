@@ -236,15 +236,10 @@ def turning_points(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Turning points between two strokes of at least half the peak-to-peak displacement each.
 
-    Parameters
-    ----------
-    displacement, velocity
-        Smoothed signals, shape (n_time,) [m, m/s].
+    `displacement`, `velocity`: smoothed signals, shape (n_time,) [m, m/s].
 
-    Returns
-    -------
-    place, direction
-        Shape (n_turns,): position of zero velocity in (fractional) samples, and sign of the velocity before it.
+    Returns `place`, `direction`: shape (n_turns,): position of zero velocity in (fractional) samples, and sign of the
+    velocity before it.
     """
     # Of the signs, because a product of tiny numbers is zero.
     side = np.sign(velocity)

@@ -1,9 +1,15 @@
-"""Read damper tests from files."""
+"""Checked damper tests, built from channels in SI or read from files.
+
+`guess_tests` makes the first version of a table of tests from headers, rows of units and names of files, with what is
+in doubt.
+"""
 
 from __future__ import annotations
 
+import hashlib
 import os
-from collections.abc import Collection, Iterable, Mapping
+import re
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -12,25 +18,259 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mrwork.arguments import checked
-from mrwork.errors import RecordError
-from mrwork.files.column_names import TestQuantity
-from mrwork.files.named_columns import ColumnTable
+from mrwork.arguments import AnyArrayLike, NotNegative, checked
+from mrwork.command_signal import Command, ringing_samples, without_ringing
+from mrwork.errors import MrworkError, RecordError
+from mrwork.files.named_columns import ColumnTable, TestQuantity
 from mrwork.files.open_table import open_table
-from mrwork.records.build import build_damper_test
+from mrwork.records import checks
 from mrwork.records.columns import (
     COMMAND,
     COMMANDS,
+    REQUIRED,
+    ColumnChoice,
     StatedCommand,
     choose_columns,
+    guess_columns,
     scalar_command,
     tells_a_test,
     unclear_commands,
 )
-from mrwork.records.command import nominal_from_name, with_nominal_command
-from mrwork.records.damper_test import DamperTest, Finding
-from mrwork.records.rig_table import EVERY_USE, EveryUse, Use, files_not_read, listed_tests
+from mrwork.records.command import command_of, motion_matches_name, nominal_from_name, with_nominal_command
+from mrwork.records.damper_test import DamperTest, Finding, VelocitySource
+from mrwork.records.detectors.cycles import delay_finding, drift_finding, mass_finding
+from mrwork.records.detectors.smoothing import smoothing_finding, smoothing_of, without_spikes
+from mrwork.records.detectors.velocity import velocity_agrees
+from mrwork.records.motion import Smoother, SmoothMotion, motion_of
+from mrwork.records.rig_table import (
+    EVERY_USE,
+    UNKNOWN,
+    EveryUse,
+    ListedTest,
+    Use,
+    files_not_read,
+    listed_tests,
+)
+from mrwork.records.window import (
+    Signals,
+    check_time,
+    complete_rows,
+    settling_samples,
+    spans_with,
+    uncompared_spans,
+    uniform_step,
+)
 from mrwork.summary import listed
+from mrwork.units import CommandUnit
+from mrwork.values import frozen
+
+_DETECTORS: Final[tuple[Callable[[DamperTest, SmoothMotion], tuple[Finding, ...]], ...]] = (
+    smoothing_finding,
+    delay_finding,
+    mass_finding,
+    checks.breakaway_finding,
+    checks.clipping_findings,
+    drift_finding,
+)
+
+_DERIVED: Final[VelocitySource] = "derived"
+
+
+@checked
+def build_damper_test(
+    *,
+    name: str,
+    time: AnyArrayLike,
+    displacement: AnyArrayLike,
+    force: AnyArrayLike,
+    velocity: AnyArrayLike | None = None,
+    current: AnyArrayLike | None = None,
+    voltage: AnyArrayLike | None = None,
+    command: AnyArrayLike | None = None,
+    command_unit: CommandUnit | None = None,
+    amplitude: NotNegative | None = None,
+    frequency: NotNegative | None = None,
+    synthetic: bool = False,
+    path: str = "",
+    sha256: str | None = None,
+    locate: Callable[[int], str] | None = None,
+) -> DamperTest:
+    """Check the channels of one test, put them on a uniform step, and run all detectors.
+
+    Parameters
+    ----------
+    name
+        Name of the test in reports and messages.
+    time, displacement, force
+        Shape (n_time,) [s, m, N]; at least 10 samples, time increasing.
+    velocity
+        Shape (n_time,) [m/s]; derived from the displacement when absent.
+    current, voltage
+        Command [A, V], one number or shape (n_time,). The test has its median if it is constant within noise; else
+        each sample is held until the next.
+    command, command_unit
+        Likewise the command of a damper that follows another scalar, in its own unit, such as "mm" or "%".
+    amplitude, frequency
+        Nominal values [m, Hz], compared with half the peak to peak of the motion and its dominant frequency.
+    synthetic
+        Whether the test was simulated.
+    path, sha256
+        File and its hash; without a hash, that of the bytes of the arrays.
+    locate
+        Describes a row of the file in messages; by default its sample number.
+
+    Raises
+    ------
+    RecordError
+        The channels are not a valid test; the message names the first invalid row.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> time = np.linspace(0.0, 2.0, 401)
+    >>> test = build_damper_test(name="sine", time=time, displacement=0.01 * np.sin(6.28 * time),
+    ...                          force=-500.0 * np.cos(6.28 * time))
+    >>> [finding.code for finding in test.findings]
+    ['velocity_derived', 'force_sign_flipped']
+    """
+    source = path or name
+    where = locate or (lambda row: f"sample {row + 1}")
+    raw = Signals(
+        time=_channel(time, "time", source),
+        displacement=_channel(displacement, "displacement", source),
+        force=_channel(force, "force", source),
+        velocity=None if velocity is None else _channel(velocity, "velocity", source),
+    )
+    amperes, about_current = _command(current, "current", "A", source, raw.time.size)
+    volts, about_voltage = _command(voltage, "voltage", "V", source, raw.time.size)
+    scalar, about_scalar = _command(command, "command", command_unit or "A", source, raw.time.size)
+    given = replace(
+        raw, current=_if_varying(amperes), voltage=_if_varying(volts), command=_if_varying(scalar)
+    )
+    for channel_name, channel in given.channels():
+        if channel.size != raw.time.size:
+            raise RecordError(
+                f"{source}: the {channel_name} has {channel.size} samples where the time has "
+                f"{raw.time.size}; give one value per sample"
+            )
+    findings: list[Finding] = []
+    complete, first_row, dropped = complete_rows(given, source=source, locate=where)
+    check_time(complete.time, source=source, locate=lambda row: where(row + first_row))
+    for channel_name, channel in complete.channels():
+        checks.check_possible(channel, channel_name, source=source)
+    checks.check_varies(complete.displacement, "displacement", "m", source=source)
+    checks.check_varies(complete.force, "force", "N", source=source)
+    smooth, spiky, about_spikes = without_spikes(complete)
+    uniform = uniform_step(smooth, spiky, source=source)
+    signals, dt = uniform.signals, uniform.dt
+    findings += [*dropped, *about_spikes, *uniform.findings]
+
+    displaced = signals.displacement
+    motion = motion_of(displaced, dt)
+    uncompared = uncompared_spans(displaced, motion.velocity, uniform.spiky, uniform.missing, dt)
+    about_velocity: tuple[Finding, ...] = (_velocity_derived(motion.smoother),)
+    moving, velocity_source = motion.velocity, _DERIVED
+    if signals.velocity is not None:
+        moving, velocity_source, about_velocity = velocity_agrees(
+            signals.velocity, displaced, motion, uncompared
+        )
+    rings = np.zeros(displaced.size, dtype=np.bool_)
+    commands: dict[str, Command | None] = {"current": amperes, "voltage": volts, "command": scalar}
+    for channel_name, unit in (("current", "A"), ("voltage", "V"), ("command", command_unit)):
+        sent = getattr(signals, channel_name)
+        if sent is not None and unit is not None:
+            rings |= ringing_samples(sent, unit)
+            commands[channel_name] = frozen(without_ringing(sent, unit))
+    resisting, about_sign = checks.force_sign(signals.force, motion.velocity)
+    findings += [
+        *about_velocity,
+        *about_sign,
+        # A varying command weighs the directions of motion differently, so that the mean force is no static one.
+        *(() if given.has_commands else checks.force_offset(resisting, motion.velocity)),
+        *checks.stroke_finding(displaced),
+        *checks.rest_before_motion(displaced, dt, motion.frequency),
+        *checks.samples_per_cycle(motion.frequency, dt),
+        *about_current,
+        *about_voltage,
+        *about_scalar,
+        *motion_matches_name(displaced, motion.frequency, dt * displaced.size, amplitude, frequency),
+    ]
+    test = DamperTest(
+        name=name,
+        path=path,
+        sha256=_digest(raw, current, voltage, command) if sha256 is None else sha256,
+        dt=dt,
+        start_time=float(signals.time[0]),
+        displacement=frozen(displaced),
+        velocity=frozen(moving),
+        force=frozen(resisting),
+        velocity_source=velocity_source,
+        n_settle=settling_samples(displaced),
+        uncompared=spans_with(uncompared, rings),
+        current=commands["current"],
+        voltage=commands["voltage"],
+        command=commands["command"],
+        command_unit=command_unit,
+        amplitude=amplitude,
+        frequency=frequency,
+        synthetic=synthetic,
+    )
+    test = replace(test, smoothing=smoothing_of(test, motion.frequency))
+    return replace(test, findings=(*findings, *examine(test, motion)))
+
+
+def examine(test: DamperTest, motion: SmoothMotion) -> tuple[Finding, ...]:
+    """Run all detectors on a test, whose smoothed motion is given."""
+    return tuple(finding for detector in _DETECTORS for finding in detector(test, motion))
+
+
+def _channel(samples: ArrayLike, name: str, source: str) -> NDArray[np.float64]:
+    channel = np.asarray(samples, dtype=np.float64)
+    if channel.ndim != 1:
+        raise RecordError(
+            f"{source}: the {name} must have shape (n_time,), got {channel.shape}; give one channel"
+        )
+    return channel
+
+
+def _command(
+    samples: ArrayLike | None, quantity: str, unit: CommandUnit, source: str, n_time: int
+) -> tuple[Command | None, tuple[Finding, ...]]:
+    if samples is None:
+        return None, ()
+    channel = _channel(np.atleast_1d(samples), quantity, source)
+    # A constant one is not compared with the other channels later; a number of a MATLAB file is an array of one.
+    if channel.size not in (1, n_time):
+        raise RecordError(
+            f"{source}: the {quantity} has {channel.size} samples where the time has {n_time}; give one value per "
+            "sample, or a number"
+        )
+    return command_of(channel, quantity, unit, source=source)
+
+
+def _if_varying(command: Command | None) -> NDArray[np.float64] | None:
+    return command if isinstance(command, np.ndarray) else None
+
+
+def _velocity_derived(smoother: Smoother) -> Finding:
+    return Finding(
+        code="velocity_derived",
+        severity="note",
+        message="no velocity given; derived from the displacement by a cubic Savitzky-Golay filter over "
+        f"{smoother.window} samples ({1e3 * smoother.window * smoother.dt:.3g} ms)",
+    )
+
+
+def _digest(raw: Signals, *commands: ArrayLike | None) -> str:
+    named = [*raw.channels(), *zip(("current", "voltage", "command"), commands, strict=True)]
+    digest = hashlib.sha256()
+    for name, samples in named:
+        if samples is not None:
+            digest.update(name.encode())
+            # Little-endian on every machine, so that the hash depends on the values only.
+            digest.update(np.ascontiguousarray(samples, dtype="<f8").tobytes())
+    return digest.hexdigest()
+
 
 # Columns that a note names; more are counted.
 _MOST_NAMED: Final = 8
@@ -192,3 +432,91 @@ def read_damper_tests(
         else test
         for test in tests
     )
+
+
+# A number with a unit of current or voltage anywhere in a name: 500mA_run3, sine 0.5 A, dec_3x21V.
+_COMMAND_IN_NAME: Final = re.compile(r"(?<![\dA-Za-z.])(\d+(?:[x.,]\d+)?)[\s_]?(m?[AV])(?![A-Za-z\d])")
+_IN_COLUMNS: Final[tuple[TestQuantity, ...]] = (*REQUIRED, "velocity")
+
+
+@checked
+def guess_tests(files: Sequence[Path]) -> tuple[ListedTest, ...]:
+    """A row of a table of tests for each file, all for the fit; entries that cannot be told are "?".
+
+    A row is in doubt where a quantity cannot be told, where its command is a guess or unknown, or where the test cannot
+    be read or contradicts the name of its file. A file that is no table at all is not used.
+    """
+    return tuple(_guess(file) for file in files)
+
+
+def _guess(file: Path) -> ListedTest:
+    try:
+        table = open_table(file, partial(tells_a_test, source=str(file)))
+    except MrworkError as error:
+        return ListedTest(file=str(file), doubt=_plain(error, file))
+    try:
+        scalar = scalar_command(table.names, table.units, source=str(file))
+    except MrworkError as error:
+        return ListedTest(file=str(file), doubt=_plain(error, file))
+    names = [name for name in table.names if scalar is None or name != scalar.column]
+    chosen, doubts = guess_columns(names, units=table.units, stamps=table.stamps, source=str(file))
+    columns: dict[str, str] = {
+        quantity: choice.specification if choice is not None else UNKNOWN
+        for quantity in _IN_COLUMNS
+        for choice in [chosen.get(quantity)]
+        if choice is not None or quantity in REQUIRED
+    }
+    used = {choice.column for choice in chosen.values()}
+    unclear = unclear_commands(names, table.units, used)
+    about_columns = next((doubts[quantity] for quantity in COMMANDS if quantity in doubts), "")
+    if unclear:
+        about_columns = (
+            f"'{unclear[0]}' may be the command and does not say its unit; give it as {unclear[0]}:A"
+        )
+    command, about_command = (
+        (UNKNOWN, about_columns) if about_columns else _stated_command(file, chosen, scalar)
+    )
+    if command:
+        columns[COMMAND] = command
+    remarks = [*(doubt for quantity, doubt in doubts.items() if quantity not in COMMANDS), about_command]
+    if UNKNOWN not in columns.values():
+        remarks.append(_read(file, columns))
+    return ListedTest(file=str(file), use="fit", columns=columns, doubt="; ".join(filter(None, remarks)))
+
+
+def _stated_command(
+    file: Path, chosen: dict[TestQuantity, ColumnChoice], scalar: StatedCommand | None
+) -> tuple[str, str]:
+    """The command as a table states it, and a doubt about it, either empty where there is none."""
+    recorded = [chosen[quantity] for quantity in COMMANDS if quantity in chosen]
+    if len(recorded) > 1:
+        return "", f"the command may be '{recorded[0].column}' or '{recorded[1].column}'"
+    if recorded:
+        return recorded[0].specification, ""
+    if scalar is not None:
+        return f"{scalar.column}:{scalar.unit}", ""
+    nominal = nominal_from_name(file.stem)
+    for value, unit in ((nominal.current, "A"), (nominal.voltage, "V")):
+        if value is not None:
+            return f"{value:g} {unit}", ""
+    numbers = {
+        f"{match[1].replace('x', '.').replace(',', '.')} {match[2]}"
+        for match in _COMMAND_IN_NAME.finditer(file.stem)
+    }
+    if len(numbers) == 1:
+        (found,) = numbers
+        return found, "the command is guessed from the name of the file"
+    return "", "the command is not known; give it as 0.5 A, or as COLUMN:UNIT"
+
+
+def _read(file: Path, columns: dict[str, str]) -> str:
+    """Why the test cannot be read, or what contradicts the name of its file; empty where nothing does."""
+    try:
+        test = read_damper_test(file, columns=columns)
+    except MrworkError as error:
+        return _plain(error, file)
+    return "; ".join(finding.message for finding in test.findings if finding.code == "name_disagrees")
+
+
+def _plain(error: MrworkError, file: Path) -> str:
+    return str(error).removeprefix(f"{file}: ")

@@ -70,7 +70,7 @@ def listed_tests(
         if is_folder(path):
             rows += _rows_of_folder(path, use)
         elif is_test_table(path):
-            rows += _used(read_test_table(path), path, use)
+            rows += _select_use(read_test_table(path), path, use)
         else:
             rows.append(ListedTest(file=file))
     check_given_once(rows)
@@ -108,7 +108,6 @@ def records_in(folder: Path) -> tuple[Path, ...]:
 
 
 def _is_record(path: Path) -> bool:
-    """Whether a file of a folder can hold a test."""
     named = path.suffix.lower() in EXTENSIONS and not path.name.startswith(".")
     return named and is_file(path) and not is_test_table(path)
 
@@ -254,7 +253,7 @@ def _row(entries: Mapping[str, str], folder: Path) -> ListedTest:
 def _rows_of_folder(folder: Path, use: Use | EveryUse) -> tuple[ListedTest, ...]:
     table = folder / TABLE_NAME
     if is_test_table(table):
-        return _used(read_test_table(table), table, use)
+        return _select_use(read_test_table(table), table, use)
     records = records_in(folder)
     other = next(filter(is_test_table, sorted(folder.iterdir())), None)
     if other is not None and use != EVERY_USE:
@@ -266,8 +265,7 @@ def _rows_of_folder(folder: Path, use: Use | EveryUse) -> tuple[ListedTest, ...]
     return tuple(ListedTest(file=str(path)) for path in records)
 
 
-def _used(rows: Sequence[ListedTest], table: Path, use: Use | EveryUse) -> tuple[ListedTest, ...]:
-    """The rows with this use."""
+def _select_use(rows: Sequence[ListedTest], table: Path, use: Use | EveryUse) -> tuple[ListedTest, ...]:
     used = tuple(row for row in rows if row.use is not None and use in (EVERY_USE, row.use))
     if not used:
         counts = [f"{sum(row.use == each for row in rows)} for {each}" for each in get_args(Use)]

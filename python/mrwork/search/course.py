@@ -11,8 +11,9 @@ from typing import Annotated, Any, ClassVar, Protocol, TypeVar, get_type_hints
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.arguments import AnyNumbers, Seed, Within, checked
+from mrwork.arguments import AnyNumbers, Seed, checked
 from mrwork.errors import ArgumentError, SettingError
+from mrwork.keys import Within
 from mrwork.search.rules import EliteRule, StopRules, check_ranges, distinct_best, reason_of
 from mrwork.search.unit_cube import Streams
 from mrwork.summary import Summarised

@@ -14,8 +14,8 @@ from mrwork.arguments import Seed, checked
 from mrwork.errors import Interrupted, SettingError
 from mrwork.search.course import Dimension, Proposal, Replicate, SearchState, StateT, select
 from mrwork.search.rules import EliteRule, StopRules
-from mrwork.store import Journal, digest_of
-from mrwork.store.codec import array_of, plain
+from mrwork.store.codec import array_of, digest_of, plain
+from mrwork.store.journal import Journal
 from mrwork.summary import Summarised, Summary, rounded
 from mrwork.values import holds_arrays
 

@@ -26,7 +26,8 @@ from mrwork.errors import SettingError
 from mrwork.search.course import Course, Dimension, Proposal, Replicate, propose, with_generation
 from mrwork.search.rules import LARGEST_POPULATION, EliteRule, StopRules, check_ranges
 from mrwork.search.unit_cube import latin_hypercube
-from mrwork.store import Journal, digest_of
+from mrwork.store.codec import digest_of
+from mrwork.store.journal import Journal
 from mrwork.summary import Summarised
 from mrwork.values import holds_arrays
 

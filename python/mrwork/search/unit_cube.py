@@ -15,8 +15,9 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.arguments import Seed, Shape, Within, checked
+from mrwork.arguments import Seed, Shape, checked
 from mrwork.errors import SettingError
+from mrwork.keys import Within
 from mrwork.summary import Summarised
 from mrwork.values import holds_arrays
 

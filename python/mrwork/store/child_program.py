@@ -1,10 +1,11 @@
 """Program of the child process of `child_reader`; it stands alone because it imports nothing of mrwork.
 
-The file comes through stdin; `answer` of `child_hdf5`, `child_parquet` or `child_xlsx` writes to stdout what is in it.
+The file comes through stdin; a function of `child_formats` writes to stdout what is in it.
 """
 
 from __future__ import annotations
 
+import importlib
 import math
 import runpy
 import sys
@@ -20,12 +21,13 @@ NO_MEMORY = 3
 """Exit status where the memory that this process was started with is too little."""
 
 
-def main(program: str, seconds: float, memory: int) -> None:
+def main(program: str, form: str, library: str, seconds: float, memory: int) -> None:
     """Read the file within limits on the time of the processor [s] and on the memory beyond that of the imports [B]."""
     own = math.inf
     try:
         data = sys.stdin.buffer.read()
-        answer = runpy.run_path(program)["answer"]
+        importlib.import_module(library)
+        answer = runpy.run_path(program)[form]
         own = _limit(seconds, memory)
         answer(data, sys.stdout.buffer)
     except (ImportError, MemoryError) as error:
@@ -76,4 +78,4 @@ def _lower(limit: int, wanted: int) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1], float(sys.argv[2]), int(sys.argv[3]))
+    main(sys.argv[1], sys.argv[2], sys.argv[3], float(sys.argv[4]), int(sys.argv[5]))

@@ -31,6 +31,12 @@ from mrwork.values import holds_arrays
 
 Format = Literal["hdf5", "parquet", "xlsx"]
 
+_LIBRARIES: Final[Mapping[Format, str]] = {
+    "hdf5": "h5py",
+    "parquet": "pyarrow.parquet",
+    "xlsx": "python_calamine",
+}
+
 _HERE: Final = Path(__file__).parent
 
 # Time of the processor [s]: for any file, and for each byte of it.
@@ -78,8 +84,8 @@ def read_members(data: bytes, form: Format) -> dict[str, Member]:
     seconds = _SECONDS + _SECONDS_PER_BYTE * len(data)
     child = subprocess.Popen(
         [
-            *(sys.executable, "-P", str(_HERE / "child_program.py"), str(_HERE / f"child_{form}.py")),
-            *(str(seconds), str(memory_of_child(len(data)))),
+            *(sys.executable, "-P", str(_HERE / "child_program.py"), str(_HERE / "child_formats.py")),
+            *(form, _LIBRARIES[form], str(seconds), str(memory_of_child(len(data)))),
         ],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
@@ -148,7 +154,6 @@ def received(stdout: IO[bytes], most: int) -> dict[str, Member]:
 
 
 def _reason(child: subprocess.Popen[bytes], seconds: float) -> str:
-    """Why the child has ended."""
     lines = cast(IO[bytes], child.stderr).read().decode(errors="replace").strip().splitlines()
     status = child.wait()
     if status == NO_MEMORY:
@@ -163,7 +168,6 @@ def _reason(child: subprocess.Popen[bytes], seconds: float) -> str:
 
 
 def _seconds_before() -> float:
-    """Processor time that a child of this process may take."""
     try:
         import resource
     except ImportError:

@@ -210,9 +210,6 @@ class Related(ABC):
 
 _ARTICLES = {int: "an integer", str: "a string", bool: "true or false"}
 
-# Words of earlier versions, by the name of their field.
-_FORMER_WORDS = {"verdict": {"weakly": "weakly identifiable", "not": "not identifiable"}}
-
 
 def record_from_json(kind: type[T], text: str, *, origin: str, name: str, verb: str) -> T:
     """Read a dataclass of type `kind` that `json_document` has written.
@@ -273,8 +270,6 @@ def _built(kind: Any, value: Any, place: str, notes: tuple[Any, ...]) -> Any:
     if origin is Annotated:
         return _built(inner[0], value, place, (*notes, *inner[1:]))
     if origin is Literal:
-        if isinstance(value, str):
-            value = _FORMER_WORDS.get(place.rpartition(".")[2], {}).get(value, value)
         return _accepted(value in inner, value, place, " or ".join(map(repr, inner)))
     if origin in (Union, types.UnionType):
         return _built_member(inner, value, place, notes)

@@ -20,8 +20,7 @@ from mrwork.errors import JournalError, MrworkError, OutputError
 from mrwork.store.codec import differences, plain, rebuilt
 from mrwork.store.input_file import bytes_of, is_there
 from mrwork.store.journal_file import FORMAT, JOURNAL_FILE, line_of, read_lines
-from mrwork.store.lock import Lock
-from mrwork.store.output_file import open_to_write, refuse_link
+from mrwork.store.output_file import Lock, open_to_write, refuse_link
 
 T = TypeVar("T")
 # Without O_NONBLOCK, a named pipe in the place of the journal would wait for a reader.

@@ -1,4 +1,7 @@
-"""File of a journal: JSON objects, one per line, each with a checksum that detects damage."""
+"""File of a journal: JSON objects, one per line, each with a checksum that detects damage.
+
+It is apart from the journal, whose module is public and checks its arguments.
+"""
 
 from __future__ import annotations
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 import os
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
-from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any, Final
 
@@ -30,11 +29,7 @@ PLAN = "plan.json"
 CALIBRATION = "calibration.json"
 FOLDS = "left_out"
 PREDICTIONS = "predictions.npz"
-# The chain in folders of earlier versions.
-FORMER_CHAIN = "posterior.h5"
-ADDITIONS = frozenset(
-    {CHAIN, f"{CHAIN}.part", FORMER_CHAIN, DRAWS, PROFILES, PLAN, CALIBRATION, FOLDS, PREDICTIONS}
-)
+ADDITIONS = frozenset({CHAIN, f"{CHAIN}.part", DRAWS, PROFILES, PLAN, CALIBRATION, FOLDS, PREDICTIONS})
 # Added by a comparison of models: the ranking, and a folder with the fit of each model.
 RANKING = "ranking.json"
 MODELS = "models"
@@ -58,18 +53,9 @@ _PART = ".part"
 class RunKind:
     """What a verb writes as a run folder.
 
-    Parameters
-    ----------
-    verb
-        The verb of `mrwork`.
-    kind
-        What its manifest says that the folder is.
-    written
-        Files that the verb writes, as patterns of their paths in the folder.
-    added
-        Files and folders that later verbs add.
-    redrawn
-        Files that later verbs write again from the others, so that the manifest does not list them.
+    `kind`: what its manifest says that the folder is. `written`: files that the verb writes, as patterns of their paths
+    in the folder. `added`: files and folders that later verbs add. `redrawn`: files that later verbs write again from
+    the others, so that the manifest does not list them.
     """
 
     verb: str
@@ -77,10 +63,6 @@ class RunKind:
     written: frozenset[str]
     added: frozenset[str] = frozenset()
     redrawn: frozenset[str] = frozenset()
-
-    def writes(self, name: str) -> bool:
-        """Whether a path in the folder is that of a file that the verb writes."""
-        return any(fnmatchcase(name, pattern) for pattern in self.written)
 
     @property
     def entries(self) -> frozenset[str]:
@@ -112,8 +94,7 @@ TUNING_RUN: Final = RunKind(
 def kind_of(manifest: Mapping[str, Any]) -> RunKind | None:
     """The kind of the run folder that has a manifest; `None` where no verb of `mrwork` has written it."""
     for known in (FIT_RUN, STUDY_RUN, TUNING_RUN):
-        # Those of earlier versions do not name the verb.
-        if manifest.get("verb", known.verb) == known.verb and manifest.get("kind") == known.kind:
+        if manifest.get("verb") == known.verb and manifest.get("kind") == known.kind:
             return known
     return None
 
@@ -165,16 +146,8 @@ def check_manifest(
 ) -> None:
     """Check that a manifest states what is in the results beside it; one that says less is that of another version.
 
-    Parameters
-    ----------
-    place
-        The folder.
-    stated
-        What its manifest states.
-    facts
-        The values that an entry may have, by its name.
-    file, verb
-        For messages: name of the file of the results, and the verb of `mrwork` that writes both.
+    `facts`: the values that an entry may have, by its name. `file`, `verb`: for messages: name of the file of the
+    results, and the verb of `mrwork` that writes both.
     """
     for name, permitted in facts.items():
         if name in stated and stated[name] not in [finite(value) for value in permitted]:

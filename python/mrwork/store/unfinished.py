@@ -15,12 +15,11 @@ from pathlib import Path
 from types import TracebackType
 
 from mrwork.errors import JournalError, LibraryError, MrworkError, OutputError
-from mrwork.store.destination import Destination
 from mrwork.store.input_file import bytes_of, stored, text_of
 from mrwork.store.journal import Journal
 from mrwork.store.journal_file import JOURNAL_FILE
-from mrwork.store.lock import Lock, is_lock
-from mrwork.store.output_file import new_file, refuse_link
+from mrwork.store.output_file import Lock, is_lock, new_file, refuse_link
+from mrwork.store.output_folder import Destination, adding, replacing_run
 from mrwork.store.parse import json_value
 from mrwork.store.run_folder import (
     HISTORIES,
@@ -32,7 +31,6 @@ from mrwork.store.run_folder import (
     part_of,
     real_place,
 )
-from mrwork.store.run_lock import adding, replacing_run
 
 _STEP_SUFFIX = ".jsonl"
 _COPYING = "copying"
@@ -105,12 +103,7 @@ def resume_journal(path: str | Path, *, note: Callable[[str], None]) -> Journal:
 
     It is locked until it is closed.
 
-    Parameters
-    ----------
-    path
-        The run folder.
-    note
-        Called with a sentence if the end of the journal is damaged and ignored.
+    `note`: called with a sentence if the end of the journal is damaged and ignored.
     """
     kept = real_place(path) / JOURNAL
     begun = part_of(path) / JOURNAL
@@ -205,14 +198,8 @@ class StepJournals:
 
     At the end of a `with` block they are closed, and removed after an error of the inputs.
 
-    Parameters
-    ----------
-    destination
-        The run folder.
-    resume
-        Whether to continue existing journals; otherwise they are removed.
-    note
-        Called with a sentence if the end of a journal is damaged and ignored.
+    `resume`: whether to continue existing journals; otherwise they are removed. `note`: called with a sentence if the
+    end of a journal is damaged and ignored.
     """
 
     def __init__(

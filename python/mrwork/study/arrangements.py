@@ -30,7 +30,7 @@ from mrwork.control.laws import ControlLaw, control_laws
 from mrwork.control.weights import WeightWishes
 from mrwork.errors import SettingError
 from mrwork.keys import Place, given_values, heading_lines, key_lines, keys_of, read_table, suggestion
-from mrwork.store import digest_of
+from mrwork.store.codec import digest_of
 from mrwork.store.input_file import FileKind, text_of
 from mrwork.study.schema import (
     BaselineTable,

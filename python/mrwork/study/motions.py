@@ -27,8 +27,7 @@ from mrwork.motions.ground_motion import (
 )
 from mrwork.motions.read import motion_files, read_motion
 from mrwork.motions.spectral_density import CloughPenzien, KanaiTajimi, SpectralDensity
-from mrwork.motions.suites import suite
-from mrwork.motions.synthetic import synthetic_motion
+from mrwork.motions.synthetic import suite, synthetic_motion
 from mrwork.study.schema import MotionTable, SuiteTable
 from mrwork.study.study import MotionOfStudy
 from mrwork.units import STANDARD_GRAVITY

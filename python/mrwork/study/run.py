@@ -26,7 +26,8 @@ from mrwork.control.laws import ControlLaw
 from mrwork.dampers.spec import damper
 from mrwork.errors import Interrupted, JournalError, SettingError, SimulationError
 from mrwork.motions import GroundMotion
-from mrwork.store import Journal, digest_of
+from mrwork.store.codec import digest_of
+from mrwork.store.journal import Journal
 from mrwork.study.arrangements import constant_command, constant_commands
 from mrwork.study.results import Key, MotionFacts, RunCriteria, StudyResults, VariedResults
 from mrwork.study.run_result import (

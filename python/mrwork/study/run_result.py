@@ -23,9 +23,8 @@ from mrwork.closed_loop.responses import (
 from mrwork.dampers.spec import worst_laws
 from mrwork.errors import RecordError
 from mrwork.simulate import Outcome
-from mrwork.store.arrays_file import finite_numbers, read_arrays
 from mrwork.store.codec import OneOf, array_of, plain, rebuilt
-from mrwork.store.input_file import is_there, stored
+from mrwork.store.input_file import finite_numbers, is_there, read_arrays, stored
 from mrwork.store.output_file import refuse_link, replacing
 from mrwork.store.run_folder import HISTORIES, part_of, real_place
 from mrwork.study.study import Arrangement, Study, StudyLaw, commands_force

@@ -24,8 +24,7 @@ from mrwork.control.laws import ControlLaw
 from mrwork.errors import SettingError
 from mrwork.motions import GroundMotion
 from mrwork.search.unit_cube import Streams, latin_hypercube
-from mrwork.store import digest_of
-from mrwork.store.codec import package_version
+from mrwork.store.codec import digest_of, package_version
 from mrwork.study.schema import TuneTable, UncertaintyTable, Use
 from mrwork.summary import Summarised, Summary, listed
 from mrwork.values import Floats, holds_arrays

@@ -16,7 +16,7 @@ from mrwork.control.law_design import SETTINGS
 from mrwork.control.lqr import PUBLISHED_REGULATORS, PublishedRegulator
 from mrwork.errors import SettingError
 from mrwork.motions.spectral_density import KanaiTajimi
-from mrwork.store import digest_of
+from mrwork.store.codec import digest_of
 from mrwork.study.run import LEVELS
 from mrwork.study.schema import TuneTable
 from mrwork.summary import Summarised

@@ -22,7 +22,7 @@ from mrwork.search.loop import GenerationEvent, Optimiser, SearchResult, run_sea
 from mrwork.search.peers import FrontResult, run_front
 from mrwork.search.registry import ALL_OPTIMISERS, PEERS
 from mrwork.search.rules import EliteRule, StopRules
-from mrwork.store import digest_of
+from mrwork.store.codec import digest_of
 from mrwork.study.results import RunCriteria
 from mrwork.study.schema import TuneTable
 from mrwork.study.study import Study

@@ -16,7 +16,8 @@ from mrwork.control.law_design import design_candidates, design_law, settings_of
 from mrwork.control.laws import control_law
 from mrwork.errors import SettingError
 from mrwork.motions import GroundMotion
-from mrwork.store import Journal, digest_of
+from mrwork.store.codec import digest_of
+from mrwork.store.journal import Journal
 from mrwork.study.results import RealisationBand, RunCriteria
 from mrwork.study.run import runs_of, simulate_criteria
 from mrwork.study.run_result import DeviceDemand, demands_of

@@ -14,8 +14,7 @@ from mrwork.arguments import NotNegative, Whole, checked
 from mrwork.closed_loop.evaluation import Spread
 from mrwork.errors import RecordError
 from mrwork.store.codec import OrInfinite, OrNan, Related, finite, json_document, read_document
-from mrwork.store.destination import Destination
-from mrwork.store.output_folder import write_folder
+from mrwork.store.output_folder import Destination, write_folder
 from mrwork.store.parse import toml_table
 from mrwork.store.run_folder import (
     CHOSEN,

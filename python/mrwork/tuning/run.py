@@ -14,7 +14,7 @@ from mrwork.errors import Interrupted, SettingError
 from mrwork.keys import suggestion
 from mrwork.search.peers import library
 from mrwork.search.registry import ALL_OPTIMISERS
-from mrwork.store import Journal
+from mrwork.store.journal import Journal
 from mrwork.study.run_result import DeviceDemand, damper_warnings
 from mrwork.study.schema import Risk, TuneTable
 from mrwork.study.study import Study, fingerprint_of

@@ -1,15 +1,21 @@
-"""Twins by model: finding one, simulating it, and the cache of compiled functions."""
+"""Equations of the damper models in JAX: the same as in the Rust core, differentiable, and their simulation.
+
+A model is its force as a function of parameters `p` (by their names in the spec), state, displacement and velocity,
+under the name of the model. Decorated with `@_twin(rate=...)` it has the rate of its states, a function of the same
+arguments; a model without states has none.
+"""
 
 from __future__ import annotations
 
 import os
 import platform
 from collections import namedtuple
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import jax
 import jax.numpy as jnp
@@ -18,7 +24,288 @@ from jax import Array
 from mrwork.dampers.parameters import CurrentLaws, interpolate, law_named
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import LibraryError, SettingError, UnknownNameError
-from mrwork.twins.equations import EQUATIONS, Equation  # also sets double precision
+
+# The Rust core computes in double precision, and the twins must agree with it.
+jax.config.update("jax_enable_x64", True)  # type: ignore[no-untyped-call] # jax leaves it unannotated
+
+
+class Parameters(Protocol):
+    """Parameters of a model by their names in its spec."""
+
+    def __getattr__(self, name: str) -> Array: ...
+
+
+Equation = Callable[[Parameters, Array, Array, Array], Array]
+
+EQUATIONS: dict[str, tuple[Equation, Equation]] = {}
+"""Rate and force by model."""
+
+
+def _without_states(p: Parameters, state: Array, x: Array, v: Array) -> Array:
+    return state
+
+
+def _twin(*, rate: Equation = _without_states) -> Callable[[Equation], Equation]:
+    """Enter the decorated force and its rate in `EQUATIONS`, under the name of the function."""
+
+    def enter(force: Equation) -> Equation:
+        EQUATIONS[force.__name__] = (rate, force)
+        return force
+
+    return enter
+
+
+def power(base: Array, exponent: Array) -> Array:
+    """`base ** exponent` for base >= 0 and exponent >= 1, with finite derivatives at zero."""
+    positive = base > 0.0
+    return jnp.where(positive, jnp.where(positive, base, 1.0) ** exponent, 0.0)
+
+
+@_twin()
+def bingham(p: Parameters, state: Array, x: Array, v: Array) -> Array:
+    """f = f_c tanh(v/v_s) + c0 v + f0 (Stanway, Sproston and Stevens 1987)."""
+    return p.f_c * jnp.tanh(v / p.v_s) + p.c0 * v + p.f0
+
+
+def _extended_bingham_rate(p: Parameters, state: Array, x: Array, v: Array) -> Array:
+    """x_b' = sgn(q) max(|q| - f_c, 0) / c0, x_k' = (a (x - x_b - x_k) - x_k) / tau."""
+    q = _spring_force(p, state, x)
+    flowing = jnp.sign(q) * jnp.maximum(jnp.abs(q) - p.f_c, 0.0)
+    return jnp.stack([flowing / p.c0, (p.a * (x - state[0] - state[1]) - state[1]) / p.tau])
+
+
+@_twin(rate=_extended_bingham_rate)
+def extended_bingham(p: Parameters, state: Array, x: Array, v: Array) -> Array:
+    """f = q + f0 (Gamota and Filisko)."""
+    return _spring_force(p, state, x) + p.f0
+
+
+def _spring_force(p: Parameters, state: Array, x: Array) -> Array:
+    """q = rho f_c (x - x_b - x_k)."""
+    return p.rho * p.f_c * (x - state[0] - state[1])
+
+
+def _elasto_visco_plastic_rate(p: Parameters, state: Array, x: Array, v: Array) -> Array:
+    """u' = (rho f_y (v - u) - r q(u)) / q'(u)."""
+    u = state[0]
+    e = jnp.exp(-2.0 * jnp.abs(u) / p.v_r)
+    slope = p.f_y / p.v_r * 4.0 * e / (1.0 + e) ** 2 + p.c
+    return jnp.stack([(p.rho * p.f_y * (v - u) - p.r * _yielding_flow(p, u)) / slope])
+
+
+@_twin(rate=_elasto_visco_plastic_rate)
+def elasto_visco_plastic(p: Parameters, state: Array, x: Array, v: Array) -> Array:
+    """f = q(u) + k x + f0: a spring in series with a core that yields smoothly."""
+    return _yielding_flow(p, state[0]) + p.k * x + p.f0
+
+
+def _yielding_flow(p: Parameters, u: Array) -> Array:
+    """q(u) = f_y tanh(u/v_r) + c u."""
+    return p.f_y * jnp.tanh(u / p.v_r) + p.c * u
+
+
+@_twin()
+def orifice(p: Parameters, state: Array, x: Array, v: Array) -> Array:
+    """f = d |v| v + c v + f0: a loss of head that grows with the square of the velocity."""
+    return p.d * jnp.abs(v) * v + p.c * v + p.f0
+
+
+def _maxwell_rate(p: Parameters, state: Array, x: Array, v: Array) -> Array:
+    """z' = v - z/tau."""
+    return jnp.stack([v - state[0] / p.tau])
+
+
+@_twin(rate=_maxwell_rate)
+def maxwell(p: Parameters, state: Array, x: Array, v: Array) -> Array:
+    """f = k z + c v + f0: a spring in series with a dashpot."""
+    return p.k * state[0] + p.c * v + p.f0
+
+
+@_twin()
+def hyperbolic_tangent_gavin(p: Parameters, state: Array, x: Array, v: Array) -> Array:
+    """f = f_o tanh(v/V_r + x/d_r) + k0 x + c0 v + f0 (Gavin 2001)."""
+    return p.f_o * jnp.tanh(v / p.V_r + x / p.d_r) + p.k0 * x + p.c0 * v + p.f0
+
+
+@_twin()
+def hyperbolic_tangent_guo(p: Parameters, state: Array, x: Array, v: Array) -> Array:
+    """f = A1 tanh(A3 (v + omega x)) + A2 (v + omega x) + f0 (Guo, Yang and Pan 2006)."""
+    shifted = v + p.omega * x
+    return p.A1 * jnp.tanh(p.A3 * shifted) + p.A2 * shifted + p.f0
+
+
+@_twin()
+def static_hysteretic(p: Parameters, state: Array, x: Array, v: Array) -> Array:
+    """f = c v + k x + alpha tanh(beta v + delta tanh(x/x_s)) + f0 (Kwok et al. 2006)."""
+    return p.c * v + p.k * x + p.alpha * jnp.tanh(p.beta * v + p.delta * jnp.tanh(x / p.x_s)) + p.f0
+
+
+@_twin()
+def polynomial_fitting(p: Parameters, state: Array, x: Array, v: Array) -> Array:
+    """f = F_m + tanh(x/x_s) T/2, with 2/(1 + exp(-y)) - 1 = tanh(y/2) in F_m.
+
+    The mean of the loop over velocity is a sigmoid, its thickness T a Gaussian.
+    """
+    mean = p.a * jnp.tanh(0.5 * p.b * (v - p.v0)) + p.c * v + p.f0
+    thickness = p.h * jnp.exp(-0.5 * ((v - p.v1) / p.w) ** 2)
+    return mean + 0.5 * jnp.tanh(x / p.x_s) * thickness
+
+
+def _dahl_rate(p: Parameters, state: Array, x: Array, v: Array) -> Array:
+    """w' = rho (v - |v| w)."""
+    return jnp.stack([p.rho * (v - jnp.abs(v) * state[0])])
+
+
+@_twin(rate=_dahl_rate)
+def dahl(p: Parameters, state: Array, x: Array, v: Array) -> Array:
+    """f = k_w w + f0 (Dahl 1968)."""
+    return p.k_w * state[0] + p.f0
+
+
+@_twin(rate=_dahl_rate)
+def viscous_dahl(p: Parameters, state: Array, x: Array, v: Array) -> Array:
+    """f = k_x v + k_w w + f0 (Ikhouane and Dyke 2007)."""
+    return p.k_x * v + p.k_w * state[0] + p.f0
+
+
+def _lugre_rate(p: Parameters, state: Array, x: Array, v: Array) -> Array:
+    """z' = v - a0 |v| z."""
+    return jnp.stack([v - p.a0 * jnp.abs(v) * state[0]])
+
+
+@_twin(rate=_lugre_rate)
+def lugre(p: Parameters, state: Array, x: Array, v: Array) -> Array:
+    """f = sigma_0 z + sigma_1 z' + sigma_2 v + f0 (Jimenez and Alvarez-Icaza 2005)."""
+    return p.sigma_0 * state[0] + p.sigma_1 * _lugre_rate(p, state, x, v)[0] + p.sigma_2 * v + p.f0
+
+
+def _spencer_loop(p: Parameters, z: Array, v: Array) -> Array:
+    """z' = -gamma |v| z |z|^(n-1) - beta v |z|^n + A v (Spencer et al. 1997)."""
+    z_n = power(jnp.abs(z), p.n)
+    return -p.gamma * jnp.abs(v) * jnp.sign(z) * z_n - p.beta * v * z_n + p.A * v
+
+
+def _normalised_loop(p: Parameters, w: Array, v: Array) -> Array:
+    """w' = rho (v - sigma |v| |w|^(n-1) w + (sigma - 1) v |w|^n) (Ikhouane and Rodellar)."""
+    w_n = power(jnp.abs(w), p.n)
+    return p.rho * (v - p.sigma * jnp.abs(v) * jnp.sign(w) * w_n + (p.sigma - 1.0) * v * w_n)
+
+
+@_twin(rate=lambda p, state, x, v: jnp.stack([_spencer_loop(p, state[0], v)]))
+def bouc_wen(p: Parameters, state: Array, x: Array, v: Array) -> Array:
+    """f = c0 v + k0 (x - x0) + alpha z."""
+    return p.c0 * v + p.k0 * (x - p.x0) + p.alpha * state[0]
+
+
+@_twin(rate=lambda p, state, x, v: jnp.stack([_normalised_loop(p, state[0], v)]))
+def normalised_bouc_wen(p: Parameters, state: Array, x: Array, v: Array) -> Array:
+    """f = c v + k (x - x0) + k_w w."""
+    return p.c * v + p.k * (x - p.x0) + p.k_w * state[0]
+
+
+_WIDTH = 2e-4
+"""s [m]: the slope of the dead zone changes from 0 to 1 over it."""
+
+
+def _behind_play(g: Array, x: Array) -> tuple[Array, Array]:
+    """u/v and d, with tanh and cosh by r = exp(-2 g/s) and q = exp(-2 |x|/s), which do not overflow."""
+    r, q = jnp.exp(-2.0 * g / _WIDTH), jnp.exp(-2.0 * jnp.abs(x) / _WIDTH)
+    above, below = 1.0 + q * r, q + r
+    slope = r * (1.0 + q * (q + 2.0 * r)) / (above * below)
+    return slope, jnp.sign(x) * (jnp.abs(x) - 0.5 * _WIDTH * jnp.log(above / below))
+
+
+def _backlash_rate(p: Parameters, state: Array, x: Array, v: Array) -> Array:
+    """w' of the loop for the velocity u."""
+    slope, _ = _behind_play(p.g, x)
+    return jnp.stack([_normalised_loop(p, state[0], slope * v)])
+
+
+@_twin(rate=_backlash_rate)
+def backlash_bouc_wen(p: Parameters, state: Array, x: Array, v: Array) -> Array:
+    """f = c u + k (d - x0) + k_w w: the normalised model behind a dead zone of the displacement."""
+    slope, displacement = _behind_play(p.g, x)
+    return p.c * slope * v + p.k * (displacement - p.x0) + p.k_w * state[0]
+
+
+def _shifted_rate(p: Parameters, state: Array, v: Array, side: Array) -> Array:
+    """w' of the loop for the velocity v - mu s."""
+    return jnp.stack([_normalised_loop(p, state[0], v - p.mu * side)])
+
+
+def _shifted_force(p: Parameters, state: Array, x: Array, v: Array, side: Array) -> Array:
+    """f = c (v - share mu s) + k (x - x0) + k_w w."""
+    return p.c * (v - p.share * p.mu * side) + p.k * (x - p.x0) + p.k_w * state[0]
+
+
+@_twin(rate=lambda p, state, x, v: _shifted_rate(p, state, v, jnp.tanh(state[0] / p.w_s)))
+def non_symmetric_bouc_wen(p: Parameters, state: Array, x: Array, v: Array) -> Array:
+    """s = tanh(w/w_s): a velocity shift by the sign of the state (Kwok et al.)."""
+    return _shifted_force(p, state, x, v, jnp.tanh(state[0] / p.w_s))
+
+
+@_twin(rate=lambda p, state, x, v: _shifted_rate(p, state, v, jnp.tanh(x / p.x_s)))
+def non_symmetric_bouc_wen_displacement(p: Parameters, state: Array, x: Array, v: Array) -> Array:
+    """s = tanh(x/x_s): a velocity shift by the sign of the displacement (Kwok et al.)."""
+    return _shifted_force(p, state, x, v, jnp.tanh(x / p.x_s))
+
+
+# A loop in series with the dashpot c1: y' is the rate of the dashpot, state is (y, z).
+
+
+def _series_rate(p: Parameters, state: Array, x: Array, v: Array, loop_force: Array, c: Array) -> Array:
+    """y' = (f_loop + c v + k0 (x - y)) / (c + c1)."""
+    return (loop_force + c * v + p.k0 * (x - state[0])) / (c + p.c1)
+
+
+def _modified_y_rate(p: Parameters, state: Array, x: Array, v: Array) -> Array:
+    return _series_rate(p, state, x, v, p.alpha * state[1], p.c0)
+
+
+def _modified_rate(p: Parameters, state: Array, x: Array, v: Array) -> Array:
+    """y', and z' of the loop for the velocity v - y'."""
+    y_rate = _modified_y_rate(p, state, x, v)
+    return jnp.stack([y_rate, _spencer_loop(p, state[1], v - y_rate)])
+
+
+@_twin(rate=_modified_rate)
+def modified_bouc_wen(p: Parameters, state: Array, x: Array, v: Array) -> Array:
+    """f = c1 y' + k1 (x - x0) (Spencer et al. 1997)."""
+    return p.c1 * _modified_y_rate(p, state, x, v) + p.k1 * (x - p.x0)
+
+
+def _normalised_y_rate(p: Parameters, state: Array, x: Array, v: Array) -> Array:
+    return _series_rate(p, state, x, v, p.k_w * state[1], p.c0)
+
+
+def _normalised_modified_rate(p: Parameters, state: Array, x: Array, v: Array) -> Array:
+    """y', and w' of the loop for the velocity v - y'."""
+    y_rate = _normalised_y_rate(p, state, x, v)
+    return jnp.stack([y_rate, _normalised_loop(p, state[1], v - y_rate)])
+
+
+@_twin(rate=_normalised_modified_rate)
+def normalised_modified_bouc_wen(p: Parameters, state: Array, x: Array, v: Array) -> Array:
+    """f = c1 y' + k1 (x - x0), with the normalised loop."""
+    return p.c1 * _normalised_y_rate(p, state, x, v) + p.k1 * (x - p.x0)
+
+
+def _thinning_y_rate(p: Parameters, state: Array, x: Array, v: Array) -> Array:
+    """c = c0 + c2 exp(-|v|/v_s) in `_series_rate`."""
+    c = p.c0 + p.c2 * jnp.exp(-jnp.abs(v) / p.v_s)
+    return _series_rate(p, state, x, v, p.k_w * state[1], c)
+
+
+def _thinning_rate(p: Parameters, state: Array, x: Array, v: Array) -> Array:
+    """y', and w' of the loop for the velocity v - y'."""
+    y_rate = _thinning_y_rate(p, state, x, v)
+    return jnp.stack([y_rate, _normalised_loop(p, state[1], v - y_rate)])
+
+
+@_twin(rate=_thinning_rate)
+def shear_thinning_modified_bouc_wen(p: Parameters, state: Array, x: Array, v: Array) -> Array:
+    """f = c1 y' + k1 (x - x0), with a shear-thinning dashpot."""
+    return p.c1 * _thinning_y_rate(p, state, x, v) + p.k1 * (x - p.x0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,9 +327,7 @@ def twin_of(spec: DamperSpec) -> Twin:
     if spec.current is not None:
         return twin_of(damper(spec.name))
     if spec.name not in EQUATIONS:
-        raise UnknownNameError(
-            f"{spec.name} has no JAX twin; write its equations in mrwork/twins/equations.py"
-        )
+        raise UnknownNameError(f"{spec.name} has no JAX twin; write its equations in mrwork/twins/models.py")
     rate, force = EQUATIONS[spec.name]
     return Twin(Theta=namedtuple("Theta", spec.names), rate=rate, force=force)
 

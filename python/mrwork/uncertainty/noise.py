@@ -11,13 +11,13 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import import_module
-from typing import Annotated, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.arguments import Rows, Samples, Shape, checked
-from mrwork.errors import SettingError, UnknownNameError
+from mrwork.arguments import checked
+from mrwork.errors import UnknownNameError
 
 Array = NDArray[np.float64]
 
@@ -62,32 +62,17 @@ class Noise(ABC):
     def log_densities(self, residual: Array, force: Array, noise: Array) -> Array:
         """Log density of each sample given the earlier ones, (n_batch, n_time); a row's sum is its log-likelihood.
 
-        Parameters
-        ----------
-        residual
-            Model minus measured force, in deviations of the test's force.
-        force
-            Force of the model minus the mean measured force, in the same unit.
+        `residual`: model minus measured force, in deviations of the test's force. `force`: force of the model minus the
+        mean measured force, in the same unit.
         """
         return self._log_densities(residual, force, noise)
 
-    def draw(
-        self, force: Rows, noise: Annotated[Array, Shape(("n_batch", "n_noise"))], rng: np.random.Generator
-    ) -> Array:
-        """Noise to add to a force of the model, shape (n_batch, n_time)."""
-        if noise.shape[1] != len(self.parameters):
-            names = ", ".join(each.name for each in self.parameters)
-            raise SettingError(
-                f"`noise` has shape {noise.shape}; {self.name} noise has the parameters {names}"
-            )
+    def draw(self, force: Array, noise: Array, rng: np.random.Generator) -> Array:
+        """Noise to add to a force of the model, shape (n_batch, n_time), for parameters (n_batch, n_noise)."""
         return self._draw(force, noise, rng)
 
-    def estimate(self, residual: Samples, force: Samples) -> Array:
+    def estimate(self, residual: Array, force: Array) -> Array:
         """Moment estimates of the noise parameters, shape (n_noise,), from the residuals of a fit, (n_time,)."""
-        if residual.size < 2:
-            raise SettingError(
-                f"noise is estimated from residuals, {residual.size} were given; give two or more"
-            )
         lower, upper = np.array([(each.lower, each.upper) for each in self.parameters]).T
         return np.clip(self._estimate(residual, force), lower, upper)
 
@@ -106,7 +91,6 @@ class Noise(ABC):
 
 
 def _gaussian(residual: Array, deviation: Array) -> Array:
-    """Log density of a normal residual with this standard deviation."""
     xp = deviation.__array_namespace__()
     result: Array = -0.5 * (residual / deviation) ** 2 - xp.log(deviation) - 0.5 * _LOG_2_PI
     return result
@@ -122,7 +106,6 @@ def _log_gamma(values: Array) -> Array:
 
 
 def _rms(residual: Array) -> float:
-    """Root mean square."""
     return float(np.sqrt(np.mean(residual**2)))
 
 

@@ -14,7 +14,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.arguments import NotNegative, Within, checked
+from mrwork.arguments import NotNegative, checked
 from mrwork.dampers.design.flow import PRESSURES, FlowModel, Slot
 from mrwork.dampers.design.magnetic_circuit import (
     COPPER_RESISTIVITY,
@@ -35,6 +35,7 @@ from mrwork.dampers.design.ranges import (
 from mrwork.dampers.parameters import LawName
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import SettingError
+from mrwork.keys import Within
 from mrwork.summary import Summarised, Summary, of_unit
 
 Floats = NDArray[np.float64]
@@ -92,18 +93,10 @@ def _fitted_model(
 ) -> DesignedModel:
     """The Bingham model with current laws that follows steady forces, see `DamperDesign.as_model`.
 
-    Parameters
-    ----------
-    force
-        Force [N] at velocities [m/s] and currents [A] that broadcast.
-    velocity, largest_current
-        The model is fitted up to these [m/s] and [A].
-    friction
-        Yield force at zero current [N].
-    response_time
-        [s]; the rate of the lag is its inverse.
-    transition
-        Velocity over which the yield force changes sign [m/s]; 1/50 of `velocity` if none is given.
+    `force`: force [N] at velocities [m/s] and currents [A] that broadcast. `velocity`, `largest_current`: the model is
+    fitted up to these [m/s] and [A]. `friction`: yield force at zero current [N]. `response_time`: [s]; the rate of the
+    lag is its inverse. `transition`: velocity over which the yield force changes sign [m/s]; 1/50 of `velocity` if none
+    is given.
     """
     plain = damper("bingham")
     least = {parameter.name: parameter.lower for parameter in plain.plain}

@@ -13,7 +13,7 @@ from typing import Annotated, ClassVar, Final, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mrwork.arguments import Positive, Within, checked
+from mrwork.arguments import Positive, checked
 from mrwork.dampers.design.ranges import (
     FlowIndex,
     Flows,
@@ -23,6 +23,7 @@ from mrwork.dampers.design.ranges import (
     broadcast,
     roots_between,
 )
+from mrwork.keys import Within
 from mrwork.summary import Summarised
 
 Floats = NDArray[np.float64]
@@ -233,16 +234,9 @@ def least_active_volume(
     It follows from the sum of a viscous and a yield pressure (Carlson, Catanzarite, St. Clair, Proc. 5th Int. Conf. on
     ER Fluids and MR Suspensions, 1995; Carlson & Jolly, Mechatronics 10, 2000, 555-569), whatever the geometry.
 
-    Parameters
-    ----------
-    yield_stress, viscosity
-        Of the fluid in the field [Pa] and [Pa s].
-    ratio
-        Wanted force of the yield stress over viscous force, lambda.
-    power
-        Mechanical power W of the yield force [W]: force times velocity.
-    coefficient
-        The coefficient c of the yield pressure.
+    `yield_stress`, `viscosity`: of the fluid in the field [Pa] and [Pa s]. `ratio`: wanted force of the yield stress
+    over viscous force, lambda. `power`: mechanical power W of the yield force [W]: force times velocity. `coefficient`:
+    the coefficient c of the yield pressure.
     """
     return 12.0 / coefficient**2 * viscosity / yield_stress**2 * ratio * power
 

@@ -8,8 +8,8 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mrwork.arguments import Within
 from mrwork.errors import SettingError
+from mrwork.keys import Within
 
 # From a micrometre to a hundred metres.
 Length = Annotated[float, Within(least=1e-6, most=100.0)]
@@ -51,12 +51,7 @@ def roots_between(function: Callable[[Floats], Floats], low: Floats, high: Float
     Chandrupatla's method: inverse quadratic interpolation where the function is smooth enough, bisection otherwise
     (Chandrupatla, Adv. Eng. Softw. 28(3), 1997, 145-149).
 
-    Parameters
-    ----------
-    function
-        Maps abscissae to values of the same shape.
-    low, high
-        Ends of the intervals, of one shape.
+    `function`: maps abscissae to values of the same shape. `low`, `high`: ends of the intervals, of one shape.
     """
     b, a = np.array(low, dtype=np.float64), np.array(high, dtype=np.float64)
     f_b, f_a = function(b), function(a)

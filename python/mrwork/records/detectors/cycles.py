@@ -1,7 +1,12 @@
-"""Findings over whole cycles: a moving mass (force in phase with the acceleration) and drift from cycle to cycle."""
+"""Detectors over whole cycles of the motion.
+
+They find a moving mass (force in phase with the acceleration), drift from cycle to cycle, and a delay between force and
+displacement, from the corner of the force at motion reversals.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -9,7 +14,7 @@ from numpy.typing import NDArray
 
 from mrwork.records.checks import half_range, mean_over_travel
 from mrwork.records.damper_test import DamperTest, Finding, Measured
-from mrwork.records.motion import SmoothMotion, whole_cycles
+from mrwork.records.motion import SmoothMotion, turning_points, whole_cycles
 
 _FEWEST_FOR_MASS: Final = 2
 _SIGNIFICANT: Final = 4.0
@@ -120,3 +125,219 @@ def drift_finding(test: DamperTest, motion: SmoothMotion) -> tuple[Finding, ...]
     )
     action = "fit a part of the record (--from, --until)"
     return (Finding.warning("loop_drift", message, action=action, measured=drift),)
+
+
+# All in periods of the dominant frequency.
+_LONGEST: Final = 0.05
+_STEP: Final = 0.001
+_BEFORE: Final = (0.05, 0.1)
+_FOLDED: Final = 0.25
+# End of the fit: fall of the force from the branch before the turn, in half ranges.
+_FALL: Final = 0.3
+_FEWEST: Final = 12
+_FEWEST_TURNS: Final = 2
+_ALIKE: Final = 0.1
+# Ratio of the mean square residual with a corner to that of a smooth curve with one more parameter: 0.1 to 0.7 for
+# models with displacement hysteresis, 0.9 to 1.1 if the force is a smooth function of the motion.
+_SHARPNESS: Final = 0.7
+# Largest rms residual relative to the half range of the force; the rest must be noise.
+_LARGEST_RESIDUAL: Final = 0.02
+# Far below the terms of a fit, above their rounding errors: for terms that a window cannot tell apart.
+_NEGLIGIBLE: Final = 1e-14
+_AGREEMENT: Final = 0.006
+_SIGNIFICANT_DELAY: Final = 3.0
+# Fall of the force at the turn, in half ranges, required for a lead.
+_PASSED: Final = 1.0
+
+
+def force_delay(test: DamperTest, motion: SmoothMotion) -> Measured | None:
+    """Delay of the force behind the displacement [s], or `None` if the force has no corner at the turns.
+
+    When the motion reverses, a hysteretic force leaves its branch at once, and its slope over time has a corner. Folded
+    over all turns, the force is fitted by
+
+        p(s) + q2 max(s - tau, 0)^2 + q3 max(s - tau, 0)^3,    p a parabola, s the time since the turn,
+
+    in two windows that start a twentieth and a tenth of a period before the corner and end when the force has fallen
+    by 0.3 of its half range. The tau of least residual is the delay, provided that both windows agree to 0.6 % of a
+    period and no smooth curve fits as well. A force that falls smoothly with the velocity has no such corner, and
+    averaging over time removes it. If the force falls steeply with the velocity before the turn, the corner is early:
+    a lag is then underestimated, and a lead counts only if the force has passed its middle at the turn. Compliance in
+    series with the damper delays the corner in the same way as a slow channel. A varying command changes the force
+    between turns, which can then not be folded.
+    """
+    if test.has_varying_command or test.smoothing is not None:
+        return None
+    period = 1.0 / motion.frequency
+    place, direction = turning_points(motion.displacement, motion.velocity)
+    # Turns with different accelerations have corners of different widths and cannot be averaged.
+    sharp = np.abs(np.interp(place, np.arange(test.n_time), motion.acceleration))
+    if place.size < _FEWEST_TURNS or np.std(sharp) > _ALIKE * np.mean(sharp):
+        return None
+    branch = _folded(test.force, place, direction, period / test.dt)
+    if branch is None:
+        return None
+    corners = []
+    for before in _BEFORE:
+        corner = _corner(*branch, before)
+        if corner is None:
+            return None
+        corners.append(corner)
+    delays, ratios = np.array(corners).T
+    sharpness = float(ratios.mean())
+    if not (sharpness < _SHARPNESS and np.ptp(delays) <= _AGREEMENT):
+        return None
+    # The windows may agree exactly, and a corner may lie anywhere between two samples.
+    between = test.dt / (np.sqrt(12.0) * period)
+    error = float(np.linalg.norm([np.ptp(delays) / 2.0, _STEP, between]))
+    delay = float(delays.mean())
+    time, force, _ = branch
+    if delay < -_SIGNIFICANT_DELAY * error and np.interp(0.0, time, force) > -_PASSED:
+        return None
+    return Measured(value=delay * period, standard_error=error * period, unit="s")
+
+
+def delay_finding(test: DamperTest, motion: SmoothMotion) -> tuple[Finding, ...]:
+    """Warn of a delay of more than three standard errors and half a sample."""
+    delay = force_delay(test, motion)
+    if delay is None or delay.standard_error is None:
+        return ()
+    if abs(delay.value) < max(_SIGNIFICANT_DELAY * delay.standard_error, 0.5 * test.dt):
+        return ()
+    lags = "lags" if delay.value > 0.0 else "leads"
+    message = (
+        f"the force {lags} the displacement by {1e3 * abs(delay.value):.3g} +- {1e3 * delay.standard_error:.2g} ms "
+        f"({abs(delay.value) / test.dt:.1f} samples), measured at motion reversals"
+    )
+    return (Finding.warning("force_delay", message, action="correct it by --repair delay", measured=delay),)
+
+
+def _folded(
+    force: NDArray[np.float64],
+    place: NDArray[np.float64],
+    direction: NDArray[np.float64],
+    period: float,
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]] | None:
+    """Mean force about the turns: time [periods], force [half ranges, falling], and number of samples in each mean."""
+    reach = _FOLDED * period
+    inside = (place - reach >= 0.0) & (place + reach <= force.size - 1.0)
+    place, direction = place[inside], direction[inside]
+    scale = half_range(force)
+    if place.size < _FEWEST_TURNS or scale == 0.0:
+        return None
+    offsets = np.arange(-int(reach), int(reach) + 1)
+    rows = np.round(place).astype(np.intp)[:, np.newaxis] + offsets
+    rows = np.clip(rows, 0, force.size - 1)
+    since = (rows - place[:, np.newaxis]) / period
+    falling = direction[:, np.newaxis] * force[rows] / scale
+    # Offset and stiffness shift the turns at one end of the stroke relative to the other.
+    ahead = (since <= -_BEFORE[0]) & (since > -_BEFORE[1])
+    if not ahead.any(axis=1).all():
+        return None
+    falling -= (np.sum(falling * ahead, axis=1) / ahead.sum(axis=1))[:, np.newaxis]
+    bins = np.floor(since / _STEP).astype(np.intp)
+    bins -= bins.min()
+    count = np.bincount(bins.ravel()).astype(np.float64)
+    kept = count > 0.0
+    mean_time = np.bincount(bins.ravel(), since.ravel())[kept] / count[kept]
+    mean_force = np.bincount(bins.ravel(), falling.ravel())[kept] / count[kept]
+    return mean_time, mean_force, count[kept]
+
+
+def _corner(
+    time: NDArray[np.float64], force: NDArray[np.float64], count: NDArray[np.float64], before: float
+) -> tuple[float, float] | None:
+    """Delay of the corner [periods], and its mean square residual relative to that of a smooth curve.
+
+    `None` where the best corner does not describe the force, or is the first or the last that is tried.
+    """
+    delays = np.arange(-_LONGEST, _LONGEST + 0.5 * _STEP, _STEP)
+    first, end = _until_fallen(time, force, count, delays, before)
+    rows, weight = _windows(first, end, count)
+    terms = _with_corner((time[rows] - delays[:, np.newaxis]) / before)
+    residual = np.full(delays.size, np.inf)
+    enough = end - first >= _FEWEST
+    least = _triangles(terms, force[rows], weight)[enough, -1, -1]
+    residual[enough] = least**2 / np.sum(weight[enough] ** 2, axis=1)
+    best = int(np.argmin(residual))
+    if not residual[best] < _LARGEST_RESIDUAL**2 or best in (0, delays.size - 1):
+        return None
+    window = slice(int(first[best]), int(end[best]))
+    s = (time[window] - delays[best]) / before
+    corner = _mean_square(np.stack(_with_corner(s), axis=1), force[window], count[window])
+    smooth = _mean_square(np.vander(s, 6), force[window], count[window])
+    return float(delays[best]), corner / smooth
+
+
+def _until_fallen(
+    time: NDArray[np.float64],
+    force: NDArray[np.float64],
+    count: NDArray[np.float64],
+    delays: NDArray[np.float64],
+    before: float,
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Windows from `before` each corner until the force has fallen enough from its branch, a parabola.
+
+    First sample and the one beyond the last, shape (n_delays,); windows without a branch are empty.
+    """
+    first = np.searchsorted(time, delays - before, side="right")
+    turned = np.searchsorted(time, delays, side="right")
+    rows, weight = _windows(first, turned, count)
+    since = time[rows] - delays[:, np.newaxis]
+    triangles = _triangles((since**2, since, np.ones_like(since)), force[rows], weight)
+    curved, steep, level = np.linalg.solve(triangles[:, :3, :3], triangles[:, :3, 3:])[..., 0].T[
+        ..., np.newaxis
+    ]
+    # In place, because fresh memory costs more than the sums.
+    after = time - delays[:, np.newaxis]
+    branch = curved * after
+    branch += steep
+    branch *= after
+    branch += level
+    branch -= force
+    fallen = np.abs(branch, out=branch) > _FALL
+    fallen &= np.arange(time.size) >= turned[:, np.newaxis]
+    end = np.where(fallen.any(axis=1), np.argmax(fallen, axis=1) + 1, time.size)
+    return first, np.where(turned - first >= _FEWEST // 2, end, first)
+
+
+def _windows(
+    first: NDArray[np.intp], end: NDArray[np.intp], count: NDArray[np.float64]
+) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+    """Samples of windows, filled up to the longest of them, and their weights, of which those filled up have none."""
+    rows = first[:, np.newaxis] + np.arange(max(int(np.max(end - first)), 1))
+    inside = rows < end[:, np.newaxis]
+    rows = np.minimum(rows, count.size - 1)
+    return rows, np.sqrt(count[rows] * inside)
+
+
+def _with_corner(s: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+    """Terms of a parabola and a corner at the time `s` since it."""
+    past = np.maximum(s, 0.0)
+    return np.ones_like(s), s, s**2, past**2, past**3
+
+
+def _triangles(
+    terms: Sequence[NDArray[np.float64]], force: NDArray[np.float64], weight: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Triangular factors of weighted least-squares problems, (n_windows, n_terms + 1, n_terms + 1).
+
+    All arguments have the shape (n_windows, n_rows). The force is the last column, so that the last diagonal element is
+    the norm of the residual. Terms that a window cannot tell apart are kept finite by rows of `_NEGLIGIBLE`.
+    """
+    n_windows, n_rows = weight.shape
+    problem = np.empty((n_windows, n_rows + len(terms), len(terms) + 1))
+    for place, column in enumerate((*terms, force)):
+        np.multiply(column, weight, out=problem[:, :n_rows, place])
+    problem[:, n_rows:] = _NEGLIGIBLE * np.eye(len(terms), len(terms) + 1)
+    return np.asarray(np.linalg.qr(problem, mode="r"))
+
+
+def _mean_square(
+    columns: NDArray[np.float64], force: NDArray[np.float64], count: NDArray[np.float64]
+) -> float:
+    weight = np.sqrt(count)
+    weighted = columns * weight[:, np.newaxis]
+    coefficients = np.linalg.lstsq(weighted, force * weight, rcond=None)[0]
+    misfit = force * weight - weighted @ coefficients
+    return float(misfit @ misfit / count.sum())

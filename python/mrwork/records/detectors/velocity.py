@@ -50,10 +50,7 @@ def noisy_velocity(own: float, noise: float, motion: SmoothMotion) -> tuple[Find
     Differences of quantised readings are: their noise biases the parameters, while a derivative over many samples has
     little of it.
 
-    Parameters
-    ----------
-    own, noise
-        Standard deviations of the noise of velocity [m/s] and displacement [m].
+    `own`, `noise`: standard deviations of the noise of velocity [m/s] and displacement [m].
     """
     derived = noise * motion.smoother.noise_gain(1)
     spread = float(np.std(motion.velocity))
@@ -80,15 +77,9 @@ def velocity_agrees(
     the factor that explains them; tests with the factor of two units are refused by `refuse_velocity` where they are
     fitted or predicted. A velocity of the same motion that is far noisier than the derivative is replaced by it.
 
-    Parameters
-    ----------
-    velocity, displacement
-        Shape (n_time,) [m/s, m].
-    motion
-        Smoothed motion. A delay below 0.02 rad at its dominant frequency is reported only if it is the half sample of
-        backward differences, which degrades fits of loops with sharp knees.
-    uncompared
-        Spans of samples, first and beyond the last, that were interpolated.
+    `velocity`, `displacement`: shape (n_time,) [m/s, m]. `motion`: smoothed motion. A delay below 0.02 rad at its
+    dominant frequency is reported only if it is the half sample of backward differences, which degrades fits of loops
+    with sharp knees. `uncompared`: spans of samples, first and beyond the last, that were interpolated.
     """
     smoother = motion.smoother
     kept = _given(velocity.size, uncompared, smoother.window // 2)

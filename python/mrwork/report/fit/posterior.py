@@ -28,7 +28,6 @@ _ENDED: dict[DrawsStatus, str] = {
     "converged": "converged after",
     "not_converged": "not converged after",
     "interrupted": "interrupted after",
-    "unknown": "sampled in",
 }
 _POINTS = 120
 _GROUPS = 4

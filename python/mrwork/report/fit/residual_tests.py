@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.command_signal import steps_of_command
-from mrwork.identification.covariance import effective_samples
+from mrwork.identification.result import effective_samples
 from mrwork.records import DamperTest
 from mrwork.records.motion import reversals, whole_cycles
 from mrwork.report.figures import Comparison

@@ -41,13 +41,9 @@ class LoopPlant(NamedTuple):
     ) -> LoopPlant:
         """Return the plant of M [kg], C [N s/m], K [N/m], shape (n, n), and its rows.
 
-        Parameters
-        ----------
-        influence
-            r, the coordinates under a unit rigid-body displacement of the ground, shape (n,).
-        floors, storeys
-            Rows that give floor displacements and storey drifts from the coordinates, shape (n_floors, n) and
-            (n_storeys, n).
+        `influence`: r, the coordinates under a unit rigid-body displacement of the ground, shape (n,). `floors`,
+        `storeys`: rows that give floor displacements and storey drifts from the coordinates, shape (n_floors, n) and
+        (n_storeys, n).
         """
         m = jnp.asarray(mass, dtype=jnp.float64)
         c = jnp.asarray(damping, dtype=jnp.float64)
@@ -74,18 +70,9 @@ class LoopPlant(NamedTuple):
 class LoopDevice:
     """Dampers across a storey with one command: `F = count f(x, v)`, or `count (f(x, v) - f(-x, -v))` if differential.
 
-    Attributes
-    ----------
-    spec
-        Model, with current laws if it depends on a command.
-    theta
-        Parameters in spec order, shape (n_params,).
-    row
-        e, with elongation = e @ q, shape (n,): a row of `storeys`.
-    count
-        Number of dampers in parallel.
-    differential
-        Whether there are as many dampers in the opposite direction.
+    `spec`: model, with current laws if it depends on a command. `theta`: parameters in spec order, shape (n_params,).
+    `row`: e, with elongation = e @ q, shape (n,): a row of `storeys`. `count`: number of dampers in parallel.
+    `differential`: whether there are as many dampers in the opposite direction.
     """
 
     spec: DamperSpec

@@ -83,16 +83,9 @@ class _Inputs(NamedTuple):
 class PrescribedLoop:
     """A building with devices under one ground motion, for commands that are constant over intervals.
 
-    Attributes
-    ----------
-    ground
-        Ground acceleration every half step [m/s^2], shape (2 n_steps + 1,), see `half_steps`.
-    step_time
-        Integration step [s].
-    places
-        Interval of each step, shape (n_steps,), in ascending order.
-    scales
-        Criteria at i = 0.
+    `ground`: ground acceleration every half step [m/s^2], shape (2 n_steps + 1,), see `half_steps`. `step_time`:
+    integration step [s]. `places`: interval of each step, shape (n_steps,), in ascending order. `scales`: criteria at i
+    = 0.
     """
 
     plant: LoopPlant
@@ -115,10 +108,7 @@ class PrescribedLoop:
     def ratios(self, commands: Floats) -> Floats:
         """Criteria of a run over those at i = 0, in the order of `CriteriaAtRest`.
 
-        Parameters
-        ----------
-        commands
-            Command of each interval, shape (n_intervals, n_devices); the coils start settled at the first.
+        `commands`: command of each interval, shape (n_intervals, n_devices); the coils start settled at the first.
         """
         sums = self._carries(self._fix(2.0), commands)[-1].sums
         squares = (sums.drift_square, sums.acceleration_square)
@@ -181,16 +171,10 @@ def prescribed_loop(
 ) -> PrescribedLoop:
     """The loop of a building with devices under a ground motion, from NumPy arrays.
 
-    Parameters
-    ----------
-    matrices
-        Arguments of `LoopPlant.of` by name.
-    devices
-        Model, parameters, row, number in parallel and whether differential, of each device.
-    acceleration, dt, duration
-        Ground acceleration [m/s^2] every `dt` [s], and the length of the run [s].
-    step_time, interval, delay
-        Integration step, interval of a command, and its delay [s]; the first command has none.
+    `matrices`: arguments of `LoopPlant.of` by name. `devices`: model, parameters, row, number in parallel and whether
+    differential, of each device. `acceleration`, `dt`, `duration`: ground acceleration [m/s^2] every `dt` [s], and the
+    length of the run [s]. `step_time`, `interval`, `delay`: integration step, interval of a command, and its delay [s];
+    the first command has none.
     """
     begin()
     n_steps = max(1, math.floor(duration / step_time * (1.0 + 1e-12)))

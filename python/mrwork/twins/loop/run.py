@@ -28,18 +28,9 @@ from mrwork.values import holds_arrays
 class Measurement:
     """Measurements available to a law at a control sample.
 
-    Attributes
-    ----------
-    state
-        s, shape (2n,).
-    deformation, rate
-        Elongation of each device [m] and its rate [m/s], shape (n_devices,).
-    force
-        Force of each device, shape (n_devices,) [N].
-    force_at
-        Forces for other coil currents, (n_devices,) to (n_devices,).
-    largest
-        Largest command of each device, shape (n_devices,).
+    `state`: s, shape (2n,). `deformation`, `rate`: elongation of each device [m] and its rate [m/s], shape
+    (n_devices,). `force`: force of each device, shape (n_devices,) [N]. `force_at`: forces for other coil currents,
+    (n_devices,) to (n_devices,). `largest`: largest command of each device, shape (n_devices,).
     """
 
     state: Array
@@ -278,7 +269,6 @@ def accumulate(
 
 
 def _no_samples(plant: LoopPlant, n_devices: int) -> Reductions:
-    """Accumulated signals before the first step."""
     n_floors, n_storeys = plant.floors.shape[0], plant.storeys.shape[0]
     return Reductions(
         displacement=Extent.none(n_floors),
@@ -291,16 +281,6 @@ def _no_samples(plant: LoopPlant, n_devices: int) -> Reductions:
         current=Extent.none(n_devices),
         current_sum=jnp.zeros(n_devices),
     )
-
-
-class LoopHistories(NamedTuple):
-    """Histories at the start of each step: q, q' (n_steps, n); forces, coil currents, commands (n_steps, n_devices)."""
-
-    displacement: Array
-    velocity: Array
-    force: Array
-    received: Array
-    command: Array
 
 
 class _RunCarry(NamedTuple):
@@ -329,29 +309,16 @@ def run_loop(
 
     Derivatives need memory for the square root of the number of samples; the samples between are recomputed.
 
-    Parameters
-    ----------
-    law
-        One of `mrwork.twins.loop.tuned`, or any other with a `command`.
-    ground
-        Ground acceleration every half step [m/s^2], shape (2 n_steps + 1,), see `half_steps`.
-    step_time
-        Integration step [s].
-    largest_command
-        Largest command of each device, shape (n_devices,); the smallest is 0.
-    steps_per_sample
-        Integration steps per control sample.
-    delay
-        Integration steps from measurement to driver.
-    believed
-        Devices without states at the same places, used by laws that need the slope of the force in the current; by
-        default the devices themselves.
-    counted
-        Number of first steps of which peaks and sums are kept, all by default; energies are those of all steps.
+    `law`: one of `mrwork.twins.loop.tuned`, or any other with a `command`. `ground`: ground acceleration every half
+    step [m/s^2], shape (2 n_steps + 1,), see `half_steps`. `step_time`: integration step [s]. `largest_command`:
+    largest command of each device, shape (n_devices,); the smallest is 0. `steps_per_sample`: integration steps per
+    control sample. `delay`: integration steps from measurement to driver. `believed`: devices without states at the
+    same places, used by laws that need the slope of the force in the current; by default the devices themselves.
+    `counted`: number of first steps of which peaks and sums are kept, all by default; energies are those of all steps.
     """
     n_steps = jnp.float64((ground.shape[0] - 1) // 2)
     counted = n_steps if counted is None else counted
-    last, _ = _scan_samples(
+    last = _scan_samples(
         plant,
         devices,
         law,
@@ -362,7 +329,6 @@ def run_loop(
         delay,
         believed,
         counted,
-        keep=False,
     )
     q, v = last.motion.q, last.motion.v
     return LoopResult(
@@ -372,38 +338,6 @@ def run_loop(
         strain=0.5 * q @ (plant.stiffness @ q),
         n_steps=counted,
     )
-
-
-@partial(jax.jit, static_argnames=("steps_per_sample", "delay"))
-def loop_histories(
-    plant: LoopPlant,
-    devices: Devices,
-    law: Law,
-    ground: Array,
-    *,
-    step_time: Array | float,
-    largest_command: Array,
-    steps_per_sample: int = 1,
-    delay: int = 0,
-    believed: Devices | None = None,
-) -> LoopHistories:
-    """Return the histories of the same run; see `run_loop`."""
-    _, histories = _scan_samples(
-        plant,
-        devices,
-        law,
-        ground,
-        step_time,
-        largest_command,
-        steps_per_sample,
-        delay,
-        believed,
-        jnp.inf,
-        keep=True,
-    )
-    assert histories is not None
-    flat: LoopHistories = jax.tree.map(lambda x: x.reshape(-1, x.shape[-1]), histories)
-    return flat
 
 
 def _scan_samples(
@@ -417,9 +351,7 @@ def _scan_samples(
     delay: int,
     believed: Devices | None,
     counted: Array | float,
-    *,
-    keep: bool,
-) -> tuple[_RunCarry, LoopHistories | None]:
+) -> _RunCarry:
     n_samples = _samples(ground, steps_per_sample, delay)
     pulls, rows = pulls_of(plant, devices), rows_of(devices)
     lagged = jnp.array([device.lagged for device in devices])
@@ -440,9 +372,7 @@ def _scan_samples(
         ]
         return jnp.stack(found)
 
-    def integrate(
-        carry: _RunCarry, inputs: tuple[Array, Array, StepGround]
-    ) -> tuple[_RunCarry, LoopHistories | None]:
+    def integrate(carry: _RunCarry, inputs: tuple[Array, Array, StepGround]) -> tuple[_RunCarry, None]:
         age, counts, accelerations = inputs
         command = carry.commands[age]
         # Without a lag, the coil current equals the command.
@@ -450,14 +380,9 @@ def _scan_samples(
         after, received, start = step(plant, devices, pulls, carry.motion, current, command, accelerations, h)
         more = accumulate(plant, carry.kept, carry.motion, start, current, accelerations.start)
         kept = jax.tree.map(lambda after, before: jnp.where(counts, after, before), more, carry.kept)
-        history = (
-            LoopHistories(carry.motion.q, carry.motion.v, start.force, current, command) if keep else None
-        )
-        return _RunCarry(after, received, carry.commands, kept), history
+        return _RunCarry(after, received, carry.commands, kept), None
 
-    def sample(
-        carry: _RunCarry, inputs: tuple[Array, Array, StepGround]
-    ) -> tuple[_RunCarry, LoopHistories | None]:
+    def sample(carry: _RunCarry, inputs: tuple[Array, Array, StepGround]) -> tuple[_RunCarry, None]:
         first, counts, accelerations = inputs
         measured = Measurement(
             state=jnp.concatenate([carry.motion.q, carry.motion.v]),
@@ -472,7 +397,8 @@ def _scan_samples(
         carry = carry._replace(
             commands=jnp.where(first, command, commands), received=jnp.where(first, command, carry.received)
         )
-        return lax.scan(integrate, carry, (jnp.asarray(ages), counts, accelerations))
+        last, _ = lax.scan(integrate, carry, (jnp.asarray(ages), counts, accelerations))
+        return last, None
 
     start = _RunCarry(
         motion=at_rest(plant, devices),
@@ -486,8 +412,6 @@ def _scan_samples(
         (jnp.arange(n_samples * steps_per_sample) < counted).reshape(n_samples, steps_per_sample),
         jax.tree.map(lambda a: a.reshape(n_samples, steps_per_sample), at_steps),
     )
-    if keep:
-        return lax.scan(sample, start, at_samples)
 
     @jax.checkpoint
     def stretch(carry: _RunCarry, inputs: tuple[Array, Array, StepGround]) -> tuple[_RunCarry, None]:
@@ -500,11 +424,10 @@ def _scan_samples(
     last, _ = lax.scan(stretch, start, folded)
     if whole < n_samples:
         last, _ = stretch(last, jax.tree.map(lambda a: a[whole:], at_samples))
-    return last, None
+    return last
 
 
 def _samples(ground: Array, steps_per_sample: int, delay: int) -> int:
-    """Number of control samples."""
     n_steps, odd = divmod(ground.shape[0] - 1, 2)
     if odd or n_steps < 1 or steps_per_sample < 1 or n_steps % steps_per_sample or delay < 0:
         raise SettingError(
@@ -521,17 +444,9 @@ Floats = NDArray[np.float64]
 def half_steps(acceleration: Floats, dt: Positive, step: Positive, n_steps: Count) -> Floats:
     """Ground acceleration every half step: linear between samples, zero after the last.
 
-    Parameters
-    ----------
-    acceleration
-        Record [m/s^2], shape (n_time,), every `dt` [s].
-    step
-        Integration step [s].
+    `acceleration`: record [m/s^2], shape (n_time,), every `dt` [s]. `step`: integration step [s].
 
-    Returns
-    -------
-    Floats
-        Shape (2 n_steps + 1,) [m/s^2].
+    Returns accelerations [m/s^2], shape (2 n_steps + 1,).
     """
     if acceleration.ndim != 1 or not acceleration.size:
         raise SettingError(f"`acceleration` has shape {acceleration.shape}; give (n_time,)")

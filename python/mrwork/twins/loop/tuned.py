@@ -94,18 +94,11 @@ class TwinDamper:
 class TunedLoop:
     """The loop of a law of `SMOOTH` under several motions, in the twin.
 
-    Parameters
-    ----------
-    dampers, believed
-        The dampers, and those of the law's own model if it is another one.
-    motions
-        Sampling step [s] and acceleration [m/s^2] of each.
-    step, steps_per_sample, delay
-        Integration step [s], steps of a control sample, and steps from measurement to driver.
-    weights
-        Weight of each criterion in the score, by the name of the quantity of a run whose largest value it is.
-    baseline
-        Values that these criteria are divided by under each motion, shape (n_motions, n_criteria).
+    `dampers`, `believed`: the dampers, and those of the law's own model if it is another one. `motions`: sampling step
+    [s] and acceleration [m/s^2] of each. `step`, `steps_per_sample`, `delay`: integration step [s], steps of a control
+    sample, and steps from measurement to driver. `weights`: weight of each criterion in the score, by the name of the
+    quantity of a run whose largest value it is. `baseline`: values that these criteria are divided by under each
+    motion, shape (n_motions, n_criteria).
     """
 
     def __init__(

@@ -149,24 +149,17 @@ def next_test_quantile(scores: Sequence[NDArray[np.float64]], level: float) -> f
 
 
 def _equal_weights(scores: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
-    """Weights of all errors, of sum 1, equal for each test."""
     return np.concatenate([np.full(each.size, 1.0 / (each.size * len(scores))) for each in scores])
 
 
 def simulate_draws(
     spec: DamperSpec,
-    theta: Annotated[NDArray[np.float64], Shape(("n_draws", "n_params"))],
+    theta: NDArray[np.float64],
     test: DamperTest,
     *,
     threads: Threads = 0,
 ) -> NDArray[np.float64]:
-    """Forces of all draws on a test, with the observation model applied [N], shape (n_draws, n_time).
-
-    Parameters
-    ----------
-    theta
-        Draws of the parameters, shape (n_draws, n_params).
-    """
+    """Forces of all draws on a test, with the observation model applied [N], shape (n_draws, n_time)."""
     forces, failed = ObservedTest.of(spec, test).forces(theta, threads=threads)
     if np.mean(~failed) < 0.9:
         raise SimulationError(
@@ -198,7 +191,7 @@ def parameter_band(forces: Rows, level: Level) -> Band:
 @checked
 def noise_band(
     forces: Rows,
-    noise_draws: Annotated[NDArray[np.float64], Shape(("n_batch", "n_noise"))],
+    noise_draws: NDArray[np.float64],
     noise: Noise,
     level: Level,
     *,
@@ -267,7 +260,6 @@ def cycles_of(test: DamperTest, force: NDArray[np.float64]) -> Cycles:
 
 
 def _is_interpolated(samples: slice, test: DamperTest) -> bool:
-    """Whether one of the samples lies in a span that is not compared."""
     return any(first < samples.stop and samples.start < last for first, last in test.uncompared)
 
 
@@ -292,10 +284,7 @@ def cycle_band(
 ) -> Band:
     """Prediction band of a quantity, shape (n_cycles,), from the errors of the cycles of other tests.
 
-    Parameters
-    ----------
-    scores
-        `errors_over_cycles` of each test, none of which the fit has seen.
+    `scores`: `errors_over_cycles` of each test, none of which the fit has seen.
     """
     model = cycles_of(prediction.test, prediction.model_force).quantity(name)
     half = next_test_quantile(scores, level) * _scales_of(prediction)[name]

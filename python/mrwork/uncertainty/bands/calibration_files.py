@@ -19,9 +19,8 @@ from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import addition_content, fit_from_json, read_addition
 from mrwork.records import DamperTest, Observation, RecordedMotion
 from mrwork.records.likeness import alike_groups
-from mrwork.store.arrays_file import finite_numbers, read_arrays
 from mrwork.store.codec import digest_of, json_document, parsed, read_document, record_of
-from mrwork.store.input_file import is_there, stored, text_of
+from mrwork.store.input_file import finite_numbers, is_there, read_arrays, stored, text_of
 from mrwork.store.output_file import write_files
 from mrwork.store.run_folder import CALIBRATION, FOLDS, PREDICTIONS
 from mrwork.summary import Summarised, Summary
@@ -101,14 +100,14 @@ def read_bands(place: Path, fit: Fit) -> StoredBands | None:
     if covered is None:
         return None
     calibration, predictions = read_calibration(place, fit), read_predictions(place)
-    known = [motion.test for motion in calibration.motions]
-    strange = [each.test.label for each in predictions if known and each.test.label not in known]
+    known = {motion.test for motion in calibration.motions}
+    strange = [each.test.label for each in predictions if each.test.label not in known]
     if strange:
         raise RecordError(
             f"{place / PREDICTIONS} has {strange[0]}, which {CALIBRATION} beside it does not have; "
             f"run `mrwork calibrate {place}` again"
         )
-    strange = [row.test for row in covered.coverage if known and row.test not in known]
+    strange = [row.test for row in covered.coverage if row.test not in known]
     if strange:
         raise RecordError(
             f"{place / CALIBRATION} has the coverage of '{strange[0]}', which is none of its tests; "

@@ -17,9 +17,8 @@ from mrwork.dampers.coordinates import Box
 from mrwork.dampers.parameters import LawName, law_named, polynomial_laws
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
-from mrwork.identification.equivalent import identifiable_form
+from mrwork.identification.equivalent import identifiable_form, joint_box, with_other_laws
 from mrwork.identification.fit import Fit
-from mrwork.identification.law_coefficients import joint_box, with_other_laws
 from mrwork.identification.level_search import PER_CYCLE, command_is_constant, levels_of, spec_by_values
 from mrwork.identification.levenberg_marquardt import within_stiffness
 from mrwork.identification.objective import shares_of
@@ -27,9 +26,10 @@ from mrwork.identification.progress import interruptible, on_every_test
 from mrwork.identification.residual import ObservedTest
 from mrwork.identification.settings import FitSettings, Start
 from mrwork.records import DamperTest
-from mrwork.records.observing import NONE
+from mrwork.records.repairs import NONE
 from mrwork.records.window import middle_excerpt
-from mrwork.store import Journal, digest_of
+from mrwork.store.codec import digest_of
+from mrwork.store.journal import Journal
 from mrwork.uncertainty.bands.prediction import Fold, folds_of
 from mrwork.uncertainty.choice.law_table import TriedLaws
 from mrwork.uncertainty.choice.ranking import is_as_good
@@ -476,7 +476,6 @@ def _best_step(matrix: Array, gradient: Array) -> Array:
 
 
 def _degree(laws: Laws, name: str) -> int:
-    """Degree of the law of a parameter."""
     degree = law_named(laws.get(name, polynomial_laws()[0])).degree
     assert degree is not None  # laws that are chosen are polynomials
     return degree

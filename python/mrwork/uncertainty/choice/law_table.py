@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import ClassVar, Literal
 
 import numpy as np
@@ -44,7 +44,6 @@ class TriedLaws(Summarised):
     `fit_percent` is of all tests together; `left_out` has the geometric mean NRMSE of each fold, in which relative
     changes of all tests weigh the same, `left_out_percent` is the fit of their mean with its standard error;
     `median_percent` and `worst_percent` are of single tests left out; those of `not_predicted` could not be simulated.
-    `model` is empty in files of earlier versions, whose tables are of one model.
     """
 
     laws: dict[str, LawName]
@@ -133,21 +132,20 @@ class LawTable(Summarised, Related):
     held_out: str
     n_folds: Whole
     given: dict[str, LawName]
-    complete: bool = True
+    complete: bool
+    models: tuple[str, ...]
+    failed: dict[str, str]
+    remarks: tuple[str, ...]
     definitions: tuple[str, ...] = LAW_DEFINITIONS
-    models: tuple[str, ...] = ()
-    failed: dict[str, str] = field(default_factory=dict)
-    remarks: tuple[str, ...] = ()
 
     def disagreement(self) -> str:
         """Whether one set of laws is chosen, and every model is one of those compared."""
         chosen = [each for each in self.tried if each.verdict == "chosen"]
         if len(chosen) != 1:
             return f"of {len(self.tried)} sets of laws {len(chosen)} are chosen"
-        if chosen[0].model not in ("", self.model):
+        if chosen[0].model != self.model:
             return f"it is of {self.model}, and laws of {chosen[0].model} are chosen"
-        strange = {each.model for each in self.tried} - {""} | set(self.failed)
-        strange -= set(self.models)
+        strange = {*(each.model for each in self.tried), *self.failed} - set(self.models)
         return f"{min(strange)} is none of its models" if strange else ""
 
     @property

@@ -26,11 +26,10 @@ from mrwork.identification.result import fit_at
 from mrwork.identification.settings import FitSettings
 from mrwork.records import DamperTest, observed
 from mrwork.records.damper_test import as_tests
-from mrwork.store import Journal
+from mrwork.store.journal import Journal
 from mrwork.summary import Summarised, Summary
 from mrwork.uncertainty.bands.prediction import Fold, held_out_words
-from mrwork.uncertainty.choice.choose import JournalOf, run_with_journal
-from mrwork.uncertainty.choice.families import compared_models, refuse_unknown
+from mrwork.uncertainty.choice.choose import JournalOf, compared_models, refuse_unknown, run_with_journal
 from mrwork.uncertainty.choice.law_search import FittedLaws, LawSearch, prepare_search
 from mrwork.uncertainty.choice.law_table import LawTable, law_table
 from mrwork.units import CommandUnit
@@ -116,7 +115,7 @@ class RunningLawChoice:
         """
         while self.found:
             table = self._table(complete=True)
-            own, candidate, settings = self._chosen(table)
+            own, candidate, settings = self._choose_start(table)
             with self._failing_alone(own):
                 try:
                     fit = run_with_journal(
@@ -133,7 +132,7 @@ class RunningLawChoice:
     def so_far(self) -> LawChoice:
         """The choice among the laws that are done, with the fit that led to it."""
         table = self._table(complete=False)
-        own, candidate, settings = self._chosen(table)
+        own, candidate, settings = self._choose_start(table)
         problem = Problem.of(candidate.spec, self.tests, settings, threads=self.threads)
         fit = fit_at(
             problem,
@@ -212,7 +211,7 @@ class RunningLawChoice:
             remarks=(*self.remarks, *same),
         )
 
-    def _chosen(self, table: LawTable) -> tuple[ComparedModel, FittedLaws, FitSettings]:
+    def _choose_start(self, table: LawTable) -> tuple[ComparedModel, FittedLaws, FitSettings]:
         """The model of the chosen laws, their candidate, and the settings of the fit that starts there."""
         own = next(each for each in self.compared if each.name == table.model)
         candidate, start = own.search.started_from(table.chosen)
@@ -311,8 +310,8 @@ def choose_laws(
     compared = []
     for spec in specs:
         # A single model refuses what is given for parameters that it has not.
-        own = replace(settings, bounds=_of_names(settings.bounds, spec)) if several else settings
-        own_laws = _of_names(given, spec) if several else given
+        own = replace(settings, bounds=_select_known(settings.bounds, spec)) if several else settings
+        own_laws = _select_known(given, spec) if several else given
         search = prepare_search(spec, tests, own_laws, unit, leave_out, own, threads)
         compared.append(ComparedModel(search=search, settings=own))
     running = RunningLawChoice(
@@ -333,6 +332,6 @@ def choose_laws(
     return running.fitted()
 
 
-def _of_names(values: Mapping[str, T], spec: DamperSpec) -> dict[str, T]:
+def _select_known(values: Mapping[str, T], spec: DamperSpec) -> dict[str, T]:
     """What is given for parameters of a model."""
     return {name: value for name, value in values.items() if name in spec.names}

@@ -15,13 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.errors import SettingError
-from mrwork.identification.covariance import autocorrelation_time, effective_samples
 from mrwork.identification.equivalent import identifiable_form
 from mrwork.identification.fit import Fit
 from mrwork.identification.problem import Problem
+from mrwork.identification.result import autocorrelation_time, effective_samples
 from mrwork.records import DamperTest
 from mrwork.records.motion import whole_cycles
-from mrwork.store import Journal, digest_of
+from mrwork.store.codec import digest_of
+from mrwork.store.journal import Journal
 from mrwork.uncertainty.noise import NOISES, Noise
 from mrwork.uncertainty.posterior.laplace import draw_about
 from mrwork.uncertainty.posterior.target import Target, in_chunks
@@ -48,12 +49,8 @@ class LeaveOneOut:
 def leave_one_out(log_densities: Array, log_ratio: Array) -> LeaveOneOut:
     """PSIS-LOO from log densities of blocks under posterior draws.
 
-    Parameters
-    ----------
-    log_densities
-        Log density of each block under each draw, shape (n_draws, n_blocks).
-    log_ratio
-        Logarithm of posterior over proposal density, shape (n_draws,); zero for draws from the posterior.
+    `log_densities`: log density of each block under each draw, shape (n_draws, n_blocks). `log_ratio`: logarithm of
+    posterior over proposal density, shape (n_draws,); zero for draws from the posterior.
     """
     n_draws, n_blocks = log_densities.shape
     if n_blocks < 2:
@@ -77,12 +74,8 @@ def leave_one_out(log_densities: Array, log_ratio: Array) -> LeaveOneOut:
 def block_densities(target: Target, theta: Array, noise: Array, blocks: Sequence[Sequence[slice]]) -> Array:
     """Tempered log density of the blocks of all tests under each draw, shape (n_draws, n_blocks).
 
-    Parameters
-    ----------
-    theta, noise
-        Draws in the target's form, shape (n_draws, n_params) and (n_draws, n_noise).
-    blocks
-        Blocks of the counted samples, test by test.
+    `theta`, `noise`: draws in the target's form, shape (n_draws, n_params) and (n_draws, n_noise). `blocks`: blocks of
+    the counted samples, test by test.
     """
 
     def of_rows(theta: Array, noise: Array) -> Array:
@@ -102,10 +95,7 @@ def blocks_of(test: DamperTest, least: float) -> tuple[slice, ...]:
     Samples before the first whole cycle belong to the first block, those after the last to the last block. A short
     record is one block.
 
-    Returns
-    -------
-    tuple of slice
-        Adjacent slices of the counted samples, which begin with the first.
+    Returns adjacent slices of the counted samples, which begin with the first.
     """
     displacement = test.displacement[test.counted]
     cycles = whole_cycles(displacement)

@@ -59,12 +59,8 @@ def find_collapses(
 
     Of several such families the one with the fewest parameters is named.
 
-    Parameters
-    ----------
-    fits, residuals, n_params
-        By model: fits to all tests, their residuals, and numbers of free parameters.
-    n_effective
-        Effective number of samples, the same for all families.
+    `fits`, `residuals`, `n_params`: by model: fits to all tests, their residuals, and numbers of free parameters.
+    `n_effective`: effective number of samples, the same for all families.
     """
     doubtful = {model: _doubtful_parameters(fit, tests) for model, fit in fits.items()}
     joined = {model: np.concatenate(residuals[model]) for model in fits}
@@ -244,10 +240,7 @@ def rank(evidence: Sequence[Evidence], n_effective: float | None) -> tuple[Stand
     fewest parameters is chosen. A family that has collapsed to a simpler one which predicts the tests left out counts
     as that one: it is neither the best nor chosen. BIC is `n_eff ln(variance) + n_params ln(n_eff)`.
 
-    Parameters
-    ----------
-    n_effective
-        Effective number of independent samples, the same for all families.
+    `n_effective`: effective number of independent samples, the same for all families.
     """
     predicted = sorted(
         (each for each in evidence if each.left_out), key=lambda each: float(np.mean(each.left_out))

@@ -196,10 +196,7 @@ def walk(
 
     Ends beyond `limit`, in the root of the likelihood ratio, with points close to it on either side; or on the bound.
 
-    Parameters
-    ----------
-    dof
-        Degrees of freedom from the effective samples: the likelihood ratio is `dof ln(S/S_least)`.
+    `dof`: degrees of freedom from the effective samples: the likelihood ratio is `dof ln(S/S_least)`.
     """
     (origin,) = points
     bound = float(scaled.upper[index] if way > 0 else scaled.lower[index])
@@ -236,7 +233,6 @@ def minimise(scaled: Scaled, start: Point, dof: float) -> Minimisation:
 
 
 def _bracket_limit(scaled: Scaled, index: int, points: list[Point], limit: float, dof: float) -> Minimisation:
-    """Insert points between the last two until they bracket `limit` closely."""
     for _ in range(_MOST_BETWEEN):
         low, high = points[-2:]
         roots = [signed_root(each.squared, points[0].squared, dof) for each in (low, high)]

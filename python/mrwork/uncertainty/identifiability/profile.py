@@ -19,10 +19,10 @@ from mrwork.arguments import Count, Level, NotNegative, Positive, Threads, Whole
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.parameters import ParamSpec
 from mrwork.errors import Interrupted, SettingError, UnknownNameError
-from mrwork.identification.covariance import effective_samples, residuals_by_test
 from mrwork.identification.fit import Fit, Interval, Intervals, VerdictName
 from mrwork.identification.objective import linearised
 from mrwork.identification.problem import Problem
+from mrwork.identification.result import effective_samples, residuals_by_test
 from mrwork.identification.settings import ROOT_MEAN_SQUARE
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
@@ -181,12 +181,7 @@ def _profile_of(
 ) -> Profile:
     """Profile of the free parameter `index` from its two sides, with the same origin, and the verdict.
 
-    Parameters
-    ----------
-    least
-        Least known squared misfit.
-    dof
-        The likelihood ratio is `dof ln(S/least)`.
+    `least`: least known squared misfit. `dof`: the likelihood ratio is `dof ln(S/least)`.
     """
     line = [*reversed(below.points[1:]), *above.points]
     positions = np.array([point.position for point in line])
@@ -401,7 +396,6 @@ def profile(
 
 
 def _profiled_indices(box: Box, parameters: Sequence[str]) -> list[int]:
-    """Indices among the free parameters of those to profile."""
     free = [box.names[index] for index in box.free]
     if len(set(parameters)) < len(parameters):
         raise SettingError(f"`parameters` are {', '.join(parameters)}; name each once")

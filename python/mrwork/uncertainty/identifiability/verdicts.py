@@ -17,11 +17,10 @@ from numpy.typing import NDArray
 from mrwork.arguments import Threads, checked
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec
-from mrwork.identification.covariance import INSENSITIVE, Slopes, covariance_at
 from mrwork.identification.equivalent import search_box
 from mrwork.identification.fit import Direction, Fit, Identifiability, ParameterChange, Verdict, VerdictName
 from mrwork.identification.problem import Problem
-from mrwork.identification.result import remarks_of
+from mrwork.identification.result import INSENSITIVE, Slopes, covariance_at, remarks_of
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
 from mrwork.summary import of_unit
@@ -150,12 +149,8 @@ def judge_interval(
 ) -> ReasonedVerdict:
     """Judge a parameter by its interval, in its unit; an end at which the data do not bound it is `None`.
 
-    Parameters
-    ----------
-    deviations
-        Number of standard deviations that the interval of a normal density would reach to either side.
-    opened
-        Reason for an open end.
+    `deviations`: number of standard deviations that the interval of a normal density would reach to either side.
+    `opened`: reason for an open end.
     """
     lower, upper = ends
     if lower is None or upper is None:
@@ -304,16 +299,10 @@ def identifiability_from(
     of the largest, and weakly identifiable if the standard error along it exceeds `WEAK` of the scale. Where an
     unidentifiable direction has a parameter that was held, its others are determined.
 
-    Parameters
-    ----------
-    jacobian
-        With respect to parameters in units of their scales; residuals sum up in squares to the squared misfit.
-    covariance
-        Of `covariance_at`, in units of the scales, shape (n_params, n_params); NaN for what is not determined.
-    scales
-        Of the parameters, in the order of the columns.
-    held
-        Parameters that were held fixed: without verdict, but they may take part in a direction.
+    `jacobian`: with respect to parameters in units of their scales; residuals sum up in squares to the squared misfit.
+    `covariance`: of `covariance_at`, in units of the scales, shape (n_params, n_params); NaN for what is not
+    determined. `scales`: of the parameters, in the order of the columns. `held`: parameters that were held fixed:
+    without verdict, but they may take part in a direction.
     """
     null = _null_space(jacobian)
     unseen = tuple(_unidentifiable_direction(row, jacobian, scales, held) for row in null)
@@ -436,7 +425,6 @@ def _verdict(
     jacobian: NDArray[np.float64],
     undetermined: NDArray[np.bool_],
 ) -> Verdict:
-    """Verdict on one parameter."""
     scale = scales[number]
     if undetermined[number]:
         others = [

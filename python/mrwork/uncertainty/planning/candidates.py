@@ -187,7 +187,6 @@ def read_candidates(path: Path, spec: DamperSpec, limits: Limits | None = None) 
 
 
 def _check_count(count: int, spec: DamperSpec) -> None:
-    """Refuse more candidates than a plan can keep."""
     each = 8 * (_CYCLES - 1) * _SAMPLES_PER_CYCLE * (2 * len(spec.names) + 1)
     if count * each > _MOST_BYTES:
         raise SettingError(

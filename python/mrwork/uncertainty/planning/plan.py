@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from mrwork.arguments import NotNegative, Threads, checked
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError, SimulationError, UnknownNameError
-from mrwork.identification.covariance import effective_samples, residuals_by_test
 from mrwork.identification.fit import Fit
 from mrwork.identification.nuisance import NuisanceName, without_nuisance
 from mrwork.identification.problem import Problem
+from mrwork.identification.result import effective_samples, residuals_by_test
 from mrwork.numbers import NOTHING, percent, significant
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
@@ -298,7 +298,6 @@ def band_matrix(
 
 
 def _column_of(posterior: LinearisedPosterior, band: str) -> int:
-    """Index of a parameter among the free ones."""
     free = [posterior.spec.names[index] for index in posterior.scaled.free]
     if band in free:
         return free.index(band)
@@ -374,10 +373,7 @@ def checked_with_draws(
     likelihood, and the variance of the band among them is computed. The mean over the truths is the expected remaining
     variance (nested Monte Carlo, Ryan, Journal of Computational and Graphical Statistics 12, 2003, 585-603).
 
-    Parameters
-    ----------
-    draws
-        Parameters of the model of `posterior`; rows that cannot be simulated are left out.
+    `draws`: parameters of the model of `posterior`; rows that cannot be simulated are left out.
     """
     if len(draws) < 2 * _LEAST:
         raise SettingError(f"{len(draws)} draws are too few to weigh against each other; give some hundreds")
@@ -480,5 +476,4 @@ def _weights(
 
 
 def _variances(gram: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Variance for each row of weights, from inner products."""
     return np.asarray(weights @ np.diag(gram) - np.einsum("kj,kj->k", weights @ gram, weights))

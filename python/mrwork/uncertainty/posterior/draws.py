@@ -5,19 +5,18 @@ The file is netCDF for ArviZ, with checksums of its numbers; it is read back by 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields, replace
 from importlib import import_module
 from math import ceil
 from pathlib import Path
 from statistics import NormalDist
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, Final, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.arguments import Count, NotNegative, Positive, Shape, Within, checked
+from mrwork.arguments import Count, NotNegative, Positive, checked
 from mrwork.errors import RecordError
 from mrwork.identification.fit import Fit, Interval, Intervals, Provenance, VerdictName
 from mrwork.store.child_reader import Member, UnreadableError, read_members
@@ -116,7 +115,7 @@ class Convergence(NamedTuple):
 
 
 @checked
-def convergence(chains: Annotated[Array, Shape(("n_chains", "n_draws"))]) -> Convergence:
+def convergence(chains: Array) -> Convergence:
     """Rank-normalised R-hat, effective sizes and Monte-Carlo error of draws, shape (n_chains, n_draws)."""
     # ArviZ takes a second to load, and has no type annotations.
     statistics: Any = import_module("arviz_stats.base").array_stats
@@ -138,21 +137,20 @@ def autocorrelation_times(values: Array) -> Array:
         return np.asarray(integrated_time(values, tol=0, has_walkers=True))
 
 
-def kept(n_steps: Annotated[int, Within(least=1, most=2**53)]) -> slice:
+def kept(n_steps: int) -> slice:
     """Rows of a chain after the burn-in; its first row is the start."""
     return slice(1 + int(_BURN_IN * n_steps), n_steps + 1)
 
 
-def next_check(n_steps: int, *, first: int = 200, growth: float = 1.25) -> int:
+def next_check(n_steps: int) -> int:
     """Step of the next convergence check, a function of the step alone: a resumed run ends at the same step."""
-    check = first
+    check = 200
     while check <= n_steps:
-        check = ceil(check * growth)
+        check = ceil(1.25 * check)
     return check
 
 
-# "unknown" in files that do not state it.
-DrawsStatus = Literal["converged", "not_converged", "interrupted", "unknown"]
+DrawsStatus = Literal["converged", "not_converged", "interrupted"]
 Remark = Literal[
     "", "fixed", "piles up at its lower bound", "piles up at its upper bound", "piles up at both bounds"
 ]
@@ -170,8 +168,8 @@ _DEVIATIONS = NormalDist().inv_cdf(0.5 * (1.0 + LEVEL))
 class DrawSummary:
     """Summary of the draws of one parameter or noise parameter, in `unit`.
 
-    `lower` and `upper` are the ends of the 95 % interval. `verdict` is `None` for noise and fixed parameters, and in
-    draws of earlier versions. `mcse` is the Monte-Carlo standard error of the mean, `tau` the autocorrelation time in
+    `lower` and `upper` are the ends of the 95 % interval. `verdict` is `None` for noise and fixed parameters.
+    `mcse` is the Monte-Carlo standard error of the mean, `tau` the autocorrelation time in
     steps. Diagnostics are NaN for a fixed parameter. `remark` names a fixed parameter, or the bound at
     which the draws pile up.
     """
@@ -215,7 +213,7 @@ class DrawSummary:
             reason=self.reason,
         )
 
-    def judged(self, scale: ParameterScale) -> DrawSummary:
+    def judge(self, scale: ParameterScale) -> DrawSummary:
         """With the verdict: as for a profile, where an end at which the draws pile up is open."""
         if self.fixed:
             return self
@@ -423,18 +421,18 @@ class _Stated:
     steps: Count
     thinning: Count
     seconds: NotNegative
-    status: DrawsStatus = "unknown"
+    status: DrawsStatus
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _OfVariable(Related):
     """What the file says of a parameter."""
 
+    median: float
+    lower: float
+    upper: float
     verdict: VerdictName | None = None
     reason: str = ""
-    median: float = 0.0
-    lower: float = -math.inf
-    upper: float = math.inf
 
     def disagreement(self) -> str:
         """Whether the ends of the interval are in order."""
@@ -471,7 +469,7 @@ def read_draws(place: Path, fit: Fit) -> Draws | None:
 
 
 def _draws(members: Mapping[str, Member], path: Path, fit: Fit) -> Draws:
-    if members[""].attributes.get(_OF_FIT, fit.fingerprint) != fit.fingerprint:
+    if members[""].attributes.get(_OF_FIT) != fit.fingerprint:
         raise RecordError(
             f"{path} is of another fit than that beside it; run `mrwork sample {path.parent}` again"
         )
@@ -553,14 +551,13 @@ def _numbers(member: Member) -> Array:
 
 
 def _with_stored(summary: DrawSummary, attributes: Mapping[str, Any], path: Path) -> DrawSummary:
-    """The summary with the verdict and the quantiles of all draws, which files of earlier versions do not have."""
+    """The summary with the verdict and the quantiles of all draws; those that are kept are thinned."""
     known = {each.name for each in fields(_OfVariable)}
-    given = {name: value for name, value in attributes.items() if name in known}
-    stated = record_of(
+    stated: _OfVariable = record_of(
         _OfVariable,
-        given,
+        {name: value for name, value in attributes.items() if name in known},
         origin=str(path),
         name=f"posterior of {summary.name}",
         verb=f"sample {path.parent}",
     )
-    return replace(summary, **{name: getattr(stated, name) for name in given})
+    return replace(summary, **{name: getattr(stated, name) for name in known})

@@ -7,12 +7,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from importlib import import_module
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.arguments import Shape, Within
 from mrwork.errors import SettingError
 from mrwork.identification.objective import linearised
 from mrwork.uncertainty.posterior.target import Target
@@ -84,8 +83,8 @@ def _noise_curvature(target: Target, position: Array, index: int) -> float:
 
 def first_walkers(
     target: Target,
-    start: Annotated[Array, Shape(("n_params",))],
-    n_walkers: Annotated[int, Within(least=1, most=10_000)],
+    start: Array,
+    n_walkers: int,
     rng: np.random.Generator,
 ) -> Array:
     """Starting positions about `start`, (n_params,), shape (n_walkers, n_dim), all of positive density.
@@ -179,7 +178,6 @@ def _with_estimated_noise(target: Target, position: Array) -> Array:
 
 
 def _off_faces(target: Target, position: Array) -> NDArray[np.intp]:
-    """Indices of coordinates that do not lie on a face of the box."""
     space = target.space
     unit = np.asarray(space.box.unit_from_theta(np.asarray(space.values(position)[0])))
     return np.flatnonzero((unit > _ON_FACE) & (unit < 1.0 - _ON_FACE))

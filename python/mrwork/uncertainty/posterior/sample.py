@@ -7,11 +7,9 @@ implemented in emcee 3.1.6 it samples another density (a standard normal of 8 di
 
 from __future__ import annotations
 
-import platform
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from datetime import UTC, datetime
 from math import ceil
 from typing import Annotated, Any
 
@@ -20,14 +18,14 @@ from emcee import EnsembleSampler, State
 from emcee.moves import Move
 from numpy.typing import NDArray
 
-from mrwork import _rust
-from mrwork.arguments import Threads, Within, checked
+from mrwork.arguments import Threads, checked
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import Interrupted, JournalError, SettingError
-from mrwork.identification.covariance import Slopes
-from mrwork.identification.fit import Fit, Provenance
-from mrwork.identification.problem import Problem
+from mrwork.identification.fit import Fit
+from mrwork.identification.problem import Problem, provenance_with
+from mrwork.identification.result import Slopes
+from mrwork.keys import Within
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
 from mrwork.store.codec import array_of, digest_of, package_version
@@ -288,7 +286,12 @@ class SamplingProblem:
             n_steps=ensemble.n_steps,
             thinning=thin,
             seconds=seconds,
-            provenance=self._provenance(),
+            provenance=provenance_with(
+                self.fingerprint() | {"nrmse": float(self.target.objective.plain(self.start[None])[0])},
+                self.target.objective.tests,
+                packages=_PACKAGES,
+                rng=self.rng,
+            ),
             measured={test.name: test.force for test in self.target.objective.tests},
         )
 
@@ -318,7 +321,7 @@ class SamplingProblem:
         scale = Scale.of(self.spec, own, objective.tests, theta)
         derivative = Slopes.at(objective.plain, self.target.form, self.start).by_model()
         judged = [
-            each.judged(scale.of_parameter(self.spec, index, derivative[:, index]))
+            each.judge(scale.of_parameter(self.spec, index, derivative[:, index]))
             for index, each in enumerate(found[: theta.size])
         ]
         return (*judged, *found[theta.size :])
@@ -341,19 +344,6 @@ class SamplingProblem:
             if each.at_bound:
                 text += f" {each.name} {each.remark}: its interval is limited by the bound, not by the data."
         return text
-
-    def _provenance(self) -> Provenance:
-        objective = self.target.objective
-        misfit = float(objective.plain(self.start[None])[0])
-        return Provenance(
-            versions={"python": platform.python_version()}
-            | {name: package_version(name) for name in _PACKAGES},
-            instruction_set=_rust.instruction_set(),
-            inputs={test.label: test.sha256 for test in objective.tests},
-            settings=self.fingerprint() | {"nrmse": misfit},
-            rng=self.rng,
-            created=datetime.now(UTC).isoformat(timespec="seconds"),
-        )
 
 
 def _fields(prior: Prior) -> dict[str, Any]:

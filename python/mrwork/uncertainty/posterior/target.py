@@ -14,17 +14,17 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from math import isfinite, log, pi
-from typing import Annotated, Any, ClassVar, Literal, Protocol
+from typing import Any, ClassVar, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.arguments import AnyNumbers, Shape, checked
+from mrwork.arguments import Shape, checked
 from mrwork.dampers.coordinates import Box
 from mrwork.errors import SettingError, UnknownNameError
-from mrwork.identification.covariance import effective_samples
 from mrwork.identification.equivalent import Form
 from mrwork.identification.objective import Objective
+from mrwork.identification.result import effective_samples
 from mrwork.summary import Summarised
 from mrwork.uncertainty.noise import Noise
 
@@ -320,19 +320,16 @@ class Target(Summarised):
         objective: Objective,
         noise: Noise,
         *,
-        start: Annotated[Array, _PARAMETERS],
+        start: Array,
         priors: Mapping[str, Prior],
         tempering: Tempering | None,
     ) -> Target:
         """The target with tempering from the residuals at `start`, shape (n_params,).
 
-        Parameters
-        ----------
-        tempering
-            Factor of the log-likelihood: a number, or "effective" for n_eff / n, the share of independent samples among
-            the residuals at the start. Default "effective" for noise models without correlation, 1 for those with it.
-            Residuals of real tests are mostly model error with a lag-1 autocorrelation of 0.9 and more: 2000 count
-            as some tens of independent observations, and intervals would be far too narrow if all were counted.
+        `tempering`: factor of the log-likelihood: a number, or "effective" for n_eff / n, the share of independent
+        samples among the residuals at the start. Default "effective" for noise models without correlation, 1 for those
+        with it. Residuals of real tests are mostly model error with a lag-1 autocorrelation of 0.9 and more: 2000 count
+        as some tens of independent observations, and intervals would be far too narrow if all were counted.
         """
         target = cls(
             form=form,
@@ -353,12 +350,8 @@ class Target(Summarised):
                 raise SettingError(f"`tempering` is {share:g}; give 'effective', or a share above 0 up to 1")
         return replace(target, temper=share)
 
-    def __call__(self, position: Annotated[AnyNumbers, Shape(("n_batch", "n_dim"))]) -> Array:
+    def __call__(self, position: Array) -> Array:
         """Log posterior of each row of `position` (n_batch, n_dim), shape (n_batch,); -inf outside and on failure."""
-        if position.shape[1] != self.space.n_dim:
-            raise SettingError(
-                f"`position` has shape {position.shape}; give shape (n_batch, {self.space.n_dim})"
-            )
         values, inside = self.space.values(position)
         density = np.full(len(position), -np.inf)
         rows = np.flatnonzero(inside)
@@ -367,13 +360,9 @@ class Target(Summarised):
             density[rows] = self.space.log_prior(within) + self.temper * self.log_likelihood(within)
         return density
 
-    def log_likelihood(self, values: Annotated[AnyNumbers, Shape(("n_batch", "n_values"))]) -> Array:
+    def log_likelihood(self, values: Array) -> Array:
         """Untempered log-likelihood of parameters and noise, shape (n_batch,); -inf where a simulation failed."""
-        n_params, n_noise = self.space.n_params, len(self.noise.parameters)
-        if values.shape[1] != n_params + n_noise:
-            raise SettingError(
-                f"`values` has shape {values.shape}; give {n_params} parameters and {n_noise} of the noise in each row"
-            )
+        n_params = self.space.n_params
         theta, noise = np.ascontiguousarray(values[:, :n_params]), values[:, n_params:]
         if self.noise.of_sum_of_squares and self.objective.is_direct:
             squared = np.zeros(len(theta))
@@ -389,9 +378,7 @@ class Target(Summarised):
             total[failed] = -np.inf
         return total
 
-    def residuals(
-        self, theta: Annotated[AnyNumbers, Shape(("n_batch", "n_params"))]
-    ) -> Iterator[tuple[Array, Array, NDArray[np.bool_]]]:
+    def residuals(self, theta: Array) -> Iterator[tuple[Array, Array, NDArray[np.bool_]]]:
         """Residuals and forces about the measured mean, (n_batch, n_counted), and rows that failed, test by test.
 
         Both are in units of the deviation of the test's measured force; both are zero in rows that failed.
@@ -406,14 +393,14 @@ class Target(Summarised):
             force[failed] = 0.0
             yield residual, force, failed
 
-    def noise_at(self, theta: Annotated[Array, _PARAMETERS]) -> Array:
+    def noise_at(self, theta: Array) -> Array:
         """Moment estimates of the noise parameters, (n_noise,), at `theta` (n_params,), averaged over tests."""
         found = [
             self.noise.estimate(residual[0], force[0]) for residual, force, _ in self.residuals(theta[None])
         ]
         return np.asarray(np.mean(found, axis=0))
 
-    def position_of(self, theta: Annotated[Array, _PARAMETERS]) -> Array:
+    def position_of(self, theta: Array) -> Array:
         """Position (n_dim,) of parameters (n_params,), clipped to the box, with the noise of the residuals."""
         values = np.concatenate([theta, self.noise_at(theta)])
         return np.asarray(self.space.position(self.space.box.inside(values)))

@@ -1,0 +1,168 @@
+"""What the child process of `child_reader` writes of a file: a function for each `Format`, under its name.
+
+The process imports the library of the format first, so that its limits do not count the imports.
+"""
+
+from __future__ import annotations
+
+import datetime
+import io
+import json
+import math
+import zipfile
+from collections.abc import Iterator
+from typing import IO, Any
+
+import numpy as np
+
+_DEEPEST = 2
+_MOST = 10_000
+_LONGEST = 100_000
+
+_WORKBOOK = "xl/workbook.xml"
+_MOST_SHEETS = 100
+# Bytes of the words as which a text is written.
+_WORD = 8
+# Ends of lines and separators, within a cell.
+_BLANKS = str.maketrans(
+    dict.fromkeys("\t\n\v\f\r\x1c\x1d\x1e\x85\u2028\u2029", " ") | {"#": "\N{FULLWIDTH NUMBER SIGN}"}
+)
+
+
+def hdf5(data: bytes, out: IO[bytes]) -> None:
+    """A line of JSON with the path, shape, type and attributes of everything in the file, then the arrays."""
+    import h5py
+
+    with h5py.File(io.BytesIO(data), "r") as file:
+        members = [("", file), *_members(file, "", 1)]
+        head = {path: _describe(member) for path, member in members}
+        out.write(json.dumps(head).encode() + b"\n")
+        out.flush()
+        for path, member in members:
+            if head[path]["type"] is not None:
+                out.write(np.ascontiguousarray(member[()]).data)
+
+
+def _members(group: Any, prefix: str, depth: int) -> Iterator[tuple[str, Any]]:
+    """What a group holds itself; other files and MATLAB's own tables (`#refs#`) are not followed."""
+    import h5py
+
+    for number, name in enumerate(group):
+        if number == _MOST:
+            raise ValueError(f"more than {_MOST} entries")
+        if name.startswith("#") or not isinstance(group.get(name, getlink=True), h5py.HardLink):
+            continue
+        member, path = group[name], f"{prefix}{name}"
+        yield path, member
+        if isinstance(member, h5py.Group) and depth < _DEEPEST:
+            yield from _members(member, f"{path}/", depth + 1)
+
+
+def _describe(member: Any) -> dict[str, Any]:
+    """Shape and type, which is null for all but real numbers that the file itself holds, and attributes."""
+    import h5py
+
+    is_group = isinstance(member, h5py.Group)
+    is_numeric = (
+        isinstance(member, h5py.Dataset)
+        and member.shape is not None
+        and member.dtype.kind in "iuf"
+        and not member.is_virtual
+        and not member.external
+    )
+    return {
+        "group": is_group,
+        "shape": member.shape if is_numeric else (),
+        "type": member.dtype.str if is_numeric else None,
+        "attributes": dict(_attributes(member)),
+    }
+
+
+def _attributes(member: Any) -> Iterator[tuple[str, Any]]:
+    """Attributes that are a number or a text."""
+    for name in member.attrs:
+        identifier = member.attrs.get_id(name)
+        if math.prod(identifier.shape or ()) != 1 or identifier.dtype.kind not in "iufSO":
+            continue
+        try:
+            value = np.ravel(member.attrs[name])[0]
+        except OSError:
+            # References to what is not there.
+            continue
+        value = value.decode(errors="replace") if isinstance(value, bytes) else value
+        value = value.item() if isinstance(value, np.generic) else value
+        if isinstance(value, int | float | str) and not (isinstance(value, str) and len(value) > _LONGEST):
+            yield name, value
+
+
+def parquet(data: bytes, out: IO[bytes]) -> None:
+    """A line of JSON with the columns, then those of numbers as float64, each read by itself."""
+    import pyarrow
+    from pyarrow.parquet import ParquetFile
+
+    file = ParquetFile(pyarrow.BufferReader(data))
+    n_rows = file.metadata.num_rows
+    numeric = {
+        field.name: pyarrow.types.is_integer(field.type) or pyarrow.types.is_floating(field.type)
+        for field in file.schema_arrow
+    }
+    head: dict[str, object] = {
+        name: {"group": False, "shape": [n_rows], "type": "<f8" if known else None, "attributes": {}}
+        for name, known in numeric.items()
+    }
+    out.write(json.dumps(head).encode() + b"\n")
+    out.flush()
+    for name, known in numeric.items():
+        if known:
+            # A single thread: the others would count towards the limit of memory.
+            column = file.read(columns=[name], use_threads=False).column(name)
+            if len(column) != n_rows:
+                raise ValueError(f"column '{name}' has {len(column)} rows of {n_rows}")
+            out.write(np.ascontiguousarray(column.to_numpy(), dtype="<f8").data)
+
+
+def xlsx(data: bytes, out: IO[bytes]) -> None:
+    """A line of JSON with the sheets, then each as UTF-8 text: a line for each row, with tabs between the cells."""
+    import python_calamine
+
+    if _WORKBOOK not in zipfile.ZipFile(io.BytesIO(data)).namelist():
+        raise ValueError("it holds no workbook")
+    book = python_calamine.CalamineWorkbook.from_filelike(io.BytesIO(data))
+    tables = [
+        each.name for each in book.sheets_metadata if each.typ == python_calamine.SheetTypeEnum.WorkSheet
+    ]
+    if len(tables) > _MOST_SHEETS:
+        raise ValueError(f"more than {_MOST_SHEETS} sheets")
+    texts = [_text(book.get_sheet_by_name(name)) for name in tables]
+    head = {
+        str(number): {
+            "group": False,
+            "shape": [len(text) // _WORD],
+            "type": "<u8",
+            "attributes": {"name": name},
+        }
+        for number, (name, text) in enumerate(zip(tables, texts, strict=True))
+    }
+    out.write(json.dumps(head).encode() + b"\n")
+    for text in texts:
+        out.write(text)
+
+
+def _text(sheet: Any) -> bytes:
+    rows = ("\t".join(map(_cell, row)) for row in sheet.iter_rows())
+    text = "\n".join(rows).encode("utf-8", "replace").rstrip(b"\n")
+    return text + b"\n" * (-len(text) % _WORD)
+
+
+def _cell(value: Any) -> str:
+    if isinstance(value, str):
+        text = value.translate(_BLANKS)
+        return '"' + text.replace('"', '""') + '"' if '"' in text else text
+    if isinstance(value, datetime.timedelta):
+        seconds, rest = divmod(round(value / datetime.timedelta(microseconds=1)), 10**6)
+        return f"{seconds // 3600}:{seconds // 60 % 60:02d}:{seconds % 60:02d}.{rest:06d}"
+    if isinstance(value, datetime.datetime):
+        return value.isoformat(" ")
+    if isinstance(value, datetime.date | datetime.time):
+        return value.isoformat()
+    return repr(float(value)) if isinstance(value, float) else str(value)
