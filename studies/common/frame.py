@@ -160,8 +160,7 @@ def _own(responses: Responses, frame: Building) -> Responses:
     """Responses with the floors and storeys of the frame alone."""
     floors = [frame.floor_names.index(name) for name in FRAME.floor_names]
     storeys = [frame.storey_names.index(name) for name in FRAME.storey_names]
-    return replace(
-        responses,
+    return responses.with_numbers(
         peak_displacement=responses.peak_displacement[:, floors],
         rms_displacement=responses.rms_displacement[:, floors],
         peak_acceleration=responses.peak_acceleration[:, floors],

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from loop_samples import devices, five_storeys, rd1005, sweep
@@ -84,7 +82,7 @@ def test_what_does_not_belong_together_is_refused() -> None:
         response_sheet_figure(ON, run(0.0, sweep(3.0)), FRAME)
     with pytest.raises(SettingError, match="two runs of one motion"):
         response_sheet_figure(
-            ON, replace(OFF, ground_acceleration=2.0 * np.asarray(OFF.ground_acceleration)), FRAME
+            ON, OFF.with_numbers(ground_acceleration=2.0 * np.asarray(OFF.ground_acceleration)), FRAME
         )
     with pytest.raises(SettingError, match="coordinates"):
         response_sheet_figure(ON, OFF, mr.building("dyke1996"))
