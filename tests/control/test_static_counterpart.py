@@ -88,5 +88,5 @@ def test_settings_that_cannot_be_are_refused() -> None:
         call(theta=[1.0, 2.0, 3.0])
     with pytest.raises(SettingError, match=r"`amplitude` is 0\.01 to 0\.001; give the smaller number first"):
         call(amplitude=(0.01, 0.001))
-    with pytest.raises(SettingError, match="`largest_command` of static_counterpart is nan"):
+    with pytest.raises(SettingError, match="is nan"):
         call(largest=np.nan)

@@ -220,9 +220,9 @@ def test_shear_mode_is_couette_flow() -> None:
 @pytest.mark.parametrize(
     ("changed", "words"),
     [
-        ({"flow": -1e-3}, "`flow` of plate_pressure is -0.001; give a number from 0 to 1000"),
-        ({"viscosity": 0.0}, "`viscosity` of plate_pressure is 0"),
-        ({"yield_stress": [0.0, -1.0]}, "`yield_stress` of plate_pressure is -1 at 1"),
+        ({"flow": -1e-3}, "`flow` of annular_pressure is -0.001; give a number from 0 to 1000"),
+        ({"viscosity": 0.0}, "`viscosity` of annular_pressure is 0"),
+        ({"yield_stress": [0.0, -1.0]}, "`yield_stress` of annular_pressure is -1 at 1"),
     ],
 )
 def test_impossible_flow_is_refused(changed: dict[str, object], words: str) -> None:

@@ -79,7 +79,6 @@ def damper_calls(_: Path) -> Calls:
         "bouc_wen_from_normalised": lambda: call(
             dampers.bouc_wen_from_normalised, theta=mr.damper("normalised_bouc_wen").nominal, A=1.0
         ),
-        "rescaled_bouc_wen": lambda: call(dampers.rescaled_bouc_wen, theta=bouc_wen, A=2.0),
     }
 
 

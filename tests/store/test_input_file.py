@@ -57,6 +57,7 @@ ELSEWHERE = {
     "store/child_reader.py": "what its child process prints",
     "store/child_formats.py": "bytes in memory",
     "store/child_program.py": "how much memory the process has",
+    "store/parse.py": "texts that are in memory",
     "store/output_file.py": "files that are written",
     "store/output_folder.py": "folders, to flush them",
 }

@@ -246,6 +246,7 @@ def column_length(frequency: Positive) -> float:
     return 2.0 * STANDARD_GRAVITY / (2.0 * pi * frequency) ** 2
 
 
+@checked
 def liquid_column_optimum(mass_ratio: Positive, width_ratio: Level) -> tuple[float, float]:
     """Frequency ratio and damping ratio of a liquid column for the least displacement under white noise.
 
@@ -266,6 +267,7 @@ def liquid_column_optimum(mass_ratio: Positive, width_ratio: Level) -> tuple[flo
     return frequency, width_ratio / 2.0 * sqrt(within)
 
 
+@checked
 def head_loss_of(ratio: NotNegative, frequency: Positive, rms_velocity: Positive) -> float:
     """Coefficient of head loss xi that has a damping ratio at an rms velocity of the liquid.
 

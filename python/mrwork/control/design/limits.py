@@ -264,6 +264,7 @@ class DesignCase(Summarised):
     spectrum: SpectralDensity = field(default_factory=KanaiTajimi)
 
 
+@checked
 def stiffness_cases(
     building: Building,
     factors: Sequence[Positive] = (0.75, 1.0, 1.25),
@@ -281,6 +282,7 @@ def stiffness_cases(
     )
 
 
+@checked
 def soil_cases(building: Building, spectra: Sequence[SpectralDensity]) -> tuple[DesignCase, ...]:
     """The building under each spectrum."""
     return tuple(
@@ -289,6 +291,7 @@ def soil_cases(building: Building, spectra: Sequence[SpectralDensity]) -> tuple[
     )
 
 
+@checked
 def damper_cases(
     building: Building,
     devices: Sequence[Device],

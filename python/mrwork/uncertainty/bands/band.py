@@ -191,7 +191,7 @@ def parameter_band(forces: Rows, level: Level) -> Band:
 @checked
 def noise_band(
     forces: Rows,
-    noise_draws: NDArray[np.float64],
+    noise_draws: Annotated[NDArray[np.float64], Shape(("n_batch", "n_noise"))],
     noise: Noise,
     level: Level,
     *,
@@ -213,6 +213,11 @@ def noise_band(
         Standard deviation and mean of the force [N], to which noise parameters refer.
     """
     _check_draws(forces)
+    if noise_draws.shape[1] != len(noise.parameters):
+        names = ", ".join(each.name for each in noise.parameters)
+        raise SettingError(
+            f"`noise_draws` has shape {noise_draws.shape}; {noise.name} noise has the parameters {names}"
+        )
     added = noise.draw((forces - mean) / deviation, noise_draws, rng)
     lower, upper = np.quantile(forces + deviation * added, [0.5 - 0.5 * level, 0.5 + 0.5 * level], axis=0)
     return Band(

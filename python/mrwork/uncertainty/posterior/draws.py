@@ -11,12 +11,12 @@ from importlib import import_module
 from math import ceil
 from pathlib import Path
 from statistics import NormalDist
-from typing import TYPE_CHECKING, Any, ClassVar, Final, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.arguments import Count, NotNegative, Positive, checked
+from mrwork.arguments import Count, NotNegative, Positive, Shape, checked
 from mrwork.errors import RecordError
 from mrwork.identification.fit import Fit, Interval, Intervals, Provenance, VerdictName
 from mrwork.store.child_reader import Member, UnreadableError, read_members
@@ -115,7 +115,7 @@ class Convergence(NamedTuple):
 
 
 @checked
-def convergence(chains: Array) -> Convergence:
+def convergence(chains: Annotated[Array, Shape(("n_chains", "n_draws"))]) -> Convergence:
     """Rank-normalised R-hat, effective sizes and Monte-Carlo error of draws, shape (n_chains, n_draws)."""
     # ArviZ takes a second to load, and has no type annotations.
     statistics: Any = import_module("arviz_stats.base").array_stats
