@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal, Protocol
 import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
+from sentences import Refused
 
 from mrwork.arguments import AnyArray, May, Positive, Rows, Shape, Within, checked
 from mrwork.errors import ArgumentError, SettingError
@@ -176,11 +177,9 @@ def test_a_number_or_name_out_of_its_range_is_a_setting_error(name: str, value: 
     assert str(refusal.value).isprintable()
 
 
-def test_dataclasses_are_checked_when_they_are_built_and_replaced() -> None:
-    with pytest.raises(SettingError, match="`size` of Part is 0; give a number above 0"):
-        Part(size=0.0)
-    with pytest.raises(ArgumentError, match="`size` of Part"):
-        replace(Part(), size="x")
+def test_dataclasses_are_checked_when_they_are_built_and_replaced(refused: Refused) -> None:
+    refused(Part, size=0.0)
+    refused(replace, Part(), size="x")
 
 
 def test_what_is_missing_or_unknown_is_said_by_python() -> None:
@@ -207,17 +206,13 @@ def shaped(
     return either
 
 
-def test_axes_of_one_name_have_one_length() -> None:
+def test_axes_of_one_name_have_one_length(refused: Refused) -> None:
     shaped(np.zeros((3, 4)), np.zeros(4))
-    with pytest.raises(
-        SettingError, match=r"`rows` of shaped has shape \(3,\); give shape \(n_batch, n_time\)"
-    ):
-        shaped(np.zeros(3))
-    with pytest.raises(SettingError, match=r"shape \(5,\); .* with n_time = 4, as `rows` has"):
-        shaped(np.zeros((3, 4)), own=np.zeros(5))
+    refused(shaped, np.zeros(3))
+    refused(shaped, np.zeros((3, 4)), own=np.zeros(5))
 
 
-def test_arrays_of_another_library_pass_as_they_are_and_lists_become_arrays() -> None:
+def test_arrays_of_another_library_pass_as_they_are_and_lists_become_arrays(refused: Refused) -> None:
     class Traced:
         def __array_namespace__(self) -> object:
             return np
@@ -225,14 +220,12 @@ def test_arrays_of_another_library_pass_as_they_are_and_lists_become_arrays() ->
     traced = Traced()
     assert shaped(np.zeros((1, 1)), either=traced) is traced
     assert shaped(np.zeros((1, 1)), either=[1, 2]).dtype == np.float64
-    with pytest.raises(ArgumentError, match="`either` of shaped is 'x'; give an array of numbers"):
-        shaped(np.zeros((1, 1)), either="x")
+    refused(shaped, np.zeros((1, 1)), either="x")
 
 
-@pytest.mark.parametrize("paths", [b"x", [3], ["a", b"x"], {3}, 3])
-def test_items_of_a_container_of_paths_are_checked(paths: object) -> None:
-    with pytest.raises(ArgumentError, match=r"`paths(\[\d\])?` of shaped is "):
-        shaped(np.zeros((1, 1)), paths=paths)  # type: ignore[arg-type]
+def test_items_of_a_container_of_paths_are_checked(refused: Refused) -> None:
+    for paths in (b"x", [3], ["a", b"x"], {3}, 3):
+        refused(shaped, np.zeros((1, 1)), paths=paths)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("paths", ["a", Path("a"), ["a", Path("b")], {"a": 1}, iter([3])])
@@ -240,21 +233,19 @@ def test_paths_may_be_any_iterable(paths: Any) -> None:
     shaped(np.zeros((1, 1)), paths=paths)
 
 
-def test_a_method_is_named_with_its_class() -> None:
+def test_a_method_is_named_with_its_class(refused: Refused) -> None:
     class Rig:
         @classmethod
         @checked
         def of(cls, size: Positive) -> Rig:
             return cls()
 
-    with pytest.raises(SettingError, match=r"^`size` of Rig\.of is 0; give a number above 0$"):
-        Rig.of(0.0)
+    refused(Rig.of, 0.0)
 
 
-def test_whole_numbers_have_64_bits() -> None:
+def test_whole_numbers_have_64_bits(refused: Refused) -> None:
     assert taken(count=2**63)["count"] == 2**63
-    with pytest.raises(SettingError, match="64 bits"):
-        taken(count=2**64)
+    refused(taken, count=2**64)
 
 
 def test_an_error_is_one_line_of_characters_that_can_be_seen() -> None:
@@ -276,12 +267,8 @@ def test_no_number_is_read_as_zero() -> None:
     assert taken(strict=given)["strict"] is given
 
 
-def test_what_must_be_positive_is_refused_where_its_inverse_or_square_is_none() -> None:
+def test_what_must_be_positive_is_refused_where_its_inverse_or_square_is_none(refused: Refused) -> None:
     assert Part(size=1e-100).size == 1e-100
     for number in (1e-101, 5e-324):
-        with pytest.raises(
-            SettingError, match=f"`size` of Part is {number:g}; give a number of at least 1e-100"
-        ):
-            Part(size=number)
-    with pytest.raises(SettingError, match="`size` of Part is 0; give a number above 0"):
-        Part(size=0.0)
+        refused(Part, size=number)
+    refused(Part, size=0.0)

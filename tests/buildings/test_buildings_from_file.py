@@ -10,6 +10,7 @@ from typing import get_type_hints
 import numpy as np
 import pytest
 from scipy.io import savemat
+from sentences import Refused
 
 from mrwork.buildings import (
     Building,
@@ -30,7 +31,7 @@ from mrwork.buildings import (
     with_yielding_damper,
 )
 from mrwork.buildings.from_file import Addition, BuildingTable
-from mrwork.errors import MrworkError, RecordError, SettingError
+from mrwork.errors import MrworkError, RecordError
 from mrwork.keys import Place, Within, keys_of, read_table
 
 FIELDS = ("mass", "damping", "stiffness", "influence", "floors", "storeys")
@@ -300,22 +301,16 @@ def test_a_mistake_is_told_in_one_sentence_with_its_key(text: str, place: str, e
     assert "\n" not in sentence
 
 
-@pytest.mark.parametrize(
-    ("name", "content", "expected"),
-    [
-        ("M.csv", "1,2\n3\n", "line 2 has 1 numbers where the first row has 2"),
-        ("M.csv", "# mass\n1,2\n3,x\n", "line 3 holds 'x' where a number was expected"),
-        ("M.csv", "", "holds no numbers"),
-        ("M.csv", "\xff", "not UTF-8"),
-        ("M.xlsx", "1", "a matrix is read from a"),
-    ],
-)
-def test_a_text_file_that_is_no_matrix_is_refused_with_its_line(
-    tmp_path: Path, name: str, content: str, expected: str
-) -> None:
-    (tmp_path / name).write_bytes(content.encode("latin-1"))
-    with pytest.raises(RecordError, match=expected):
-        stated(f'mass = "{name}"\nstiffness = [[1.0]]', tmp_path)
+def test_a_text_file_that_is_no_matrix_is_refused_with_its_line(tmp_path: Path, refused: Refused) -> None:
+    for name, content in (
+        ("M.csv", "1,2\n3\n"),
+        ("M.csv", "# mass\n1,2\n3,x\n"),
+        ("M.csv", ""),
+        ("M.csv", "\xff"),
+        ("M.xlsx", "1"),
+    ):
+        (tmp_path / name).write_bytes(content.encode("latin-1"))
+        refused(stated, f'mass = "{name}"\nstiffness = [[1.0]]', tmp_path)
 
 
 def test_separators_and_comments_of_a_text_matrix_are_understood(tmp_path: Path) -> None:
@@ -325,11 +320,10 @@ def test_separators_and_comments_of_a_text_matrix_are_understood(tmp_path: Path)
         np.testing.assert_array_equal(known.mass, [[2.0, 0.0], [0.0, 1.0]])
 
 
-def test_a_file_that_leads_back_to_itself_is_refused(tmp_path: Path) -> None:
+def test_a_file_that_leads_back_to_itself_is_refused(tmp_path: Path, refused: Refused) -> None:
     (tmp_path / "a.toml").write_text('file = "b.toml"')
     (tmp_path / "b.toml").write_text('file = "a.toml"')
-    with pytest.raises(SettingError, match="refers back to itself"):
-        read_building(tmp_path / "a.toml")
+    refused(read_building, tmp_path / "a.toml")
 
 
 @pytest.mark.parametrize(
@@ -351,10 +345,9 @@ def test_a_damaged_file_is_refused_with_its_name(
     assert str(tmp_path / name) in str(caught.value)
 
 
-def test_a_mat_file_without_matrices_of_a_building_says_what_it_has(tmp_path: Path) -> None:
+def test_a_mat_file_without_matrices_of_a_building_says_what_it_has(tmp_path: Path, refused: Refused) -> None:
     savemat(tmp_path / "plant.mat", {"A": np.eye(2), "B": np.ones((2, 1))})
-    with pytest.raises(SettingError, match="found A, B"):
-        read_building(tmp_path / "plant.mat")
+    refused(read_building, tmp_path / "plant.mat")
 
 
 @pytest.mark.parametrize("kind", Addition.__subclasses__())

@@ -11,6 +11,7 @@ import pytest
 from examples import examples
 from hypothesis import given
 from hypothesis import strategies as st
+from sentences import Refused
 
 import mrwork as mr
 from mrwork import buildings
@@ -167,10 +168,9 @@ def test_a_motion_without_stiffness_is_said_apart(damping: float) -> None:
     )
 
 
-def test_a_free_motion_that_damping_drives_is_refused() -> None:
+def test_a_free_motion_that_damping_drives_is_refused(refused: Refused) -> None:
     stiffness = UTS.stiffness - 1.448e6 * np.diag([1.0, 0.0, 0.0, 0.0, 0.0])
-    with pytest.raises(SettingError, match="1 of 5 modes has negative damping"):
-        replace(UTS, stiffness=stiffness, damping=with_stiffness(stiffness) - 0.1 * UTS.mass)
+    refused(replace, UTS, stiffness=stiffness, damping=with_stiffness(stiffness) - 0.1 * UTS.mass)
 
 
 def with_stiffness(stiffness: Floats) -> Floats:
@@ -208,10 +208,9 @@ def table_in(folder: Path) -> Path:
 
 @pytest.mark.parametrize("made", ENTRIES.values(), ids=ENTRIES)
 def test_negative_damping_is_refused_wherever_a_building_is_from(
-    tmp_path: Path, made: Callable[[Path], object]
+    tmp_path: Path, made: Callable[[Path], object], refused: Refused
 ) -> None:
-    with pytest.raises(SettingError, match="modes have negative damping, the worst is mode"):
-        made(tmp_path)
+    refused(made, tmp_path)
 
 
 def test_a_reduced_building_keeps_its_undamped_mode() -> None:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 import scipy.linalg
+from sentences import Refused
 from study_texts import study_text
 
 import mrwork as mr
@@ -18,7 +19,7 @@ from mrwork.control import (
     RegulatorSettings,
     design_law,
 )
-from mrwork.errors import InvalidSettingError, MrworkError, SettingError
+from mrwork.errors import InvalidSettingError
 from mrwork.study import read_study
 
 M, C, K = np.diag([2.0, 1.0, 1.5]), np.zeros((3, 3)), np.zeros((3, 3))
@@ -184,28 +185,19 @@ def test_a_weight_that_cannot_be_is_refused(law: str, name: str, given: Any, wor
     assert refusal.value.key == name
 
 
-def test_a_weight_that_is_not_a_number_is_refused() -> None:
-    with pytest.raises(SettingError, match="is nan; give a finite number"):
-        design_law("lyapunov", problem(), {"displacements": np.full((3, 3), np.nan)})
+def test_a_weight_that_is_not_a_number_is_refused(refused: Refused) -> None:
+    refused(design_law, "lyapunov", problem(), {"displacements": np.full((3, 3), np.nan)})
     with pytest.raises(InvalidSettingError, match="is nan; give a finite number") as refusal:
         LyapunovSettings(displacements=np.full((3, 3), np.nan))  # type: ignore[arg-type]
     assert refusal.value.key == "displacements"
 
 
-@pytest.mark.parametrize(
-    ("given", "words"),
-    [
-        (np.eye(3), "there are 2 devices"),
-        ([[1.0, 2.0], [2.0, 1.0]], "not positive semidefinite"),
-        (0.0, "above 0"),
-    ],
-)
-def test_a_control_weight_that_cannot_be_is_refused(given: Any, words: str) -> None:
-    with pytest.raises(MrworkError, match=words):
-        design_law("clipped_optimal", problem(), {"control_weight": given})
+def test_a_control_weight_that_cannot_be_is_refused(refused: Refused) -> None:
+    for given in (np.eye(3), [[1.0, 2.0], [2.0, 1.0]], 0.0):
+        refused(design_law, "clipped_optimal", problem(), {"control_weight": given})
 
 
-def test_a_study_file_gives_matrices_inline_or_by_file(tmp_path: Path) -> None:
+def test_a_study_file_gives_matrices_inline_or_by_file(tmp_path: Path, refused: Refused) -> None:
     matrix = np.eye(5) + 0.1
     (tmp_path / "weights.csv").write_text("\n".join(",".join(map(str, row)) for row in matrix))
     (tmp_path / "diagonal.txt").write_text("1 1 1 1 2\n")
@@ -221,13 +213,12 @@ def test_a_study_file_gives_matrices_inline_or_by_file(tmp_path: Path) -> None:
     negative = np.eye(5)
     negative[0, 1] = negative[1, 0] = -0.5
     assert np.abs(gain(f"drifts = {negative.tolist()}") - inline).max() > 0.0
-    for weights, words in (
-        (f"drifts = {np.eye(4).tolist()}", r"line 17: drifts has shape \(4, 4\), and there are 5 storeys"),
-        (f"drifts = {np.triu(matrix).tolist()}", "line 17: drifts is not symmetric"),
-        (f"drifts = {(matrix - 0.5).tolist()}", "line 17: drifts is not positive semidefinite"),
-        ("drifts = 'none.csv'", "line 17: .*none.csv"),
-        ("drifts = [[1, 2], [3]]", "line 17: drifts has rows of different lengths"),
-        ("drifts = [-1, 1, 1, 1, 1]", r"line 17: drifts\[0\] is -1; give a number at least 0"),
+    for weights in (
+        f"drifts = {np.eye(4).tolist()}",
+        f"drifts = {np.triu(matrix).tolist()}",
+        f"drifts = {(matrix - 0.5).tolist()}",
+        "drifts = 'none.csv'",
+        "drifts = [[1, 2], [3]]",
+        "drifts = [-1, 1, 1, 1, 1]",
     ):
-        with pytest.raises(MrworkError, match=words):
-            gain(weights)
+        refused(gain, weights)

@@ -17,12 +17,13 @@ import rig_files
 from counted_calls import calls_of
 from motion_files import knet_lines
 from record_files import clean_columns, write_text
+from sentences import Refused
 from sinusoidal_tests import MOTIONS, sinusoidal_test
 from study_texts import study_text
 
 import mrwork as mr
 from mrwork.buildings import read_building
-from mrwork.errors import JournalError, MrworkError, MrworkWarning, RecordError, SettingError
+from mrwork.errors import JournalError, MrworkError, MrworkWarning, RecordError
 from mrwork.motions import read_motion
 from mrwork.records import read_damper_test
 from mrwork.report import departures
@@ -161,22 +162,20 @@ def test_a_test_that_moves_with_its_last_sample_only_is_read(tmp_path: Path) -> 
     assert read_damper_test(write_text(tmp_path / "rig.csv", columns)).n_time == columns["t_s"].size
 
 
-@pytest.mark.parametrize("word", ["\u0131nf", "\u0130NF", "inf\u0131nity", "na\u0274", "1\u04355"])
-def test_a_word_that_looks_like_a_number_is_refused_with_its_line(tmp_path: Path, word: str) -> None:
-    path = write_text(tmp_path / "rig.csv", clean_columns())
-    lines = path.read_text().splitlines()
-    lines.append(",".join([word] * (lines[-1].count(",") + 1)))
-    path.write_text("\n".join(lines), encoding="utf-8")
-    with pytest.raises(RecordError, match=f"line {len(lines)}"):
-        read_damper_test(path)
+def test_a_word_that_looks_like_a_number_is_refused_with_its_line(tmp_path: Path, refused: Refused) -> None:
+    for word in ("\u0131nf", "\u0130NF", "inf\u0131nity", "na\u0274", "1\u04355"):
+        path = write_text(tmp_path / "rig.csv", clean_columns())
+        lines = path.read_text().splitlines()
+        lines.append(",".join([word] * (lines[-1].count(",") + 1)))
+        path.write_text("\n".join(lines), encoding="utf-8")
+        refused(read_damper_test, path)
 
 
-def test_rows_of_thousands_of_digits_take_no_time(tmp_path: Path) -> None:
+def test_rows_of_thousands_of_digits_take_no_time(tmp_path: Path, refused: Refused) -> None:
     path = tmp_path / "a.txt"
     path.write_text("\n".join(3 * ["9" * 200_000 + "x"]))
     began = time.process_time()
-    with pytest.raises(MrworkError):
-        read_motion(path, unit="g", dt=0.01)
+    refused(read_motion, path, unit="g", dt=0.01)
     assert time.process_time() - began < 10.0
 
 
@@ -193,13 +192,12 @@ def test_names_of_many_letters_take_no_time(tmp_path: Path, letters: str, column
     assert len(str(caught.value)) <= 2000
 
 
-def test_a_long_line_of_a_header_takes_no_time(tmp_path: Path) -> None:
+def test_a_long_line_of_a_header_takes_no_time(tmp_path: Path, refused: Refused) -> None:
     path = tmp_path / "a.NS"
     lines = knet_lines(np.arange(100), "1")
     path.write_text("\n".join(lines).replace("100Hz", "1" * 60_000))
     began = time.process_time()
-    with pytest.raises(MrworkError):
-        read_motion(path)
+    refused(read_motion, path)
     assert time.process_time() - began < 1.0
 
 
@@ -223,7 +221,7 @@ def test_many_ends_of_lines_take_no_time(tmp_path: Path) -> None:
     assert time.process_time() - began < 2.0
 
 
-def test_a_header_of_arrays_that_python_warns_of_is_refused(tmp_path: Path) -> None:
+def test_a_header_of_arrays_that_python_warns_of_is_refused(tmp_path: Path, refused: Refused) -> None:
     path = tmp_path / "a.npz"
     np.savez(path, a=np.zeros(3))
     with zipfile.ZipFile(path) as archive:
@@ -231,8 +229,7 @@ def test_a_header_of_arrays_that_python_warns_of_is_refused(tmp_path: Path) -> N
     for damaged in (content.replace(b"(3,), ", b"(3L,),"), content.replace(b"'<f8'", b"'\\/8'")):
         with zipfile.ZipFile(path, "w") as archive:
             archive.writestr("a.npy", damaged)
-        with pytest.raises(RecordError, match="damaged"):
-            read_arrays(path, RECORD)
+        refused(read_arrays, path, RECORD)
 
 
 def refused_or_read(path: Path) -> None:
@@ -309,17 +306,15 @@ def test_a_largest_command_that_is_no_number_contradicts_a_tuned_law(largest: ob
     assert "largest_command" in replace(law, settings={}).disagreement()
 
 
-def test_texts_of_arrays_have_characters_that_exist(tmp_path: Path) -> None:
+def test_texts_of_arrays_have_characters_that_exist(tmp_path: Path, refused: Refused) -> None:
     path = tmp_path / "a.npz"
     for number in (0x10FFFF, 0x110000):
         np.savez(path, facts=np.array([number], "<u4").view("<U1"))
         if number == 0x10FFFF:
             assert read_arrays(path, RECORD)["facts"][0] == chr(number)
         else:
-            with pytest.raises(RecordError, match="characters that do not exist"):
-                read_arrays(path, RECORD)
+            refused(read_arrays, path, RECORD)
 
 
-def test_a_building_is_no_taller_than_any() -> None:
-    with pytest.raises(SettingError, match="1000 storeys at most"):
-        mr.buildings.shear_building(name="tower", masses=[1e3] * 1001, stiffnesses=[1e6] * 1001)
+def test_a_building_is_no_taller_than_any(refused: Refused) -> None:
+    refused(mr.buildings.shear_building, name="tower", masses=[1e3] * 1001, stiffnesses=[1e6] * 1001)

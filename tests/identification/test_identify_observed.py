@@ -11,10 +11,10 @@ from pathlib import Path
 import measured_data
 import numpy as np
 import pytest
+from sentences import Refused
 
 import mrwork as mr
 from mrwork import Journal
-from mrwork.errors import SettingError
 from mrwork.identification import FitSettings, free_run
 from mrwork.records import AS_IT_IS, DamperTest, Observation, Smoothing, build_damper_test, cut, observed
 from mrwork.uncertainty import identifiability_of, predict
@@ -125,6 +125,5 @@ def test_a_fit_of_an_earlier_version_detects_nothing() -> None:
     assert FitSettings.of_record(record).observe == ("none",)
 
 
-def test_the_twin_says_how_to_do_without() -> None:
-    with pytest.raises(SettingError, match="--observe none"):
-        identify(recorded(), engine="twin")
+def test_the_twin_says_how_to_do_without(refused: Refused) -> None:
+    refused(identify, recorded(), engine="twin")
