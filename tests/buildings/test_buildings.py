@@ -20,7 +20,6 @@ from mrwork.buildings import (
     with_rayleigh_coefficients,
     with_rayleigh_damping,
 )
-from mrwork.errors import SettingError
 
 
 @pytest.fixture
@@ -116,42 +115,25 @@ def test_the_matrices_of_a_building_cannot_be_changed_from_outside(frame: Buildi
         kept.mass[0, 0] = 0.0
 
 
-@pytest.mark.parametrize(
-    ("changes", "expected"),
-    [
-        pytest.param({"mass": np.diag([3.0, 0.0, 1.0])}, "mass of coordinate 2 is 0 kg", id="no mass"),
-        pytest.param(
-            {"mass": np.diag([3.0, 2.0, -1.0])}, "mass of coordinate 3 is -1 kg", id="negative mass"
-        ),
-        pytest.param({"mass": np.ones((3, 3))}, "mass matrix is singular", id="singular mass"),
-        pytest.param(
-            {"mass": np.array([[1.0, 2.0, 0.0], [2.0, 1.0, 0.0], [0.0, 0.0, 1.0]])},
-            "not positive definite",
-            id="indefinite mass",
-        ),
-        pytest.param({"mass": np.eye(2)}, "damping is 3 x 3 where 2 x 2", id="two masses"),
-        pytest.param({"mass": np.zeros((0, 0))}, "no coordinate", id="nothing"),
-        pytest.param({"stiffness": np.triu(np.ones((3, 3)))}, "stiffness is not symmetric", id="triangle"),
-        pytest.param({"stiffness": -np.eye(3)}, "stiffness is unstable", id="negative stiffness"),
-        pytest.param({"influence": np.ones(2)}, "influence is 2 long", id="influence"),
-        pytest.param({"floors": np.eye(2)}, "floors is 2 x 2", id="floors"),
-        pytest.param({"floor_names": ("a", "b")}, "2 floor names for 3 floor rows", id="names"),
-        pytest.param({"floor_names": ("a", "b", "a")}, "two floors are called 'a'", id="twice"),
-        pytest.param(
-            {"floor_names": ("a", "b\nc", "d")}, r"floor name has the control character \n;", id="line"
-        ),
-        pytest.param({"status": "certain"}, "status is 'certain'", id="status"),
-        pytest.param({"n_strokes": 4}, "4 of 3 storey rows", id="strokes"),
-    ],
-)
-def test_what_cannot_be_a_building_is_refused_in_one_sentence(
-    frame: Building, changes: dict[str, object], expected: str
-) -> None:
-    with pytest.raises(SettingError) as caught:
-        replace(frame, **changes)  # type: ignore[arg-type] # the wrong types are the test
-    assert expected in str(caught.value)
-    assert str(caught.value).startswith("building frame: ")
-    assert "\n" not in str(caught.value)
+def test_what_cannot_be_a_building_is_refused_in_one_sentence(frame: Building, refused: Refused) -> None:
+    for changes in (
+        {"mass": np.diag([3.0, 0.0, 1.0])},
+        {"mass": np.diag([3.0, 2.0, -1.0])},
+        {"mass": np.ones((3, 3))},
+        {"mass": np.array([[1.0, 2.0, 0.0], [2.0, 1.0, 0.0], [0.0, 0.0, 1.0]])},
+        {"mass": np.eye(2)},
+        {"mass": np.zeros((0, 0))},
+        {"stiffness": np.triu(np.ones((3, 3)))},
+        {"stiffness": -np.eye(3)},
+        {"influence": np.ones(2)},
+        {"floors": np.eye(2)},
+        {"floor_names": ("a", "b")},
+        {"floor_names": ("a", "b", "a")},
+        {"floor_names": ("a", "b\nc", "d")},
+        {"status": "certain"},
+        {"n_strokes": 4},
+    ):
+        refused(replace, frame, **changes)  # type: ignore[arg-type] # the wrong types are the test
 
 
 def test_a_building_that_would_not_fit_into_memory_is_refused_at_once(

@@ -40,29 +40,16 @@ def dashpot(storey: int) -> Floats:
 
 
 GROW = {
-    "the sign of all": (-UTS.damping, "5 of 5 modes have negative damping, the worst is mode 5 at 20.21 Hz"),
-    "one mode": (
-        with_ratios(0.01, 0.01, -0.01, 0.01, 0.01),
-        "1 of 5 modes has negative damping, the worst is mode 3 at 13.76 Hz with the ratio -0.01, so that motion grows "
-        "without end; check the signs of the damping matrix, and give a device that feeds energy as a control law",
-    ),
-    "a dashpot that drives": (
-        UTS.damping - 4.0 * dashpot(0),
-        "modes have negative damping, the worst is mode ",
-    ),
-    "an overdamped mode that grows": (
-        UTS.damping - 1e5 * np.diag([0.0, 0.0, 0.0, 0.0, 1.0]),
-        "negative damping, the worst is mode",
-    ),
+    "the sign of all": -UTS.damping,
+    "one mode": with_ratios(0.01, 0.01, -0.01, 0.01, 0.01),
+    "a dashpot that drives": UTS.damping - 4.0 * dashpot(0),
+    "an overdamped mode that grows": UTS.damping - 1e5 * np.diag([0.0, 0.0, 0.0, 0.0, 1.0]),
 }
 
 
-@pytest.mark.parametrize(("damping", "words"), GROW.values(), ids=GROW)
-def test_a_building_with_a_mode_that_grows_is_refused(damping: Floats, words: str) -> None:
-    with pytest.raises(SettingError) as refusal:
-        replace(UTS, damping=damping)
-    assert str(refusal.value).startswith("building uts: ")
-    assert words in str(refusal.value)
+@pytest.mark.parametrize("damping", GROW.values(), ids=GROW)
+def test_a_building_with_a_mode_that_grows_is_refused(damping: Floats, refused: Refused) -> None:
+    refused(replace, UTS, damping=damping)
 
 
 def test_the_ratio_in_the_sentence_is_that_of_the_pole() -> None:

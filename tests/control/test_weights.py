@@ -162,27 +162,21 @@ def test_a_diagonal_is_the_matrix_with_that_diagonal() -> None:
 
 
 REFUSED = [
-    ("drifts", [1.0, 2.0], "has 2 weights, and there are 3 storeys; give one for each, or one for all"),
-    ("drifts", np.eye(4), r"shape \(4, 4\), and there are 3 storeys; .* symmetric 3 x 3 matrix"),
-    ("drifts", [[1.0, 0.0], [0.0]], "rows of different lengths; give 3 rows of 3"),
-    (
-        "accelerations",
-        np.triu(np.ones((3, 3))),
-        "not symmetric: row 1, column 2 is 1 and row 2, column 1 is 0",
-    ),
-    ("velocities", np.eye(3) - 0.5, "not positive semidefinite: .* smallest eigenvalue is -1"),
-    ("state_weight", np.eye(3), "there are 6 states"),
-    ("relative_velocities", -1.0, "give a number at least 0"),
+    ("drifts", [1.0, 2.0]),
+    ("drifts", np.eye(4)),
+    ("drifts", [[1.0, 0.0], [0.0]]),
+    ("accelerations", np.triu(np.ones((3, 3)))),
+    ("velocities", np.eye(3) - 0.5),
+    ("state_weight", np.eye(3)),
+    ("relative_velocities", -1.0),
 ]
 
 
 @pytest.mark.parametrize("law", ["clipped_optimal", "lyapunov", "proportional_direct"])
-@pytest.mark.parametrize(("name", "given", "words"), REFUSED, ids=range(len(REFUSED)))
-def test_a_weight_that_cannot_be_is_refused(law: str, name: str, given: Any, words: str) -> None:
+@pytest.mark.parametrize(("name", "given"), REFUSED, ids=range(len(REFUSED)))
+def test_a_weight_that_cannot_be_is_refused(law: str, name: str, given: Any, refused: Refused) -> None:
     told = {"clipped_optimal": {"control_weight": 0.01}, "proportional_direct": {"slope": 1.0}}.get(law, {})
-    with pytest.raises(InvalidSettingError, match=words) as refusal:
-        design_law(law, problem(), {**told, name: given})
-    assert refusal.value.key == name
+    refused(design_law, law, problem(), {**told, name: given})
 
 
 def test_a_weight_that_is_not_a_number_is_refused(refused: Refused) -> None:

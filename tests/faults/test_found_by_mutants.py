@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import time
 import zipfile
 from collections.abc import Callable
@@ -68,91 +67,62 @@ def read_still(path: Path) -> object:
 
 STILL = ('synthetic = "kanai_tajimi"\nduration = 2', 'file = "still.csv"')
 REFUSED = {
-    "a force beyond any": (record(huge), "beyond any test"),
-    "times that nearly repeat": (record(nearly_equal_times), "repeats"),
-    "a start of LabVIEW with another decimal sign": (
-        text("rig.lvm", rig_files.lvm("No").replace("X0\t0.0", "X0\t0,0"), read_damper_test),
-        "X0 of the header is '0,0'",
+    "a force beyond any": record(huge),
+    "times that nearly repeat": record(nearly_equal_times),
+    "a start of LabVIEW with another decimal sign": text(
+        "rig.lvm", rig_files.lvm("No").replace("X0\t0.0", "X0\t0,0"), read_damper_test
     ),
-    "a mass without size": (
-        text("a.toml", "mass = [[1e-320]]\nstiffness = [[1.0]]", read_building),
-        "the mass matrix is singular",
+    "a mass without size": text("a.toml", "mass = [[1e-320]]\nstiffness = [[1.0]]", read_building),
+    "a stiffness that overflows": text(
+        "a.toml", "masses = [1.0, 1.0]\nstiffnesses = [1e308, 1e308]", read_building
     ),
-    "a stiffness that overflows": (
-        text("a.toml", "masses = [1.0, 1.0]\nstiffnesses = [1e308, 1e308]", read_building),
-        "give a number of at most 1e+100",
+    "damping that overflows": text(
+        "a.toml", "masses = [1.0]\nstiffnesses = [1e40]\n[rayleigh]\na0 = 1.0\na1 = 1e300", read_building
     ),
-    "damping that overflows": (
-        text(
-            "a.toml", "masses = [1.0]\nstiffnesses = [1e40]\n[rayleigh]\na0 = 1.0\na1 = 1e300", read_building
-        ),
-        "give a number of at most 1e+100",
+    "expected figures that are no TOML": text("a.toml", "a = = 1", lambda path: departures({}, path)),
+    "expected figures without tolerance": text(
+        "a.toml", "a = { value = 1.0 }", lambda path: departures({"a": 1.0}, path)
     ),
-    "expected figures that are no TOML": (
-        text("a.toml", "a = = 1", lambda path: departures({}, path)),
-        "is not TOML",
+    "a motion of many hours": text(
+        "a.toml",
+        study_text("control_weight = 1e-13").replace("duration = 2", "duration = 65536"),
+        mr.read_study,
     ),
-    "expected figures without tolerance": (
-        text("a.toml", "a = { value = 1.0 }", lambda path: departures({"a": 1.0}, path)),
-        "tolerance",
+    "a motion that ends within a sample": text(
+        "a.toml",
+        study_text("control_weight = 1e-13").replace("= 2", "= 2\ntime_scale = 1e-9"),
+        mr.read_study,
     ),
-    "a motion of many hours": (
-        text(
-            "a.toml",
-            study_text("control_weight = 1e-13").replace("duration = 2", "duration = 65536"),
-            mr.read_study,
-        ),
-        "GB",
+    "a motion without motion": text(
+        "a.toml", study_text("control_weight = 1e-13").replace(*STILL), read_still
     ),
-    "a motion that ends within a sample": (
-        text(
-            "a.toml",
-            study_text("control_weight = 1e-13").replace("= 2", "= 2\ntime_scale = 1e-9"),
-            mr.read_study,
-        ),
-        "less than a sample of the law",
+    "no constant command with a score": text(
+        "a.toml",
+        study_text("control_weight = 1e-13", damper="differential = true\nparameters = { k = 1e15 }")
+        .replace('law = "clipped', 'law = "best_passive"\n[[controller]]\nlaw = "clipped')
+        .replace("= 2", "= 0.1"),
+        lambda path: mr.run_study(mr.read_study(path), threads=1),
     ),
-    "a motion without motion": (
-        text("a.toml", study_text("control_weight = 1e-13").replace(*STILL), read_still),
-        "zero throughout",
+    "a rest without end": text(
+        "a.toml", study_text("control_weight = 1e-13").replace("= 2", "= 2\nrest = 1e300"), mr.read_study
     ),
-    "no constant command with a score": (
-        text(
-            "a.toml",
-            study_text("control_weight = 1e-13", damper="differential = true\nparameters = { k = 1e15 }")
-            .replace('law = "clipped', 'law = "best_passive"\n[[controller]]\nlaw = "clipped')
-            .replace("= 2", "= 0.1"),
-            lambda path: mr.run_study(mr.read_study(path), threads=1),
-        ),
-        "no constant command has a score",
+    "a rest of many days": text(
+        "a.toml", study_text("control_weight = 1e-13").replace("= 2", "= 2\nrest = 1e9"), mr.read_study
     ),
-    "a rest without end": (
-        text(
-            "a.toml", study_text("control_weight = 1e-13").replace("= 2", "= 2\nrest = 1e300"), mr.read_study
-        ),
-        "rest is 1e+300; give a number of at most 1e+100",
-    ),
-    "a rest of many days": (
-        text("a.toml", study_text("control_weight = 1e-13").replace("= 2", "= 2\nrest = 1e9"), mr.read_study),
-        "1e+11 samples",
-    ),
-    "realisations without end": (
-        text(
-            "a.toml",
-            study_text("control_weight = 1e-13")
-            + "[uncertainty]\nstiffness = 0.1\nrealisations = 9007199254740993\n",
-            mr.read_study,
-        ),
-        "realisations",
+    "realisations without end": text(
+        "a.toml",
+        study_text("control_weight = 1e-13")
+        + "[uncertainty]\nstiffness = 0.1\nrealisations = 9007199254740993\n",
+        mr.read_study,
     ),
 }
 
 
-@pytest.mark.parametrize(("read", "words"), REFUSED.values(), ids=REFUSED)
-def test_it_is_refused_in_a_sentence(tmp_path: Path, read: Callable[[Path], object], words: str) -> None:
-    with pytest.raises(MrworkError, match=re.escape(words)) as caught:
-        read(tmp_path)
-    assert str(caught.value).isprintable()
+@pytest.mark.parametrize("read", REFUSED.values(), ids=REFUSED)
+def test_it_is_refused_in_a_sentence(
+    tmp_path: Path, read: Callable[[Path], object], refused: Refused
+) -> None:
+    refused(read, tmp_path)
 
 
 def test_a_test_that_moves_with_its_last_sample_only_is_read(tmp_path: Path) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import struct
 import tracemalloc
 import zlib
@@ -90,17 +89,17 @@ STRUCT_OF_100 = matrix(STRUCT, (1, 1), "a", *FIELD)
 
 
 @pytest.mark.parametrize(
-    ("content", "words"),
+    "content",
     [
-        (matrix(DOUBLE, (HUGE, 1), "a", ONE), "2147483647 x 1 matrix has 8 bytes"),
-        (matrix(DOUBLE, (HUGE, HUGE, HUGE, 0), "a", NONE), "2147483647 x 2147483647 x 2147483647 x 0"),
-        (matrix(DOUBLE, (HUGE, HUGE, HUGE, 4), "a", NONE), "2147483647 x 2147483647 x 2147483647 x 4"),
-        (matrix(DOUBLE, (-1, 1), "a", ONE), "-1 x 1"),
-        (matrix(DOUBLE, 100 * (1,), "a", ONE), "100 dimensions"),
-        (matrix(DOUBLE, (8, *99 * (1,)), "a", element(9, bytes(64))), "100 dimensions"),
-        (matrix(SPARSE, (3, -1), "a", integers(), integers(), NONE), "3 x -1"),
-        (matrix(SPARSE, (3, 0), "a", integers(), integers(), NONE), "no order in its columns"),
-        (STRUCT_OF_100, "100 dimensions"),
+        matrix(DOUBLE, (HUGE, 1), "a", ONE),
+        matrix(DOUBLE, (HUGE, HUGE, HUGE, 0), "a", NONE),
+        matrix(DOUBLE, (HUGE, HUGE, HUGE, 4), "a", NONE),
+        matrix(DOUBLE, (-1, 1), "a", ONE),
+        matrix(DOUBLE, 100 * (1,), "a", ONE),
+        matrix(DOUBLE, (8, *99 * (1,)), "a", element(9, bytes(64))),
+        matrix(SPARSE, (3, -1), "a", integers(), integers(), NONE),
+        matrix(SPARSE, (3, 0), "a", integers(), integers(), NONE),
+        STRUCT_OF_100,
     ],
     ids=[
         *("a long vector", "no items", "items missing", "negative", "100 of one", "100 dimensions"),
@@ -109,13 +108,11 @@ STRUCT_OF_100 = matrix(STRUCT, (1, 1), "a", *FIELD)
 )
 @pytest.mark.parametrize("read", [open_matlab, read_matlab_matrices])
 def test_sides_that_no_array_has_are_refused_in_a_sentence(
-    tmp_path: Path, content: bytes, words: str, read: Callable[[Path], object]
+    tmp_path: Path, content: bytes, read: Callable[[Path], object], refused: Refused
 ) -> None:
     path = tmp_path / "rig.mat"
     path.write_bytes(HEAD + content)
-    with pytest.raises(RecordError, match=re.escape(words)) as caught:
-        read(path)
-    assert len(str(caught.value)) < 400
+    refused(read, path)
 
 
 @pytest.mark.parametrize("side", [0, -1, HUGE])

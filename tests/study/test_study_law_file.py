@@ -10,7 +10,6 @@ from command_line import mrwork
 from sentences import Refused
 
 import mrwork as mr
-from mrwork.errors import SettingError
 from mrwork.study.study import digest_of_run
 
 LAW = """
@@ -108,24 +107,17 @@ def test_an_edited_law_is_not_resumed(tmp_path: Path) -> None:
     assert "arrangement" in refused.stderr
 
 
-@pytest.mark.parametrize(
-    ("changes", "words"),
-    [
-        ({"file": "none.py"}, "none.py: there is no such file"),
-        ({"file": "study.toml"}, "study.toml, line 17 failed when the file was run: "),
-        ({"function": "brakes"}, "my_law.py has no function 'brakes', did you mean brake"),
-        ({"function": "number"}, "my_law.py has no function 'number'"),
-        ({"function": "one"}, r"write it as def one\(sample, memory\)"),
-        ({"more": "law = 'fuzzy'"}, "a law in Python has no law; leave it out, or user"),
-        ({"more": "settings = { slope = 1 }"}, "a law in Python has no settings; leave it out, or user"),
-    ],
-)
-def test_a_file_that_is_no_law_is_refused_with_its_line(
-    tmp_path: Path, changes: dict[str, str], words: str
-) -> None:
-    with pytest.raises(SettingError, match=words) as refusal:
-        mr.read_study(write(tmp_path, **changes))  # type: ignore[arg-type]
-    assert "study.toml, line 1" in str(refusal.value)
+def test_a_file_that_is_no_law_is_refused_with_its_line(tmp_path: Path, refused: Refused) -> None:
+    for changes in (
+        {"file": "none.py"},
+        {"file": "study.toml"},
+        {"function": "brakes"},
+        {"function": "number"},
+        {"function": "one"},
+        {"more": "law = 'fuzzy'"},
+        {"more": "settings = { slope = 1 }"},
+    ):
+        refused(mr.read_study, write(tmp_path, **changes))  # type: ignore[arg-type]
 
 
 def test_a_row_without_any_law_is_refused(tmp_path: Path, refused: Refused) -> None:
