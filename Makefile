@@ -12,7 +12,7 @@ unexport CONDA_PREFIX
 # Compiled Python files are kept: a hundred tests start a process, which would compile the package anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test faults lint format bench licences clean
+.PHONY: demo test sentences faults lint format bench licences clean
 
 demo: $(VENV)/.built
 	$(BIN)/mrwork identify synthetic:spencer1997 --model normalised_bouc_wen --seed 1 --out out/demo
@@ -20,6 +20,10 @@ demo: $(VENV)/.built
 test: $(VENV)/.built $(VENV)/.dev
 	cargo test --quiet --release --workspace
 	$(BIN)/python -m pytest --numprocesses 2 --dist worksteal
+
+# After a change of wording: `tests/sentences.toml` anew, to be read as a diff.
+sentences: $(VENV)/.built $(VENV)/.dev
+	MRWORK_SENTENCES=write $(BIN)/python -m pytest
 
 # What a user, a file or a machine may do wrong, in the long form; `make test` has a smoke of each.
 faults: export PYTHONPATH := .:tests/samples:tests/faults

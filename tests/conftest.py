@@ -14,6 +14,7 @@ import hypothesis
 import pytest
 from blank_pictures import blank, drawn
 from compiled import release_compiled
+from sentences import MEANT, TESTS, WRITES, Refused, golden, write
 
 # A test compiles a function to run it a few times: without optimisation that takes a third of the time.
 # A flag that is set already comes last, so it decides.
@@ -72,3 +73,27 @@ def blank_pictures() -> Iterator[None]:
     """Of a module elsewhere that looks at none."""
     with blank():
         yield
+
+
+_came: dict[str, dict[str, list[str]]] = {}
+
+
+@pytest.fixture
+def refused(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Refused]:
+    """What compares a refusal with its whole sentence; see `sentences.py`."""
+    module, name = request.path.relative_to(TESTS).as_posix(), request.node.name
+    refused = Refused(golden().get(module, {}).get(name, []), tmp_path_factory.getbasetemp())
+    yield refused
+    _came.setdefault(module, {})[name] = refused.came
+    assert WRITES or refused.failed or len(refused.came) == len(refused.expected), MEANT
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Run no other tests where the sentences are written."""
+    if WRITES:
+        items[:] = [item for item in items if "refused" in getattr(item, "fixturenames", ())]
+
+
+def pytest_sessionfinish() -> None:
+    if WRITES:
+        write(_came)

@@ -11,9 +11,10 @@ from typing import Annotated, Any, Literal, Protocol
 import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
+from sentences import Refused
 
 from mrwork.arguments import AnyArray, May, Positive, Rows, Shape, checked
-from mrwork.errors import ArgumentError, SettingError
+from mrwork.errors import ArgumentError
 from mrwork.keys import Within
 
 
@@ -103,85 +104,66 @@ def test_numbers_arrive_as_the_array_that_is_annotated() -> None:
     assert Part(names=["a"]).names == ("a",)  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize(
-    ("name", "value", "words"),
-    [
-        ("number", "1", "`number` of taken is '1'; give a number"),
-        ("number", True, "is True; give a number"),
-        ("number", 1j, "is 1j; give a number"),
-        ("number", None, "is None; give a number"),
-        ("count", 1.5, "is 1.5; give a whole number"),
-        ("choice", 3, "is 3; give 'lanes' or 'twin'"),
-        ("switch", 1, "is 1; give true or false"),
-        ("text", b"x", "give a text or a Path"),
-        ("loose", "x", "is 'x'; give an array of numbers"),
-        ("loose", [[1], [1, 2]], "rows of one length"),
-        ("loose", ["1"], "values of type <U1"),
-        ("loose", [True], "values of type bool"),
-        ("loose", np.array(["2020-01-01"], dtype="M8[D]"), "datetime64"),
-        (
-            "loose",
-            np.ma.masked_array([1.0, 2.0], [False, True]),
-            "masked values; fill them in or cut them out",
-        ),
-        ("loose", {"a": 1}, "is a dict; give an array of numbers"),
-        ("strict", [1j], "values of type complex128"),
-        ("signs", [0.5], "values of type float64; give an array of int64"),
-        ("numbers", "12", "is '12'; give a list"),
-        ("numbers", [1, "x"], "`numbers[1]` of taken is 'x'; give a number"),
-        ("numbers", np.zeros((2, 2)), "is an array of shape (2, 2)"),
-        ("names", [1], "`names[0]` of taken is 1; give a text"),
-        ("pair", (1, 2, 3), "has 3 values; give 2 values"),
-        ("bounds", {"c": 3}, "`bounds['c']` of taken is 3; give 2 values"),
-        ("bounds", [1], "is a list; give a dict"),
-        ("called", 3, "is 3; give a function of 1 argument"),
-        ("called", lambda: 3, "is a function of other arguments; give a function of 1 argument"),
-        ("on_progress", list, "is the class list; give a function of 2 arguments"),
-        ("on_progress", lambda done: None, "is a function of other arguments; give a function of 2"),
-        ("part", "a", "is 'a'; give a Part, made by Part(size=...)"),
-        ("part", Part, "is the class Part; give a Part"),
-        ("parts", [Part(), 3], "`parts[1]` of taken is 3; give a Part"),
-        ("sized", 3, "is 3; give an object with size"),
-    ],
-)
-def test_a_value_of_another_kind_is_refused_in_a_sentence(name: str, value: object, words: str) -> None:
-    with pytest.raises(ArgumentError) as refusal:
-        taken(**{name: value})
-    assert words in str(refusal.value)
-    assert str(refusal.value).isprintable()
-    assert isinstance(refusal.value, TypeError)
+def test_a_value_of_another_kind_is_refused_in_a_sentence(refused: Refused) -> None:
+    for name, value in (
+        ("number", "1"),
+        ("number", True),
+        ("number", 1j),
+        ("number", None),
+        ("count", 1.5),
+        ("choice", 3),
+        ("switch", 1),
+        ("text", b"x"),
+        ("loose", "x"),
+        ("loose", [[1], [1, 2]]),
+        ("loose", ["1"]),
+        ("loose", [True]),
+        ("loose", np.array(["2020-01-01"], dtype="M8[D]")),
+        ("loose", np.ma.masked_array([1.0, 2.0], [False, True])),
+        ("loose", {"a": 1}),
+        ("strict", [1j]),
+        ("signs", [0.5]),
+        ("numbers", "12"),
+        ("numbers", [1, "x"]),
+        ("numbers", np.zeros((2, 2))),
+        ("names", [1]),
+        ("pair", (1, 2, 3)),
+        ("bounds", {"c": 3}),
+        ("bounds", [1]),
+        ("called", 3),
+        ("called", lambda: 3),
+        ("on_progress", list),
+        ("on_progress", lambda done: None),
+        ("part", "a"),
+        ("part", Part),
+        ("parts", [Part(), 3]),
+        ("sized", 3),
+    ):
+        assert isinstance(refused(taken, **{name: value}), TypeError)
 
 
-@pytest.mark.parametrize(
-    ("name", "value", "words"),
-    [
-        ("number", np.nan, "is nan; give a finite number"),
-        ("number", np.inf, "is inf; give a finite number"),
-        ("number", 10**400, "give a smaller number"),
-        ("limit", np.nan, "is nan; give a finite number"),
-        ("count", -1, "is -1; give a whole number at least 0"),
-        ("choice", "lane", "is 'lane', did you mean lanes"),
-        ("choice", "x\x1b\n", r"is 'x\x1b\n'; choose one of lanes, twin"),
-        ("loose", [1.0, np.nan], "is nan at 1; give finite numbers"),
-        ("loose", [10**30], "more than 64 bits"),
-        ("strict", [[0.0, np.inf]], "is inf at (0, 1)"),
-        ("worst", [1.0, -1.0], "is -1 at 1; give numbers at least 0"),
-        ("worst", [np.nan], "is nan at 0"),
-        ("numbers", [0.0, np.inf], "`numbers[1]` of taken is inf"),
-    ],
-)
-def test_a_number_or_name_out_of_its_range_is_a_setting_error(name: str, value: object, words: str) -> None:
-    with pytest.raises(SettingError) as refusal:
-        taken(**{name: value})
-    assert words in str(refusal.value)
-    assert str(refusal.value).isprintable()
+def test_a_number_or_name_out_of_its_range_is_a_setting_error(refused: Refused) -> None:
+    for name, value in (
+        ("number", np.nan),
+        ("number", np.inf),
+        ("number", 10**400),
+        ("limit", np.nan),
+        ("count", -1),
+        ("choice", "lane"),
+        ("choice", "x\x1b\n"),
+        ("loose", [1.0, np.nan]),
+        ("loose", [10**30]),
+        ("strict", [[0.0, np.inf]]),
+        ("worst", [1.0, -1.0]),
+        ("worst", [np.nan]),
+        ("numbers", [0.0, np.inf]),
+    ):
+        refused(taken, **{name: value})
 
 
-def test_dataclasses_are_checked_when_they_are_built_and_replaced() -> None:
-    with pytest.raises(SettingError, match="`size` of Part is 0; give a number above 0"):
-        Part(size=0.0)
-    with pytest.raises(ArgumentError, match="`size` of Part"):
-        replace(Part(), size="x")
+def test_dataclasses_are_checked_when_they_are_built_and_replaced(refused: Refused) -> None:
+    refused(Part, size=0.0)
+    refused(replace, Part(), size="x")
 
 
 def test_what_is_missing_or_unknown_is_said_by_python() -> None:
@@ -208,17 +190,13 @@ def shaped(
     return either
 
 
-def test_axes_of_one_name_have_one_length() -> None:
+def test_axes_of_one_name_have_one_length(refused: Refused) -> None:
     shaped(np.zeros((3, 4)), np.zeros(4))
-    with pytest.raises(
-        SettingError, match=r"`rows` of shaped has shape \(3,\); give shape \(n_batch, n_time\)"
-    ):
-        shaped(np.zeros(3))
-    with pytest.raises(SettingError, match=r"shape \(5,\); .* with n_time = 4, as `rows` has"):
-        shaped(np.zeros((3, 4)), own=np.zeros(5))
+    refused(shaped, np.zeros(3))
+    refused(shaped, np.zeros((3, 4)), own=np.zeros(5))
 
 
-def test_arrays_of_another_library_pass_as_they_are_and_lists_become_arrays() -> None:
+def test_arrays_of_another_library_pass_as_they_are_and_lists_become_arrays(refused: Refused) -> None:
     class Traced:
         def __array_namespace__(self) -> object:
             return np
@@ -226,14 +204,12 @@ def test_arrays_of_another_library_pass_as_they_are_and_lists_become_arrays() ->
     traced = Traced()
     assert shaped(np.zeros((1, 1)), either=traced) is traced
     assert shaped(np.zeros((1, 1)), either=[1, 2]).dtype == np.float64
-    with pytest.raises(ArgumentError, match="`either` of shaped is 'x'; give an array of numbers"):
-        shaped(np.zeros((1, 1)), either="x")
+    refused(shaped, np.zeros((1, 1)), either="x")
 
 
-@pytest.mark.parametrize("paths", [b"x", [3], ["a", b"x"], {3}, 3])
-def test_items_of_a_container_of_paths_are_checked(paths: object) -> None:
-    with pytest.raises(ArgumentError, match=r"`paths(\[\d\])?` of shaped is "):
-        shaped(np.zeros((1, 1)), paths=paths)  # type: ignore[arg-type]
+def test_items_of_a_container_of_paths_are_checked(refused: Refused) -> None:
+    for paths in (b"x", [3], ["a", b"x"], {3}, 3):
+        refused(shaped, np.zeros((1, 1)), paths=paths)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("paths", ["a", Path("a"), ["a", Path("b")], {"a": 1}, iter([3])])
@@ -241,21 +217,19 @@ def test_paths_may_be_any_iterable(paths: Any) -> None:
     shaped(np.zeros((1, 1)), paths=paths)
 
 
-def test_a_method_is_named_with_its_class() -> None:
+def test_a_method_is_named_with_its_class(refused: Refused) -> None:
     class Rig:
         @classmethod
         @checked
         def of(cls, size: Positive) -> Rig:
             return cls()
 
-    with pytest.raises(SettingError, match=r"^`size` of Rig\.of is 0; give a number above 0$"):
-        Rig.of(0.0)
+    refused(Rig.of, 0.0)
 
 
-def test_whole_numbers_have_64_bits() -> None:
+def test_whole_numbers_have_64_bits(refused: Refused) -> None:
     assert taken(count=2**63)["count"] == 2**63
-    with pytest.raises(SettingError, match="64 bits"):
-        taken(count=2**64)
+    refused(taken, count=2**64)
 
 
 def test_an_error_is_one_line_of_characters_that_can_be_seen() -> None:
@@ -277,12 +251,8 @@ def test_no_number_is_read_as_zero() -> None:
     assert taken(strict=given)["strict"] is given
 
 
-def test_what_must_be_positive_is_refused_where_its_inverse_or_square_is_none() -> None:
+def test_what_must_be_positive_is_refused_where_its_inverse_or_square_is_none(refused: Refused) -> None:
     assert Part(size=1e-100).size == 1e-100
     for number in (1e-101, 5e-324):
-        with pytest.raises(
-            SettingError, match=f"`size` of Part is {number:g}; give a number of at least 1e-100"
-        ):
-            Part(size=number)
-    with pytest.raises(SettingError, match="`size` of Part is 0; give a number above 0"):
-        Part(size=0.0)
+        refused(Part, size=number)
+    refused(Part, size=0.0)

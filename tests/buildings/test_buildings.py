@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 from scipy.sparse import eye_array
+from sentences import Refused
 
 from mrwork.buildings import (
     Building,
@@ -19,7 +20,6 @@ from mrwork.buildings import (
     with_rayleigh_coefficients,
     with_rayleigh_damping,
 )
-from mrwork.errors import SettingError, UnknownNameError
 
 
 @pytest.fixture
@@ -101,10 +101,9 @@ def test_storeys_and_floors_are_found_by_number_and_by_name(frame: Building) -> 
     np.testing.assert_array_equal(frame.floor_row("floor 3"), [0.0, 0.0, 1.0])
 
 
-@pytest.mark.parametrize("storey", [0, 4, -1, "roof"])
-def test_a_storey_that_is_not_there_is_refused(frame: Building, storey: int | str) -> None:
-    with pytest.raises(UnknownNameError, match="number from 1 to 3 or one of storey 1, storey 2, storey 3"):
-        frame.storey_row(storey)
+def test_a_storey_that_is_not_there_is_refused(frame: Building, refused: Refused) -> None:
+    for storey in (0, 4, -1, "roof"):
+        refused(frame.storey_row, storey)
 
 
 def test_the_matrices_of_a_building_cannot_be_changed_from_outside(frame: Building) -> None:
@@ -116,60 +115,38 @@ def test_the_matrices_of_a_building_cannot_be_changed_from_outside(frame: Buildi
         kept.mass[0, 0] = 0.0
 
 
-@pytest.mark.parametrize(
-    ("changes", "expected"),
-    [
-        pytest.param({"mass": np.diag([3.0, 0.0, 1.0])}, "mass of coordinate 2 is 0 kg", id="no mass"),
-        pytest.param(
-            {"mass": np.diag([3.0, 2.0, -1.0])}, "mass of coordinate 3 is -1 kg", id="negative mass"
-        ),
-        pytest.param({"mass": np.ones((3, 3))}, "mass matrix is singular", id="singular mass"),
-        pytest.param(
-            {"mass": np.array([[1.0, 2.0, 0.0], [2.0, 1.0, 0.0], [0.0, 0.0, 1.0]])},
-            "not positive definite",
-            id="indefinite mass",
-        ),
-        pytest.param({"mass": np.eye(2)}, "damping is 3 x 3 where 2 x 2", id="two masses"),
-        pytest.param({"mass": np.zeros((0, 0))}, "no coordinate", id="nothing"),
-        pytest.param({"stiffness": np.triu(np.ones((3, 3)))}, "stiffness is not symmetric", id="triangle"),
-        pytest.param({"stiffness": -np.eye(3)}, "stiffness is unstable", id="negative stiffness"),
-        pytest.param({"influence": np.ones(2)}, "influence is 2 long", id="influence"),
-        pytest.param({"floors": np.eye(2)}, "floors is 2 x 2", id="floors"),
-        pytest.param({"floor_names": ("a", "b")}, "2 floor names for 3 floor rows", id="names"),
-        pytest.param({"floor_names": ("a", "b", "a")}, "two floors are called 'a'", id="twice"),
-        pytest.param(
-            {"floor_names": ("a", "b\nc", "d")}, r"floor name has the control character \n;", id="line"
-        ),
-        pytest.param({"status": "certain"}, "status is 'certain'", id="status"),
-        pytest.param({"n_strokes": 4}, "4 of 3 storey rows", id="strokes"),
-    ],
-)
-def test_what_cannot_be_a_building_is_refused_in_one_sentence(
-    frame: Building, changes: dict[str, object], expected: str
-) -> None:
-    with pytest.raises(SettingError) as caught:
-        replace(frame, **changes)  # type: ignore[arg-type] # the wrong types are the test
-    assert expected in str(caught.value)
-    assert str(caught.value).startswith("building frame: ")
-    assert "\n" not in str(caught.value)
+def test_what_cannot_be_a_building_is_refused_in_one_sentence(frame: Building, refused: Refused) -> None:
+    for changes in (
+        {"mass": np.diag([3.0, 0.0, 1.0])},
+        {"mass": np.diag([3.0, 2.0, -1.0])},
+        {"mass": np.ones((3, 3))},
+        {"mass": np.array([[1.0, 2.0, 0.0], [2.0, 1.0, 0.0], [0.0, 0.0, 1.0]])},
+        {"mass": np.eye(2)},
+        {"mass": np.zeros((0, 0))},
+        {"stiffness": np.triu(np.ones((3, 3)))},
+        {"stiffness": -np.eye(3)},
+        {"influence": np.ones(2)},
+        {"floors": np.eye(2)},
+        {"floor_names": ("a", "b")},
+        {"floor_names": ("a", "b", "a")},
+        {"floor_names": ("a", "b\nc", "d")},
+        {"status": "certain"},
+        {"n_strokes": 4},
+    ):
+        refused(replace, frame, **changes)  # type: ignore[arg-type] # the wrong types are the test
 
 
 def test_a_building_that_would_not_fit_into_memory_is_refused_at_once(
-    frame: Building, tmp_path: Path
+    frame: Building, tmp_path: Path, refused: Refused
 ) -> None:
     square = np.broadcast_to(1.0, (3001, 3001))
-    with pytest.raises(SettingError, match=r"3,001 coordinates, and its matrices would take 1\.0 GB"):
-        replace(frame, mass=square)
+    refused(replace, frame, mass=square)
     savemat(tmp_path / "large.mat", {"M": eye_array(3001, format="csc"), "K": eye_array(3001, format="csc")})
-    with pytest.raises(SettingError, match=r"large\.mat: building: it has 3,001 coordinates"):
-        read_building(tmp_path / "large.mat")
+    refused(read_building, tmp_path / "large.mat")
 
 
-def test_matrices_that_are_not_finite_are_refused_by_name(frame: Building) -> None:
-    with pytest.raises(
-        SettingError, match=r"`stiffness` of Building is nan at \(0, 0\); give finite numbers"
-    ):
-        replace(frame, stiffness=np.full((3, 3), np.nan))
+def test_matrices_that_are_not_finite_are_refused_by_name(frame: Building, refused: Refused) -> None:
+    refused(replace, frame, stiffness=np.full((3, 3), np.nan))
 
 
 def test_a_building_that_nothing_holds_has_a_mode_without_frequency() -> None:
@@ -178,31 +155,26 @@ def test_a_building_that_nothing_holds_has_a_mode_without_frequency() -> None:
     assert floating.frequencies[0] == pytest.approx(0.0, abs=1e-8)
 
 
-@pytest.mark.parametrize(
-    ("masses", "stiffnesses", "storey_damping", "expected"),
-    [
-        ([1.0, 1.0], [1.0], [], "1 stiffnesses for 2 masses"),
-        ([1.0], [0.0], [], r"`stiffnesses\[0\]` of shear_building is 0"),
-        ([1.0], [1.0], [-2.0], r"`storey_damping\[0\]` of shear_building is -2"),
-        ([1.0], [float("nan")], [], r"`stiffnesses\[0\]` of shear_building is nan"),
-        ([0.0], [1.0], [], "mass of coordinate 1 is 0 kg"),
-    ],
-)
-def test_a_shear_frame_that_cannot_be_is_refused(
-    masses: list[float], stiffnesses: list[float], storey_damping: list[float], expected: str
-) -> None:
-    with pytest.raises(SettingError, match=expected):
-        shear_building(name="frame", masses=masses, stiffnesses=stiffnesses, storey_damping=storey_damping)
+def test_a_shear_frame_that_cannot_be_is_refused(refused: Refused) -> None:
+    for masses, stiffnesses, storey_damping in (
+        ([1.0, 1.0], [1.0], []),
+        ([1.0], [0.0], []),
+        ([1.0], [1.0], [-2.0]),
+        ([1.0], [float("nan")], []),
+        ([0.0], [1.0], []),
+    ):
+        refused(
+            shear_building,
+            name="frame",
+            masses=masses,
+            stiffnesses=stiffnesses,
+            storey_damping=storey_damping,
+        )
 
 
-def test_damping_that_would_drive_a_mode_is_refused(frame: Building) -> None:
-    with pytest.raises(SettingError, match="drives mode 1"):
-        with_rayleigh_coefficients(frame, a0=-10.0, a1=1e-3)
-    with pytest.raises(SettingError, match="two different modes from 1 to 3"):
-        with_rayleigh_damping(frame, ratios=(0.02, 0.02), modes=(1, 1))
-    with pytest.raises(SettingError, match="2 damping ratios for 3 modes"):
-        with_modal_damping(frame, ratios=[0.01, 0.02])
-    with pytest.raises(SettingError, match=r"a damping ratio is 2; .* such as 0\.02 for 2 %"):
-        with_rayleigh_damping(frame, ratios=(2.0, 2.0), modes=(1, 2))
-    with pytest.raises(SettingError, match=r"a damping ratio is -0\.01"):
-        with_modal_damping(frame, ratios=[-0.01])
+def test_damping_that_would_drive_a_mode_is_refused(frame: Building, refused: Refused) -> None:
+    refused(with_rayleigh_coefficients, frame, a0=-10.0, a1=1e-3)
+    refused(with_rayleigh_damping, frame, ratios=(0.02, 0.02), modes=(1, 1))
+    refused(with_modal_damping, frame, ratios=[0.01, 0.02])
+    refused(with_rayleigh_damping, frame, ratios=(2.0, 2.0), modes=(1, 2))
+    refused(with_modal_damping, frame, ratios=[-0.01])

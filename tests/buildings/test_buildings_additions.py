@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.linalg import solve_continuous_lyapunov
+from sentences import Refused
 
 from mrwork.buildings import (
     TUNINGS,
@@ -23,7 +24,6 @@ from mrwork.buildings import (
     with_viscous_damper,
 )
 from mrwork.buildings.passive_devices import den_hartog, warburton
-from mrwork.errors import SettingError, UnknownNameError
 
 UTS = building("uts")
 
@@ -241,41 +241,22 @@ def test_the_mass_of_a_brace_is_a_small_thing() -> None:
     assert np.abs(roof[0] - roof[1]).max() < 1e-3 * np.abs(roof[1]).max()
 
 
-@pytest.mark.parametrize(
-    ("add", "expected"),
-    [
-        (lambda: with_base_isolation(UTS, mass=0.0, stiffness=1.0, damping=0.0), "`mass` of .* is 0"),
-        (lambda: with_base_isolation(UTS, mass=1.0, stiffness=-1.0, damping=0.0), "`stiffness` of .* is -1"),
-        (lambda: with_base_isolation_of_period(UTS, mass=1.0, period=0.0, ratio=0.1), "`period` of .* is 0"),
-        (
-            lambda: with_base_isolation_of_period(UTS, mass=1.0, period=2.0, ratio=-0.1),
-            "`ratio` of .* is -0.1",
-        ),
-        (lambda: with_brace(UTS, storey=1, stiffness=1e6, mass=0.0), "`mass` of with_brace is 0"),
-        (
-            lambda: with_brace(UTS, storey=1, stiffness=float("inf"), mass=1.0),
-            "`stiffness` of with_brace is inf",
-        ),
-        (lambda: with_viscous_damper(UTS, storey=1, damping=-1.0), "`damping` of .* is -1"),
-        (lambda: with_tuned_mass(UTS, floor=5, mass=1.0, frequency=0.0, ratio=0.1), "`frequency` of .* is 0"),
-        (lambda: with_optimal_tuned_mass(UTS, floor=5, mass_ratio=0.0), "`mass_ratio` of .* is 0"),
-        (lambda: with_optimal_tuned_mass(UTS, floor=5, mass_ratio=5.0), "times that of mode 1"),
-        (lambda: with_optimal_tuned_mass(UTS, floor=5, mass_ratio=0.02, mode=6), "mode 6"),
-        (
-            lambda: with_brace(braced(), storey=1, stiffness=1e6, mass=1.0),
-            "two storeys are called 'damper in storey 1'",
-        ),
-    ],
-)
-def test_an_addition_that_cannot_be_is_refused(add: Callable[[], Building], expected: str) -> None:
-    with pytest.raises(SettingError, match=expected):
-        add()
+def test_an_addition_that_cannot_be_is_refused(refused: Refused) -> None:
+    refused(with_base_isolation, UTS, mass=0.0, stiffness=1.0, damping=0.0)
+    refused(with_base_isolation, UTS, mass=1.0, stiffness=-1.0, damping=0.0)
+    refused(with_base_isolation_of_period, UTS, mass=1.0, period=0.0, ratio=0.1)
+    refused(with_base_isolation_of_period, UTS, mass=1.0, period=2.0, ratio=-0.1)
+    refused(with_brace, UTS, storey=1, stiffness=1e6, mass=0.0)
+    refused(lambda: with_brace(UTS, storey=1, stiffness=float("inf"), mass=1.0))
+    refused(with_viscous_damper, UTS, storey=1, damping=-1.0)
+    refused(with_tuned_mass, UTS, floor=5, mass=1.0, frequency=0.0, ratio=0.1)
+    refused(with_optimal_tuned_mass, UTS, floor=5, mass_ratio=0.0)
+    refused(with_optimal_tuned_mass, UTS, floor=5, mass_ratio=5.0)
+    refused(with_optimal_tuned_mass, UTS, floor=5, mass_ratio=0.02, mode=6)
+    refused(lambda: with_brace(braced(), storey=1, stiffness=1e6, mass=1.0))
 
 
-def test_an_unknown_place_or_tuning_is_refused() -> None:
-    with pytest.raises(UnknownNameError, match="no storey 'penthouse'"):
-        with_viscous_damper(UTS, storey="penthouse", damping=1.0)
-    with pytest.raises(UnknownNameError, match="no floor 6"):
-        with_optimal_tuned_mass(UTS, floor=6, mass_ratio=0.02)
-    with pytest.raises(UnknownNameError, match="one of den_hartog, warburton, sadek"):
-        with_optimal_tuned_mass(UTS, floor=5, mass_ratio=0.02, tuning="villaverde")
+def test_an_unknown_place_or_tuning_is_refused(refused: Refused) -> None:
+    refused(with_viscous_damper, UTS, storey="penthouse", damping=1.0)
+    refused(with_optimal_tuned_mass, UTS, floor=6, mass_ratio=0.02)
+    refused(with_optimal_tuned_mass, UTS, floor=5, mass_ratio=0.02, tuning="villaverde")

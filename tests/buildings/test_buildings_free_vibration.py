@@ -8,9 +8,9 @@ import measured_data
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from sentences import Refused
 
 from mrwork.buildings import Building, ModeEstimate, building, fourier_peak, logarithmic_decrement
-from mrwork.errors import MrworkError, RecordError, SettingError
 
 Floats = NDArray[np.float64]
 
@@ -116,52 +116,41 @@ def test_the_older_reading_of_the_half_power_width_passes_a_short_record_for_dam
 
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize(
-    ("record", "band", "error", "expected"),
+    ("record", "band"),
     [
-        (np.zeros(3), None, RecordError, "3 samples"),
-        (np.zeros(0), None, RecordError, "0 samples"),
-        (np.ones(100), None, RecordError, "constant"),
-        (np.append(decay(3.0, 0.01, 5.0), np.nan), None, SettingError, "is nan at 1000"),
-        (decay(3.0, 0.01, 5.0), (4.0, 2.0), SettingError, "band is 4 to 2 Hz"),
-        (decay(3.0, 0.01, 5.0), (2.0, 101.0), SettingError, "half the sampling frequency"),
-        (decay(3.0, 0.01, 5.0), (5.0, 8.0), RecordError, "damping does not show"),
-        (decay(3.0, 0.01, 5.0), (2.0, 2.0001), RecordError, "widen the band"),
-        (decay(3.0, 0.0, 5.0), None, RecordError, "damping does not show"),
-        (decay(3.0, -0.01, 5.0), None, RecordError, "grows instead of decaying"),
-        (
-            np.random.default_rng(6).normal(size=2000),
-            None,
-            RecordError,
-            "does not stand out from the noise|damping does not show",
-        ),
+        (np.zeros(3), None),
+        (np.zeros(0), None),
+        (np.ones(100), None),
+        (np.append(decay(3.0, 0.01, 5.0), np.nan), None),
+        (decay(3.0, 0.01, 5.0), (4.0, 2.0)),
+        (decay(3.0, 0.01, 5.0), (2.0, 101.0)),
+        (decay(3.0, 0.01, 5.0), (5.0, 8.0)),
+        (decay(3.0, 0.01, 5.0), (2.0, 2.0001)),
+        (decay(3.0, 0.0, 5.0), None),
+        (decay(3.0, -0.01, 5.0), None),
+        (np.random.default_rng(6).normal(size=2000), None),
     ],
 )
 def test_a_record_without_a_mode_in_it_is_refused(
-    method: Callable[..., ModeEstimate],
-    record: Floats,
-    band: tuple[float, float] | None,
-    error: type[MrworkError],
-    expected: str,
+    method: Callable[..., ModeEstimate], record: Floats, band: tuple[float, float] | None, refused: Refused
 ) -> None:
-    with pytest.raises(error, match=expected):
-        method(record, dt=DT, band=band)
+    refused(method, record, dt=DT, band=band)
 
 
-def test_a_step_that_is_not_positive_is_refused() -> None:
-    with pytest.raises(SettingError, match="`dt` of fourier_peak is 0; give a number above 0"):
-        fourier_peak(decay(3.0, 0.01, 5.0), dt=0.0)
+def test_a_step_that_is_not_positive_is_refused(refused: Refused) -> None:
+    refused(fourier_peak, decay(3.0, 0.01, 5.0), dt=0.0)
 
 
-def test_too_few_peaks_for_a_decrement_are_refused() -> None:
-    with pytest.raises(RecordError, match="extremes of the mode"):
-        logarithmic_decrement(decay(3.0, 0.5, 5.0), dt=DT)
+def test_too_few_peaks_for_a_decrement_are_refused(refused: Refused) -> None:
+    refused(logarithmic_decrement, decay(3.0, 0.5, 5.0), dt=DT)
 
 
 @pytest.mark.skipif(
     not ISOLATED.is_file(), reason=f"the isolated building is not at {ISOLATED} (set MRWORK_DATA)"
 )
 @pytest.mark.parametrize("column", ["d1_m", "d6_m", "a6_mps2"])
-def test_the_end_of_a_record_whose_ground_still_moves_is_not_taken_for_a_decay(column: str) -> None:
+def test_the_end_of_a_record_whose_ground_still_moves_is_not_taken_for_a_decay(
+    column: str, refused: Refused
+) -> None:
     record = np.genfromtxt(ISOLATED, delimiter=",", names=True)
-    with pytest.raises(RecordError):
-        fourier_peak(record[column][record["t_s"] >= 40.0], dt=DT)
+    refused(fourier_peak, record[column][record["t_s"] >= 40.0], dt=DT)

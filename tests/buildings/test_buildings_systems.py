@@ -12,6 +12,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.io import loadmat, savemat
 from scipy.linalg import solve_continuous_lyapunov
+from sentences import Refused
 
 from mrwork.buildings import (
     Building,
@@ -28,7 +29,6 @@ from mrwork.buildings import (
     with_brace,
 )
 from mrwork.buildings.state_space import OUTPUTS
-from mrwork.errors import SettingError, UnknownNameError
 
 UTS = building("uts")
 FREQUENCY = np.geomspace(0.1, 50.0, 400)
@@ -67,7 +67,7 @@ def test_rates_are_the_derivatives_of_what_they_are_named_after() -> None:
     np.testing.assert_allclose(acceleration, s**2 * displacement + ground, rtol=1e-6, atol=1e-9)
 
 
-def test_inputs_and_outputs_are_chosen_by_name() -> None:
+def test_inputs_and_outputs_are_chosen_by_name(refused: Refused) -> None:
     system = system_of(UTS, outputs=["acceleration", "drift"], devices=[1])
     chosen = system.select(
         inputs=["force in storey 1"], outputs=["drift of storey 1", "acceleration of floor 5"]
@@ -77,10 +77,8 @@ def test_inputs_and_outputs_are_chosen_by_name() -> None:
         system.frequency_response(FREQUENCY)[:, [5, 4], 1],
         rtol=1e-9,
     )
-    with pytest.raises(UnknownNameError, match="no output 'roof'"):
-        system.select(outputs=["roof"])
-    with pytest.raises(UnknownNameError, match="no output 'jerk'"):
-        system_of(UTS, outputs=["jerk"])
+    refused(system.select, outputs=["roof"])
+    refused(system_of, UTS, outputs=["jerk"])
 
 
 # And back
@@ -116,43 +114,41 @@ def oscillator(stiffness: list[list[float]]) -> NDArray[np.float64]:
     return np.block([[np.zeros((2, 2)), np.eye(2)], [-np.array(stiffness), -np.eye(2)]])
 
 
-@pytest.mark.parametrize(
-    ("A", "mass", "expected"),
-    [
-        (-np.eye(4), None, r"upper half of A is not \[0 I\]"),
-        (-np.eye(3), None, "upper half of A"),
-        (oscillator([[2.0, -1.0], [1.0, 2.0]]), None, "no real shapes"),
-        (oscillator([[2.0, -1.0], [-2.0, 2.0]]), np.eye(2), "not symmetric, by 1 N/m"),
-        (oscillator([[1.0, 0.0], [0.0, 1.0]]), np.eye(3), "not 2 x 2"),
-    ],
-)
-def test_a_system_that_is_no_building_is_refused(
-    A: NDArray[np.float64], mass: NDArray[np.float64] | None, expected: str
-) -> None:
-    system = LinearSystem(A=A, B=np.ones((len(A), 1)), C=np.eye(len(A)), D=np.zeros((len(A), 1)))
-    with pytest.raises(SettingError, match=expected):
-        building_of(system, name="none", influence=np.ones(2), floors=np.eye(2), storeys=np.eye(2), mass=mass)
+def test_a_system_that_is_no_building_is_refused(refused: Refused) -> None:
+    for A, mass in (
+        (-np.eye(4), None),
+        (-np.eye(3), None),
+        (oscillator([[2.0, -1.0], [1.0, 2.0]]), None),
+        (oscillator([[2.0, -1.0], [-2.0, 2.0]]), np.eye(2)),
+        (oscillator([[1.0, 0.0], [0.0, 1.0]]), np.eye(3)),
+    ):
+        system = LinearSystem(A=A, B=np.ones((len(A), 1)), C=np.eye(len(A)), D=np.zeros((len(A), 1)))
+        refused(
+            building_of,
+            system,
+            name="none",
+            influence=np.ones(2),
+            floors=np.eye(2),
+            storeys=np.eye(2),
+            mass=mass,
+        )
 
 
-def test_a_linear_system_whose_parts_do_not_fit_is_refused() -> None:
+def test_a_linear_system_whose_parts_do_not_fit_is_refused(refused: Refused) -> None:
     system = system_of(UTS)
-    with pytest.raises(SettingError, match="B is 9 x 1 where 10 x 1"):
-        replace(system, B=system.B[1:])
-    with pytest.raises(SettingError, match=r"`A` of LinearSystem is inf at \(0, 0\)"):
-        replace(system, A=np.full((10, 10), np.inf))
-    with pytest.raises(SettingError, match="2 input names for 1 inputs"):
-        replace(system, input_names=("a", "b"))
+    refused(replace, system, B=system.B[1:])
+    refused(replace, system, A=np.full((10, 10), np.inf))
+    refused(replace, system, input_names=("a", "b"))
 
 
-def test_a_system_is_read_from_a_file(tmp_path: Path) -> None:
+def test_a_system_is_read_from_a_file(tmp_path: Path, refused: Refused) -> None:
     system = system_of(UTS, outputs=["acceleration"])
     savemat(tmp_path / "plant.mat", {"A": system.A, "B": system.B, "C": system.C, "D": system.D})
     again = read_system(tmp_path / "plant.mat")
     for title in ("A", "B", "C", "D"):
         np.testing.assert_array_equal(getattr(again, title), getattr(system, title))
     savemat(tmp_path / "half.mat", {"A": system.A})
-    with pytest.raises(SettingError, match="needs A, B and C; found A"):
-        read_system(tmp_path / "half.mat")
+    refused(read_system, tmp_path / "half.mat")
 
 
 # python-control
@@ -172,17 +168,17 @@ def test_a_system_goes_to_python_control_and_comes_back_to_the_bit() -> None:
     np.testing.assert_allclose(ours, theirs, rtol=1e-7, atol=1e-12 * np.abs(theirs).max())
 
 
-def test_a_discrete_system_of_python_control_is_refused() -> None:
+def test_a_discrete_system_of_python_control_is_refused(refused: Refused) -> None:
     import control
 
-    with pytest.raises(SettingError, match=r"discrete time with a step of 0\.01 s"):
-        from_control(control.StateSpace([[0.5]], [[1.0]], [[1.0]], [[0.0]], 0.01))
+    refused(from_control, control.StateSpace([[0.5]], [[1.0]], [[1.0]], [[0.0]], 0.01))
 
 
-def test_without_python_control_the_error_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_python_control_the_error_says_what_to_install(
+    monkeypatch: pytest.MonkeyPatch, refused: Refused
+) -> None:
     monkeypatch.setitem(sys.modules, "control", None)
-    with pytest.raises(SettingError, match=r"pip install 'mrwork\[control\]'"):
-        system_of(UTS).to_control()
+    refused(system_of(UTS).to_control)
 
 
 # Fewer states
@@ -234,14 +230,11 @@ def test_a_balanced_system_is_reached_and_seen_alike() -> None:
     np.testing.assert_allclose(seen, np.diag(reduction.hankel[:6]), atol=1e-6 * scale)
 
 
-def test_what_cannot_be_reduced_is_refused() -> None:
+def test_what_cannot_be_reduced_is_refused(refused: Refused) -> None:
     undamped = system_of(replace(UTS, damping=np.zeros((5, 5))))
-    with pytest.raises(SettingError, match="must be stable"):
-        balanced_truncation(undamped, order=2)
-    with pytest.raises(SettingError, match="from 1 to 10"):
-        balanced_truncation(system_of(UTS), order=11)
-    with pytest.raises(SettingError, match="from 1 to 5"):
-        modal_truncation(UTS, n_modes=0)
+    refused(balanced_truncation, undamped, order=2)
+    refused(balanced_truncation, system_of(UTS), order=11)
+    refused(modal_truncation, UTS, n_modes=0)
 
 
 # The hospital building of the SLICOT collection

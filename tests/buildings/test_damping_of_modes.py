@@ -11,6 +11,7 @@ import pytest
 from examples import examples
 from hypothesis import given
 from hypothesis import strategies as st
+from sentences import Refused
 
 import mrwork as mr
 from mrwork import buildings
@@ -39,29 +40,16 @@ def dashpot(storey: int) -> Floats:
 
 
 GROW = {
-    "the sign of all": (-UTS.damping, "5 of 5 modes have negative damping, the worst is mode 5 at 20.21 Hz"),
-    "one mode": (
-        with_ratios(0.01, 0.01, -0.01, 0.01, 0.01),
-        "1 of 5 modes has negative damping, the worst is mode 3 at 13.76 Hz with the ratio -0.01, so that motion grows "
-        "without end; check the signs of the damping matrix, and give a device that feeds energy as a control law",
-    ),
-    "a dashpot that drives": (
-        UTS.damping - 4.0 * dashpot(0),
-        "modes have negative damping, the worst is mode ",
-    ),
-    "an overdamped mode that grows": (
-        UTS.damping - 1e5 * np.diag([0.0, 0.0, 0.0, 0.0, 1.0]),
-        "negative damping, the worst is mode",
-    ),
+    "the sign of all": -UTS.damping,
+    "one mode": with_ratios(0.01, 0.01, -0.01, 0.01, 0.01),
+    "a dashpot that drives": UTS.damping - 4.0 * dashpot(0),
+    "an overdamped mode that grows": UTS.damping - 1e5 * np.diag([0.0, 0.0, 0.0, 0.0, 1.0]),
 }
 
 
-@pytest.mark.parametrize(("damping", "words"), GROW.values(), ids=GROW)
-def test_a_building_with_a_mode_that_grows_is_refused(damping: Floats, words: str) -> None:
-    with pytest.raises(SettingError) as refusal:
-        replace(UTS, damping=damping)
-    assert str(refusal.value).startswith("building uts: ")
-    assert words in str(refusal.value)
+@pytest.mark.parametrize("damping", GROW.values(), ids=GROW)
+def test_a_building_with_a_mode_that_grows_is_refused(damping: Floats, refused: Refused) -> None:
+    refused(replace, UTS, damping=damping)
 
 
 def test_the_ratio_in_the_sentence_is_that_of_the_pole() -> None:
@@ -167,10 +155,9 @@ def test_a_motion_without_stiffness_is_said_apart(damping: float) -> None:
     )
 
 
-def test_a_free_motion_that_damping_drives_is_refused() -> None:
+def test_a_free_motion_that_damping_drives_is_refused(refused: Refused) -> None:
     stiffness = UTS.stiffness - 1.448e6 * np.diag([1.0, 0.0, 0.0, 0.0, 0.0])
-    with pytest.raises(SettingError, match="1 of 5 modes has negative damping"):
-        replace(UTS, stiffness=stiffness, damping=with_stiffness(stiffness) - 0.1 * UTS.mass)
+    refused(replace, UTS, stiffness=stiffness, damping=with_stiffness(stiffness) - 0.1 * UTS.mass)
 
 
 def with_stiffness(stiffness: Floats) -> Floats:
@@ -208,10 +195,9 @@ def table_in(folder: Path) -> Path:
 
 @pytest.mark.parametrize("made", ENTRIES.values(), ids=ENTRIES)
 def test_negative_damping_is_refused_wherever_a_building_is_from(
-    tmp_path: Path, made: Callable[[Path], object]
+    tmp_path: Path, made: Callable[[Path], object], refused: Refused
 ) -> None:
-    with pytest.raises(SettingError, match="modes have negative damping, the worst is mode"):
-        made(tmp_path)
+    refused(made, tmp_path)
 
 
 def test_a_reduced_building_keeps_its_undamped_mode() -> None:

@@ -10,12 +10,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from loop_samples import devices, five_storeys, friction, law_with_gains, plant_with, rd1005, still, sweep
+from sentences import Refused
 
 import mrwork as mr
 from mrwork import Device
 from mrwork.closed_loop import Fault, Hardware, simulate_loop
 from mrwork.control import ControlLaw
-from mrwork.errors import MrworkWarning, RecordError, SettingError
+from mrwork.errors import MrworkWarning
 from mrwork.motions import GroundMotion
 from mrwork.simulate import Outcome
 
@@ -23,12 +24,10 @@ PASSIVE = ControlLaw(name="passive", gains={"command": [1.0, 1.0]})
 ONE = ControlLaw(name="passive", gains={"command": [0.0]})
 
 
-def test_a_record_of_no_length_is_refused() -> None:
+def test_a_record_of_no_length_is_refused(refused: Refused) -> None:
     for samples in (0, 1):
-        with pytest.raises(RecordError, match=f"a record of {samples} samples; give two or more"):
-            GroundMotion(name="none", dt=0.01, acceleration=np.zeros(samples))
-    with pytest.raises(SettingError, match="no ground motion was given"):
-        simulate_loop(five_storeys(), devices(friction()), PASSIVE, [])
+        refused(GroundMotion, name="none", dt=0.01, acceleration=np.zeros(samples))
+    refused(simulate_loop, five_storeys(), devices(friction()), PASSIVE, [])
 
 
 def test_a_record_shorter_than_a_sample_is_one_sample() -> None:
@@ -38,21 +37,22 @@ def test_a_record_shorter_than_a_sample_is_one_sample() -> None:
     assert len(response.histories[0].time) == 1
 
 
-def test_a_record_of_too_many_samples_is_refused() -> None:
-    with pytest.raises(
-        SettingError, match=r"still lasts 1 s, which is more than 100000000 samples of 1e-09 s"
-    ):
-        simulate_loop(
-            five_storeys(), devices(friction()), PASSIVE, [still()], Hardware(sample_time=1e-9, step=1e-9)
-        )
+def test_a_record_of_too_many_samples_is_refused(refused: Refused) -> None:
+    refused(
+        simulate_loop,
+        five_storeys(),
+        devices(friction()),
+        PASSIVE,
+        [still()],
+        Hardware(sample_time=1e-9, step=1e-9),
+    )
 
 
-def test_a_mass_that_is_singular_is_refused() -> None:
+def test_a_mass_that_is_singular_is_refused(refused: Refused) -> None:
     building = five_storeys()
     mass = building.mass.copy()
     mass[2, 2] = 0.0
-    with pytest.raises(SettingError, match="mass"):
-        simulate_loop(replace(building, mass=mass), devices(friction()), PASSIVE, [still()])
+    refused(replace, building, mass=mass)
 
 
 def test_an_unstable_gain_diverges_and_spares_its_neighbours() -> None:
@@ -117,31 +117,27 @@ def test_every_outcome_has_a_remedy() -> None:
     assert all(outcome.remedy.strip() for outcome in Outcome)
 
 
-def test_devices_that_do_not_go_together_are_refused() -> None:
+def test_devices_that_do_not_go_together_are_refused(refused: Refused) -> None:
     building, law = five_storeys(), PASSIVE
     loop = devices(rd1005())
     other = devices(friction())[1]
-    with pytest.raises(SettingError, match="at least one device"):
-        simulate_loop(building, [], law, [still()])
-    with pytest.raises(SettingError, match="devices of one model"):
-        simulate_loop(building, [loop[0], other], law, [still()])
+    refused(simulate_loop, building, [], law, [still()])
+    refused(simulate_loop, building, [loop[0], other], law, [still()])
     draws = np.tile(loop[0].draws, (2, 1)), np.tile(loop[0].draws, (3, 1))
-    with pytest.raises(SettingError, match="2, 3 draws"):
-        simulate_loop(
-            building,
-            [replace(device, theta=t) for device, t in zip(loop, draws, strict=True)],
-            law,
-            [still()],
-        )
+    refused(
+        simulate_loop,
+        building,
+        [replace(device, theta=t) for device, t in zip(loop, draws, strict=True)],
+        law,
+        [still()],
+    )
     for row in (np.zeros(5), np.ones(4)):
-        with pytest.raises(SettingError, match=r"a row of `building\.storeys`"):
-            simulate_loop(building, [replace(device, row=row) for device in loop], law, [still()])
+        refused(simulate_loop, building, [replace(device, row=row) for device in loop], law, [still()])
 
 
-@pytest.mark.parametrize("factor", [0, 65, 2**31])
-def test_a_step_factor_beyond_reason_is_refused(factor: int) -> None:
-    with pytest.raises(SettingError, match=f"step factor is {factor}, it must be from 1 to 64"):
-        simulate_loop(five_storeys(), devices(friction()), PASSIVE, [still()], step_factor=factor)
+def test_a_step_factor_beyond_reason_is_refused(refused: Refused) -> None:
+    for factor in (0, 65, 2**31):
+        refused(simulate_loop, five_storeys(), devices(friction()), PASSIVE, [still()], step_factor=factor)
 
 
 def test_progress_counts_runs_up_to_all_of_them() -> None:
@@ -170,7 +166,7 @@ def test_ctrl_c_ends_a_long_batch() -> None:
         timer.cancel()
 
 
-def test_a_command_for_dampers_that_follow_none_is_refused() -> None:
+def test_a_command_for_dampers_that_follow_none_is_refused(refused: Refused) -> None:
     building = mr.building("uts")
     spec = mr.damper("bingham")
     device = mr.Device(
@@ -178,8 +174,7 @@ def test_a_command_for_dampers_that_follow_none_is_refused() -> None:
     )
     motion = mr.GroundMotion(name="step", dt=0.01, acceleration=np.ones(20))
     command = mr.ControlLaw(name="passive", gains={"command": [1.0]})
-    with pytest.raises(mr.errors.SettingError, match="no parameter depends on the command"):
-        mr.simulate_loop(building, [device], command, [motion])
+    refused(mr.simulate_loop, building, [device], command, [motion])
     none = mr.ControlLaw(name="passive", gains={"command": [0.0]})
     assert mr.simulate_loop(building, [device], none, [motion]).peak_force[0, 0] > 0.0
 
@@ -205,19 +200,15 @@ def test_the_largest_command_may_be_rounded() -> None:
     assert (found.peak_current == largest).all()
 
 
-def test_a_nominal_building_without_an_observer_is_refused() -> None:
-    with pytest.raises(SettingError, match="`nominal` is the building of an observer"):
-        simulate_loop(five_storeys(), devices(rd1005()), PASSIVE, [still(0.1)], nominal=five_storeys())
+def test_a_nominal_building_without_an_observer_is_refused(refused: Refused) -> None:
+    refused(simulate_loop, five_storeys(), devices(rd1005()), PASSIVE, [still(0.1)], nominal=five_storeys())
 
 
-def test_a_building_whose_loop_would_take_long_to_prepare_is_refused() -> None:
+def test_a_building_whose_loop_would_take_long_to_prepare_is_refused(refused: Refused) -> None:
     n, eye = 1501, np.eye(1501)
     large = mr.Building(
         name="large", mass=eye, damping=eye, stiffness=eye, influence=np.ones(n), floors=eye[:1],
         storeys=eye[:1], floor_names=("floor",), storey_names=("storey",),
     )  # fmt: skip
     device = replace(devices(rd1005())[0], row=eye[0])
-    with pytest.raises(
-        SettingError, match=r"1,501 coordinates, .* about 10 s to prepare; reduce it to at most"
-    ):
-        simulate_loop(large, [device], ONE, [still(0.1)])
+    refused(simulate_loop, large, [device], ONE, [still(0.1)])

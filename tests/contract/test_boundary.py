@@ -26,6 +26,7 @@ from boundary_calls import (
     respond_arguments,
     riccati_arguments,
 )
+from sentences import Refused
 
 from mrwork import _rust
 
@@ -165,10 +166,9 @@ def test_unaligned_arrays_are_refused(call, argument, place, array):
         assert isinstance(called(call, argument, place, unaligned), ValueError), place
 
 
-def test_rows_without_entries_take_no_memory():
+def test_rows_without_entries_take_no_memory(refused: Refused):
     nothing = np.zeros((2**32, 0, 0))
-    with pytest.raises(ValueError, match="state"):
-        _rust.riccati_equations("discrete", nothing, nothing, nothing, nothing)
+    refused(_rust.riccati_equations, "discrete", nothing, nothing, nothing, nothing)
 
 
 @pytest.mark.parametrize("threads", [2**61, 2**63, 2**64 - 1])
@@ -185,35 +185,31 @@ def test_numbers_that_are_no_numbers_never_panic(call, argument, place, array):
         called(call, argument, place, np.full_like(array, np.iinfo(array.dtype).max))
 
 
-@pytest.mark.parametrize(("what", "columns"), [("two columns", 2), ("four columns", 4), ("none", 0)])
-def test_runs_of_another_width_are_refused_with_the_right_one(what, columns):
-    # An array of two columns made the module panic, one of four lost its last.
-    runs = np.zeros((4, columns), dtype=np.uint32)
-    with pytest.raises(ValueError, match=rf"`runs` has shape \(4, {columns}\), expected .* = 3"):
-        _rust.respond(**{**respond_arguments(), "runs": runs})
+def test_runs_of_another_width_are_refused_with_the_right_one(refused: Refused):
+    for columns in (2, 4, 0):
+        # An array of two columns made the module panic, one of four lost its last.
+        runs = np.zeros((4, columns), dtype=np.uint32)
+        refused(_rust.respond, **{**respond_arguments(), "runs": runs})
 
 
-def test_theta_of_another_shape_is_not_read_as_other_draws():
+def test_theta_of_another_shape_is_not_read_as_other_draws(refused: Refused):
     # (1, 4, columns) holds as many numbers as two draws of two devices.
     theta = np.tile(NOMINAL, (1, 4, 1))
-    with pytest.raises(
-        ValueError, match=r"`theta` has shape \(1, 4, 7\), expected \(draws, devices = 2, columns = 7\)"
-    ):
-        _rust.Dampers(**{**dampers_arguments(), "theta": theta})
+    refused(_rust.Dampers, **{**dampers_arguments(), "theta": theta})
 
 
-def test_a_column_major_theta_is_not_read_as_transposed():
-    with pytest.raises(ValueError, match="`theta` must be C-contiguous"):
-        _rust.Dampers(**{**dampers_arguments(), "theta": np.asfortranarray(dampers_arguments()["theta"])})
+def test_a_column_major_theta_is_not_read_as_transposed(refused: Refused):
+    refused(
+        _rust.Dampers, **{**dampers_arguments(), "theta": np.asfortranarray(dampers_arguments()["theta"])}
+    )
 
 
-def test_gains_of_another_width_than_the_loop_takes_are_refused():
+def test_gains_of_another_width_than_the_loop_takes_are_refused(refused: Refused):
     controller = _rust.Controller(**{**controller_arguments(), "gains": np.ones((3, 7))})
-    with pytest.raises(ValueError, match=r"`gains` has shape \(3, 7\), expected \(candidates, gains = 12\)"):
-        _rust.respond(**{**respond_arguments(), "controller": controller})
+    refused(_rust.respond, **{**respond_arguments(), "controller": controller})
 
 
-def test_an_observer_of_another_building_is_refused():
+def test_an_observer_of_another_building_is_refused(refused: Refused):
     other = {
         "transition": np.eye(4),
         "input": np.ones((4, DEVICES)),
@@ -221,29 +217,25 @@ def test_an_observer_of_another_building_is_refused():
         "output": np.ones((3, 4)),
     }
     observer = _rust.Observer(**{**observer_arguments(), **other})
-    with pytest.raises(ValueError, match="`transition`"):
-        _rust.respond(**{**respond_arguments(), "observer": observer})
+    refused(_rust.respond, **{**respond_arguments(), "observer": observer})
 
 
-def test_settings_are_read_by_name_and_a_missing_one_is_named():
+def test_settings_are_read_by_name_and_a_missing_one_is_named(refused: Refused):
     given = hardware()
     del given.delay_steps
     with pytest.raises(AttributeError, match="delay_steps"):
         _rust.respond(**{**respond_arguments(), "hardware": given})
-    with pytest.raises(TypeError, match="sample_time"):
-        _rust.respond(**{**respond_arguments(), "hardware": hardware(sample_time="1 ms")})
+    refused(_rust.respond, **{**respond_arguments(), "hardware": hardware(sample_time="1 ms")})
 
 
-def test_streams_fewer_than_runs_do_not_drop_runs():
-    with pytest.raises(ValueError, match=r"`streams` has shape \(3\), expected \(runs = 4\)"):
-        _rust.respond(**{**respond_arguments(), "streams": np.arange(3, dtype=np.uint64)})
+def test_streams_fewer_than_runs_do_not_drop_runs(refused: Refused):
+    refused(_rust.respond, **{**respond_arguments(), "streams": np.arange(3, dtype=np.uint64)})
 
 
-def test_no_draws_are_refused():
+def test_no_draws_are_refused(refused: Refused):
     theta = np.empty((0, DEVICES, len(NOMINAL)))
     dampers = _rust.Dampers(**{**dampers_arguments(), "theta": theta})
-    with pytest.raises(ValueError, match="run 0 asks for draw 0, there are 0"):
-        _rust.respond(**{**respond_arguments(), "dampers": dampers})
+    refused(_rust.respond, **{**respond_arguments(), "dampers": dampers})
     nothing = {"dampers": dampers, "runs": np.empty((0, 3), np.uint32), "streams": np.empty(0, np.uint64)}
     summary, *_ = _rust.respond(**{**respond_arguments(), **nothing})
     assert summary.shape[0] == 0
@@ -267,9 +259,8 @@ def respond_with(**changes: Any) -> None:
 KNOWN = {*respond_arguments(), "step_factor", "threads"}
 
 
-@pytest.mark.parametrize(
-    "wrong",
-    [
+def test_settings_that_make_no_sense_are_refused(refused: Refused):
+    for wrong in (
         {"sample_time": 0.0},
         {"sample_time": np.nan},
         {"sample_time": -1.0},
@@ -301,20 +292,14 @@ KNOWN = {*respond_arguments(), "step_factor", "threads"}
         {"curve": None},
         {"laws": ["linear"]},
         {"laws": ["spline"] * len(NOMINAL)},
-    ],
-    ids=str,
-)
-def test_settings_that_make_no_sense_are_refused(wrong):
-    with pytest.raises(REFUSALS):
-        respond_with(**wrong)
+    ):
+        refused(respond_with, **wrong)
 
 
-def test_a_curve_with_fewer_laws_than_parameters_is_refused():
-    with pytest.raises(REFUSALS):
-        _rust.ForceCurve(**{**curve_arguments(), "laws": ["linear"]})
+def test_a_curve_with_fewer_laws_than_parameters_is_refused(refused: Refused):
+    refused(_rust.ForceCurve, **{**curve_arguments(), "laws": ["linear"]})
 
 
-@pytest.mark.parametrize(("threads", "seconds"), [(10**6, 0.01), (1, np.nan), (1, -1.0), (1, 1e9)])
-def test_a_peak_that_could_not_be_measured_is_refused(threads, seconds):
-    with pytest.raises(ValueError, match="give at most"):
-        _rust.fma_peak(threads, seconds)
+def test_a_peak_that_could_not_be_measured_is_refused(refused: Refused):
+    for threads, seconds in ((10**6, 0.01), (1, np.nan), (1, -1.0), (1, 1e9)):
+        refused(_rust.fma_peak, threads, seconds)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from sentences import Refused
 
 from mrwork.control import fuzzy_table
 from mrwork.control.fuzzy import INPUT_SETS, OUTPUT_SETS, RULES, infer, memberships
-from mrwork.errors import SettingError
 
 
 def test_sets_share_each_input_among_them() -> None:
@@ -73,6 +73,5 @@ def test_the_table_stands_for_the_inference_between_its_points() -> None:
     assert share.max() <= 1.0
 
 
-def test_settings_that_cannot_be_are_refused() -> None:
-    with pytest.raises(SettingError, match="`n_points` is 20; give an odd number"):
-        fuzzy_table(deformation_scale=0.01, rate_scale=0.1, n_points=20)
+def test_settings_that_cannot_be_are_refused(refused: Refused) -> None:
+    refused(fuzzy_table, deformation_scale=0.01, rate_scale=0.1, n_points=20)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import scipy.linalg
 from control_samples import five_storeys, frame, in_units, mean_cost, plant
+from sentences import Refused
 
 from mrwork.control import (
     Outputs,
@@ -18,7 +19,6 @@ from mrwork.control import (
     regulator_of_outputs,
     regulator_of_state,
 )
-from mrwork.errors import SettingError
 
 THIRD_FLOOR = (0.0, 0.0, 1.0)
 
@@ -169,21 +169,19 @@ def test_vectors_are_those_of_the_riccati_matrix() -> None:
     )
 
 
-def test_weights_that_cannot_be_are_refused() -> None:
+def test_weights_that_cannot_be_are_refused(refused: Refused) -> None:
     system = plant()
     outputs = accelerations(system)
-    for W, R, message in (
-        ([1.0], 1.0, "weights has 1 weight, and there are 3 outputs; give one for each"),
-        ([1.0, -1.0, 0.0], 1.0, "weights is not positive semidefinite"),
-        ([1.0, np.inf, 0.0], 1.0, "is inf at 1; give finite numbers"),
-        (THIRD_FLOOR, 0.0, "give a positive `control_weight`"),
-        (THIRD_FLOOR, [1.0, 1.0], "control_weight has 2 weights, and there is 1 device"),
+    for W, R in (
+        ([1.0], 1.0),
+        ([1.0, -1.0, 0.0], 1.0),
+        ([1.0, np.inf, 0.0], 1.0),
+        (THIRD_FLOOR, 0.0),
+        (THIRD_FLOOR, [1.0, 1.0]),
     ):
-        with pytest.raises(SettingError, match=message):
-            regulator_of_outputs(system, outputs, W, R)
+        refused(regulator_of_outputs, system, outputs, W, R)
 
 
-def test_an_undamped_mode_that_is_not_weighed_is_refused() -> None:
+def test_an_undamped_mode_that_is_not_weighed_is_refused(refused: Refused) -> None:
     building = frame("undamped", np.eye(2), np.zeros((2, 2)), np.array([[2.0, -1.0], [-1.0, 1.0]]))
-    with pytest.raises(SettingError, match="not damped"):
-        regulator_of_state(plant(1, building), np.zeros((4, 4)), 1.0)
+    refused(regulator_of_state, plant(1, building), np.zeros((4, 4)), 1.0)

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from control_samples import five_storeys, frame, in_units, plant, three_storeys
+from sentences import Refused
 
 from mrwork.control import (
     Observer,
@@ -18,7 +19,6 @@ from mrwork.control import (
     plant_of,
     stacked,
 )
-from mrwork.errors import SettingError
 
 TS = 2e-3
 
@@ -152,7 +152,7 @@ def test_scale_of_the_intensities_does_not_matter() -> None:
     np.testing.assert_allclose(small.covariance, 1e-6 * one.covariance, rtol=1e-6, atol=1e-20)
 
 
-def test_what_the_ground_does_not_move_is_corrected_too() -> None:
+def test_what_the_ground_does_not_move_is_corrected_too(refused: Refused) -> None:
     """An undamped mass that only a device moves: its error is kept for ever where nothing unmodelled is allowed for."""
     mass, stiffness = np.diag([300.0, 1.0]), np.diag([1e5, 1e5])
     building = replace(
@@ -170,28 +170,22 @@ def test_what_the_ground_does_not_move_is_corrected_too() -> None:
         return float(np.abs(np.linalg.eigvals(observer.Ad - observer.gain @ observer.C)).max())
 
     assert decay(1e-6) < 1.0 - 1e-4
-    with pytest.raises(SettingError, match="observer"):
-        decay(0.0)
+    refused(decay, 0.0)
 
 
-def test_settings_that_cannot_be_are_refused() -> None:
+def test_settings_that_cannot_be_are_refused(refused: Refused) -> None:
     system = plant()
-    for keywords, message in (
-        ({"sample_time": 0.0}, "`sample_time` of observer_of is 0; give a number above 0"),
-        (
-            {"sample_time": TS, "ground_intensity": -1.0},
-            "`ground_intensity` of observer_of is -1",
-        ),
-        ({"sample_time": TS, "noise_intensity": [1.0, 2.0]}, r"has shape \(2,\) for 4 measurements"),
+    for keywords in (
+        {"sample_time": 0.0},
+        {"sample_time": TS, "ground_intensity": -1.0},
+        {"sample_time": TS, "noise_intensity": [1.0, 2.0]},
     ):
-        with pytest.raises(SettingError, match=message):
-            observer_of(system, sensors(system), **keywords)
+        refused(observer_of, system, sensors(system), **keywords)
 
 
-def test_a_free_mode_that_no_sensor_sees_is_refused() -> None:
+def test_a_free_mode_that_no_sensor_sees_is_refused(refused: Refused) -> None:
     """Two masses, neither tied to the ground nor damped: accelerations do not tell where they drift."""
     stiffness = np.array([[1.0, -1.0], [-1.0, 1.0]])
     building = frame("adrift", np.eye(2), np.zeros((2, 2)), stiffness)
     system = plant_of(building, building.storeys[1:])
-    with pytest.raises(SettingError, match="observer"):
-        observer_of(system, accelerations(system), TS)
+    refused(observer_of, system, accelerations(system), TS)

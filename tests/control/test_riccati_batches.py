@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import scipy.linalg
 from control_samples import frame, plant, shear_frame
+from sentences import Refused
 
 import mrwork as mr
 from mrwork.control import (
@@ -31,7 +32,7 @@ from mrwork.control import (
     regulators_of_weights,
 )
 from mrwork.control.lqr import Weighed, weighed_outputs
-from mrwork.errors import MrworkError, SettingError
+from mrwork.errors import SettingError
 
 Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
@@ -145,7 +146,7 @@ def test_matrices_that_all_rows_share_are_given_once() -> None:
     assert shared.gain.tobytes() == same.gain.tobytes()
 
 
-def test_rows_without_a_solution_leave_their_neighbours_alone() -> None:
+def test_rows_without_a_solution_leave_their_neighbours_alone(refused: Refused) -> None:
     rng = np.random.default_rng(13)
     A, B = rng.standard_normal((20, 4, 4)), rng.standard_normal((20, 4, 1))
     clean = regulator_gains(A, B, np.eye(4), np.eye(1))
@@ -166,53 +167,38 @@ def test_rows_without_a_solution_leave_their_neighbours_alone() -> None:
     assert found.solved.tolist() == [row not in failed for row in range(20)]
     assert found.gain[kept].tobytes() == clean.gain[kept].tobytes()
     assert found.residual[kept].tobytes() == clean.residual[kept].tobytes()
-    with pytest.raises(SettingError, match="weigh, or measure, every mode that is not damped"):
-        found.check(3)
-    with pytest.raises(SettingError, match="give a positive one"):
-        found.check(8)
+    refused(found.check, 3)
+    refused(found.check, 8)
     found.check(0)
     assert "no stabilising solution" in repr(found)
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"A": np.eye(3)}, r"`B` has shape \(2, 1\); give \(3, 1\)"),
-        ({"A": np.ones(2)}, r"`A` has shape \(2,\); give a matrix, or a stack"),
-        ({"A": np.ones((2, 3))}, r"`A` has shape \(2, 3\); give \(3, 3\)"),
-        ({"state_weight": np.eye(3)}, r"`state_weight` has shape \(3, 3\); give \(2, 2\)"),
-        ({"control_weight": np.eye(2)}, r"`control_weight` has shape \(2, 2\); give \(1, 1\)"),
-        ({"cross_weight": np.ones((1, 2))}, r"`cross_weight` has shape \(1, 2\); give \(2, 1\)"),
-        ({"scaling": np.eye(3)}, r"`scaling` has shape \(3, 3\); give \(2, 2\)"),
-        (
-            {"state_weight": np.diag([1.0, np.nan])},
-            r"`state_weight` of regulator_gains is nan at \(1, 1\)",
-        ),
-        (
-            {"control_weight": np.full((3, 1, 1), np.inf)},
-            r"`control_weight` of regulator_gains is inf at \(0, 0, 0\)",
-        ),
-        (
-            {"A": np.zeros((3, 2, 2)), "control_weight": np.ones((4, 1, 1))},
-            "the matrices have 3, 4 rows; give",
-        ),
-        ({"time": "sampled"}, "`time` of regulator_gains is 'sampled'; choose one of continuous, discrete"),
-        ({"threads": -1}, "`threads` of regulator_gains is -1; give a whole number from 0 to 1024"),
-        ({"threads": 1.5}, "`threads` of regulator_gains is 1.5; give a whole number"),
-        ({"scaling": np.zeros((2, 2))}, "`scaling` is singular"),
-        ({"state_weight": "x"}, "`state_weight` of regulator_gains is 'x'; give an array of numbers"),
-        ({"state_weight": 1j * np.eye(2)}, "`state_weight` of regulator_gains has values of type complex128"),
-    ],
-)
-def test_what_does_not_fit_is_refused(change: dict[str, object], message: str) -> None:
-    given: dict[str, object] = {
-        "A": -np.eye(2),
-        "B": np.ones((2, 1)),
-        "state_weight": np.eye(2),
-        "control_weight": np.eye(1),
-    }
-    with pytest.raises(MrworkError, match=message):
-        regulator_gains(**(given | change))  # type: ignore[arg-type]
+def test_what_does_not_fit_is_refused(refused: Refused) -> None:
+    for change in (
+        {"A": np.eye(3)},
+        {"A": np.ones(2)},
+        {"A": np.ones((2, 3))},
+        {"state_weight": np.eye(3)},
+        {"control_weight": np.eye(2)},
+        {"cross_weight": np.ones((1, 2))},
+        {"scaling": np.eye(3)},
+        {"state_weight": np.diag([1.0, np.nan])},
+        {"control_weight": np.full((3, 1, 1), np.inf)},
+        {"A": np.zeros((3, 2, 2)), "control_weight": np.ones((4, 1, 1))},
+        {"time": "sampled"},
+        {"threads": -1},
+        {"threads": 1.5},
+        {"scaling": np.zeros((2, 2))},
+        {"state_weight": "x"},
+        {"state_weight": 1j * np.eye(2)},
+    ):
+        given: dict[str, object] = {
+            "A": -np.eye(2),
+            "B": np.ones((2, 1)),
+            "state_weight": np.eye(2),
+            "control_weight": np.eye(1),
+        }
+        refused(regulator_gains, **(given | change))  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("time", ["continuous", "discrete"])

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import scipy.linalg
 from control_samples import shear_frame
+from sentences import Refused
 
 import mrwork as mr
 from mrwork.buildings import Building
@@ -22,7 +23,7 @@ from mrwork.control import (
     plant_of,
     stacked,
 )
-from mrwork.errors import InvalidSettingError, MrworkError, SettingError
+from mrwork.errors import InvalidSettingError
 from mrwork.motions import CloughPenzien, KanaiTajimi
 
 LIMITS = {"rms_drift": 4e-3, "rms_acceleration": 5.2}
@@ -161,15 +162,14 @@ def test_only_ratios_matter() -> None:
         np.testing.assert_allclose(other.gain, found.gain, rtol=1e-4, atol=1e-4 * np.abs(found.gain).max())
 
 
-def test_a_designer_solves_again_what_a_new_one_finds() -> None:
+def test_a_designer_solves_again_what_a_new_one_finds(refused: Refused) -> None:
     designer = WeightDesigner(frame(), frame().storeys[:1], limits=LIMITS, budget=BUDGET)
     other = {"rms_drift": 3e-3, "rms_acceleration": 5.0}
     again = designer.design(other, 700.0)
     fresh = design(frame(), limits=other, budget=700.0)
     assert again.certificate.program_ratio == pytest.approx(again.certificate.bound, rel=1e-5)
     assert again.reachable_ratio == pytest.approx(fresh.reachable_ratio, rel=1e-8)
-    with pytest.raises(SettingError, match="other outputs"):
-        designer.design({"rms_drift": 1e-3})
+    refused(designer.design, {"rms_drift": 1e-3})
 
 
 def test_limits_out_of_reach_are_explained_with_a_budget_that_reaches_them() -> None:
@@ -213,22 +213,18 @@ def test_designed_weights_say_what_they_are_for() -> None:
         assert max(map(len, shown.splitlines())) <= 100
 
 
-@pytest.mark.parametrize(
-    ("given", "words"),
-    [
-        ({"limits": {"peak_drift": 1e-3}}, "limits are rms values.*rms_drift"),
-        ({"limits": {"rms_dirft": 1e-3}}, "no limit is called 'rms_dirft'"),
-        ({"limits": {"rms_drift": [1e-3, 2e-3]}}, "has 2 limits, and there are 5 storeys"),
-        ({"limits": {"rms_drift": -1e-3}}, "give a number above 0"),
-        ({"limits": {"rms_force": 10.0}}, "no response is limited"),
-        ({"limits": {}}, "no response is limited"),
-        ({"budget": 0.0}, "give a positive rms force"),
-        ({"budget": [1.0, 2.0]}, "number of devices is 1"),
-    ],
-)
-def test_a_wish_that_cannot_be_is_refused(given: dict[str, Any], words: str) -> None:
-    with pytest.raises(SettingError, match=words):
-        design(frame(), **{"limits": LIMITS, "budget": BUDGET, **given})
+def test_a_wish_that_cannot_be_is_refused(refused: Refused) -> None:
+    for given in (
+        {"limits": {"peak_drift": 1e-3}},
+        {"limits": {"rms_dirft": 1e-3}},
+        {"limits": {"rms_drift": [1e-3, 2e-3]}},
+        {"limits": {"rms_drift": -1e-3}},
+        {"limits": {"rms_force": 10.0}},
+        {"limits": {}},
+        {"budget": 0.0},
+        {"budget": [1.0, 2.0]},
+    ):
+        refused(design, frame(), **{"limits": LIMITS, "budget": BUDGET, **given})
 
 
 def test_a_refused_limit_is_named() -> None:
@@ -237,19 +233,17 @@ def test_a_refused_limit_is_named() -> None:
     assert refusal.value.key == "rms_drift"
 
 
-def test_an_undamped_mode_is_refused() -> None:
+def test_an_undamped_mode_is_refused(refused: Refused) -> None:
     undamped = mr.buildings.shear_building(name="undamped", masses=[1.0, 1.0], stiffnesses=[10.0, 10.0])
-    with pytest.raises(SettingError, match="give every mode damping"):
-        design(undamped, limits=LIMITS, budget=1.0)
+    refused(design, undamped, limits=LIMITS, budget=1.0)
 
 
-def test_limits_and_budgets_may_have_units() -> None:
+def test_limits_and_budgets_may_have_units(refused: Refused) -> None:
     limits = {"rms_drift": "4 mm", "rms_acceleration": ["5.2 m/s2"] * 5}
     found = design(frame(), limits=limits, budget=["0.9 kN"])
     assert found.reachable_ratio == designed().reachable_ratio
     for wrong in ({"rms_drift": "4 kN"}, [("rms_drift", 4e-3)]):
-        with pytest.raises(MrworkError, match=r"rms_drift|give a RmsLimits"):
-            design(frame(), limits=wrong, budget=BUDGET)
+        refused(design, frame(), limits=wrong, budget=BUDGET)
 
 
 def test_a_gain_that_falls_short_of_the_ratio_is_said() -> None:

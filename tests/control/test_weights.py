@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 import scipy.linalg
+from sentences import Refused
 from study_texts import study_text
 
 import mrwork as mr
@@ -18,7 +19,7 @@ from mrwork.control import (
     RegulatorSettings,
     design_law,
 )
-from mrwork.errors import InvalidSettingError, MrworkError, SettingError
+from mrwork.errors import InvalidSettingError
 from mrwork.study import read_study
 
 M, C, K = np.diag([2.0, 1.0, 1.5]), np.zeros((3, 3)), np.zeros((3, 3))
@@ -161,51 +162,36 @@ def test_a_diagonal_is_the_matrix_with_that_diagonal() -> None:
 
 
 REFUSED = [
-    ("drifts", [1.0, 2.0], "has 2 weights, and there are 3 storeys; give one for each, or one for all"),
-    ("drifts", np.eye(4), r"shape \(4, 4\), and there are 3 storeys; .* symmetric 3 x 3 matrix"),
-    ("drifts", [[1.0, 0.0], [0.0]], "rows of different lengths; give 3 rows of 3"),
-    (
-        "accelerations",
-        np.triu(np.ones((3, 3))),
-        "not symmetric: row 1, column 2 is 1 and row 2, column 1 is 0",
-    ),
-    ("velocities", np.eye(3) - 0.5, "not positive semidefinite: .* smallest eigenvalue is -1"),
-    ("state_weight", np.eye(3), "there are 6 states"),
-    ("relative_velocities", -1.0, "give a number at least 0"),
+    ("drifts", [1.0, 2.0]),
+    ("drifts", np.eye(4)),
+    ("drifts", [[1.0, 0.0], [0.0]]),
+    ("accelerations", np.triu(np.ones((3, 3)))),
+    ("velocities", np.eye(3) - 0.5),
+    ("state_weight", np.eye(3)),
+    ("relative_velocities", -1.0),
 ]
 
 
 @pytest.mark.parametrize("law", ["clipped_optimal", "lyapunov", "proportional_direct"])
-@pytest.mark.parametrize(("name", "given", "words"), REFUSED, ids=range(len(REFUSED)))
-def test_a_weight_that_cannot_be_is_refused(law: str, name: str, given: Any, words: str) -> None:
+@pytest.mark.parametrize(("name", "given"), REFUSED, ids=range(len(REFUSED)))
+def test_a_weight_that_cannot_be_is_refused(law: str, name: str, given: Any, refused: Refused) -> None:
     told = {"clipped_optimal": {"control_weight": 0.01}, "proportional_direct": {"slope": 1.0}}.get(law, {})
-    with pytest.raises(InvalidSettingError, match=words) as refusal:
-        design_law(law, problem(), {**told, name: given})
-    assert refusal.value.key == name
+    refused(design_law, law, problem(), {**told, name: given})
 
 
-def test_a_weight_that_is_not_a_number_is_refused() -> None:
-    with pytest.raises(SettingError, match="is nan; give a finite number"):
-        design_law("lyapunov", problem(), {"displacements": np.full((3, 3), np.nan)})
+def test_a_weight_that_is_not_a_number_is_refused(refused: Refused) -> None:
+    refused(design_law, "lyapunov", problem(), {"displacements": np.full((3, 3), np.nan)})
     with pytest.raises(InvalidSettingError, match="is nan; give a finite number") as refusal:
         LyapunovSettings(displacements=np.full((3, 3), np.nan))  # type: ignore[arg-type]
     assert refusal.value.key == "displacements"
 
 
-@pytest.mark.parametrize(
-    ("given", "words"),
-    [
-        (np.eye(3), "there are 2 devices"),
-        ([[1.0, 2.0], [2.0, 1.0]], "not positive semidefinite"),
-        (0.0, "above 0"),
-    ],
-)
-def test_a_control_weight_that_cannot_be_is_refused(given: Any, words: str) -> None:
-    with pytest.raises(MrworkError, match=words):
-        design_law("clipped_optimal", problem(), {"control_weight": given})
+def test_a_control_weight_that_cannot_be_is_refused(refused: Refused) -> None:
+    for given in (np.eye(3), [[1.0, 2.0], [2.0, 1.0]], 0.0):
+        refused(design_law, "clipped_optimal", problem(), {"control_weight": given})
 
 
-def test_a_study_file_gives_matrices_inline_or_by_file(tmp_path: Path) -> None:
+def test_a_study_file_gives_matrices_inline_or_by_file(tmp_path: Path, refused: Refused) -> None:
     matrix = np.eye(5) + 0.1
     (tmp_path / "weights.csv").write_text("\n".join(",".join(map(str, row)) for row in matrix))
     (tmp_path / "diagonal.txt").write_text("1 1 1 1 2\n")
@@ -221,13 +207,12 @@ def test_a_study_file_gives_matrices_inline_or_by_file(tmp_path: Path) -> None:
     negative = np.eye(5)
     negative[0, 1] = negative[1, 0] = -0.5
     assert np.abs(gain(f"drifts = {negative.tolist()}") - inline).max() > 0.0
-    for weights, words in (
-        (f"drifts = {np.eye(4).tolist()}", r"line 17: drifts has shape \(4, 4\), and there are 5 storeys"),
-        (f"drifts = {np.triu(matrix).tolist()}", "line 17: drifts is not symmetric"),
-        (f"drifts = {(matrix - 0.5).tolist()}", "line 17: drifts is not positive semidefinite"),
-        ("drifts = 'none.csv'", "line 17: .*none.csv"),
-        ("drifts = [[1, 2], [3]]", "line 17: drifts has rows of different lengths"),
-        ("drifts = [-1, 1, 1, 1, 1]", r"line 17: drifts\[0\] is -1; give a number at least 0"),
+    for weights in (
+        f"drifts = {np.eye(4).tolist()}",
+        f"drifts = {np.triu(matrix).tolist()}",
+        f"drifts = {(matrix - 0.5).tolist()}",
+        "drifts = 'none.csv'",
+        "drifts = [[1, 2], [3]]",
+        "drifts = [-1, 1, 1, 1, 1]",
     ):
-        with pytest.raises(MrworkError, match=words):
-            gain(weights)
+        refused(gain, weights)

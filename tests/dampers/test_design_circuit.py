@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +9,7 @@ import pytest
 from examples import examples
 from hypothesis import given
 from hypothesis import strategies as st
+from sentences import Refused
 
 from mrwork.dampers.design import (
     FLUIDS,
@@ -22,7 +22,6 @@ from mrwork.dampers.design import (
     wire_diameter,
 )
 from mrwork.dampers.design.materials import VACUUM_PERMEABILITY
-from mrwork.errors import MrworkError, SettingError
 
 FLUID = fluid("MRF-132DG")
 CIRCUIT = MagneticCircuit(
@@ -114,9 +113,8 @@ def test_saturated_coil_rises_sooner_than_its_first_inductance_says() -> None:
     assert CIRCUIT.rise_time(current=6.0, resistance=resistance) < float(CIRCUIT.inductance(0.0)) / resistance
 
 
-def test_supply_that_is_too_weak_is_refused() -> None:
-    with pytest.raises(SettingError, match=re.escape("a supply of 2 V drives 1 A through 2 ohm; give more")):
-        CIRCUIT.rise_time(current=3.0, resistance=2.0, supply=2.0)
+def test_supply_that_is_too_weak_is_refused(refused: Refused) -> None:
+    refused(CIRCUIT.rise_time, current=3.0, resistance=2.0, supply=2.0)
 
 
 @pytest.mark.parametrize(("gauge", "millimetres"), [(0, 8.251), (16, 1.291), (22, 0.6438), (30, 0.2546)])
@@ -125,16 +123,9 @@ def test_wire_has_the_diameter_of_the_tables(gauge: int, millimetres: float) -> 
     assert 1e3 * wire_diameter(gauge) == pytest.approx(millimetres, rel=1e-3)
 
 
-@pytest.mark.parametrize(
-    ("make", "words"),
-    [
-        (lambda: Steel(name="x", field=(0.0, 1.0, 1.0), flux_density=(0.0, 1.0, 2.0)), "increase from 0"),
-        (lambda: Steel(name="x", field=(0.0, 1.0), flux_density=(0.0, 1.0, 2.0)), "give them in pairs"),
-        (lambda: replace(CIRCUIT, areas=(), lengths=()), "0 areas and 0 lengths; give them in pairs"),
-        (lambda: fluid("MRF-132"), "choose one of MRF-122EG, MRF-132DG"),
-        (lambda: steel("St 37"), "choose one of AISI 1010"),
-    ],
-)
-def test_wrong_materials_are_refused(make: object, words: str) -> None:
-    with pytest.raises(MrworkError, match=words):
-        make()  # type: ignore[operator]
+def test_wrong_materials_are_refused(refused: Refused) -> None:
+    refused(Steel, name="x", field=(0.0, 1.0, 1.0), flux_density=(0.0, 1.0, 2.0))
+    refused(Steel, name="x", field=(0.0, 1.0), flux_density=(0.0, 1.0, 2.0))
+    refused(replace, CIRCUIT, areas=(), lengths=())
+    refused(fluid, "MRF-132")
+    refused(steel, "St 37")  # type: ignore[operator]

@@ -7,10 +7,10 @@ import pytest
 from examples import examples
 from hypothesis import given
 from hypothesis import strategies as st
+from sentences import Refused
 
 import mrwork as mr
 from mrwork.dampers.parameters import law_by_values, law_named, law_through
-from mrwork.errors import UnknownChoiceError
 
 POSITIVE = st.floats(1e-2, 1e4)
 
@@ -77,10 +77,14 @@ def test_a_value_is_a_parameter_in_the_unit_of_its_law() -> None:
     assert spec.current.laws[0] == "values:0,0.5,1"
 
 
-@pytest.mark.parametrize(
-    "name",
-    ["values:1,0", "values:0", "values:0,abc", "values:0,inf", "quadratic:0,1", "values:", "exponential:0,1"],
-)
-def test_a_law_without_rising_commands_is_refused(name: str) -> None:
-    with pytest.raises(UnknownChoiceError, match="rising commands"):
-        mr.damper("dahl").with_current_laws({"k_w": name})
+def test_a_law_without_rising_commands_is_refused(refused: Refused) -> None:
+    for name in (
+        "values:1,0",
+        "values:0",
+        "values:0,abc",
+        "values:0,inf",
+        "quadratic:0,1",
+        "values:",
+        "exponential:0,1",
+    ):
+        refused(mr.damper("dahl").with_current_laws, {"k_w": name})

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import time
 import zipfile
 from collections.abc import Callable
@@ -17,12 +16,13 @@ import rig_files
 from counted_calls import calls_of
 from motion_files import knet_lines
 from record_files import clean_columns, write_text
+from sentences import Refused
 from sinusoidal_tests import MOTIONS, sinusoidal_test
 from study_texts import study_text
 
 import mrwork as mr
 from mrwork.buildings import read_building
-from mrwork.errors import JournalError, MrworkError, MrworkWarning, RecordError, SettingError
+from mrwork.errors import JournalError, MrworkError, MrworkWarning, RecordError
 from mrwork.motions import read_motion
 from mrwork.records import read_damper_test
 from mrwork.report import departures
@@ -66,91 +66,62 @@ def read_still(path: Path) -> object:
 
 STILL = ('synthetic = "kanai_tajimi"\nduration = 2', 'file = "still.csv"')
 REFUSED = {
-    "a force beyond any": (record(huge), "beyond any test"),
-    "times that nearly repeat": (record(nearly_equal_times), "repeats"),
-    "a start of LabVIEW with another decimal sign": (
-        text("rig.lvm", rig_files.lvm("No").replace("X0\t0.0", "X0\t0,0"), read_damper_test),
-        "X0 of the header is '0,0'",
+    "a force beyond any": record(huge),
+    "times that nearly repeat": record(nearly_equal_times),
+    "a start of LabVIEW with another decimal sign": text(
+        "rig.lvm", rig_files.lvm("No").replace("X0\t0.0", "X0\t0,0"), read_damper_test
     ),
-    "a mass without size": (
-        text("a.toml", "mass = [[1e-320]]\nstiffness = [[1.0]]", read_building),
-        "the mass matrix is singular",
+    "a mass without size": text("a.toml", "mass = [[1e-320]]\nstiffness = [[1.0]]", read_building),
+    "a stiffness that overflows": text(
+        "a.toml", "masses = [1.0, 1.0]\nstiffnesses = [1e308, 1e308]", read_building
     ),
-    "a stiffness that overflows": (
-        text("a.toml", "masses = [1.0, 1.0]\nstiffnesses = [1e308, 1e308]", read_building),
-        "give a number of at most 1e+100",
+    "damping that overflows": text(
+        "a.toml", "masses = [1.0]\nstiffnesses = [1e40]\n[rayleigh]\na0 = 1.0\na1 = 1e300", read_building
     ),
-    "damping that overflows": (
-        text(
-            "a.toml", "masses = [1.0]\nstiffnesses = [1e40]\n[rayleigh]\na0 = 1.0\na1 = 1e300", read_building
-        ),
-        "give a number of at most 1e+100",
+    "expected figures that are no TOML": text("a.toml", "a = = 1", lambda path: departures({}, path)),
+    "expected figures without tolerance": text(
+        "a.toml", "a = { value = 1.0 }", lambda path: departures({"a": 1.0}, path)
     ),
-    "expected figures that are no TOML": (
-        text("a.toml", "a = = 1", lambda path: departures({}, path)),
-        "is not TOML",
+    "a motion of many hours": text(
+        "a.toml",
+        study_text("control_weight = 1e-13").replace("duration = 2", "duration = 65536"),
+        mr.read_study,
     ),
-    "expected figures without tolerance": (
-        text("a.toml", "a = { value = 1.0 }", lambda path: departures({"a": 1.0}, path)),
-        "tolerance",
+    "a motion that ends within a sample": text(
+        "a.toml",
+        study_text("control_weight = 1e-13").replace("= 2", "= 2\ntime_scale = 1e-9"),
+        mr.read_study,
     ),
-    "a motion of many hours": (
-        text(
-            "a.toml",
-            study_text("control_weight = 1e-13").replace("duration = 2", "duration = 65536"),
-            mr.read_study,
-        ),
-        "GB",
+    "a motion without motion": text(
+        "a.toml", study_text("control_weight = 1e-13").replace(*STILL), read_still
     ),
-    "a motion that ends within a sample": (
-        text(
-            "a.toml",
-            study_text("control_weight = 1e-13").replace("= 2", "= 2\ntime_scale = 1e-9"),
-            mr.read_study,
-        ),
-        "less than a sample of the law",
+    "no constant command with a score": text(
+        "a.toml",
+        study_text("control_weight = 1e-13", damper="differential = true\nparameters = { k = 1e15 }")
+        .replace('law = "clipped', 'law = "best_passive"\n[[controller]]\nlaw = "clipped')
+        .replace("= 2", "= 0.1"),
+        lambda path: mr.run_study(mr.read_study(path), threads=1),
     ),
-    "a motion without motion": (
-        text("a.toml", study_text("control_weight = 1e-13").replace(*STILL), read_still),
-        "zero throughout",
+    "a rest without end": text(
+        "a.toml", study_text("control_weight = 1e-13").replace("= 2", "= 2\nrest = 1e300"), mr.read_study
     ),
-    "no constant command with a score": (
-        text(
-            "a.toml",
-            study_text("control_weight = 1e-13", damper="differential = true\nparameters = { k = 1e15 }")
-            .replace('law = "clipped', 'law = "best_passive"\n[[controller]]\nlaw = "clipped')
-            .replace("= 2", "= 0.1"),
-            lambda path: mr.run_study(mr.read_study(path), threads=1),
-        ),
-        "no constant command has a score",
+    "a rest of many days": text(
+        "a.toml", study_text("control_weight = 1e-13").replace("= 2", "= 2\nrest = 1e9"), mr.read_study
     ),
-    "a rest without end": (
-        text(
-            "a.toml", study_text("control_weight = 1e-13").replace("= 2", "= 2\nrest = 1e300"), mr.read_study
-        ),
-        "rest is 1e+300; give a number of at most 1e+100",
-    ),
-    "a rest of many days": (
-        text("a.toml", study_text("control_weight = 1e-13").replace("= 2", "= 2\nrest = 1e9"), mr.read_study),
-        "1e+11 samples",
-    ),
-    "realisations without end": (
-        text(
-            "a.toml",
-            study_text("control_weight = 1e-13")
-            + "[uncertainty]\nstiffness = 0.1\nrealisations = 9007199254740993\n",
-            mr.read_study,
-        ),
-        "realisations",
+    "realisations without end": text(
+        "a.toml",
+        study_text("control_weight = 1e-13")
+        + "[uncertainty]\nstiffness = 0.1\nrealisations = 9007199254740993\n",
+        mr.read_study,
     ),
 }
 
 
-@pytest.mark.parametrize(("read", "words"), REFUSED.values(), ids=REFUSED)
-def test_it_is_refused_in_a_sentence(tmp_path: Path, read: Callable[[Path], object], words: str) -> None:
-    with pytest.raises(MrworkError, match=re.escape(words)) as caught:
-        read(tmp_path)
-    assert str(caught.value).isprintable()
+@pytest.mark.parametrize("read", REFUSED.values(), ids=REFUSED)
+def test_it_is_refused_in_a_sentence(
+    tmp_path: Path, read: Callable[[Path], object], refused: Refused
+) -> None:
+    refused(read, tmp_path)
 
 
 def test_a_test_that_moves_with_its_last_sample_only_is_read(tmp_path: Path) -> None:
@@ -160,22 +131,20 @@ def test_a_test_that_moves_with_its_last_sample_only_is_read(tmp_path: Path) -> 
     assert read_damper_test(write_text(tmp_path / "rig.csv", columns)).n_time == columns["t_s"].size
 
 
-@pytest.mark.parametrize("word", ["\u0131nf", "\u0130NF", "inf\u0131nity", "na\u0274", "1\u04355"])
-def test_a_word_that_looks_like_a_number_is_refused_with_its_line(tmp_path: Path, word: str) -> None:
-    path = write_text(tmp_path / "rig.csv", clean_columns())
-    lines = path.read_text().splitlines()
-    lines.append(",".join([word] * (lines[-1].count(",") + 1)))
-    path.write_text("\n".join(lines), encoding="utf-8")
-    with pytest.raises(RecordError, match=f"line {len(lines)}"):
-        read_damper_test(path)
+def test_a_word_that_looks_like_a_number_is_refused_with_its_line(tmp_path: Path, refused: Refused) -> None:
+    for word in ("\u0131nf", "\u0130NF", "inf\u0131nity", "na\u0274", "1\u04355"):
+        path = write_text(tmp_path / "rig.csv", clean_columns())
+        lines = path.read_text().splitlines()
+        lines.append(",".join([word] * (lines[-1].count(",") + 1)))
+        path.write_text("\n".join(lines), encoding="utf-8")
+        refused(read_damper_test, path)
 
 
-def test_rows_of_thousands_of_digits_take_no_time(tmp_path: Path) -> None:
+def test_rows_of_thousands_of_digits_take_no_time(tmp_path: Path, refused: Refused) -> None:
     path = tmp_path / "a.txt"
     path.write_text("\n".join(3 * ["9" * 200_000 + "x"]))
     began = time.process_time()
-    with pytest.raises(MrworkError):
-        read_motion(path, unit="g", dt=0.01)
+    refused(read_motion, path, unit="g", dt=0.01)
     assert time.process_time() - began < 10.0
 
 
@@ -192,13 +161,12 @@ def test_names_of_many_letters_take_no_time(tmp_path: Path, letters: str, column
     assert len(str(caught.value)) <= 2000
 
 
-def test_a_long_line_of_a_header_takes_no_time(tmp_path: Path) -> None:
+def test_a_long_line_of_a_header_takes_no_time(tmp_path: Path, refused: Refused) -> None:
     path = tmp_path / "a.NS"
     lines = knet_lines(np.arange(100), "1")
     path.write_text("\n".join(lines).replace("100Hz", "1" * 60_000))
     began = time.process_time()
-    with pytest.raises(MrworkError):
-        read_motion(path)
+    refused(read_motion, path)
     assert time.process_time() - began < 1.0
 
 
@@ -222,7 +190,7 @@ def test_many_ends_of_lines_take_no_time(tmp_path: Path) -> None:
     assert time.process_time() - began < 2.0
 
 
-def test_a_header_of_arrays_that_python_warns_of_is_refused(tmp_path: Path) -> None:
+def test_a_header_of_arrays_that_python_warns_of_is_refused(tmp_path: Path, refused: Refused) -> None:
     path = tmp_path / "a.npz"
     np.savez(path, a=np.zeros(3))
     with zipfile.ZipFile(path) as archive:
@@ -230,8 +198,7 @@ def test_a_header_of_arrays_that_python_warns_of_is_refused(tmp_path: Path) -> N
     for damaged in (content.replace(b"(3,), ", b"(3L,),"), content.replace(b"'<f8'", b"'\\/8'")):
         with zipfile.ZipFile(path, "w") as archive:
             archive.writestr("a.npy", damaged)
-        with pytest.raises(RecordError, match="damaged"):
-            read_arrays(path, RECORD)
+        refused(read_arrays, path, RECORD)
 
 
 def refused_or_read(path: Path) -> None:
@@ -308,17 +275,15 @@ def test_a_largest_command_that_is_no_number_contradicts_a_tuned_law(largest: ob
     assert "largest_command" in replace(law, settings={}).disagreement()
 
 
-def test_texts_of_arrays_have_characters_that_exist(tmp_path: Path) -> None:
+def test_texts_of_arrays_have_characters_that_exist(tmp_path: Path, refused: Refused) -> None:
     path = tmp_path / "a.npz"
     for number in (0x10FFFF, 0x110000):
         np.savez(path, facts=np.array([number], "<u4").view("<U1"))
         if number == 0x10FFFF:
             assert read_arrays(path, RECORD)["facts"][0] == chr(number)
         else:
-            with pytest.raises(RecordError, match="characters that do not exist"):
-                read_arrays(path, RECORD)
+            refused(read_arrays, path, RECORD)
 
 
-def test_a_building_is_no_taller_than_any() -> None:
-    with pytest.raises(SettingError, match="1000 storeys at most"):
-        mr.buildings.shear_building(name="tower", masses=[1e3] * 1001, stiffnesses=[1e6] * 1001)
+def test_a_building_is_no_taller_than_any(refused: Refused) -> None:
+    refused(mr.buildings.shear_building, name="tower", masses=[1e3] * 1001, stiffnesses=[1e6] * 1001)

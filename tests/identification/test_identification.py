@@ -8,10 +8,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from sentences import Refused
 
 from mrwork import identify
 from mrwork.dampers import Box, damper, damper_models
-from mrwork.errors import Interrupted, RecordError, SettingError, SimulationError
+from mrwork.errors import Interrupted
 from mrwork.identification import Fit, Objective, Progress, free_run, identifiable_form, search_box
 from mrwork.identification.result import covariance, fit_quality
 from mrwork.records import DamperTest
@@ -75,25 +76,13 @@ def test_a_fixed_parameter_stays_and_a_bound_is_kept(record: DamperTest) -> None
     assert by_name["rho"].standard_error is None
 
 
-def test_bounds_of_a_redundant_parameter_are_refused() -> None:
-    with pytest.raises(SettingError, match="common scale"):
-        identifiable_form(damper("bouc_wen"), {"alpha": (1.0, 2.0)})
+def test_bounds_of_a_redundant_parameter_are_refused(refused: Refused) -> None:
+    refused(identifiable_form, damper("bouc_wen"), {"alpha": (1.0, 2.0)})
 
 
-@pytest.mark.parametrize(
-    ("bounds", "sentence"),
-    [
-        ({"rho": (2.0, 1.0)}, "reversed"),
-        ({"rhoo": (1.0, 2.0)}, "no parameter is called 'rhoo'"),
-        ({"n": (0.5, 2.0)}, "stay inside"),
-        ({"n": (1.0, float("inf"))}, "finite"),
-    ],
-)
-def test_impossible_bounds_are_named(
-    record: DamperTest, bounds: dict[str, tuple[float, float]], sentence: str
-) -> None:
-    with pytest.raises(SettingError, match=sentence):
-        identify("normalised_bouc_wen", record, bounds=bounds)
+def test_impossible_bounds_are_named(record: DamperTest, refused: Refused) -> None:
+    for bounds in ({"rho": (2.0, 1.0)}, {"rhoo": (1.0, 2.0)}, {"n": (0.5, 2.0)}, {"n": (1.0, float("inf"))}):
+        refused(identify, "normalised_bouc_wen", record, bounds=bounds)
 
 
 def test_every_simulation_is_counted(fit: Fit) -> None:
@@ -101,16 +90,14 @@ def test_every_simulation_is_counted(fit: Fit) -> None:
     assert fit.evaluations >= fit.trace.evaluations[-1] + 16 * (1 + 2 * 7)
 
 
-def test_nothing_to_identify_is_an_error(record: DamperTest) -> None:
+def test_nothing_to_identify_is_an_error(record: DamperTest, refused: Refused) -> None:
     spec = damper("static_hysteretic")
     bounds = {name: (value, value) for name, value in zip(spec.names, spec.nominal, strict=True)}
-    with pytest.raises(SettingError, match="every parameter"):
-        identify(spec, record, bounds=bounds)
+    refused(identify, spec, record, bounds=bounds)
 
 
-def test_no_tests_is_an_error() -> None:
-    with pytest.raises(RecordError, match="no test"):
-        identify("bouc_wen", [])
+def test_no_tests_is_an_error(refused: Refused) -> None:
+    refused(identify, "bouc_wen", [])
 
 
 def test_stopping_early_returns_the_best_found_so_far(record: DamperTest) -> None:
@@ -183,11 +170,10 @@ def test_more_substeps_change_nothing_that_can_be_seen(record: DamperTest, fit: 
         assert fine.fit_percent == pytest.approx(coarse.fit_percent, abs=0.01)
 
 
-def test_a_test_too_stiff_to_resolve_is_named(record: DamperTest) -> None:
+def test_a_test_too_stiff_to_resolve_is_named(record: DamperTest, refused: Refused) -> None:
     theta = damper("normalised_bouc_wen").nominal
     theta[4] = 1e7
-    with pytest.raises(SimulationError, match="unresolved"):
-        free_run(damper("normalised_bouc_wen"), theta, replace(record, dt=0.1))
+    refused(free_run, damper("normalised_bouc_wen"), theta, replace(record, dt=0.1))
 
 
 @pytest.mark.parametrize("spec", damper_models(), ids=lambda spec: spec.name)

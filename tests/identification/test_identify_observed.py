@@ -10,10 +10,10 @@ from pathlib import Path
 import measured_data
 import numpy as np
 import pytest
+from sentences import Refused
 
 import mrwork as mr
 from mrwork import Journal
-from mrwork.errors import SettingError
 from mrwork.identification import free_run
 from mrwork.records import AS_IT_IS, DamperTest, Observation, Smoothing, build_damper_test, cut, observed
 from mrwork.uncertainty import identifiability_of, predict
@@ -117,6 +117,5 @@ def test_predictions_and_posteriors_use_the_observation_of_the_fit() -> None:
     assert identifiability_of(fit, first, threads=1) == identifiability_of(fit, told, threads=1)
 
 
-def test_the_twin_says_how_to_do_without() -> None:
-    with pytest.raises(SettingError, match="--observe none"):
-        identify(recorded(), engine="twin")
+def test_the_twin_says_how_to_do_without(refused: Refused) -> None:
+    refused(identify, recorded(), engine="twin")

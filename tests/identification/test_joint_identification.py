@@ -6,10 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from sentences import Refused
 
 from mrwork import identify
 from mrwork.dampers import damper
-from mrwork.errors import Interrupted, RecordError, SettingError
+from mrwork.errors import Interrupted
 from mrwork.identification import Objective, Progress, free_run
 from mrwork.identification.nuisance import nuisance_of, without_nuisance
 from mrwork.identification.settings import FitSettings
@@ -146,7 +147,9 @@ def test_misfit_and_residuals_agree_for_every_observation_model(tests: tuple[Dam
         np.testing.assert_allclose(case(theta), np.linalg.norm(case.residuals(theta), axis=1), rtol=1e-10)
 
 
-def test_the_power_of_the_mean_over_tests_is_what_is_minimised(tests: tuple[DamperTest, ...]) -> None:
+def test_the_power_of_the_mean_over_tests_is_what_is_minimised(
+    tests: tuple[DamperTest, ...], refused: Refused
+) -> None:
     theta = TRUTH[None] * np.linspace(0.9, 1.1, 5)[:, None]
     each = np.array([Objective.of(PRESET.spec, (test,))(theta) for test in tests])
     for power in (2.0, 4.0, 7.5):
@@ -155,8 +158,7 @@ def test_the_power_of_the_mean_over_tests_is_what_is_minimised(tests: tuple[Damp
             Objective.of(PRESET.spec, tests, FitSettings(power=power))(theta), mean, rtol=1e-12
         )
     for power in (1.0, 1e3):
-        with pytest.raises(SettingError, match="power of the mean over tests is"):
-            identify(PRESET.spec, tests, power=power)
+        refused(identify, PRESET.spec, tests, power=power)
 
 
 def test_a_higher_power_helps_the_worst_test(tests: tuple[DamperTest, ...]) -> None:
@@ -172,15 +174,15 @@ def test_a_higher_power_helps_the_worst_test(tests: tuple[DamperTest, ...]) -> N
     assert flatter.provenance.settings["power"] == 6.0
 
 
-def test_too_few_commands_for_a_law_are_refused(tests: tuple[DamperTest, ...]) -> None:
-    with pytest.raises(SettingError, match=r"run at 2 command\(s\), the current laws need 3"):
-        identify(PRESET.spec, tests[:2], search=SEARCH)
+def test_too_few_commands_for_a_law_are_refused(tests: tuple[DamperTest, ...], refused: Refused) -> None:
+    refused(identify, PRESET.spec, tests[:2], search=SEARCH)
 
 
-def test_a_test_without_the_models_command_is_refused(tests: tuple[DamperTest, ...]) -> None:
+def test_a_test_without_the_models_command_is_refused(
+    tests: tuple[DamperTest, ...], refused: Refused
+) -> None:
     in_volts = [replace(test, current=None, voltage=test.current) for test in tests]
-    with pytest.raises(RecordError, match="takes its command in A, the test has 0 V"):
-        identify(PRESET.spec, in_volts, search=SEARCH)
+    refused(identify, PRESET.spec, in_volts, search=SEARCH)
 
 
 def test_an_interrupt_of_the_first_search_keeps_its_best(tests: tuple[DamperTest, ...]) -> None:

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 from command_line import printed
+from sentences import Refused
 
 import mrwork as mr
-from mrwork.errors import UnknownNameError
 from mrwork.identification import FitSettings
 from mrwork.identification.settings import search_named, searches
 
@@ -35,6 +35,5 @@ def test_python_takes_the_name_too() -> None:
     assert fit.settings.search == search_named("multistart")
 
 
-def test_an_unknown_search_is_refused_with_those_there_are() -> None:
-    with pytest.raises(UnknownNameError, match=r"no search called 'annealing'.*particle_swarm"):
-        mr.identify("dahl", TEST, search="annealing")
+def test_an_unknown_search_is_refused_with_those_there_are(refused: Refused) -> None:
+    refused(mr.identify, "dahl", TEST, search="annealing")

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from sentences import Refused
 
 from mrwork import identify
-from mrwork.dampers import DamperSpec, LawName, damper
-from mrwork.errors import MrworkError, SettingError, UnknownNameError
+from mrwork.dampers import LawName, damper
 from mrwork.identification import Fit, FitSettings, start_from
 from mrwork.identification.identify import starting_points
 from mrwork.identification.problem import Problem
@@ -131,42 +131,28 @@ def test_a_kindred_model_shares_what_has_the_same_name_and_unit(fit: Fit) -> Non
     assert start["k_w.2"] == 0.0
 
 
-def test_a_redundant_form_takes_a_start_as_a_whole(tests: tuple[DamperTest, ...]) -> None:
+def test_a_redundant_form_takes_a_start_as_a_whole(tests: tuple[DamperTest, ...], refused: Refused) -> None:
     spencer = identify("bouc_wen", tests[1], search=SHORT, rng=1)
     start = start_from(spencer, damper("bouc_wen"))
     again = identify("bouc_wen", tests[1], search=BARELY, starts=[start], rng=2)
     assert again.nrmse == pytest.approx(spencer.nrmse, rel=1e-3)
-    with pytest.raises(SettingError, match=r"takes a start only as a whole; give c0, k0, .* too"):
-        identify("bouc_wen", tests[1], starts=[{"n": 2.0}])
+    refused(identify, "bouc_wen", tests[1], starts=[{"n": 2.0}])
 
 
-@pytest.mark.parametrize(
-    ("start", "error", "words"),
-    [
-        ({"stiffness": 1.0}, UnknownNameError, r"names 'stiffness'.* it has c, k, x0"),
-        ({"rho": float("nan")}, SettingError, r"`starts\[0\]\['rho'\]` of identify is nan"),
-        ({"k_w.0": 1.0}, UnknownNameError, "names 'k_w.0'"),
-    ],
-)
 def test_an_unusable_start_is_named_before_anything_is_searched(
-    tests: tuple[DamperTest, ...], start: dict[str, float], error: type[MrworkError], words: str
+    tests: tuple[DamperTest, ...], refused: Refused
 ) -> None:
-    with pytest.raises(error, match=words):
-        identify(BOUC_WEN, tests[1], starts=[start], on_progress=lambda progress: pytest.fail("searched"))
+    for start in ({"stiffness": 1.0}, {"rho": float("nan")}, {"k_w.0": 1.0}):
+        refused(
+            identify, BOUC_WEN, tests[1], starts=[start], on_progress=lambda progress: pytest.fail("searched")
+        )
 
 
-@pytest.mark.parametrize(
-    ("model", "words"),
-    [
-        (
-            BOUC_WEN.with_current_laws({"k_w": "exponential", "c": "linear"}),
-            "k_w is linear .* exponential now",
-        ),
-        (BOUC_WEN, "is linear in the earlier fit and constant now"),
-        (BOUC_WEN.with_current_laws(LAWS, unit="V"), "laws of the earlier fit take A, .* V"),
-        (damper("hyperbolic_tangent_guo"), "shares no parameter with normalised_bouc_wen"),
-    ],
-)
-def test_a_fit_that_cannot_be_carried_over_says_why(fit: Fit, model: DamperSpec, words: str) -> None:
-    with pytest.raises(SettingError, match=words):
-        start_from(fit, model)
+def test_a_fit_that_cannot_be_carried_over_says_why(fit: Fit, refused: Refused) -> None:
+    for model in (
+        BOUC_WEN.with_current_laws({"k_w": "exponential", "c": "linear"}),
+        BOUC_WEN,
+        BOUC_WEN.with_current_laws(LAWS, unit="V"),
+        damper("hyperbolic_tangent_guo"),
+    ):
+        refused(start_from, fit, model)

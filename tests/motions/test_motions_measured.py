@@ -7,9 +7,9 @@ import itertools
 import measured_data
 import numpy as np
 import pytest
+from sentences import Refused
 
 from mrwork.closed_loop import STANDARD_GRAVITY
-from mrwork.errors import RecordError
 from mrwork.motions import is_copy, read_motion, read_motions
 
 DATA = measured_data.DATA / "records"
@@ -99,12 +99,11 @@ def test_peer_files_found_in_the_wild_are_read(name: str) -> None:
     assert motion.changes == ()
 
 
-def test_what_only_pretends_to_be_a_peer_file_is_refused_in_a_sentence() -> None:
+def test_what_only_pretends_to_be_a_peer_file_is_refused_in_a_sentence(refused: Refused) -> None:
     pretenders = sorted((DATA / "at2").glob("not_really_at2_*"))
     assert pretenders
     for path in pretenders:
-        with pytest.raises(RecordError, match="has the extension of a PEER AT2 record but not its header"):
-            read_motion(path)
+        refused(read_motion, path)
     assert len(read_motions([path for path in (DATA / "at2").iterdir() if path not in pretenders])) == len(
         AT2
     )

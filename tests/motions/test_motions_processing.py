@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from sentences import Refused
 
-from mrwork.errors import RecordError, SettingError
 from mrwork.motions import (
     GroundMotion,
     baseline_corrected,
@@ -119,29 +119,21 @@ def test_steps_of_other_lengths_are_read_off_straight_lines() -> None:
     assert "2 steps differ, by up to +0.02 s" in motion.changes[0]
 
 
-def test_a_long_pause_at_the_end_is_padding_only_if_it_is_zero() -> None:
+def test_a_long_pause_at_the_end_is_padding_only_if_it_is_zero(refused: Refused) -> None:
     time = np.append(0.02 * np.arange(100), 600.0)
     assert columns(time, np.append(np.ones(100), 0.0)).n_time == 100
-    with pytest.raises(RecordError, match="row 100: a gap of 598"):
-        columns(time, np.ones(101))
+    refused(columns, time, np.ones(101))
 
 
-@pytest.mark.parametrize(
-    "change",
-    [
-        lambda: scaled(MOTION, 0.0),
-        lambda: scaled_to_peak(MOTION, -1.0),
-        lambda: scaled_to_peak(GroundMotion(name="a", dt=0.1, acceleration=np.zeros(9)), 1.0),
-        lambda: time_scaled(MOTION, 0.0),
-        lambda: trimmed(MOTION, start=9.0),
-        lambda: trimmed(MOTION, start=2.0, end=1.0),
-        lambda: baseline_corrected(MOTION, order=-1),
-        lambda: baseline_corrected(MOTION, order=11),
-        lambda: resampled(MOTION, 0.0),
-        lambda: resampled(MOTION, 6.0),
-        lambda: resampled_band_limited(MOTION, MOTION.dt * np.pi),
-    ],
-)
-def test_what_cannot_be_done_is_refused(change) -> None:
-    with pytest.raises(SettingError, match="ground motion"):
-        change()
+def test_what_cannot_be_done_is_refused(refused: Refused) -> None:
+    refused(scaled, MOTION, 0.0)
+    refused(scaled_to_peak, MOTION, -1.0)
+    refused(lambda: scaled_to_peak(GroundMotion(name="a", dt=0.1, acceleration=np.zeros(9)), 1.0))
+    refused(time_scaled, MOTION, 0.0)
+    refused(trimmed, MOTION, start=9.0)
+    refused(trimmed, MOTION, start=2.0, end=1.0)
+    refused(baseline_corrected, MOTION, order=-1)
+    refused(baseline_corrected, MOTION, order=11)
+    refused(resampled, MOTION, 0.0)
+    refused(resampled, MOTION, 6.0)
+    refused(resampled_band_limited, MOTION, MOTION.dt * np.pi)

@@ -18,9 +18,9 @@ from motion_files import (
     write_lines,
 )
 from numpy.testing import assert_allclose
+from sentences import Refused
 
 from mrwork.closed_loop import STANDARD_GRAVITY
-from mrwork.errors import RecordError, SettingError, UnitError
 from mrwork.motions import GroundMotion, read_motion, read_motions
 from mrwork.motions.networks import Stated
 from mrwork.motions.read import acceleration_column
@@ -105,7 +105,7 @@ def test_the_recorder_s_step_of_cosmos_stands_in(tmp_path: Path) -> None:
     assert_is_the_motion(read_motion(write_lines(tmp_path / "c.v1", lines)), 1e-6)
 
 
-def test_a_channel_of_cosmos_is_chosen_by_number(tmp_path: Path) -> None:
+def test_a_channel_of_cosmos_is_chosen_by_number(tmp_path: Path, refused: Refused) -> None:
     lines = [
         *cosmos_lines(IN_GAL, title="Corrected velocity"),
         *cosmos_lines(IN_GAL),
@@ -114,9 +114,8 @@ def test_a_channel_of_cosmos_is_chosen_by_number(tmp_path: Path) -> None:
     path = write_lines(tmp_path / "three.v2", lines)
     assert_is_the_motion(read_motion(path, channel=2), 1e-5)
     assert read_motion(path, channel=3).peak == pytest.approx(2.0 * np.abs(A).max(), rel=1e-5)
-    for channel, said in ((None, "3 channels"), (4, "no channel 4"), (1, "'Corrected velocity'")):
-        with pytest.raises(RecordError, match=said):
-            read_motion(path, channel=channel)
+    for channel in (None, 4, 1):
+        refused(read_motion, path, channel=channel)
 
 
 @pytest.mark.parametrize(
@@ -138,40 +137,34 @@ def test_columns_are_known_by_their_names(tmp_path: Path, head: str, delimiter: 
         assert_is_the_motion(read_motion(write_lines(tmp_path / name, [head, *body])), 1e-9)
 
 
-@pytest.mark.parametrize("delimiter", [",", " ", "\t", ";", "   "])
-def test_two_columns_without_names_need_a_unit(tmp_path: Path, delimiter: str) -> None:
-    body = [f"  {DT * k:.4f}{delimiter}{value:.12g}" for k, value in enumerate(IN_G)]
-    path = write_lines(tmp_path / "a.txt", ["# El Centro", *body])
-    assert_is_the_motion(read_motion(path, unit="g"), 1e-9)
-    with pytest.raises(UnitError, match="give it as `unit`"):
-        read_motion(path)
-    with pytest.raises(SettingError, match="runs as time does"):
-        read_motion(path, unit="g", dt=DT)
+def test_two_columns_without_names_need_a_unit(tmp_path: Path, refused: Refused) -> None:
+    for delimiter in (",", " ", "\t", ";", "   "):
+        body = [f"  {DT * k:.4f}{delimiter}{value:.12g}" for k, value in enumerate(IN_G)]
+        path = write_lines(tmp_path / "a.txt", ["# El Centro", *body])
+        assert_is_the_motion(read_motion(path, unit="g"), 1e-9)
+        refused(read_motion, path)
+        refused(read_motion, path, unit="g", dt=DT)
 
 
-def test_numbers_alone_need_unit_and_step(tmp_path: Path) -> None:
+def test_numbers_alone_need_unit_and_step(tmp_path: Path, refused: Refused) -> None:
     path = write_lines(tmp_path / "a.txt", rows(IN_G, "15.7E", 8))
     assert_is_the_motion(read_motion(path, unit="g", dt=DT), 1e-5)
-    with pytest.raises(RecordError, match="line 1 holds 8 numbers"):
-        read_motion(path, unit="g")
-    with pytest.raises(UnitError):
-        read_motion(path, dt=DT)
+    refused(read_motion, path, unit="g")
+    refused(read_motion, path, dt=DT)
 
 
-def test_a_column_is_chosen_where_several_may_be_it(tmp_path: Path) -> None:
+def test_a_column_is_chosen_where_several_may_be_it(tmp_path: Path, refused: Refused) -> None:
     body = [f"{DT * k:.4f},{value:.12g},{-value:.12g}" for k, value in enumerate(A)]
     path = write_lines(tmp_path / "a.csv", ["t_s,EW (m/s2),NS (m/s2)", *body])
     assert_is_the_motion(read_motion(path, column="ew (m/s2)"), 1e-9)
     assert_allclose(read_motion(path, column="NS (m/s2)").acceleration, -A, atol=1e-9)
-    with pytest.raises(RecordError, match="no column is the acceleration"):
-        read_motion(path)
+    refused(read_motion, path)
 
 
-def test_a_g_is_no_acceleration_in_g(tmp_path: Path) -> None:
+def test_a_g_is_no_acceleration_in_g(tmp_path: Path, refused: Refused) -> None:
     body = [f"{DT * k:.4f},{value:.12g}" for k, value in enumerate(A)]
     path = write_lines(tmp_path / "a.csv", ["t,a_g", *body])
-    with pytest.raises(UnitError, match="'a_g' does not state its unit"):
-        read_motion(path)
+    refused(read_motion, path)
     assert_is_the_motion(read_motion(path, unit="m/s2"), 1e-9)
 
 
@@ -188,42 +181,37 @@ def test_mat_files_hold_rows_columns_or_vectors(tmp_path: Path, version: str, sh
     assert_is_the_motion(read_motion(path, unit="m/s2"), 1e-12)
 
 
-def test_of_two_pairs_in_a_mat_file_one_is_named(tmp_path: Path) -> None:
+def test_of_two_pairs_in_a_mat_file_one_is_named(tmp_path: Path, refused: Refused) -> None:
     from scipy.io import savemat
 
     time = DT * np.arange(N_TIME)
     path = tmp_path / "a.mat"
     savemat(path, {"ns_gal": [time, IN_GAL], "ew_gal": [time, -IN_GAL]}, format="4")
     assert_is_the_motion(read_motion(path, column="ns_gal"), 1e-9)
-    with pytest.raises(RecordError, match="'ns_gal', 'ew_gal' may all"):
-        read_motion(path)
+    refused(read_motion, path)
 
 
-def test_what_a_file_says_is_not_stated_again(tmp_path: Path) -> None:
+def test_what_a_file_says_is_not_stated_again(tmp_path: Path, refused: Refused) -> None:
     peer = write_lines(tmp_path / "a.AT2", at2_lines(IN_G, f"NPTS= {N_TIME}, DT= .01 SEC"))
-    with pytest.raises(SettingError, match="a PEER AT2 record takes no `unit`"):
-        read_motion(peer, unit="g")
+    refused(read_motion, peer, unit="g")
     table = write_lines(tmp_path / "a.csv", ["t_s,a_mps2", "0,1", "0.01,2"])
     for options in ({"unit": "g"}, {"dt": 0.01}, {"channel": 1}):
-        with pytest.raises(SettingError, match="leave"):
-            read_motion(table, **options)
+        refused(read_motion, table, **options)
 
 
-def test_several_are_read_in_the_order_of_their_names(tmp_path: Path) -> None:
+def test_several_are_read_in_the_order_of_their_names(tmp_path: Path, refused: Refused) -> None:
     for name in ("b", "a"):
         write_lines(tmp_path / f"{name}.csv", ["t_s,a_mps2", "0,1", "0.01,2"])
     assert [motion.name for motion in read_motions(tmp_path / "*.csv")] == ["a", "b"]
     assert [motion.name for motion in read_motions([tmp_path / "b.csv"])] == ["b"]
     for nothing in (tmp_path / "*.at2", []):
-        with pytest.raises(RecordError):
-            read_motions(nothing)
+        refused(read_motions, nothing)
 
 
-def test_the_unit_of_a_column_ends_its_name() -> None:
+def test_the_unit_of_a_column_ends_its_name(refused: Refused) -> None:
     stated = Stated()
     assert acceleration_column(["t_s", "a_m_per_s2"], stated, source="").factor == 1.0
     assert (
         acceleration_column(["t_s", "EW [g]"], Stated(column="EW [g]"), source="").factor == STANDARD_GRAVITY
     )
-    with pytest.raises(UnitError, match="does not state its unit"):
-        acceleration_column(["t_s", "a"], stated, source="")
+    refused(acceleration_column, ["t_s", "a"], stated, source="")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import struct
 import tracemalloc
 import zlib
@@ -15,6 +14,7 @@ import pytest
 from record_files import clean_columns
 from scipy.io import savemat
 from scipy.sparse import csc_matrix
+from sentences import Refused
 
 from mrwork.errors import RecordError
 from mrwork.files.matlab import open_matlab, read_matlab_matrices
@@ -89,17 +89,17 @@ STRUCT_OF_100 = matrix(STRUCT, (1, 1), "a", *FIELD)
 
 
 @pytest.mark.parametrize(
-    ("content", "words"),
+    "content",
     [
-        (matrix(DOUBLE, (HUGE, 1), "a", ONE), "2147483647 x 1 matrix has 8 bytes"),
-        (matrix(DOUBLE, (HUGE, HUGE, HUGE, 0), "a", NONE), "2147483647 x 2147483647 x 2147483647 x 0"),
-        (matrix(DOUBLE, (HUGE, HUGE, HUGE, 4), "a", NONE), "2147483647 x 2147483647 x 2147483647 x 4"),
-        (matrix(DOUBLE, (-1, 1), "a", ONE), "-1 x 1"),
-        (matrix(DOUBLE, 100 * (1,), "a", ONE), "100 dimensions"),
-        (matrix(DOUBLE, (8, *99 * (1,)), "a", element(9, bytes(64))), "100 dimensions"),
-        (matrix(SPARSE, (3, -1), "a", integers(), integers(), NONE), "3 x -1"),
-        (matrix(SPARSE, (3, 0), "a", integers(), integers(), NONE), "no order in its columns"),
-        (STRUCT_OF_100, "100 dimensions"),
+        matrix(DOUBLE, (HUGE, 1), "a", ONE),
+        matrix(DOUBLE, (HUGE, HUGE, HUGE, 0), "a", NONE),
+        matrix(DOUBLE, (HUGE, HUGE, HUGE, 4), "a", NONE),
+        matrix(DOUBLE, (-1, 1), "a", ONE),
+        matrix(DOUBLE, 100 * (1,), "a", ONE),
+        matrix(DOUBLE, (8, *99 * (1,)), "a", element(9, bytes(64))),
+        matrix(SPARSE, (3, -1), "a", integers(), integers(), NONE),
+        matrix(SPARSE, (3, 0), "a", integers(), integers(), NONE),
+        STRUCT_OF_100,
     ],
     ids=[
         *("a long vector", "no items", "items missing", "negative", "100 of one", "100 dimensions"),
@@ -108,13 +108,11 @@ STRUCT_OF_100 = matrix(STRUCT, (1, 1), "a", *FIELD)
 )
 @pytest.mark.parametrize("read", [open_matlab, read_matlab_matrices])
 def test_sides_that_no_array_has_are_refused_in_a_sentence(
-    tmp_path: Path, content: bytes, words: str, read: Callable[[Path], object]
+    tmp_path: Path, content: bytes, read: Callable[[Path], object], refused: Refused
 ) -> None:
     path = tmp_path / "rig.mat"
     path.write_bytes(HEAD + content)
-    with pytest.raises(RecordError, match=re.escape(words)) as caught:
-        read(path)
-    assert len(str(caught.value)) < 400
+    refused(read, path)
 
 
 @pytest.mark.parametrize("side", [0, -1, HUGE])
@@ -133,14 +131,15 @@ def test_no_shape_of_an_empty_matrix_ends_in_anything_but_an_error_in_words(
                 read(path)
 
 
-@pytest.mark.parametrize("version", ["4", "5"])
-def test_an_empty_sparse_matrix_is_no_matrix(tmp_path: Path, version: str) -> None:
-    path = tmp_path / "frame.mat"
-    savemat(path, {"S": csc_matrix((0, 0)), "K": np.eye(2)}, format=version)
-    assert list(read_matlab_matrices(path)) == ["K"]
-    savemat(path, {name: csc_matrix((0, 0)) for name in ("t_s", "displacement_m", "force_n")}, format=version)
-    with pytest.raises(RecordError):
-        read_damper_test(path)
+def test_an_empty_sparse_matrix_is_no_matrix(tmp_path: Path, refused: Refused) -> None:
+    for version in ("4", "5"):
+        path = tmp_path / "frame.mat"
+        savemat(path, {"S": csc_matrix((0, 0)), "K": np.eye(2)}, format=version)
+        assert list(read_matlab_matrices(path)) == ["K"]
+        savemat(
+            path, {name: csc_matrix((0, 0)) for name in ("t_s", "displacement_m", "force_n")}, format=version
+        )
+        refused(read_damper_test, path)
 
 
 @pytest.mark.parametrize("starts", [(0, 2**31 - 1, -2, 0), (0, -1, 2**31 - 1, 1), (0, 2, 1, 1)])
@@ -160,14 +159,13 @@ def test_the_size_that_a_sparse_matrix_of_version_4_claims_is_not_allocated(
     assert peak_of(lambda: read_matlab_matrices(path)) < 1e6
 
 
-def test_structs_within_structs_are_not_entered(tmp_path: Path) -> None:
+def test_structs_within_structs_are_not_entered(tmp_path: Path, refused: Refused) -> None:
     content = matrix(DOUBLE, (1, 1), "", element(9, bytes(8)))
     for _ in range(2000):
         content = matrix(STRUCT, (1, 1), "", integers(8), element(1, b"a".ljust(8, b"\0")), content)
     path = tmp_path / "rig.mat"
     path.write_bytes(HEAD + content)
-    with pytest.raises(RecordError, match="expected one numeric vector per quantity, found 'a'"):
-        read_damper_test(path)
+    refused(read_damper_test, path)
 
 
 def test_rows_of_a_parquet_file_are_counted_before_they_are_read(tmp_path: Path) -> None:
@@ -186,7 +184,7 @@ def test_rows_of_a_parquet_file_are_counted_before_they_are_read(tmp_path: Path)
     assert pyarrow.default_memory_pool().max_memory() - before < 200e6
 
 
-def test_texts_of_a_parquet_file_are_not_read(tmp_path: Path) -> None:
+def test_texts_of_a_parquet_file_are_not_read(tmp_path: Path, refused: Refused) -> None:
     pyarrow = pytest.importorskip("pyarrow")
     from pyarrow import parquet
 
@@ -198,8 +196,7 @@ def test_texts_of_a_parquet_file_are_not_read(tmp_path: Path) -> None:
     # Without the schema of Arrow the words would be read one by one, 400 MB.
     parquet.write_table(pyarrow.table({**columns, "note": words}), path, store_schema=False)
     assert read_damper_test(path).n_time == columns["t_s"].size
-    with pytest.raises(RecordError, match="'note'"):
-        read_damper_test(path, columns={"force": "note:N"})
+    refused(read_damper_test, path, columns={"force": "note:N"})
 
 
 @pytest.mark.parametrize("suffix", [".mat", ".parquet"])

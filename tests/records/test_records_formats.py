@@ -13,6 +13,7 @@ from examples import examples
 from hypothesis import given
 from record_files import AMPLITUDE, DT, FREQUENCY, N_TIME, clean_columns, codes, damaged, write_text
 from scipy.io import savemat
+from sentences import Refused
 
 from mrwork.errors import MrworkError
 from mrwork.records import DamperTest, build_damper_test, read_damper_test, read_damper_tests
@@ -176,21 +177,15 @@ def test_mat_vectors_may_be_columns_integers_and_single_precision(tmp_path: Path
     np.testing.assert_array_equal(test.displacement, columns["displacement_m"].astype(np.float32))
 
 
-@pytest.mark.parametrize(
-    ("content", "expected"),
-    [
-        ({"data": np.ones((400, 3))}, "one numeric vector per quantity, found 'data'"),
-        ({**clean_columns(), "force_n": np.ones(7)}, "'force_n' has 7"),
-        ({**clean_columns(), "force_n": 1j * np.ones(400)}, "no column for the force"),
-    ],
-)
-def test_mat_variables_that_are_no_columns_are_told(
-    tmp_path: Path, content: dict[str, object], expected: str
-) -> None:
-    path = tmp_path / "rig.mat"
-    savemat(path, content)
-    with pytest.raises(MrworkError, match=expected):
-        read_damper_test(path)
+def test_mat_variables_that_are_no_columns_are_told(tmp_path: Path, refused: Refused) -> None:
+    for content in (
+        {"data": np.ones((400, 3))},
+        {**clean_columns(), "force_n": np.ones(7)},
+        {**clean_columns(), "force_n": 1j * np.ones(400)},
+    ):
+        path = tmp_path / "rig.mat"
+        savemat(path, content)
+        refused(read_damper_test, path)
 
 
 @pytest.mark.parametrize(("version", "compressed"), [("4", False), ("5", False), ("5", True)])
@@ -210,26 +205,25 @@ def test_a_damaged_mat_file_reads_or_is_refused_but_never_ends_python(
     assert n_refused > 0
 
 
-def test_parquet_reads_like_text(tmp_path: Path) -> None:
+def test_parquet_reads_like_text(tmp_path: Path, refused: Refused) -> None:
     pyarrow = pytest.importorskip("pyarrow", reason="reading Parquet needs pyarrow")
     parquet = pytest.importorskip("pyarrow.parquet")
     path = tmp_path / "rig.parquet"
     parquet.write_table(pyarrow.table(clean_columns()), path)
     assert_is_the_clean_test(read_damper_test(path), rtol=0.0)
     path.write_bytes(path.read_bytes()[:-100])
-    with pytest.raises(MrworkError, match="not a readable Parquet file"):
-        read_damper_test(path)
+    refused(read_damper_test, path)
     parquet.write_table(pyarrow.table({**clean_columns(), "force_n": ["1"] * N_TIME}), path)
-    with pytest.raises(MrworkError, match="'force_n' holds object values"):
-        read_damper_test(path)
+    refused(read_damper_test, path)
 
 
-def test_without_pyarrow_the_remedy_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_pyarrow_the_remedy_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, refused: Refused
+) -> None:
     monkeypatch.setitem(__import__("sys").modules, "pyarrow", None)
     path = tmp_path / "rig.parquet"
     path.write_bytes(b"PAR1")
-    with pytest.raises(MrworkError, match=r"pip install 'mrwork\[parquet\]'"):
-        read_damper_test(path)
+    refused(read_damper_test, path)
 
 
 def test_a_pattern_reads_its_files_in_name_order(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ import pytest
 from examples import examples
 from hypothesis import given
 from hypothesis import strategies as st
+from sentences import Refused
 
 from mrwork.errors import MrworkError
 from mrwork.files.delimited import DelimitedTable, RegularTable, decoded, open_delimited
@@ -269,22 +270,23 @@ def test_a_table_in_which_more_than_cells_differ_is_left_to_the_reader_line_by_l
     assert told(table, table.names) == told(line_by_line(path.read_bytes(), str(path)), table.names)
 
 
-def test_a_quote_after_a_blank_hides_the_next_delimiter_from_both_readers(tmp_path: Path) -> None:
+def test_a_quote_after_a_blank_hides_the_next_delimiter_from_both_readers(
+    tmp_path: Path, refused: Refused
+) -> None:
     rows = [f"{0.01 * row:.2f}; {row % 7}; on" for row in range(40)]
     rows[5] = '0.05; "5; on'
     path = tmp_path / "table.csv"
     path.write_text("\n".join(["time_s; force_n; state", *rows]))
-    with pytest.raises(MrworkError, match="line 7 has 2 fields where the header names 3 columns"):
-        open_delimited(path).read(["time_s"])
+    refused(open_delimited(path).read, ["time_s"])
 
 
-def test_the_first_text_in_any_requested_column_is_refused_after_all_widths(tmp_path: Path) -> None:
+def test_the_first_text_in_any_requested_column_is_refused_after_all_widths(
+    tmp_path: Path, refused: Refused
+) -> None:
     path = tmp_path / "table.csv"
     path.write_text(large({8000: "1,2,x", 8001: "OL,2,3"}))
     table = open_delimited(path)
     assert table.read(["force_n"])["force_n"].size == len(LARGE)
-    with pytest.raises(MrworkError, match="line 8002, column 'current_a' holds 'x'"):
-        table.read(["time_s", "current_a"])
+    refused(table.read, ["time_s", "current_a"])
     path.write_text(large({8000: "1,2,x", 8999: "1,2"}))
-    with pytest.raises(MrworkError, match="line 9001 has 2 fields"):
-        open_delimited(path).read(["force_n"])
+    refused(open_delimited(path).read, ["force_n"])

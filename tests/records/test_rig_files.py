@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from record_files import DT, N_TIME, clean_columns
+from sentences import Refused
 
-from mrwork.errors import MrworkError, RecordError, UnitError
 from mrwork.records import DamperTest, read_damper_test
 from mrwork.store.input_file import RECORD
 
@@ -174,57 +174,42 @@ def test_micrometres_of_a_latin_1_header_are_micrometres(tmp_path: Path) -> None
     assert_is_the_test(read_damper_test(path))
 
 
-def test_columns_without_names_are_given_by_number(tmp_path: Path) -> None:
+def test_columns_without_names_are_given_by_number(tmp_path: Path, refused: Refused) -> None:
     path = tmp_path / "rig.txt"
     path.write_text(text(rows("t", "x", "f")))
-    with pytest.raises(RecordError, match=r"have no names.*--column time=1:s"):
-        read_damper_test(path)
+    refused(read_damper_test, path)
     assert_is_the_test(
         read_damper_test(path, columns={"time": "1:s", "displacement": "2:mm", "force": "3:kN"})
     )
 
 
-def test_a_name_is_given_without_the_unit_below_it(tmp_path: Path) -> None:
+def test_a_name_is_given_without_the_unit_below_it(tmp_path: Path, refused: Refused) -> None:
     path = tmp_path / "rig.txt"
     path.write_text(text(["Ch 1\tCh 2\tCh 3", "s\tmm\tkN"], rows("t", "x", "f")))
-    with pytest.raises(RecordError, match="no column for the time among 'Ch 1', 'Ch 2', 'Ch 3'"):
-        read_damper_test(path)
+    refused(read_damper_test, path)
     given = {"time": "Ch 1:s", "displacement": "Ch 2:mm", "force": "Ch 3:kN"}
     assert_is_the_test(read_damper_test(path, columns=given))
 
 
-@pytest.mark.parametrize(
-    ("header", "error", "expected"),
-    [
-        (["Time\tStroke\tForce", "s\tmm\tstone"], UnitError, "'Force' has the unknown unit 'stone'"),
-        (["Time\tStroke\tForce", "s\tmm\t-"], UnitError, "'Force' has the unknown unit '-'"),
-        (["Time\tStroke_mm\tForce", "s\tm\tkN"], UnitError, "'mm' in its name and 'm' below it"),
-        (
-            ["Time (s)\tStroke (mm)\tForce"],
-            UnitError,
-            "'Force' does not say its unit.*--column force=Force:kN",
-        ),
-        (["Time (s)\tStroke error (mm)\tForce (kN)"], RecordError, "no column for the displacement"),
-    ],
-)
-def test_what_the_header_leaves_open_is_asked_for(
-    tmp_path: Path, header: list[str], error: type[MrworkError], expected: str
-) -> None:
-    path = tmp_path / "rig.txt"
-    path.write_text(text(header, rows("t", "x", "f")))
-    with pytest.raises(error, match=expected):
-        read_damper_test(path)
+def test_what_the_header_leaves_open_is_asked_for(tmp_path: Path, refused: Refused) -> None:
+    for header in (
+        ["Time\tStroke\tForce", "s\tmm\tstone"],
+        ["Time\tStroke\tForce", "s\tmm\t-"],
+        ["Time\tStroke_mm\tForce", "s\tm\tkN"],
+        ["Time (s)\tStroke (mm)\tForce"],
+        ["Time (s)\tStroke error (mm)\tForce (kN)"],
+    ):
+        path = tmp_path / "rig.txt"
+        path.write_text(text(header, rows("t", "x", "f")))
+        refused(read_damper_test, path)
 
 
-def test_two_force_cells_are_asked_for(tmp_path: Path) -> None:
+def test_two_force_cells_are_asked_for(tmp_path: Path, refused: Refused) -> None:
     path = tmp_path / "rig.txt"
     path.write_text(
         text(["Time (s)\tStroke (mm)\tAxial Force (kN)\tLoad cell (kN)"], rows("t", "x", "f", "f"))
     )
-    with pytest.raises(
-        RecordError, match=r"'Axial Force .kN.' and 'Load cell .kN.' both look like the force"
-    ):
-        read_damper_test(path)
+    refused(read_damper_test, path)
     assert_is_the_test(read_damper_test(path, columns={"force": "Load cell (kN):kN"}))
 
 
@@ -237,38 +222,30 @@ def test_set_points_and_voltages_of_sensors_are_no_measured_signals(tmp_path: Pa
     assert (test.current, test.voltage) == (0.5, None)
 
 
-@pytest.mark.parametrize(
-    ("lines", "expected"),
-    [
-        # Two columns of the header, four fields of each row.
-        (["t_s,x_mm,f_kN", *rows("t", "x", "f", delimiter=",", form="{:.6f}", comma=True)], "decimal commas"),
-        (
-            ["t_s;x_mm;f_kN", *(f"{k},125;{k},250;{k},500" for k in range(1, 40))],
-            "or a comma between thousands",
-        ),
-        (["t_s;x_mm;f_kN", *(f"0.{k};{k},2;{k},5" for k in range(10, 99))], "with a decimal point"),
-        (["t_s\tx_mm\tf_kN", *(f"0.{k}\t{k}.2\t1,234.5" for k in range(10, 99))], "'1,234.5' where a number"),
-    ],
-)
-def test_commas_that_mean_two_things_are_refused(tmp_path: Path, lines: list[str], expected: str) -> None:
-    path = tmp_path / "rig.csv"
-    path.write_text(text(lines))
-    with pytest.raises(RecordError, match=expected):
-        read_damper_test(path)
+def test_commas_that_mean_two_things_are_refused(tmp_path: Path, refused: Refused) -> None:
+    for lines in (
+        ["t_s,x_mm,f_kN", *rows("t", "x", "f", delimiter=",", form="{:.6f}", comma=True)],
+        ["t_s;x_mm;f_kN", *(f"{k},125;{k},250;{k},500" for k in range(1, 40))],
+        ["t_s;x_mm;f_kN", *(f"0.{k};{k},2;{k},5" for k in range(10, 99))],
+        ["t_s\tx_mm\tf_kN", *(f"0.{k}\t{k}.2\t1,234.5" for k in range(10, 99))],
+    ):
+        path = tmp_path / "rig.csv"
+        path.write_text(text(lines))
+        refused(read_damper_test, path)
 
 
-def test_a_wrong_cell_below_a_header_block_is_named_by_its_line(tmp_path: Path) -> None:
+def test_a_wrong_cell_below_a_header_block_is_named_by_its_line(tmp_path: Path, refused: Refused) -> None:
     body = rows("n", "t", "x", "f")
     body[100] = body[100].rpartition("\t")[0] + "\toverload"
     path = tmp_path / "rig.txt"
     path.write_text(text(MTS, body))
-    with pytest.raises(RecordError, match=f"line {len(MTS) + 101}, column 'Axial Force' holds 'overload'"):
-        read_damper_test(path)
+    refused(read_damper_test, path)
 
 
-def test_a_file_larger_than_any_test_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_file_larger_than_any_test_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, refused: Refused
+) -> None:
     path = tmp_path / "rig.txt"
     path.write_text(text(MTS, rows("n", "t", "x", "f")))
     monkeypatch.setattr("mrwork.files.open_table.RECORD", replace(RECORD, largest=1000))
-    with pytest.raises(RecordError, match="export one test"):
-        read_damper_test(path)
+    refused(read_damper_test, path)

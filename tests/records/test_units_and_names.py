@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from odd_files import MM, NEWTON, TIME, assert_is_the_test, write_table
 from record_files import DT, codes
+from sentences import Refused
 
-from mrwork.errors import MrworkError, RecordError
 from mrwork.records import read_damper_test
 
 POUND = 4.4482216152605
@@ -130,29 +130,19 @@ def test_uneven_stamps_are_told_as_any_uneven_times(tmp_path: Path) -> None:
     assert "resampled" in codes(read_damper_test(write_table(tmp_path / "rig.txt", columns)))
 
 
-@pytest.mark.parametrize(
-    ("change", "expected"),
-    [
-        (
-            lambda each: [*each[:200], each[199], *each[201:]],
-            "line 202: the time .* repeats that of the row before",
-        ),
-        (lambda each: [*each[:200], each[100], *each[201:]], "line 202: the time runs backwards"),
-        (
-            lambda each: [*each[:200], "later", *each[201:]],
-            "line 202, column 'Timestamp' holds 'later' where a time such",
-        ),
-        (lambda each: [*each[:200], "", *each[201:]], "line 202 has no value for time"),
-    ],
-)
-def test_wrong_stamps_are_refused_by_their_line(tmp_path: Path, change: object, expected: str) -> None:
-    assert callable(change)
-    columns = {"Timestamp": change(stamps(STAMPS["ISO"], TIME)), "x_mm": MM, "F_N": NEWTON}
-    with pytest.raises(RecordError, match=expected):
-        read_damper_test(write_table(tmp_path / "rig.txt", columns))
+def test_wrong_stamps_are_refused_by_their_line(tmp_path: Path, refused: Refused) -> None:
+    for change in (
+        lambda each: [*each[:200], each[199], *each[201:]],
+        lambda each: [*each[:200], each[100], *each[201:]],
+        lambda each: [*each[:200], "later", *each[201:]],
+        lambda each: [*each[:200], "", *each[201:]],
+    ):
+        assert callable(change)
+        columns = {"Timestamp": change(stamps(STAMPS["ISO"], TIME)), "x_mm": MM, "F_N": NEWTON}
+        refused(read_damper_test, write_table(tmp_path / "rig.txt", columns))
 
 
-def test_two_columns_of_stamps_are_asked_for(tmp_path: Path) -> None:
+def test_two_columns_of_stamps_are_asked_for(tmp_path: Path, refused: Refused) -> None:
     columns = {
         "begin": stamps(STAMPS["ISO"], TIME),
         "end": stamps(STAMPS["ISO"], TIME + DT),
@@ -160,8 +150,5 @@ def test_two_columns_of_stamps_are_asked_for(tmp_path: Path) -> None:
         "F_N": NEWTON,
     }
     path = write_table(tmp_path / "rig.txt", columns)
-    with pytest.raises(
-        MrworkError, match=r"'begin' and 'end' both look like the time.*--column time=begin:s"
-    ):
-        read_damper_test(path)
+    refused(read_damper_test, path)
     assert_is_the_test(read_damper_test(path, columns={"time": "end:s"}))

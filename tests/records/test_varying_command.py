@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from record_files import AMPLITUDE, FREQUENCY, clean_columns, codes
+from sentences import Refused
 
 import mrwork as mr
 from mrwork.command_signal import is_stepped, levels_of_command, same_command
-from mrwork.errors import RecordError, SettingError
 from mrwork.records import DamperTest, build_damper_test, cut, mislabelled, read_damper_test, repair
 from mrwork.records.window import excerpt, varied_excerpt
 
@@ -54,7 +54,7 @@ def test_noise_about_a_constant_command_is_not_a_varying_one() -> None:
     assert built(measured).current == float(np.median(measured))
 
 
-def test_a_negative_command_is_a_warning_and_one_beyond_any_driver_refused() -> None:
+def test_a_negative_command_is_a_warning_and_one_beyond_any_driver_refused(refused: Refused) -> None:
     for current in (-1.0, SMOOTH - 0.5):
         (finding,) = [each for each in built(current).findings if each.code == "command_negative"]
         assert finding.severity == "warning"
@@ -62,10 +62,7 @@ def test_a_negative_command_is_a_warning_and_one_beyond_any_driver_refused() -> 
     # Noise about zero.
     noise = 0.004 * np.random.default_rng(3).standard_normal(N_TIME)
     assert "command_negative" not in codes(built(noise))
-    with pytest.raises(
-        RecordError, match=r"the current reaches 1e\+09, and no driver gives more than 1000 A or V"
-    ):
-        built(1e9)
+    refused(built, 1e9)
 
 
 def ringing(
@@ -107,22 +104,17 @@ def test_levels_of_a_driver_that_rings_are_those_at_which_it_stays() -> None:
     assert levels_of_command(ringing(0.2)) == pytest.approx((0.0, 0.6, 1.2, 1.8), abs=0.02)
 
 
-@pytest.mark.parametrize(
-    "current",
-    [
+def test_a_negative_command_is_no_ringing(refused: Refused) -> None:
+    for current in (
         np.where(TIME % 0.5 < 0.25, -1.0, 1.0),
         # Held, if only once.
         np.where(TIME > 3.8, -1.0, SWITCHING),
         SWITCHING - 0.3,
         0.4 * np.sin(2.0 * np.pi * 0.7 * TIME),
         -ringing(0.4),
-    ],
-    ids=["either sign", "a pulse", "an offset", "a wave", "turned"],
-)
-def test_a_negative_command_is_no_ringing(current: NDArray[np.float64]) -> None:
-    assert "command_negative" in codes(built(current))
-    with pytest.raises(SettingError, match="does not depend on its direction; give its magnitude"):
-        mr.Loading(dt=DT, displacement=np.sin(TIME), command=current, command_unit="A").history()
+    ):
+        assert "command_negative" in codes(built(current))
+        refused(mr.Loading(dt=DT, displacement=np.sin(TIME), command=current, command_unit="A").history)
 
 
 def test_a_glitch_of_a_command_is_no_ringing_beyond_it() -> None:
@@ -180,16 +172,14 @@ def test_jitter_leaves_a_stepped_command_at_its_levels() -> None:
     np.testing.assert_allclose(smooth.current, expected, atol=0.4 * 0.3 * DT * 4.4)
 
 
-def test_rows_without_a_command_are_dropped_at_the_ends_and_refused_between() -> None:
+def test_rows_without_a_command_are_dropped_at_the_ends_and_refused_between(refused: Refused) -> None:
     late = SWITCHING.copy()
     late[:3] = np.nan
     assert built(late).n_time == N_TIME - 3
     hole = SWITCHING.copy()
     hole[100] = np.nan
-    with pytest.raises(RecordError, match="sample 101 has no value for current"):
-        built(hole)
-    with pytest.raises(RecordError, match="the current has 3999 samples where the time has 4000"):
-        built(SWITCHING[1:])
+    refused(built, hole)
+    refused(built, SWITCHING[1:])
 
 
 def test_repairs_and_excerpts_keep_the_command_beside_the_motion() -> None:

@@ -11,8 +11,9 @@ from pathlib import Path
 import pytest
 from odd_files import KN, MM, NEWTON, TIME, assert_is_the_test, workbook
 from record_files import codes, damaged, message
+from sentences import Refused
 
-from mrwork.errors import MrworkError, RecordError
+from mrwork.errors import MrworkError
 from mrwork.records import DamperTest, read_damper_test
 
 Rows = list[Sequence[object]]
@@ -78,36 +79,29 @@ def test_further_sheets_with_a_record_are_a_warning(tmp_path: Path) -> None:
 
 
 @needs_calamine
-def test_without_a_known_heading_the_longest_sheet_is_asked_about(tmp_path: Path) -> None:
+def test_without_a_known_heading_the_longest_sheet_is_asked_about(tmp_path: Path, refused: Refused) -> None:
     sheets = {"Info": [["a", "b"], [1.0, 2.0]], "Run": [["Ch 1", "Ch 2", "Ch 3"], *BODY]}
-    with pytest.raises(RecordError, match="no column for the time among 'Ch 1'"):
-        read(tmp_path / "rig.xlsx", sheets)
+    refused(read, tmp_path / "rig.xlsx", sheets)
     given = {"time": "Ch 1:s", "displacement": "Ch 2:mm", "force": "Ch 3:kN"}
     assert_is_the_test(read(tmp_path / "rig.xlsx", sheets, **given))
 
 
 @needs_calamine
-def test_a_wrong_cell_is_named_by_its_sheet_and_row(tmp_path: Path) -> None:
+def test_a_wrong_cell_is_named_by_its_sheet_and_row(tmp_path: Path, refused: Refused) -> None:
     body = [*BODY[:100], [*BODY[100][:2], "overload"], *BODY[101:]]
-    with pytest.raises(RecordError, match=r"sheet 'Run 1': line 103, column 'Force .kN.' holds 'overload'"):
-        read(tmp_path / "rig.xlsx", {"Run 1": [[], *HEAD, *body]})
+    refused(read, tmp_path / "rig.xlsx", {"Run 1": [[], *HEAD, *body]})
 
 
 @needs_calamine
 @pytest.mark.parametrize(
-    ("content", "expected"),
-    [
-        (b"", "not a readable .xlsx workbook"),
-        (b"t_s,x_mm,F_N\n0,0,0\n", "not a readable .xlsx workbook .File is not a zip file.; save it again"),
-        (workbook({}), r"no sheet has a table of numbers"),
-        (workbook({"Notes": [["me"]]}), r"no sheet has a table of numbers .'Notes'."),
-    ],
+    "content", [b"", b"t_s,x_mm,F_N\n0,0,0\n", workbook({}), workbook({"Notes": [["me"]]})]
 )
-def test_what_is_no_workbook_with_a_record_is_refused(tmp_path: Path, content: bytes, expected: str) -> None:
+def test_what_is_no_workbook_with_a_record_is_refused(
+    tmp_path: Path, content: bytes, refused: Refused
+) -> None:
     path = tmp_path / "rig.xlsx"
     path.write_bytes(content)
-    with pytest.raises(RecordError, match=expected):
-        read_damper_test(path)
+    refused(read_damper_test, path)
 
 
 @needs_calamine
@@ -126,7 +120,7 @@ def test_a_damaged_workbook_is_read_or_refused(tmp_path: Path) -> None:
 
 
 @needs_calamine
-def test_a_sheet_cannot_claim_memory(tmp_path: Path) -> None:
+def test_a_sheet_cannot_claim_memory(tmp_path: Path, refused: Refused) -> None:
     far = workbook({"Run 1": [[1.0, 2.0]]})
     path = tmp_path / "rig.xlsx"
     # Zeros in the place of a sheet shrink a thousandfold.
@@ -142,12 +136,11 @@ def test_a_sheet_cannot_claim_memory(tmp_path: Path) -> None:
                 text = text.replace(b"</sheetData>", cell + b"</sheetData>")
             new.writestr(part, text)
     path.write_bytes(content.getvalue())
-    with pytest.raises(RecordError, match=r"not a readable \.xlsx workbook"):
-        read_damper_test(path)
+    refused(read_damper_test, path)
 
 
 def test_without_the_library_one_sentence_says_what_to_install(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, refused: Refused
 ) -> None:
     find = importlib.util.find_spec
 
@@ -157,5 +150,4 @@ def test_without_the_library_one_sentence_says_what_to_install(
     monkeypatch.setattr(importlib.util, "find_spec", without)
     path = tmp_path / "rig.xlsx"
     path.write_bytes(workbook({"Run 1": HEAD + BODY}))
-    with pytest.raises(RecordError, match=r"needs python-calamine; run: pip install 'mrwork\[xlsx\]'$"):
-        read_damper_test(path)
+    refused(read_damper_test, path)

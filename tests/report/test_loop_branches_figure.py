@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from sentences import Refused
 
 import mrwork as mr
-from mrwork.errors import SettingError
 from mrwork.records import branches
 from mrwork.report import branches_figure
 
@@ -37,8 +37,6 @@ def test_tests_are_named_by_their_command_in_tones_of_their_own() -> None:
     assert len({line.get_color() for line in legend.get_lines()}) == 3
 
 
-def test_what_cannot_be_drawn_is_refused() -> None:
-    with pytest.raises(SettingError, match="`tests` is empty"):
-        branches_figure([])
-    with pytest.raises(SettingError, match="2 entries for 1 tests"):
-        branches_figure([TEST], [TEST.force, TEST.force])
+def test_what_cannot_be_drawn_is_refused(refused: Refused) -> None:
+    refused(branches_figure, [])
+    refused(branches_figure, [TEST], [TEST.force, TEST.force])

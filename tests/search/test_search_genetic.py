@@ -20,8 +20,8 @@ from search_problems import (
     sphere,
     states,
 )
+from sentences import Refused
 
-from mrwork.errors import SettingError
 from mrwork.search import Ceiling, EfficientGA, StandardGA, StopRules, run_replicates, run_search
 from mrwork.search.genetic import _crossover, _fitness, _roulette
 
@@ -201,17 +201,13 @@ def test_an_odd_population_keeps_its_size(population):
     assert all(state.population.shape == (1, population, 3) for state in run)
 
 
-@pytest.mark.parametrize(
-    ("optimiser", "setting"),
-    [
+def test_settings_out_of_range_are_refused_by_name(refused: Refused):
+    for optimiser, setting in (
         (EfficientGA(), {"elite_share": 1.5}),
         (Ceiling(), {"absolute": -1.0}),
         (Ceiling(), {"over_median": 0.9}),
         (StandardGA(), {"crossover_probability": 1.1}),
         (StandardGA(), {"mutation_probability": -0.1}),
         (StandardGA(), {"mutation_deviation": math.nan}),
-    ],
-)
-def test_settings_out_of_range_are_refused_by_name(optimiser, setting):
-    with pytest.raises(SettingError, match=f"`{next(iter(setting))}`"):
-        replace(optimiser, **setting)
+    ):
+        refused(replace, optimiser, **setting)

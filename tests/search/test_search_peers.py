@@ -5,20 +5,19 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from search_problems import optimiser_named, sphere
+from sentences import Refused
 
-from mrwork.errors import SettingError
 from mrwork.search import PEERS, library
 
 
 @pytest.mark.parametrize("name", PEERS)
-def test_a_library_can_be_told_once(name):
+def test_a_library_can_be_told_once(name, refused: Refused):
     peer = optimiser_named(name)
     state = peer.start(2, rng=0)
     proposal = peer.ask(state)
     assert np.array_equal(peer.ask(state).unit, proposal.unit)
     peer.tell(state, proposal, sphere(proposal.unit))
-    with pytest.raises(SettingError, match="start again and tell the same misfits"):
-        peer.tell(state, proposal, sphere(proposal.unit))
+    refused(peer.tell, state, proposal, sphere(proposal.unit))
 
 
 @pytest.mark.parametrize("name", PEERS)
@@ -34,6 +33,5 @@ def test_a_library_leaves_the_random_numbers_of_others_alone(name):
     assert np.random.get_state()[1].tobytes() == before  # noqa: NPY002
 
 
-def test_a_library_that_is_not_installed_is_named_with_the_remedy():
-    with pytest.raises(SettingError, match=r"no_such_library is not installed.*mrwork\[peers\]"):
-        library("no_such_library.module")
+def test_a_library_that_is_not_installed_is_named_with_the_remedy(refused: Refused):
+    refused(library, "no_such_library.module")

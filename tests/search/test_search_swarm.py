@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from search_problems import generations_of, half_failing, sphere, states
+from sentences import Refused
 
-from mrwork.errors import SettingError
 from mrwork.search import CONSTRICTION, DifferentialEvolution, ParticleSwarm
 
 
@@ -61,9 +61,8 @@ def test_a_trial_has_a_gene_of_the_mutant_and_may_keep_all_others(base):
         assert np.mean(differs.sum(axis=2) == 1) > 0.9
 
 
-@pytest.mark.parametrize(
-    ("optimiser", "setting"),
-    [
+def test_settings_out_of_range_are_refused_by_name(refused: Refused):
+    for optimiser, setting in (
         (ParticleSwarm(), {"inertia": (0.9, -0.1)}),
         (ParticleSwarm(), {"own_attraction": 5.0}),
         (ParticleSwarm(), {"common_attraction": -1.0}),
@@ -72,8 +71,5 @@ def test_a_trial_has_a_gene_of_the_mutant_and_may_keep_all_others(base):
         (DifferentialEvolution(), {"factor": (0.5, 3.0)}),
         (DifferentialEvolution(), {"crossover_probability": 1.5}),
         (DifferentialEvolution(), {"base": "worst"}),
-    ],
-)
-def test_settings_out_of_range_are_refused_by_name(optimiser, setting):
-    with pytest.raises(SettingError, match=f"`{next(iter(setting))}"):
-        replace(optimiser, **setting)
+    ):
+        refused(replace, optimiser, **setting)

@@ -5,13 +5,13 @@ from __future__ import annotations
 import errno
 import fcntl
 import os
-import re
 import sys
 from contextlib import closing
 from pathlib import Path
 
 import pytest
 from command_line import started
+from sentences import Refused
 
 from mrwork import Journal
 from mrwork.errors import JournalError, MrworkWarning, OutputError, SettingError
@@ -43,16 +43,14 @@ time.sleep(600)
 """
 
 
-def test_a_second_writer_is_told_who_the_first_is_and_a_killed_one_leaves_no_lock(tmp_path: Path) -> None:
+def test_a_second_writer_is_told_who_the_first_is_and_a_killed_one_leaves_no_lock(
+    tmp_path: Path, refused: Refused
+) -> None:
     path = tmp_path / "chain.jsonl"
     with started(sys.executable, "-c", HOLDER, path) as holder:
         assert holder.stdout is not None
         assert holder.stdout.readline() == "held\n"
-        with pytest.raises(
-            JournalError,
-            match=f"^process {holder.pid} on .* is writing {re.escape(str(path))}; wait for its end",
-        ):
-            Lock(path)
+        refused(Lock, path)
         holder.kill()
         holder.wait()
     assert [is_lock(entry.name) for entry in tmp_path.iterdir()] == [True]
@@ -61,7 +59,7 @@ def test_a_second_writer_is_told_who_the_first_is_and_a_killed_one_leaves_no_loc
 
 
 def test_a_lock_file_that_was_removed_meanwhile_is_not_taken_for_the_lock(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, refused: Refused
 ) -> None:
     flock, removed = fcntl.flock, []
 
@@ -74,8 +72,7 @@ def test_a_lock_file_that_was_removed_meanwhile_is_not_taken_for_the_lock(
     monkeypatch.setattr(fcntl, "flock", flock_after_removal)
     with Lock(tmp_path / "chain"):
         assert removed[0].read_text().startswith(f"process {os.getpid()} on ")
-        with pytest.raises(JournalError, match="is writing"):
-            Lock(tmp_path / "chain")
+        refused(Lock, tmp_path / "chain")
 
 
 def test_where_locks_are_refused_the_file_is_written_after_a_warning(
@@ -89,44 +86,44 @@ def test_where_locks_are_refused_the_file_is_written_after_a_warning(
         Lock(tmp_path / "chain").release()
 
 
-def test_a_folder_that_is_not_there_is_one_sentence(tmp_path: Path) -> None:
-    with pytest.raises(OutputError, match=r"cannot write .*; choose another folder"):
-        Lock(tmp_path / "none" / "chain")
+def test_a_folder_that_is_not_there_is_one_sentence(tmp_path: Path, refused: Refused) -> None:
+    refused(Lock, tmp_path / "none" / "chain")
 
 
-def test_a_link_in_the_place_of_a_lock_is_not_followed(tmp_path: Path) -> None:
+def test_a_link_in_the_place_of_a_lock_is_not_followed(tmp_path: Path, refused: Refused) -> None:
     target = tmp_path / "precious"
     target.write_text("kept")
     (tmp_path / ".chain.lock").symlink_to(target)
-    with pytest.raises(OutputError, match=r"chain\.lock is a symbolic link, .* remove the link"):
-        Lock(tmp_path / "chain")
+    refused(Lock, tmp_path / "chain")
     assert target.read_text() == "kept"
 
 
-def test_a_run_that_begins_leaves_the_journal_of_another_alone(tmp_path: Path) -> None:
+def test_a_run_that_begins_leaves_the_journal_of_another_alone(tmp_path: Path, refused: Refused) -> None:
     first = begin_journal(tmp_path / "run")
     first.agree("run", {"seed": 1})
     before = first.path.read_bytes()
-    with pytest.raises(JournalError, match="is writing"):
-        begin_journal(tmp_path / "run")
+    refused(begin_journal, tmp_path / "run")
     assert first.path.read_bytes() == before
     first.close()
 
 
-def test_a_comparison_that_begins_leaves_the_journals_of_another_alone(tmp_path: Path) -> None:
+def test_a_comparison_that_begins_leaves_the_journals_of_another_alone(
+    tmp_path: Path, refused: Refused
+) -> None:
     with closing(StepJournals(to(tmp_path / "run"), resume=False)) as journals:
         journal = journals("dahl/fit")
         journal.agree("run", {"seed": 1})
         journal.close()
         for resume in (False, True):
-            with pytest.raises(JournalError, match="is writing"):
-                StepJournals(to(tmp_path / "run"), resume=resume)
+            refused(StepJournals, to(tmp_path / "run"), resume=resume)
         assert b'"seed": 1' in journal.path.read_bytes()
         journals.discard()
     assert list(tmp_path.iterdir()) == []
 
 
-def test_an_addition_replaces_an_earlier_one_only_when_it_is_complete(tmp_path: Path) -> None:
+def test_an_addition_replaces_an_earlier_one_only_when_it_is_complete(
+    tmp_path: Path, refused: Refused
+) -> None:
     kept = tmp_path / "posterior.jsonl"
     for seed in (1, 2):
         journal = begin_addition(kept)
@@ -134,8 +131,7 @@ def test_an_addition_replaces_an_earlier_one_only_when_it_is_complete(tmp_path: 
         assert kept.is_file() == (seed == 2)
         assert seed == 1 or b'"seed": 1' in kept.read_bytes()
         keep_addition(journal, kept)
-        with pytest.raises(JournalError, match="is writing"):
-            begin_addition(kept)
+        refused(begin_addition, kept)
         journal.close()
     assert b'"seed": 2' in kept.read_bytes()
     resumed = resume_addition(kept, note=pytest.fail)
@@ -144,22 +140,20 @@ def test_an_addition_replaces_an_earlier_one_only_when_it_is_complete(tmp_path: 
     assert {entry.name for entry in tmp_path.iterdir()} == {"posterior.jsonl", "posterior.jsonl.part"}
 
 
-def test_an_addition_to_a_folder_that_was_replaced_is_one_sentence(tmp_path: Path) -> None:
+def test_an_addition_to_a_folder_that_was_replaced_is_one_sentence(tmp_path: Path, refused: Refused) -> None:
     journal = begin_addition(tmp_path / "posterior.jsonl")
     journal.agree("run", {})
     journal.path.unlink()
-    with pytest.raises(OutputError, match="if the run was replaced, run again"):
-        keep_addition(journal, tmp_path / "posterior.jsonl")
+    refused(keep_addition, journal, tmp_path / "posterior.jsonl")
     journal.close()
 
 
-def test_a_second_journal_of_the_same_process_is_told_to_close_the_first(tmp_path: Path) -> None:
+def test_a_second_journal_of_the_same_process_is_told_to_close_the_first(
+    tmp_path: Path, refused: Refused
+) -> None:
     first = Journal(tmp_path / "chain.jsonl")
     first.agree("run", {"seed": 1})
-    with pytest.raises(
-        JournalError, match=r"^this process is writing .*chain\.jsonl already; close that journal"
-    ):
-        Journal(tmp_path / "chain.jsonl").agree("run", {"seed": 2})
+    refused(Journal(tmp_path / "chain.jsonl").agree, "run", {"seed": 2})
     first.close()
     with closing(Journal(tmp_path / "chain.jsonl", resume=True)) as second:
         second.agree("run", {"seed": 1})

@@ -11,9 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import printed
+from sentences import Refused
 
 from mrwork import Journal
-from mrwork.errors import Interrupted, JournalError, RecordError
+from mrwork.errors import Interrupted
 from mrwork.simulate import Outcome
 from mrwork.store.codec import plain
 from mrwork.store.journal_file import line_of, read_lines
@@ -160,12 +161,13 @@ def test_an_interrupted_study_has_what_is_done_and_resumes_to_the_bit(study: Stu
     assert (tmp_path / "journal").read_text().count("\n") == lines + len(whole.runs) - 4 + 1
 
 
-def test_a_journal_of_another_study_is_refused(study: Study, path: Path, tmp_path: Path) -> None:
+def test_a_journal_of_another_study_is_refused(
+    study: Study, path: Path, tmp_path: Path, refused: Refused
+) -> None:
     ran(study, tmp_path / "journal")
     path.write_text(STUDY.replace("masses = [100, 100]", "masses = [100, 110]"))
     other = read_study(path, lambda run: pytest.fail(f"{run} is not asked for"))
-    with pytest.raises(JournalError, match="is of another study"):
-        ran(other, tmp_path / "journal", resume=True)
+    refused(ran, other, tmp_path / "journal", resume=True)
 
 
 def test_a_journal_changes_no_result(study: Study, tmp_path: Path) -> None:
@@ -240,18 +242,18 @@ FORGED: dict[str, Callable[[dict[str, np.ndarray]], object]] = {
     "rate has a number that is not finite": lambda arrays: arrays["rate"].__setitem__((3, 0), np.nan),
     "force has other values": lambda arrays: arrays.update(force=arrays["force"].astype(complex)),
     "energy has other values": lambda arrays: arrays.update(energy=np.full(arrays["energy"].shape, "x")),
-    r"acceleration has the shape \(\d+, 1\)": lambda arrays: arrays.update(
+    "acceleration has another shape": lambda arrays: arrays.update(
         acceleration=arrays["acceleration"][:, :1]
     ),
     "command has the shape": lambda arrays: arrays.update(command=arrays["command"][:-1]),
     "its times are not": lambda arrays: arrays["time"].__setitem__(2, 0.5),
-    "it has .* samples": lambda arrays: arrays.update({name: each[:9] for name, each in arrays.items()}),
+    "it has fewer samples": lambda arrays: arrays.update({name: each[:9] for name, each in arrays.items()}),
 }
 
 
-@pytest.mark.parametrize(("words", "forge"), FORGED.items(), ids=FORGED)
+@pytest.mark.parametrize("forge", FORGED.values(), ids=FORGED)
 def test_a_forged_history_is_refused_and_simulated_again(
-    study: Study, tmp_path: Path, words: str, forge: Callable[[dict[str, np.ndarray]], object]
+    study: Study, tmp_path: Path, forge: Callable[[dict[str, np.ndarray]], object], refused: Refused
 ) -> None:
     histories = Histories(tmp_path / "run", study, resume=False)
     run_study(study, keep=histories.keep, threads=1)
@@ -262,26 +264,24 @@ def test_a_forged_history_is_refused_and_simulated_again(
         arrays = dict(archive)
     forge(arrays)
     np.savez(path, **arrays)  # type: ignore[arg-type] # no array is called allow_pickle
-    with pytest.raises(RecordError, match=f"not the history of this run .{words}"):
-        histories.read(row, motion)
+    refused(histories.read, row, motion)
     assert not histories.kept(row, motion)
     run_study(study, kept=histories.kept, keep=histories.keep, threads=1)
     assert histories.read(row, motion) is not None
 
 
-@pytest.mark.parametrize("command", [-5.0, 1e9, math.nan, 0.01])
 def test_a_best_constant_command_that_was_not_tried_is_refused(
-    study: Study, tmp_path: Path, command: float
+    study: Study, tmp_path: Path, refused: Refused
 ) -> None:
-    path = tmp_path / "study.jsonl"
-    ran(study, path)
-    entries, _ = read_lines(path.read_bytes(), path)
-    number = next(place for place, entry in enumerate(entries) if entry["step"] == "best_constant")
-    entries[number]["result"]["command"] = command
-    # Its runs, which would be others, are still to come.
-    path.write_bytes(b"".join(map(line_of, entries[: number + 1])))
-    with pytest.raises(JournalError, match="none of those that are tried"):
-        ran(study, path, resume=True)
+    for command in (-5.0, 1e9, math.nan, 0.01):
+        path = tmp_path / "study.jsonl"
+        ran(study, path)
+        entries, _ = read_lines(path.read_bytes(), path)
+        number = next(place for place, entry in enumerate(entries) if entry["step"] == "best_constant")
+        entries[number]["result"]["command"] = command
+        # Its runs, which would be others, are still to come.
+        path.write_bytes(b"".join(map(line_of, entries[: number + 1])))
+        refused(ran, study, path, resume=True)
 
 
 def test_a_damaged_history_is_simulated_again_on_resuming(

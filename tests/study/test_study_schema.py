@@ -6,8 +6,8 @@ import re
 from typing import Any
 
 import pytest
+from sentences import Refused
 
-from mrwork.errors import SettingError
 from mrwork.keys import Place, in_words, is_required, keys_of, name_in_file, read_table, tables
 from mrwork.study.reading import parse
 from mrwork.study.schema import StudyTable, schema_text
@@ -51,37 +51,27 @@ def test_a_study_is_read_with_its_units_and_defaults() -> None:
     assert study.controller[0].settings == {"control_weight": 1e-17}
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
-        ("storey = 1", "story = 1", r"line 7: \[\[damper\]\] has no key 'story', did you mean storey"),
-        ("storey = 1\n", "", r"line 6: \[\[damper\]\] has no storey; give storey of the damper"),
-        ("storey = 1", "storey = 1.5", r"line 7: storey is 1.5; give a whole number"),
-        ("storey = 1", "storey = true", r"line 7: storey is True; give a whole number"),
-        ("differential = true", 'differential = "yes"', r"line 9: differential is 'yes'; give true or false"),
-        ('law = "clipped_optimal"', "law = 3", r"line 12: law is 3; give a text in quotes"),
-        ("{ control_weight = 1e-17 }", "1", r"line 13: settings is 1; give a table"),
-        ('"kanai_tajimi"', '"kanai"', r"line 16: synthetic is 'kanai'.* choose one of kanai_tajimi"),
-        ("[0.981, 2.943]", '"0.1 furlong"', r"line 17: pga is '0.1 furlong', whose unit is not known"),
-        (
-            "[0.981, 2.943]",
-            '[0.1, "3 mm"]',
-            r"line 17: pga\[1\] is '3 mm', where a number \[m/s2\] is expected",
-        ),
-        ('"2 ms"', '"2"', r"line 20: sample_time is the text '2'; give the number without quotes"),
-        ('"2 ms"', "0", r"line 20: sample_time is 0; give a number above 0"),
-        ('"2 ms"', "nan", r"line 20: sample_time is nan; give a finite number"),
-        ("[hardware]", "[hardwear]", r"line 19: the study has no key 'hardwear', did you mean hardware"),
-        ("[[motion]]", "[motion]", r"line 15: motion is a table; give tables, as \[\[motion\]\]"),
-        ("[building]\n", "[[building]]\n", r"line 3: building is an array; give a table"),
-    ],
-)
-def test_a_mistake_is_one_sentence_with_its_line(old: str, new: str, message: str) -> None:
-    assert old in STUDY
-    with pytest.raises(SettingError, match=message) as refused:
-        study_of(STUDY.replace(old, new, 1))
-    assert str(refused.value).startswith("study.toml, ")
-    assert "\n" not in str(refused.value)
+def test_a_mistake_is_one_sentence_with_its_line(refused: Refused) -> None:
+    for old, new in (
+        ("storey = 1", "story = 1"),
+        ("storey = 1\n", ""),
+        ("storey = 1", "storey = 1.5"),
+        ("storey = 1", "storey = true"),
+        ("differential = true", 'differential = "yes"'),
+        ('law = "clipped_optimal"', "law = 3"),
+        ("{ control_weight = 1e-17 }", "1"),
+        ('"kanai_tajimi"', '"kanai"'),
+        ("[0.981, 2.943]", '"0.1 furlong"'),
+        ("[0.981, 2.943]", '[0.1, "3 mm"]'),
+        ('"2 ms"', '"2"'),
+        ('"2 ms"', "0"),
+        ('"2 ms"', "nan"),
+        ("[hardware]", "[hardwear]"),
+        ("[[motion]]", "[motion]"),
+        ("[building]\n", "[[building]]\n"),
+    ):
+        assert old in STUDY
+        refused(study_of, STUDY.replace(old, new, 1))
 
 
 def test_a_unit_is_converted_to_si() -> None:

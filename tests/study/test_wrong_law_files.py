@@ -12,9 +12,9 @@ from pathlib import Path
 
 import pytest
 from command_line import COMMAND, PATIENCE, mrwork, started
+from sentences import Refused
 
 import mrwork as mr
-from mrwork.errors import SettingError
 
 STUDY = """[building]
 published = "uts"
@@ -158,11 +158,10 @@ def test_tune_names_the_file_too(folder: Path) -> None:
     assert ended.stderr.startswith(f"{NAMED}a line of the law\n")
 
 
-def test_in_python_the_file_is_named_before_it_runs_where_asked(folder: Path) -> None:
+def test_in_python_the_file_is_named_before_it_runs_where_asked(folder: Path, refused: Refused) -> None:
     (folder / "law.py").write_text("raise RuntimeError\n")
     said: list[str] = []
-    with pytest.raises(SettingError, match=r"law\.py, line 1 failed when the file was run: RuntimeError"):
-        mr.read_study("study.toml", on_python=said.append)
+    refused(mr.read_study, "study.toml", on_python=said.append)
     assert said == ["study.toml, line 13: running law.py as Python, for its function law"]
 
 

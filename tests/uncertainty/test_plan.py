@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from sentences import Refused
 
 import mrwork as mr
 from mrwork import identify
 from mrwork.dampers import DamperSpec, damper
-from mrwork.errors import MrworkError, RecordError, SettingError, UnknownNameError
 from mrwork.identification import Fit
 from mrwork.records import DamperTest, cut
 from mrwork.simulate import Loading, simulate_force
@@ -79,7 +79,7 @@ def test_what_only_fast_tests_show_calls_for_a_fast_test(fit: Fit, test: DamperT
     assert best.peak_velocity == max(each.peak_velocity for each in GRID)
 
 
-def test_a_law_calls_for_the_current_that_was_not_tested(test: DamperTest) -> None:
+def test_a_law_calls_for_the_current_that_was_not_tested(test: DamperTest, refused: Refused) -> None:
     model = damper("bingham").with_current_laws({"f_c": "linear"})
     values = dict(zip(model.names, model.nominal, strict=True)) | {"f_c.0": 100.0, "f_c.1": 400.0}
     tests = [with_laws(model, values, current, test) for current in (0.5, 0.55)]
@@ -96,8 +96,7 @@ def test_a_law_calls_for_the_current_that_was_not_tested(test: DamperTest) -> No
     order = [each.candidate.command for each in plan.gains]
     assert order[0] in (0.0, 2.0)
     assert order[-1] == 0.5
-    with pytest.raises(SettingError, match="without current laws"):
-        candidate_grid(STATIC, tests, commands=[1.0])
+    refused(candidate_grid, STATIC, tests, commands=[1.0])
 
 
 @pytest.mark.parametrize("band", ["force", "energy", "c", "k", "f0"])
@@ -169,7 +168,7 @@ def test_draws_rank_the_tests_as_the_linearised_gain_does(fit: Fit, test: Damper
             assert each.drawn == pytest.approx(each.gain, abs=0.15)
 
 
-def test_draws_that_none_of_the_tests_fits_tell_nothing(fit: Fit, test: DamperTest) -> None:
+def test_draws_that_none_of_the_tests_fits_tell_nothing(fit: Fit, test: DamperTest, refused: Refused) -> None:
     plan = mr.plan(fit, [test], GRID[:4])
     known = LinearisedPosterior.of(fit, [test])
     rng = np.random.default_rng(5)
@@ -177,8 +176,7 @@ def test_draws_that_none_of_the_tests_fits_tell_nothing(fit: Fit, test: DamperTe
     check = checked_with_draws(plan, known, normal_draws(far, 100, rng), rng=rng)
     assert check.agreement is None
     assert {each.drawn for each in check.plan.gains} == {None}
-    with pytest.raises(SettingError, match="too few"):
-        checked_with_draws(plan, known, normal_draws(known, 5, rng), rng=rng)
+    refused(checked_with_draws, plan, known, normal_draws(known, 5, rng), rng=rng)
 
 
 def test_the_default_grid_lies_about_what_was_tested(test: DamperTest) -> None:
@@ -189,18 +187,16 @@ def test_the_default_grid_lies_about_what_was_tested(test: DamperTest) -> None:
     assert max(each.peak_velocity for each in grid) <= 1.5 * 2.0 * np.pi * 0.01 * (1.0 + 1e-9)
 
 
-def test_the_rig_sets_limits(test: DamperTest) -> None:
+def test_the_rig_sets_limits(test: DamperTest, refused: Refused) -> None:
     limits = Limits(stroke=0.02, peak_velocity=0.1)
     for each in candidate_grid(STATIC, [test], limits=limits):
         assert 2.0 * each.amplitude <= 0.02
         assert each.peak_velocity <= 0.1
-    with pytest.raises(SettingError, match="no candidate is within"):
-        candidate_grid(STATIC, [test], amplitudes=[0.1], limits=limits)
-    with pytest.raises(SettingError, match="`stroke` is -1"):
-        Limits(stroke=-1.0)
+    refused(candidate_grid, STATIC, [test], amplitudes=[0.1], limits=limits)
+    refused(Limits, stroke=-1.0)
 
 
-def test_candidates_come_from_a_file(tmp_path: Path) -> None:
+def test_candidates_come_from_a_file(tmp_path: Path, refused: Refused) -> None:
     table = tmp_path / "tests.csv"
     table.write_text("frequency,amplitude,note\n1,0.01,a\n2,0.02,b\n")
     read = read_candidates(table, STATIC)
@@ -210,38 +206,24 @@ def test_candidates_come_from_a_file(tmp_path: Path) -> None:
     )
     assert read_candidates(table, STATIC, Limits(stroke=0.03)) == read[:1]
     model = STATIC.with_current_laws({"alpha": "linear"})
-    with pytest.raises(RecordError, match=r"line 2: expected .* current"):
-        read_candidates(table, model)
+    refused(read_candidates, table, model)
     table.write_text("amplitude,frequency\n0.01,0\n")
-    with pytest.raises(RecordError, match="line 2"):
-        read_candidates(table, STATIC)
-    with pytest.raises(RecordError, match="no such file"):
-        read_candidates(tmp_path / "none.csv", STATIC)
+    refused(read_candidates, table, STATIC)
+    refused(read_candidates, tmp_path / "none.csv", STATIC)
 
 
-@pytest.mark.parametrize(
-    ("band", "error", "words"),
-    [("stiffness", UnknownNameError, "force, energy, c, k"), ("delta", SettingError, "delta is fixed")],
-)
-def test_a_band_that_is_none_is_named(
-    fit: Fit, test: DamperTest, band: str, error: type[MrworkError], words: str
-) -> None:
-    with pytest.raises(error, match=words):
-        mr.plan(fit, [test], GRID[:1], band=band)
+def test_a_band_that_is_none_is_named(fit: Fit, test: DamperTest, refused: Refused) -> None:
+    for band in ("stiffness", "delta"):
+        refused(mr.plan, fit, [test], GRID[:1], band=band)
 
 
-@pytest.mark.parametrize(
-    ("candidate", "words"),
-    [
-        (Candidate(amplitude=0.01, frequency=1e-9), "frequency of a candidate is 1e-09 Hz"),
-        (Candidate(amplitude=1e6, frequency=1.0), "amplitude of a candidate is 1e"),
-        (Candidate(amplitude=0.01, frequency=1.0, command=-5.0), "command of a candidate is -5"),
-        (Candidate(amplitude=0.01, frequency=1.0, command=1e9), "command of a candidate is 1e"),
-    ],
-)
-def test_what_no_rig_can_run_is_refused(fit: Fit, test: DamperTest, candidate: Candidate, words: str) -> None:
-    possible = Candidate(amplitude=0.01, frequency=1.0)
-    with pytest.raises(SettingError, match=words):
-        mr.plan(fit, test, [possible, candidate])
-    with pytest.raises(SettingError, match=words):
-        mr.plan(fit, test, [possible], targets=[candidate])
+def test_what_no_rig_can_run_is_refused(fit: Fit, test: DamperTest, refused: Refused) -> None:
+    for candidate in (
+        Candidate(amplitude=0.01, frequency=1e-9),
+        Candidate(amplitude=1e6, frequency=1.0),
+        Candidate(amplitude=0.01, frequency=1.0, command=-5.0),
+        Candidate(amplitude=0.01, frequency=1.0, command=1e9),
+    ):
+        possible = Candidate(amplitude=0.01, frequency=1.0)
+        refused(mr.plan, fit, test, [possible, candidate])
+        refused(mr.plan, fit, test, [possible], targets=[candidate])

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from sentences import Refused
 
-from mrwork.errors import SettingError
 from mrwork.uncertainty import Ranking
 from mrwork.uncertainty.choice.leave_one_out import LeaveOneOut
 from mrwork.uncertainty.choice.ranking import Collapse, Evidence, Standing, rank, ranking_of
@@ -128,9 +128,8 @@ def test_a_family_that_failed_is_a_row_with_its_reason() -> None:
     ]
 
 
-def test_where_all_failed_the_reasons_are_told() -> None:
-    with pytest.raises(SettingError, match="broken: it diverged"):
-        rank([family("broken", 4, None, reason="it diverged")], None)
+def test_where_all_failed_the_reasons_are_told(refused: Refused) -> None:
+    refused(rank, [family("broken", 4, None, reason="it diverged")], None)
 
 
 def test_the_sentence_tells_choice_margin_and_where_criteria_disagree() -> None:

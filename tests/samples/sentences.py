@@ -1,0 +1,85 @@
+"""Refusals that tests provoke, with their whole sentences in one file, `tests/sentences.toml`.
+
+A test asks for `refused` and gives it each call that must be refused: `refused(mr.building, "dyke")`. `make sentences`
+writes the file anew, so that a change of wording is one diff.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import tomllib
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import ParamSpec
+
+import pytest
+
+P = ParamSpec("P")
+
+TESTS = Path(__file__).parent.parent
+GOLDEN = TESTS / "sentences.toml"
+MEANT = "if this is meant: make sentences"
+WRITES = os.environ.get("MRWORK_SENTENCES") == "write"
+
+# What is of the machine, or of this Python.
+VARYING = {
+    r"\bprocess \d+ on \S+": "process {number} on {machine}",
+    r"is not TOML(:| \()[^()]*\(at": r"is not TOML\1{reason} (at",
+}
+
+
+@cache
+def golden() -> dict[str, dict[str, list[str]]]:
+    """The lines of each test, by its file and its name."""
+    return tomllib.loads(GOLDEN.read_text())
+
+
+class Refused:
+    """Calls what must be refused, and compares error and sentence with the next line of the test's entry."""
+
+    def __init__(self, expected: list[str], base: Path) -> None:
+        self.expected = expected
+        self.came: list[str] = []
+        self.failed = False
+        self._folder = re.compile(re.escape(str(base)) + r"/\w+")
+
+    def __call__(self, call: Callable[P, object], *args: P.args, **kwargs: P.kwargs) -> Exception:
+        """Return the error, for a test that says more about it."""
+        try:
+            result = call(*args, **kwargs)
+        except Exception as error:
+            key = getattr(error, "key", "")
+            self._compare(f"{type(error).__name__}{f' of `{key}`' if key else ''}: {error}")
+            return error
+        self.failed = True
+        pytest.fail(f"nothing was refused; it returned {result!r}")
+
+    def _compare(self, line: str) -> None:
+        line = self._folder.sub("{folder}", line).replace(str(TESTS), "{tests}")
+        for pattern, constant in VARYING.items():
+            line = re.sub(pattern, constant, line)
+        self.failed = not WRITES and self.expected[len(self.came) :][:1] != [line]
+        if self.failed:
+            assert line == "".join(self.expected[len(self.came) :][:1]), MEANT
+        assert line.isprintable(), "a refusal is one line of printable text"
+        self.came.append(line)
+
+
+def write(came: dict[str, dict[str, list[str]]]) -> None:
+    """Write the sentences of the files that were run; those of the others stay, where a file still has some."""
+    former = {module: tests for module, tests in golden().items() if has_some(TESTS / module)}
+    lines = ["# Written by `make sentences`: what each test has refused, in its order."]
+    for module, tests in sorted((former | came).items()):
+        lines += ["", f"[{json.dumps(module)}]"]
+        for name, sentences in sorted(tests.items()):
+            quoted = [f"    {json.dumps(sentence, ensure_ascii=False)}," for sentence in sentences]
+            lines += [f"{json.dumps(name, ensure_ascii=False)} = [", *quoted, "]"] if quoted else []
+    GOLDEN.write_text("\n".join(lines) + "\n")
+
+
+def has_some(file: Path) -> bool:
+    """Whether tests of a file ask for `refused`."""
+    return file.is_file() and "refused: Refused" in file.read_text()
