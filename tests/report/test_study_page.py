@@ -25,7 +25,7 @@ from mrwork.study.study import Row
 
 def page_of(**changes: object) -> str:
     results = replace(study_samples.results(), **changes)  # type: ignore[arg-type]
-    return study_page(results, study_samples.histories, motion=1, drawn=range(5))
+    return study_page(results, study_samples.histories, motion=1)
 
 
 def text_of(**changes: object) -> str:
@@ -152,7 +152,7 @@ def test_headings_of_tables_are_capitalised() -> None:
 
 def test_of_many_motions_the_page_shows_the_spread_and_no_table_of_each() -> None:
     results = study_samples.many_motions()
-    page = study_page(results, study_samples.histories, motion=0, drawn=range(5))
+    page = study_page(results, study_samples.histories, motion=0)
     assert "Ratios under motion 3" not in page
     assert "Criteria, median of 10 motions" in page
     assert "Spread over motions" in page
@@ -190,7 +190,6 @@ def text_of_many(results: StudyResults) -> str:
             results,
             lambda row, motion: study_samples.history(0.03, 0 if row == 0 else 2),
             motion=0,
-            drawn=range(len(results.rows)),
         )
 
 

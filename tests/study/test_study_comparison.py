@@ -110,7 +110,7 @@ def test_the_terminal_begins_with_the_changes_and_ends_with_the_scores() -> None
 
 def test_the_page_leads_with_the_changes_and_colours_the_worse_ones() -> None:
     results = with_constant()
-    page = study_page(results, study_samples.histories, motion=1, drawn=range(5))
+    page = study_page(results, study_samples.histories, motion=1)
     head = page[page.index('<dl class="headline">') : page.index("</dl>")]
     assert '<span class="remark">+4<span class="unit">%</span>' in head
     assert page.index('id="changes"') < page.index('id="criteria"')

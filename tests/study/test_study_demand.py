@@ -18,6 +18,7 @@ from mrwork.store.codec import plain
 from mrwork.study import StudyResults, read_study, run_study
 from mrwork.study.folder import study_document
 from mrwork.study.run_result import demands_of
+from mrwork.study.schema import ReportTable
 from mrwork.tested_range import FittedDamper
 
 PRESET = mr.damper("static_hysteretic").preset("kwok2006")
@@ -209,7 +210,7 @@ def test_the_page_shows_the_demand_beside_the_tested_range() -> None:
         for name in results.device_names
     )
     results = replace(results, devices=devices)
-    page = study_page(results, study_samples.histories, motion=0, drawn=(1,))
+    page = study_page(results, study_samples.histories, motion=0, report=ReportTable(controllers=("i = 0",)))
     assert "Demand on the dampers" in page
     assert "outside the tested range in stroke." in page
     assert "tested to 1 mm" in page

@@ -19,7 +19,7 @@ from mrwork.cli.identified import (
     with_identifiability,
     write_identification,
 )
-from mrwork.cli.numbers import FORCE_EXPONENT, GENERATIONS, POPULATION, POWER, add_number, named_path
+from mrwork.cli.numbers import GENERATIONS, POPULATION, Range, add_number, named_path
 from mrwork.cli.options import (
     add_files,
     add_json,
@@ -130,24 +130,15 @@ def add_parser(verbs: Any) -> None:
         metavar="RUN",
         help="also start from an earlier fit of this model, or of a model with some of its parameters; repeat for more",
     )
-    add_number(
-        parser,
-        "--power",
-        POWER,
-        "minimise (mean NRMSE^P)^(1/P) over the files: 2, the default, is the root mean square; a higher power gives "
-        "more weight to the worst file",
-        default=2.0,
-        metavar="P",
-    )
-    add_number(
-        parser,
-        "--force-exponent",
-        FORCE_EXPONENT,
-        "assume that errors grow between files with their force to this power: 1, the default, gives all files the "
-        "same weight, 0 compares errors in newtons",
-        default=1.0,
-        metavar="E",
-    )
+    for name, option in FitSettings.number_options().items():
+        add_number(
+            parser,
+            f"--{name.replace('_', '-')}",
+            Range(lower=option.least, upper=option.most),
+            option.says,
+            default=option.default,
+            metavar=option.metavar,
+        )
     add_seed(parser, "the search")
     parser.add_argument(
         "--search",
@@ -192,12 +183,11 @@ def settings_of(options: argparse.Namespace) -> FitSettings:
     return FitSettings(
         search=_search(options),
         bounds=parse_bounds(options.bound, options.fix),
-        power=options.power,
-        force_exponent=options.force_exponent,
         engine=options.engine,
         nuisances=nuisances_of(options),
         observe=observation_of(options),
         rng=options.seed,
+        **{name: getattr(options, name) for name in FitSettings.number_options()},
     )
 
 

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from mrwork.identification.settings import EQUAL_SHARES, LARGEST_POWER, ROOT_MEAN_SQUARE
 from mrwork.keys import Within
 from mrwork.search.rules import LARGEST_POPULATION
 from mrwork.uncertainty.planning.candidates import AMPLITUDE_RANGE, COMMAND_RANGE, FREQUENCY_RANGE
@@ -111,8 +110,6 @@ THREADS = Range(lower=0, upper=1024, whole=True)
 INSTANT = Range(lower=-1e10, upper=1e10, unit="s")
 SETTLE = Range(lower=0.0, upper=1e6, unit="s")
 EVERY = Range(lower=1, upper=1_000_000, whole=True)
-POWER = Range(lower=ROOT_MEAN_SQUARE, upper=LARGEST_POWER)
-FORCE_EXPONENT = Range(lower=0.0, upper=EQUAL_SHARES)
 # The largest population of six parameters is 50 MB, and its generation takes minutes.
 POPULATION = Range(lower=2, upper=LARGEST_POPULATION, whole=True)
 GENERATIONS = Range(lower=1, upper=1_000_000, whole=True)

@@ -109,7 +109,7 @@ def _verb(study: Study, place: Path, options: argparse.Namespace) -> StudyVerb[S
             results,
             histories.read,
             motion=study.detailed,
-            drawn=study.drawn,
+            report=study.report,
             status=("Runs", f"{results.done} of {results.total}", f"in {seconds:.3g} s"),
             command=command_line(),
         )

@@ -33,16 +33,16 @@ T = TypeVar("T")
 _Rows = Annotated[AnyNumbers, Shape(("n_batch", "n_params"))]
 
 
-def shares_of(deviations: Sequence[float], force_exponent: float) -> list[float]:
-    """Weights of the squared NRMSE of tests, of mean 1, from the standard deviations of their forces [N].
+def shares_of(compared: Sequence[ObservedTest], settings: FitSettings) -> list[float]:
+    """Weights of the squared NRMSE of tests, of mean 1.
 
     Errors whose standard deviation is proportional to that of the force to the `force_exponent` have the same variance
     then: 1 gives equal weights, 0 minimises the sum of squares in newtons.
     """
-    if force_exponent == EQUAL_SHARES:
-        return [1.0] * len(deviations)
-    relative = np.array(deviations) / np.max(deviations)
-    weights = relative ** (2.0 * (EQUAL_SHARES - force_exponent))
+    if settings.force_exponent == EQUAL_SHARES:
+        return [1.0] * len(compared)
+    deviations = np.array([each.deviation for each in compared])
+    weights = (deviations / np.max(deviations)) ** (2.0 * (EQUAL_SHARES - settings.force_exponent))
     return [float(weight) for weight in weights / weights.mean()]
 
 
@@ -53,7 +53,7 @@ def _observe_tests(
     if not tests:
         raise RecordError("no test was given to identify from; name at least one file")
     compared = [ObservedTest.of(spec, test, settings.nuisances) for test in tests]
-    shares = shares_of([each.deviation for each in compared], settings.force_exponent)
+    shares = shares_of(compared, settings)
     return tuple(replace(each, share=share) for each, share in zip(compared, shares, strict=True))
 
 

@@ -257,12 +257,30 @@ class Reading:
         return file if exists(file) or not self.folder else str(Path(self.folder) / file)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NumberOption:
+    """How the command line offers a setting that is a number: its help, its placeholder, its default and its range."""
+
+    says: str
+    metavar: str
+    default: float
+    least: float
+    most: float
+
+
+def _number_option(says: str, *, metavar: str, default: float, least: float, most: float) -> Any:
+    """A setting that is an option of `mrwork identify` of its name."""
+    option = NumberOption(says=says, metavar=metavar, default=default, least=least, most=most)
+    return field(default=default, metadata={"option": option})
+
+
 @checked
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FitSettings:
     """Settings of `identify`, where each is described. The fields are recorded with a fit and in its journal.
 
-    `search` is `None` for the default search of the model; a name is replaced by the registered search of that name.
+    A number is also an option of `mrwork identify` where it is declared by `_number_option`. `search` is `None` for the
+    default search of the model; a name is replaced by the registered search of that name.
 
     Raises
     ------
@@ -275,8 +293,22 @@ class FitSettings:
     search: Search | str | None = None
     bounds: Mapping[str, tuple[LowerBound, UpperBound]] = field(default_factory=dict)
     starts: tuple[Start, ...] = ()
-    power: float = ROOT_MEAN_SQUARE
-    force_exponent: float = EQUAL_SHARES
+    power: float = _number_option(
+        "minimise (mean NRMSE^P)^(1/P) over the files: 2, the default, is the root mean square; a higher power gives "
+        "more weight to the worst file",
+        metavar="P",
+        default=ROOT_MEAN_SQUARE,
+        least=ROOT_MEAN_SQUARE,
+        most=LARGEST_POWER,
+    )
+    force_exponent: float = _number_option(
+        "assume that errors grow between files with their force to this power: 1, the default, gives all files the "
+        "same weight, 0 compares errors in newtons",
+        metavar="E",
+        default=EQUAL_SHARES,
+        least=0.0,
+        most=EQUAL_SHARES,
+    )
     engine: Engine = "lanes"
     nuisances: tuple[NuisanceName, ...] = ()
     observe: tuple[str, ...] = (DETECT,)
@@ -312,6 +344,11 @@ class FitSettings:
             each.name: _plain(getattr(self, each.name)) for each in fields(self) if each.name != "search"
         }
         return {"search": None if search is None else _plain(_record_of_search(search))} | record
+
+    @classmethod
+    def number_options(cls) -> dict[str, NumberOption]:
+        """The numbers that are options of the command line, by name."""
+        return {each.name: each.metadata["option"] for each in fields(cls) if "option" in each.metadata}
 
     @classmethod
     @checked

@@ -108,7 +108,7 @@ def read_study(
     labels = [each.row.label for each in compared] + ([clairvoyant.row.label] if clairvoyant else [])
     _refuse_same(labels, place.within("controller"), "arrangements", "label")
     first = chosen[0].spec.current if chosen else None
-    detailed, drawn = _choose_drawn(table.report, motions, labels, place)
+    detailed = _choose_detailed(table.report, motions, labels, place)
     return Study(
         title=table.title or bare.name,
         file=file,
@@ -128,10 +128,10 @@ def read_study(
             ),
         ),
         detailed=detailed,
-        drawn=drawn,
         histories={"detailed": (detailed,), "all": tuple(range(len(motions))), "none": ()}[
             table.report.histories
         ],
+        report=table.report,
         problem=problem,
         tunes=tuple(resolve_settings(each, folder) for each in table.tune),
         realisations=_realisations(table, place, devices, folder, identified),
@@ -198,9 +198,10 @@ def _refuse_same(names: Sequence[str], place: Place, what: str, key: str) -> Non
         seen.add(name)
 
 
-def _choose_drawn(
+def _choose_detailed(
     table: ReportTable, motions: Sequence[MotionOfStudy], labels: Sequence[str], place: Place
-) -> tuple[int, tuple[int, ...]]:
+) -> int:
+    """Index of the motion of the time histories; what [report] names must be in the study."""
     names = [motion.name for motion in motions]
     where = place.within("report")
     if table.motion is not None and table.motion not in names:
@@ -211,11 +212,7 @@ def _choose_drawn(
             near = suggestion(label, labels)
             where.within("controllers").refuse(f"no arrangement is called {label!r}{near}")
     largest = int(np.argmax([motion.ground.peak * (motion.use == "test") for motion in motions]))
-    detailed = largest if table.motion is None else names.index(table.motion)
-    drawn = [
-        number for number, label in enumerate(labels) if not table.controllers or label in table.controllers
-    ]
-    return detailed, tuple(drawn)
+    return largest if table.motion is None else names.index(table.motion)
 
 
 def _facts(

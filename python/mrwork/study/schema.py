@@ -5,7 +5,7 @@ Numbers are in SI units. A number with a unit may also be given as a text with a
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
 
@@ -389,6 +389,12 @@ class ReportTable:
         "histories to be stored: of the motion drawn in detail, of all motions, or none", default="detailed"
     )
     place: Place | None = None
+
+    def drawn(self, labels: Sequence[str]) -> list[int]:
+        """Indices of the arrangements that are drawn, of all their labels."""
+        return [
+            number for number, label in enumerate(labels) if not self.controllers or label in self.controllers
+        ]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

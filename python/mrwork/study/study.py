@@ -25,7 +25,7 @@ from mrwork.errors import SettingError
 from mrwork.motions import GroundMotion
 from mrwork.search.unit_cube import Streams, latin_hypercube
 from mrwork.store.codec import digest_of, package_version
-from mrwork.study.schema import TuneTable, UncertaintyTable, Use
+from mrwork.study.schema import ReportTable, TuneTable, UncertaintyTable, Use
 from mrwork.summary import Summarised, Summary, listed
 from mrwork.values import Floats, holds_arrays
 
@@ -192,10 +192,10 @@ class Study(Summarised):
 
     `motions` are those that are simulated; `chosen_on` those under which the best constant command is chosen: the
     training motions of the study file, or all motions where none is for training. `histories` are the indices of the
-    motions whose histories are kept. The page shows time histories of the motion `detailed` for the arrangements
-    `drawn`. `problem` is the building with its dampers for which laws are designed, `tunes` the laws to be tuned,
-    `realisations` those of what is not known exactly. With `clairvoyant`, the non-causal optimum is searched for under
-    every motion.
+    motions whose histories are kept. The page shows time histories of the motion `detailed`; what else it
+    shows is in `report`. `problem` is the building with its dampers for which laws are designed, `tunes` the laws to be
+    tuned, `realisations` those of what is not known exactly. With `clairvoyant`, the non-causal optimum is searched for
+    under every motion.
     """
 
     _made_by: ClassVar[str] = "mr.read_study(path)"
@@ -211,8 +211,8 @@ class Study(Summarised):
     command_unit: str
     facts: tuple[tuple[str, str], ...]
     detailed: int
-    drawn: tuple[int, ...]
     histories: tuple[int, ...]
+    report: ReportTable
     problem: DesignProblem | None = None
     tunes: tuple[TuneTable, ...] = ()
     realisations: Realisations | None = None

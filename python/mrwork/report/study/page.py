@@ -44,6 +44,7 @@ from mrwork.study.results import (
     StudyResults,
     largest_step_changes,
 )
+from mrwork.study.schema import ReportTable
 from mrwork.table import Table
 from mrwork.tested_range import OperatingRange, covering
 
@@ -247,6 +248,8 @@ def uncertainty_section(results: StudyResults, shown: ShownRows) -> Section | No
 
 # Quantities of the headline; the section of changes has all of them.
 _HEADLINE = ("peak_drift", "peak_acceleration", "peak_base_shear")
+# The table [report] of a study file without one.
+_EVERYTHING = ReportTable()
 
 
 def study_page(
@@ -254,7 +257,7 @@ def study_page(
     histories: ReadHistory,
     *,
     motion: int,
-    drawn: Sequence[int],
+    report: ReportTable = _EVERYTHING,
     status: tuple[str, str, str] = ("Runs", "", ""),
     command: str = "",
 ) -> str:
@@ -264,8 +267,8 @@ def study_page(
     ----------
     motion
         Index of the motion of the time histories.
-    drawn
-        Indices of the rows that are drawn there; of many, the best.
+    report
+        The table [report] of the study; of many rows, the best are drawn.
     status
         Heading, value and note of the last number of the headline.
     command
@@ -277,7 +280,7 @@ def study_page(
         HTML with embedded styles and figures.
     """
     comparison = compared(results)
-    shown = shown_rows(comparison, drawn)
+    shown = shown_rows(comparison, report.drawn([row.label for row in results.rows]))
     sections = [
         _comparison_section(comparison, shown),
         spread_section(comparison, shown),

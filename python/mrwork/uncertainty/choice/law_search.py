@@ -97,7 +97,7 @@ class FoldedTests:
         """Row 0 has all tests, row k all but those with the indices of fold k - 1."""
         settings = settings or FitSettings()
         observed = tuple(ObservedTest.of(spec, test, settings.nuisances) for test in tests)
-        shares = shares_of([each.deviation for each in observed], settings.force_exponent)
+        shares = shares_of(observed, settings)
         included = np.tile(shares, (1 + len(folds), 1))
         for row, members in enumerate(folds, start=1):
             included[row, list(members)] = 0.0
