@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import ParamSpec
 
 import pytest
+from command_line import mrwork
 
 P = ParamSpec("P")
 
@@ -26,6 +27,7 @@ WRITES = os.environ.get("MRWORK_SENTENCES") == "write"
 
 # What is of the machine, or of this Python.
 VARYING = {
+    r"\(choose from [^)]*\)": "(choose from {choices})",
     r"\bprocess \d+ on \S+": "process {number} on {machine}",
     r"is not TOML(:| \()[^()]*\(at": r"is not TOML\1{reason} (at",
 }
@@ -56,6 +58,12 @@ class Refused:
             return error
         self.failed = True
         pytest.fail(f"nothing was refused; it returned {result!r}")
+
+    def command(self, *arguments: object) -> None:
+        """Compare the one line with which a command line ends: status 2, and nothing on stdout."""
+        ended = mrwork(*arguments)
+        assert (ended.returncode, ended.stdout) == (2, ""), ended.stderr
+        self._compare(f"exit 2: {ended.stderr.rstrip()}")
 
     def _compare(self, line: str) -> None:
         line = self._folder.sub("{folder}", line).replace(str(TESTS), "{tests}")
