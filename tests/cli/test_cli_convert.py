@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 
 import pytest
+from sentences import Refused
 
 from mrwork.cli import main
 from mrwork.dampers import damper
@@ -68,45 +69,31 @@ def test_opensees_is_printed_as_its_command_with_the_dashpot_beside_it(convert) 
     assert "note: the factors" in stdout
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["spencer", *SPENCER, "--to", "spencer"], ["already"]),
-        (["spencer", *SPENCER[1:-1], "--to", "normalised"], ["also needs n"]),
-        (["spencer", *SPENCER, "n=3", "--to", "normalised"], ["twice"]),
-        (["spencer", *SPENCER, "ko=3", "--to", "normalised"], ["ko", "alpha"]),
-        (["spencer", *SPENCER, "x0", "--to", "normalised"], ["NAME=VALUE"]),
-        (["spencer", *SPENCER, "x0=nan", "--to", "normalised"], ["not a number"]),
-        (["spencer", *SPENCER, "x0=0.038", "--to", "opensees"], ["constant load"]),
-        (["spencer", *SPENCER, "--to", "normalised", "--scale", "3"], ["leave it out"]),
-        (["spencer", *SPENCER, "--to", "opensees", "--scale", "-3"], ["from 1e-12 to 1e+12"]),
-        (["normalised", "k_w=1", "rho=0", "sigma=1", "n=1", "--to", "spencer"], ["rho", "positive"]),
-        (
-            ["opensees", "ko=1", "alpha=.1", "n=1", "gamma=-1", "beta=1", "Ao=1", "--to", "normalised"],
-            ["sum"],
-        ),
-        (
-            [
-                "opensees",
-                "ko=1",
-                "alpha=.1",
-                "n=1",
-                "gamma=1",
-                "beta=1",
-                "Ao=1",
-                "deltaA=1",
-                "--to",
-                "spencer",
-            ],
-            ["degrades"],
-        ),
-        (["opensees", "ko=1", "--to", "abaqus"], ["abaqus"]),
-    ],
-)
-def test_bad_input_is_one_sentence(convert, arguments: list[str], words: list[str]) -> None:
-    status, stdout, stderr = convert(*arguments)
-    assert status == 2
-    assert stdout == ""
-    assert len(stderr.strip().splitlines()) == 1
-    for word in words:
-        assert word in stderr
+def test_bad_input_is_one_sentence(refused: Refused) -> None:
+    for arguments in (
+        ["spencer", *SPENCER, "--to", "spencer"],
+        ["spencer", *SPENCER[1:-1], "--to", "normalised"],
+        ["spencer", *SPENCER, "n=3", "--to", "normalised"],
+        ["spencer", *SPENCER, "ko=3", "--to", "normalised"],
+        ["spencer", *SPENCER, "x0", "--to", "normalised"],
+        ["spencer", *SPENCER, "x0=nan", "--to", "normalised"],
+        ["spencer", *SPENCER, "x0=0.038", "--to", "opensees"],
+        ["spencer", *SPENCER, "--to", "normalised", "--scale", "3"],
+        ["spencer", *SPENCER, "--to", "opensees", "--scale", "-3"],
+        ["normalised", "k_w=1", "rho=0", "sigma=1", "n=1", "--to", "spencer"],
+        ["opensees", "ko=1", "alpha=.1", "n=1", "gamma=-1", "beta=1", "Ao=1", "--to", "normalised"],
+        [
+            "opensees",
+            "ko=1",
+            "alpha=.1",
+            "n=1",
+            "gamma=1",
+            "beta=1",
+            "Ao=1",
+            "deltaA=1",
+            "--to",
+            "spencer",
+        ],
+        ["opensees", "ko=1", "--to", "abaqus"],
+    ):
+        refused.command("convert", *arguments)

@@ -19,7 +19,6 @@ from mrwork.control import (
     RegulatorSettings,
     design_law,
 )
-from mrwork.errors import InvalidSettingError
 from mrwork.study import read_study
 
 M, C, K = np.diag([2.0, 1.0, 1.5]), np.zeros((3, 3)), np.zeros((3, 3))
@@ -181,9 +180,7 @@ def test_a_weight_that_cannot_be_is_refused(law: str, name: str, given: Any, ref
 
 def test_a_weight_that_is_not_a_number_is_refused(refused: Refused) -> None:
     refused(design_law, "lyapunov", problem(), {"displacements": np.full((3, 3), np.nan)})
-    with pytest.raises(InvalidSettingError, match="is nan; give a finite number") as refusal:
-        LyapunovSettings(displacements=np.full((3, 3), np.nan))  # type: ignore[arg-type]
-    assert refusal.value.key == "displacements"
+    refused(LyapunovSettings, displacements=np.full((3, 3), np.nan))  # type: ignore[arg-type]
 
 
 def test_a_control_weight_that_cannot_be_is_refused(refused: Refused) -> None:

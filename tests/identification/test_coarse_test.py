@@ -10,8 +10,7 @@ from sinusoidal_tests import sinusoidal_test
 
 import mrwork as mr
 from mrwork.identification import level_search
-from mrwork.records import DamperTest
-from mrwork.records.window import cut
+from mrwork.records import DamperTest, cut
 
 COMMANDS = (0.0, 1.0)
 MOTIONS = ((0.010, 1.0), (0.002, 2.0), (0.005, 4.0))

@@ -11,9 +11,8 @@ from sentences import Refused
 from mrwork import identify
 from mrwork.dampers import damper
 from mrwork.errors import Interrupted
-from mrwork.identification import Objective, Progress, free_run
+from mrwork.identification import FitSettings, Objective, Progress, free_run
 from mrwork.identification.nuisance import nuisance_of, without_nuisance
-from mrwork.identification.settings import FitSettings
 from mrwork.records import DamperTest, Observation
 from mrwork.records.window import excerpt
 from mrwork.search import EfficientGA, StopRules

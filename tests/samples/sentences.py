@@ -10,12 +10,13 @@ import json
 import os
 import re
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import cache
 from pathlib import Path
 from typing import ParamSpec
 
 import pytest
+from command_line import mrwork
 
 P = ParamSpec("P")
 
@@ -26,6 +27,7 @@ WRITES = os.environ.get("MRWORK_SENTENCES") == "write"
 
 # What is of the machine, or of this Python.
 VARYING = {
+    r"\(choose from [^)]*\)": "(choose from {choices})",
     r"\bprocess \d+ on \S+": "process {number} on {machine}",
     r"is not TOML(:| \()[^()]*\(at": r"is not TOML\1{reason} (at",
 }
@@ -57,6 +59,12 @@ class Refused:
         self.failed = True
         pytest.fail(f"nothing was refused; it returned {result!r}")
 
+    def command(self, *arguments: object) -> None:
+        """Compare the one line with which a command line ends: status 2, and nothing on stdout."""
+        ended = mrwork(*arguments)
+        assert (ended.returncode, ended.stdout) == (2, ""), ended.stderr
+        self._compare(f"exit 2: {ended.stderr.rstrip()}")
+
     def _compare(self, line: str) -> None:
         line = self._folder.sub("{folder}", line).replace(str(TESTS), "{tests}")
         for pattern, constant in VARYING.items():
@@ -69,17 +77,33 @@ class Refused:
 
 
 def write(came: dict[str, dict[str, list[str]]]) -> None:
-    """Write the sentences of the files that were run; those of the others stay, where a file still has some."""
-    former = {module: tests for module, tests in golden().items() if has_some(TESTS / module)}
+    """Write the sentences of the tests that were run; those of the others stay, where the test still exists."""
     lines = ["# Written by `make sentences`: what each test has refused, in its order."]
-    for module, tests in sorted((former | came).items()):
-        lines += ["", f"[{json.dumps(module)}]"]
+    for module in sorted({*golden(), *came}):
+        tests = former(module, came.get(module, {})) | came.get(module, {})
+        lines += ["", f"[{json.dumps(module)}]"] if any(tests.values()) else []
         for name, sentences in sorted(tests.items()):
             quoted = [f"    {json.dumps(sentence, ensure_ascii=False)}," for sentence in sentences]
             lines += [f"{json.dumps(name, ensure_ascii=False)} = [", *quoted, "]"] if quoted else []
     GOLDEN.write_text("\n".join(lines) + "\n")
 
 
-def has_some(file: Path) -> bool:
-    """Whether tests of a file ask for `refused`."""
-    return file.is_file() and "refused: Refused" in file.read_text()
+def former(module: str, ran: Iterable[str]) -> dict[str, list[str]]:
+    """The entries of tests that were not run, as where their data are absent."""
+    known = {function_of(name) for name in ran}
+    return {
+        name: lines
+        for name, lines in golden().get(module, {}).items()
+        if function_of(name) not in known and is_there(module, name)
+    }
+
+
+def function_of(name: str) -> str:
+    return name.partition("[")[0]
+
+
+def is_there(module: str, name: str) -> bool:
+    """Whether the test of an entry still exists, and asks for `refused`."""
+    file = TESTS / module
+    _, _, test = (file.read_text() if file.is_file() else "").partition(f"def {function_of(name)}(")
+    return "refused: Refused" in test.partition(":\n")[0]
