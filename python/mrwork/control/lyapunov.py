@@ -31,14 +31,10 @@ from mrwork.values import Floats, holds_arrays
 @holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class LyapunovFunction(Summarised):
-    """`V = s'P s / 2` with `V' = -s'Q_P s / 2 + sigma f`, `sigma = vectors @ s`.
+    """`V = s'P s / 2` with `V' = -s'Q_P s / 2 + sigma f`, `sigma = vectors @ s`; `weight` is Q_P.
 
-    Parameters
-    ----------
-    P, weight
-        P and Q_P, shape (2n, 2n).
-    vectors
-        B'P, shape (n_devices, 2n). A device force decreases V faster if its sign is opposite to that of sigma.
+    `vectors` are B'P, shape (n_devices, 2n): a device force decreases V faster if its sign is opposite to that of
+    sigma.
     """
 
     P: Floats
@@ -186,7 +182,8 @@ class ProportionalSettings(LyapunovSettings):
         ),
     )
     control_weight: Weights | None = key(
-        "R of that regulator [1/N2]; of the forces of devices with all their dampers",
+        "R of that regulator; of the forces of devices with all their dampers",
+        unit="1/N2",
         default=None,
         above=0.0,
         matrix=True,

@@ -38,8 +38,8 @@ class RegulatorSettings(CostWeights, LawSettings):
     is_regulator: ClassVar[bool] = True
     weighed_by_default: ClassVar[Mapping[str, float]] = {"drifts": 1.0}
     control_weight: Weights = key(
-        "R of the forces [1/N2], each the force of a device with all its dampers; with designed weights, 1 is R as "
-        "designed",
+        "R of the forces, each the force of a device with all its dampers; with designed weights, 1 is R as designed",
+        unit="1/N2",
         above=0.0,
         matrix=True,
         span=Span(lower=1e-6, upper=10.0, of=(("cost", 1.0), ("force", -2.0))),

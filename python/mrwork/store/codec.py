@@ -215,16 +215,9 @@ _FORMER_WORDS = {"verdict": {"weakly": "weakly identifiable", "not": "not identi
 
 
 def record_from_json(kind: type[T], text: str, *, origin: str, name: str, verb: str) -> T:
-    """Read a dataclass of type `kind` that `json_document` has written.
+    """Read a dataclass of type `kind` from a document that `json_document` has written.
 
-    Parameters
-    ----------
-    kind
-        Type of the record.
-    text
-        The document.
-    origin, name, verb
-        For messages: path of the document, name of such a record, and the verb of `mrwork` that writes it.
+    For messages: `origin` is the path of the document, `name` that of such a record, and `verb` of `mrwork` writes it.
     """
     found: T = record_of(kind, parsed(text, origin=origin, verb=verb), origin=origin, name=name, verb=verb)
     return found

@@ -434,16 +434,9 @@ class Varied:
 def judge(
     bench: Bench, objective: TuningObjective, found: RunCriteria, varied: Varied | None, *, robust: bool
 ) -> TuningJudgement:
-    """The judgement of one candidate.
+    """The judgement of a candidate from its criteria on the bench of the nominal study, and with realisations, if any.
 
-    Parameters
-    ----------
-    found
-        Its criteria on the bench, of one realisation: the nominal study.
-    varied
-        The same with realisations, if the study has any.
-    robust
-        Whether the objective takes the realisations.
+    With `robust` the objective takes the realisations.
     """
     ratios = _ratios(found, bench.passive)
     names = [motion.name for motion in bench.motions]
