@@ -301,7 +301,6 @@ def check_size(n_coordinates: int, where: str) -> None:
 
 
 def _check_building(building: Building) -> None:
-    """Check that a building can be simulated."""
     where = f"building {building.name}"
     _check_shapes(building, where)
     for title, matrix in (

@@ -447,7 +447,6 @@ def _result(problem: ClairvoyantProblem, done: Sequence[ClairvoyantStart]) -> Cl
 def _starts(
     problem: ClairvoyantProblem, settings: ClairvoyantSettings, given: Mapping[str, PrescribedCommands]
 ) -> Iterator[tuple[str, Floats]]:
-    """Name and commands of every start: constant, given, random."""
     fitted = {name: problem.fitted(commands) for name, commands in given.items()}
     shares = np.linspace(0.0, 1.0, _LEVELS)
     scores = problem.constant_scores(shares)

@@ -397,7 +397,6 @@ def _train(
 
 
 def _test(network: InverseNetwork, group: _DamperGroup, loading: Loading, n_previous: int) -> InverseNetwork:
-    """The network with its accuracy on a test motion."""
     wanted = group.force(loading)
     command = network.command(_network_inputs(loading, wanted, n_previous))
     given = group.force(replace(loading, command=command))

@@ -228,10 +228,18 @@ def regulators_of_weights(
     return tuple(solve_together(lambda sound: _regulators(plant, sound, threads), costs))
 
 
+def regulators_of_costs(
+    plant: Plant, costs: Sequence[tuple[Weighed, ArrayLike] | SettingError]
+) -> list[Regulator | SettingError]:
+    """The regulators of what weights add up to with their R, all by one call; errors keep their places."""
+    return solve_together(
+        lambda sound: regulators_of_weights(plant, [one for one, _ in sound], [R for _, R in sound]), costs
+    )
+
+
 def _regulators(
     plant: Plant, costs: Sequence[tuple[Floats, Floats, Floats]], threads: int
 ) -> list[Regulator | SettingError]:
-    """The regulators of costs Q, R and N."""
     Q, R, N = (np.array(matrices) for matrices in zip(*costs, strict=True))
     solutions = regulator_gains(plant.A, plant.B, Q, R, N, scaling=plant.scaling, threads=threads)
     gain = np.where(solutions.solved[:, None, None], solutions.gain, 0.0)

@@ -18,7 +18,7 @@ from mrwork.control.design_problem import (
     attempt_each,
     solve_together,
 )
-from mrwork.control.lqr import Weighed, Weights, regulators_of_weights
+from mrwork.control.lqr import Weighed, Weights, regulators_of_costs
 from mrwork.control.plant import Plant
 from mrwork.control.riccati import lyapunov_solutions
 from mrwork.control.weights import CostWeights
@@ -95,7 +95,6 @@ def _lyapunov_functions(
 
 
 def _undamped_mode(plant: Plant, T: Floats) -> SettingError | None:
-    """The refusal of a building with an undamped mode."""
     A_z = np.linalg.inv(T) @ plant.A @ T
     slowest = float(np.max(np.linalg.eigvals(A_z).real))
     if slowest < -1e-9 * float(np.linalg.norm(A_z, 2)):
@@ -217,8 +216,5 @@ def _regulator_vectors(plant: Plant, many: Sequence[ProportionalSettings]) -> li
         assert each.control_weight is not None
         return each.weighed(plant), each.control_weight
 
-    found = solve_together(
-        lambda sound: regulators_of_weights(plant, [one for one, _ in sound], [R for _, R in sound]),
-        attempt_each(cost, many),
-    )
+    found = regulators_of_costs(plant, attempt_each(cost, many))
     return [each if isinstance(each, SettingError) else each.vectors for each in found]

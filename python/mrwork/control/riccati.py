@@ -315,7 +315,6 @@ def _transpose(matrices: Floats) -> Floats:
 
 
 def _scaling(given: ArrayLike, n: int) -> Floats:
-    """Invertible coordinates of the state."""
     scaling = _stack("scaling", given, n, n)
     if np.any(np.linalg.slogdet(scaling)[0] == 0.0):
         raise SettingError("`scaling` is singular; give coordinates of the whole state")

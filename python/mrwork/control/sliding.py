@@ -16,7 +16,7 @@ from mrwork.control.design_problem import Design, DesignProblem, LawSettings, Sp
 from mrwork.control.plant import Plant
 from mrwork.control.riccati import solve_riccati
 from mrwork.errors import MrworkWarning, SettingError
-from mrwork.keys import key
+from mrwork.keys import key, keys_of
 from mrwork.summary import Summarised
 from mrwork.values import Floats, holds_arrays
 
@@ -259,12 +259,7 @@ class _SurfaceSettings(LawSettings):
     def gains(self, surface: SlidingSurface) -> SlidingGains:
         """The gains of the laws on this surface."""
         return sliding_gains(
-            surface,
-            peak_acceleration=self.peak_acceleration,
-            largest_force=self.largest_force,
-            frequency=self.frequency,
-            margin=self.margin,
-            bandwidth=self.bandwidth,
+            surface, **{entry.name: getattr(self, entry.name) for entry in keys_of(type(self))}
         )
 
 

@@ -322,7 +322,6 @@ def _built_record(kind: type, value: Any, place: str) -> Any:
 
 
 def _built_member(inner: tuple[Any, ...], value: Any, place: str, notes: tuple[Any, ...]) -> Any:
-    """A value of one of the members of a union."""
     if value is None and types.NoneType in inner:
         return None
     members = [member for member in inner if member is not types.NoneType]

@@ -53,7 +53,6 @@ def running_in_words(table: LawFileTable, folder: Path) -> str:
 
 
 def _load_law(table: LawFileTable, folder: Path) -> UserLaw:
-    """The law of a file, whose name is relative to `folder`."""
     name = table.function
     module, text = _run_module(table, folder / table.file)
     functions = [each for each, value in vars(module).items() if inspect.isfunction(value)]
@@ -76,7 +75,6 @@ def _load_law(table: LawFileTable, folder: Path) -> UserLaw:
 
 
 def _run_module(table: LawFileTable, path: Path) -> tuple[ModuleType, str]:
-    """The file as a module, and its text."""
     where = table.place.within("file")
     with where.prefixed(SettingError):
         text = text_of(path, _PYTHON)

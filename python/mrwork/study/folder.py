@@ -80,7 +80,6 @@ class StoredGroup:
 
 
 def _store_groups(results: StudyCriteria) -> tuple[StoredGroup, ...]:
-    """The groups of the motions of a study, with the score of each row by its label."""
     return tuple(
         StoredGroup(
             name=group.name,
@@ -146,7 +145,6 @@ class StoredClairvoyant:
 
 
 def _store_clairvoyant(found: Clairvoyant) -> StoredClairvoyant:
-    """The optimum in the form of the results file."""
     return StoredClairvoyant(
         motion=found.motion,
         score=found.score,

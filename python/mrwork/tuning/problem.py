@@ -479,7 +479,6 @@ def _ratios(found: RunCriteria, passive: RunCriteria) -> dict[str, Floats]:
 
 
 def _bands(ratios: Mapping[str, Floats]) -> dict[str, RealisationBand]:
-    """Bands of the means over motions."""
     return {name: RealisationBand.of(values[0].mean(axis=0)) for name, values in ratios.items()}
 
 
