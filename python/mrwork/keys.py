@@ -185,32 +185,12 @@ def key(
     from_one: bool = False,
     named: str = "",
 ) -> Any:
-    """Declare a key of a table.
+    """Declare a key of a table: what it means in a few words, and its range, as of `Within`.
 
-    Parameters
-    ----------
-    says
-        What it means, in a few words.
-    unit
-        SI unit of a number. A file may also give such a number as a text with another unit.
-    default
-        Value if the key is absent; a key without a default is required.
-    least, above, most, below
-        Range of a number, as of `Within`.
-    most_items
-        Largest length of an array.
-    may_be_nan
-        Whether a number may be NaN, as the value of a broken sensor.
-    matrix
-        Whether the value may be a matrix, in a file also the name of a text file with it.
-    label
-        Whether a text is a name in tables and figures, which has no control characters.
-    span
-        Range in which a search looks for it, for those tables that are searched.
-    from_one
-        Whether the number counts from 1 in a file, where it counts from 0 in Python.
-    named
-        Name of the key in a file, where it is another one than in Python.
+    A number with a `unit`, which is that of SI, may be a text with another unit in a file. A key without a default is
+    required. `matrix` permits a matrix, in a file also the name of a text file with it; a `label` is a name in tables
+    and figures, which has no control characters. `span` is the range in which a search looks for it. A number that
+    counts `from_one` in a file counts from 0 in Python; `named` is the name in a file, where it is another one.
     """
     notes = {
         "says": says,
@@ -460,7 +440,6 @@ def _wanted_instead_of(value: float, entry: Field[Any]) -> str:
 
 
 def _check_rows(rows: Sequence[Any], place: Place) -> None:
-    """Refuse rows of a matrix that are none, or of different lengths."""
     if not all(isinstance(row, list) for row in rows):
         _refuse(place, rows, "rows of numbers, as [[2, -1], [-1, 1]]")
     for number, row in enumerate(rows):
@@ -485,7 +464,6 @@ def _is_near(kind: Any, value: Any) -> bool:
 
 
 def _is_nested(kind: Any) -> bool:
-    """Whether the type is that of a matrix, a tuple of tuples."""
     return get_origin(get_args(kind)[0]) is tuple
 
 

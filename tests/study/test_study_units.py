@@ -10,7 +10,9 @@ from typing import Any, get_args, get_origin, get_type_hints
 
 import numpy as np
 import pytest
+from tuning_samples import study_file
 
+import mrwork as mr
 from mrwork.buildings import Building, read_building
 from mrwork.control import SETTINGS, WeightWishes
 from mrwork.errors import SettingError
@@ -31,6 +33,11 @@ PREFIXED = {
     "N": ("MN", 1e6),
     "N/m": ("MN/m", 1e6),
     "N s/m": ("kN s/mm", 1e6),
+    "1/N2": ("1/kN2", 1e-6),
+    "1/m2": ("1/mm2", 1e6),
+    "1/J": ("1/kJ", 1e-3),
+    "s2/m2": ("s2/mm2", 1e6),
+    "s4/m2": ("s4/mm2", 1e6),
     "A": ("mA", 1e-3),
     "A or V": ("mV", 1e-3),
     "A/s or V/s": ("A/ms", 1e3),
@@ -138,3 +145,12 @@ def test_a_building_is_the_same_in_any_units(plain: str, in_texts: str, tmp_path
         for field in dataclasses.fields(one):
             if field.name != "name":
                 np.testing.assert_allclose(getattr(one, field.name), getattr(other, field.name), rtol=1e-14)
+
+
+def test_a_weight_as_text_has_its_unit_and_is_no_name_of_a_file(tmp_path: Path) -> None:
+    laws = []
+    for weight in ("1e-12", '"1e-6 1/kN2"'):
+        table = f'[[controller]]\nlaw = "clipped_optimal"\nsettings = {{ drifts = 1.0, control_weight = {weight} }}\n'
+        study = mr.read_study(study_file(tmp_path, tune="", more=table))
+        laws.append(study.arrangements[-1].law)
+    np.testing.assert_allclose(laws[0].gains["gain"], laws[1].gains["gain"], rtol=1e-9)

@@ -87,7 +87,6 @@ def with_modal_damping(building: Building, *, ratios: Sequence[float]) -> Buildi
 
 
 def _check_ratios(ratios: Sequence[float], name: str) -> None:
-    """Check that damping ratios are shares of critical damping."""
     for ratio in ratios:
         if not 0.0 <= ratio <= 1.0:
             raise SettingError(

@@ -357,7 +357,6 @@ class BuildingTable:
 
 
 def _given(table: BuildingTable) -> tuple[str, ...]:
-    """Names of the keys that a table gives."""
     return tuple(
         entry.name for entry in keys_of(BuildingTable) if getattr(table, entry.name) != entry.default
     )
@@ -494,7 +493,6 @@ def _changed(known: Building, table: BuildingTable, folder: Path) -> Building:
 
 
 def _arrays(table: BuildingTable, folder: Path) -> dict[str, Floats]:
-    """Read the matrices of a table, each given as rows or as the name of a file."""
     arrays: dict[str, Floats] = {}
     for name in (*_MATRICES, *_ROWS, "influence"):
         value = getattr(table, name)

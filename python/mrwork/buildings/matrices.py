@@ -27,21 +27,11 @@ class PassiveElement(Summarised):
     """A passive device `f = k x + c v + d |v| v + f_y w` across a row of a building, x its elongation and v = x'.
 
     `w' = (v - (|v| |w|^(n-1) w + v |w|^n) / 2) / x_y` is the normalised Bouc-Wen loop, which goes to elastic-perfectly
-    plastic as n grows (Ikhouane, Rodellar, Systems with Hysteresis, Wiley, 2007). The spring k and the dashpot c are in
-    the matrices of the building, so that modes, observers and regulators see them; the rest they do not see.
-
-    Parameters
-    ----------
-    row
-        Elongation = row @ q, shape (n,).
-    stiffness, damping
-        k [N/m] and c [N s/m], which whoever adds the element adds to the matrices as well.
-    head_loss
-        d [N s2/m2].
-    yield_force, yield_displacement
-        f_y [N] and x_y [m]: the initial stiffness of the loop is f_y / x_y.
-    sharpness
-        n, how sharp the knee is: 1 is round, 10 nearly bilinear.
+    plastic as n grows (Ikhouane, Rodellar, Systems with Hysteresis, Wiley, 2007). The spring k [N/m] and the dashpot c
+    [N s/m] are in the matrices of the building, so that modes, observers and regulators see them; whoever adds the
+    element adds them there. The rest they do not see: `head_loss` d [N s2/m2], `yield_force` f_y [N] and
+    `yield_displacement` x_y [m] with the initial stiffness f_y / x_y, and `sharpness` n of the knee, 1 for a round and
+    10 for a nearly bilinear one.
     """
 
     _made_by: ClassVar[str] = (
@@ -311,7 +301,6 @@ def check_size(n_coordinates: int, where: str) -> None:
 
 
 def _check_building(building: Building) -> None:
-    """Check that a building can be simulated."""
     where = f"building {building.name}"
     _check_shapes(building, where)
     for title, matrix in (

@@ -250,16 +250,10 @@ def column_length(frequency: Positive) -> float:
 def liquid_column_optimum(mass_ratio: Positive, width_ratio: Level) -> tuple[float, float]:
     """Frequency ratio and damping ratio of a liquid column for the least displacement under white noise.
 
-    `sqrt(1 + mu (1 - alpha^2 / 2)) / (1 + mu)` and
-    `alpha / 2 sqrt(mu (1 + mu - alpha^2 mu / 4) / ((1 + mu) (1 + mu - alpha^2 mu / 2)))`, of an undamped structure of
-    one coordinate under a force (Yalla, Kareem, J. Struct. Eng. 126(8), 2000, 906-915).
-
-    Parameters
-    ----------
-    mass_ratio
-        mu, mass of the liquid over that of the structure.
-    width_ratio
-        alpha, horizontal over whole length of the column.
+    `sqrt(1 + mu (1 - alpha^2 / 2)) / (1 + mu)` and `alpha / 2 sqrt(mu (1 + mu - alpha^2 mu / 4) / ((1 + mu) (1 + mu -
+    alpha^2 mu / 2)))`, of an undamped structure of one coordinate under a force (Yalla, Kareem, J. Struct. Eng. 126(8),
+    2000, 906-915), with the mass ratio mu of liquid and structure and the width ratio alpha, horizontal over whole
+    length of the column.
     """
     mu, square = mass_ratio, width_ratio**2
     frequency = sqrt(1.0 + mu * (1.0 - square / 2.0)) / (1.0 + mu)
@@ -269,19 +263,11 @@ def liquid_column_optimum(mass_ratio: Positive, width_ratio: Level) -> tuple[flo
 
 @checked
 def head_loss_of(ratio: NotNegative, frequency: Positive, rms_velocity: Positive) -> float:
-    """Coefficient of head loss xi that has a damping ratio at an rms velocity of the liquid.
+    """Coefficient of head loss xi that has a damping ratio at an rms velocity sigma of the liquid [m/s].
 
-    By equivalent linearisation for a Gaussian velocity, `xi |y'| y' / 2` has the mean slope
-    `xi sqrt(2 / pi) sigma`: `xi = 2 ratio omega L sqrt(pi / 2) / sigma` (Yalla, Kareem 2000).
-
-    Parameters
-    ----------
-    ratio
-        Damping ratio of the liquid on the fixed floor.
-    frequency
-        Of the liquid [Hz].
-    rms_velocity
-        sigma, rms velocity of the liquid [m/s].
+    By equivalent linearisation for a Gaussian velocity, `xi |y'| y' / 2` has the mean slope `xi sqrt(2 / pi) sigma`:
+    `xi = 2 ratio omega L sqrt(pi / 2) / sigma` (Yalla, Kareem 2000), at the frequency [Hz] of the liquid on the fixed
+    floor.
     """
     return 2.0 * ratio * 2.0 * pi * frequency * column_length(frequency) * sqrt(pi / 2.0) / rms_velocity
 

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import numpy as np
 
-from mrwork.arguments import Count, Positive, Threads, checked
+from mrwork.arguments import Threads, Within, checked
 from mrwork.buildings.matrices import Building, Device
 from mrwork.closed_loop.evaluation import SCORE, criterion
 from mrwork.closed_loop.hardware import Hardware
@@ -24,7 +24,7 @@ from mrwork.closed_loop.responses import Responses, axis_of
 from mrwork.closed_loop.simulate import PrescribedCommands, samples_of, simulate_loop, simulate_prescribed
 from mrwork.control.laws import ControlLaw
 from mrwork.errors import Interrupted, SettingError
-from mrwork.keys import Within
+from mrwork.keys import key
 from mrwork.motions.ground_motion import GroundMotion
 from mrwork.summary import Summarised, Summary, rounded
 from mrwork.values import Floats, holds_arrays
@@ -41,14 +41,9 @@ _AGREEMENT = 2e-3
 @holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClairvoyantProblem:
-    """Score of commands over intervals, for a building with devices under one motion.
+    """Score of commands over intervals [s], for a building with devices under one motion.
 
-    Attributes
-    ----------
-    interval
-        Interval over which a command is held [s].
-    floors, storeys
-        Indices of the floors and storeys that count in the score; all by default.
+    `floors` and `storeys` are the indices of those that count in the score; all by default.
     """
 
     building: Building
@@ -246,20 +241,7 @@ _MEMORY = 20
 @checked
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClairvoyantSettings:
-    """Settings of the search for the non-causal optimum.
-
-    Attributes
-    ----------
-    interval
-        Interval over which a command is held [s], a whole number of control samples.
-    explore
-        Iterations from every start.
-    finish
-        Iterations from the best of them.
-    random_starts
-        Number of random starts, besides the best constant command and half of the largest one.
-    seed
-        Seed of the random starts.
+    """Settings of the search for the non-causal optimum; the seed is that of the random starts.
 
     Raises
     ------
@@ -269,10 +251,12 @@ class ClairvoyantSettings:
 
     _made_by: ClassVar[str] = "mr.closed_loop.ClairvoyantSettings(interval=...)"
 
-    interval: Positive = 0.01
-    explore: Count = 25
-    finish: Annotated[int, Within(least=0)] = 75
-    random_starts: Annotated[int, Within(least=0)] = 1
+    interval: float = key(
+        "interval over which a command is held, a whole number of samples", unit="s", default=0.01, above=0.0
+    )
+    explore: int = key("iterations from every start", default=25, least=1)
+    finish: int = key("iterations from the best of them", default=75, least=0)
+    random_starts: int = key("random starts, besides constant commands and the best law", default=1, least=0)
     seed: Annotated[int, Within(least=0)] = 0
 
 
@@ -311,20 +295,8 @@ class ClairvoyantProgress:
 class Clairvoyant(Summarised):
     """Non-causal optimum of the command history under one motion: local, of several starts, not certified.
 
-    Attributes
-    ----------
-    motion
-        Name of the motion.
-    commands
-        The command history.
-    score
-        Mean of `ratios`.
-    criteria
-        Criteria of the score by name, of the run of the loop with these commands.
-    ratios
-        The same over their values at i = 0.
-    starts
-        Every start, with the score reached from it; the last one finishes the best of them.
+    `criteria` are those of the score by name, of the run of the loop with these commands, `ratios` the same over their
+    values at i = 0, and the score is their mean. The last of the `starts` finishes the best of them.
     """
 
     motion: str
@@ -475,7 +447,6 @@ def _result(problem: ClairvoyantProblem, done: Sequence[ClairvoyantStart]) -> Cl
 def _starts(
     problem: ClairvoyantProblem, settings: ClairvoyantSettings, given: Mapping[str, PrescribedCommands]
 ) -> Iterator[tuple[str, Floats]]:
-    """Name and commands of every start: constant, given, random."""
     fitted = {name: problem.fitted(commands) for name, commands in given.items()}
     shares = np.linspace(0.0, 1.0, _LEVELS)
     scores = problem.constant_scores(shares)

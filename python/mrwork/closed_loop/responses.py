@@ -140,7 +140,6 @@ class History(Labelled, Summarised):
         return np.asarray(0.5 * np.einsum("ti,ij,tj->t", displacement, building.stiffness, displacement))
 
     def _of(self, building: Building) -> Floats:
-        """The state, of the coordinates of this building."""
         if self.state.shape[1] != 2 * len(building.mass):
             raise SettingError(
                 f"the history is of {self.state.shape[1] // 2} coordinates, and {building.name} has "

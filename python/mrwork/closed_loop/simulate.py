@@ -107,7 +107,6 @@ def _stretch_theta(spec: DamperSpec, theta: Floats, factors: Floats) -> Floats:
 
 
 def _core_building(building: Building, devices: Sequence[Device]) -> _rust.Building:
-    """The building with the positions of its devices."""
     n = building.n_coordinates
     if n > _MOST_COORDINATES:
         raise SettingError(

@@ -69,26 +69,8 @@ def static_counterpart(
     441-451, so that the force is F0 + G i + H i^2 except for delta. For given beta, delta and x_s the other parameters
     are linear and eliminated (Golub & Pereyra, SIAM J. Numer. Anal. 10(2), 1973, 413-432). A static hysteretic damper
     with such laws is returned unchanged, with the lag of its driver; a fitted one has no lag: its command is the
-    current in the coil.
-
-    Parameters
-    ----------
-    spec, theta
-        A damper with current laws, and its parameters, shape (n_params,).
-    largest_command
-        In the unit of the model; commands from 0 to this one are simulated.
-    amplitude, velocity
-        Smallest and largest expected amplitude [m] and peak velocity [m/s]; the model is fitted to sinusoids in this
-        range.
-
-    Examples
-    --------
-    >>> import mrwork as mr
-    >>> from mrwork.control.counterpart import static_counterpart
-    >>> rd1005 = mr.damper("static_hysteretic").preset("kwok2006")
-    >>> static_counterpart(rd1005.spec, rd1005.theta, largest_command=1.88, amplitude=(0.002, 0.01),
-    ...                    velocity=(0.02, 0.2)).fit_percent
-    100.0
+    current in the coil. It is fitted to commands from 0 to the largest one and to sinusoids from the smallest to the
+    largest `amplitude` [m] and peak `velocity` [m/s].
     """
     if spec.current is None:
         raise SettingError(

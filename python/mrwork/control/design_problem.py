@@ -185,20 +185,9 @@ class Magnitudes(Summarised):
 class Span:
     """Range in which a search looks for a setting, and its value where it is neither searched nor given.
 
-    All three are multiples of the product of the magnitudes `of`, each with its power.
-
-    Parameters
-    ----------
-    lower, upper
-        Ends of the range.
-    start
-        Value where the setting is held; `None` for the default of the setting.
-    scale
-        Whether the search is uniform in the number or in its logarithm.
-    free
-        Whether a search changes the setting unless something else is asked for.
-    entries
-        For an array, of which a search changes each number: the numbers with which it begins.
+    `lower`, `upper` and `start` are multiples of the product of the magnitudes `of`, each with its power; a `start` of
+    `None` is the default of the setting. The search is uniform in the number or in its logarithm, by `scale`. It
+    changes the setting only if `free`, or where it is asked to; of an array each number, beginning with `entries`.
     """
 
     lower: float

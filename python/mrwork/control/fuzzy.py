@@ -57,20 +57,9 @@ def fuzzy_table(
     rate_scale: Positive,
     n_points: Annotated[int, Within(least=5, most=1001)] = 41,
 ) -> FuzzyTable:
-    """Tabulate the controller.
+    """Tabulate the controller for expected peaks of deformation [m] and rate [m/s] of the device.
 
-    Parameters
-    ----------
-    deformation_scale, rate_scale
-        Expected peak deformation [m] and rate [m/s] of the device.
-    n_points
-        Number of points along each input, odd, so that the centres of the sets are among them.
-
-    Examples
-    --------
-    >>> from mrwork.control.fuzzy import fuzzy_table
-    >>> fuzzy_table(deformation_scale=0.01, rate_scale=0.2).share.shape
-    (41, 41)
+    An odd number of points along each input has the centres of the sets among them.
     """
     if n_points % 2 == 0:
         raise SettingError(f"`n_points` is {n_points}; give an odd number")

@@ -173,24 +173,13 @@ _RIDGE = 1e-8
 class InverseNetwork(Summarised):
     """`command = output_scale clip(w2 tanh(W1 clip(inputs/input_scale, -1, 1) + b1) + b2, 0, 1)`.
 
-    Inputs outside the training range are clipped to it.
+    Inputs outside the training range are clipped to it. They are deformation [m], velocity [m/s] and wanted force [N],
+    then those one `sample_time` before. W1 has the shape (n_hidden, n_inputs), b1 and w2 (n_hidden,).
 
-    Parameters
-    ----------
-    names
-        Inputs: deformation [m], velocity [m/s] and wanted force [N], then those one sample before.
-    W1, b1, w2, b2
-        Shapes (n_hidden, n_inputs), (n_hidden,), (n_hidden,), ().
-    input_scale, output_scale
-        Shape (n_inputs,), in the units of the inputs; the largest command.
-    sample_time
-        Time between present and previous inputs [s].
-    fit_percent
-        On a test motion: 100 (1 - |f_c - f| / |f_c - mean f_c|), with f the force of the damper at the command of the
-        network and f_c the wanted force, which is within the range of the damper.
-    command_error
-        Root mean square error of the command on the test motion, as a share of the largest. It may be large although
-        the fit is good: near rest the command hardly changes the force.
+    `fit_percent` is 100 (1 - |f_c - f| / |f_c - mean f_c|) on a test motion, with f the force of the damper at the
+    command of the network and f_c the wanted force, which is within the range of the damper. `command_error` is the
+    root mean square error of the command there, as a share of the largest. It may be large although the fit is good:
+    near rest the command hardly changes the force.
     """
 
     _units: ClassVar[Mapping[str, str]] = {"sample_time": "s", "fit_percent": "%"}
@@ -409,7 +398,6 @@ def _train(
 
 
 def _test(network: InverseNetwork, group: _DamperGroup, loading: Loading, n_previous: int) -> InverseNetwork:
-    """The network with its accuracy on a test motion."""
     wanted = group.force(loading)
     command = network.command(_network_inputs(loading, wanted, n_previous))
     given = group.force(replace(loading, command=command))

@@ -218,7 +218,6 @@ def control_law(name: str) -> ControlLawSpec:
 def _check_names(
     spec: ControlLawSpec, kind: str, given: Mapping[str, ArrayLike], expected: Sequence[str]
 ) -> None:
-    """Refuse gains or tables that are unknown or missing."""
     for name in given:
         if name not in expected:
             raise SettingError(

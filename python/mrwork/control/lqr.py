@@ -111,22 +111,11 @@ def weighed_state(plant: Plant, weights: Floats) -> Weighed:
 class Regulator(Summarised):
     """The regulator that minimises `int s'Q s + 2 s'N f + f'R f dt` over the forces f of the devices.
 
-    Parameters
-    ----------
-    gain
-        K of the wanted force `f_c = -K s`, shape (n_devices, 2n), with the sign of a damper force: a positive f_c
-        resists elongation of the device.
-    riccati
-        P of the cost to go s'P s, shape (2n, 2n).
-    vectors
-        B'P + N', shape (n_devices, 2n): one row for each device, `sigma = vectors @ s`; the wanted forces are
-        `-control_weight^-1 sigma`.
-    control_weight
-        R plus D'W D of the weighted outputs, shape (n_devices, n_devices) [1/N^2].
-    poles
-        Of the closed loop A - B K [1/s], shape (2n,).
-    residual
-        Of the Riccati equation, relative to its terms.
+    `gain` is K of the wanted force `f_c = -K s`, shape (n_devices, 2n), with the sign of a damper force: a positive f_c
+    resists elongation of the device. `riccati` is P of the cost to go s'P s, `vectors` B'P + N', one row for each
+    device: with `sigma = vectors @ s` the wanted forces are `-control_weight^-1 sigma`. `control_weight` is R plus D'W
+    D of the weighted outputs, `poles` are those of the closed loop A - B K, and `residual` is that of the Riccati
+    equation, relative to its terms.
     """
 
     _units: ClassVar[Mapping[str, str]] = {"poles": "1/s", "control_weight": "1/N^2"}
@@ -240,10 +229,18 @@ def regulators_of_weights(
     return tuple(solve_together(lambda sound: _regulators(plant, sound, threads), costs))
 
 
+def regulators_of_costs(
+    plant: Plant, costs: Sequence[tuple[Weighed, ArrayLike] | SettingError]
+) -> list[Regulator | SettingError]:
+    """The regulators of what weights add up to with their R, all by one call; errors keep their places."""
+    return solve_together(
+        lambda sound: regulators_of_weights(plant, [one for one, _ in sound], [R for _, R in sound]), costs
+    )
+
+
 def _regulators(
     plant: Plant, costs: Sequence[tuple[Floats, Floats, Floats]], threads: int
 ) -> list[Regulator | SettingError]:
-    """The regulators of costs Q, R and N."""
     Q, R, N = (np.array(matrices) for matrices in zip(*costs, strict=True))
     solutions = regulator_gains(plant.A, plant.B, Q, R, N, scaling=plant.scaling, threads=threads)
     gain = np.where(solutions.solved[:, None, None], solutions.gain, 0.0)
@@ -285,16 +282,9 @@ class PublishedRegulator(Summarised):
     """Published weights of a regulator for a building of `n_floors`.
 
     `status` is "verified" if an independent simulation reproduced the results of the paper, "published" if the numbers
-    are only quoted.
-
-    Parameters
-    ----------
-    weighed
-        Floors (from 1) with a weight on their absolute acceleration, and the weight [(s^2/m)^2].
-    control_weight
-        R [1/N^2].
-    ground_over_noise
-        S_ag/S_v of the observer: intensity of the ground acceleration over that of each sensor, in SI.
+    are only quoted. `weighed` are floors (from 1) with a weight on their absolute acceleration, and the weight
+    [(s^2/m)^2]; `control_weight` is R [1/N^2]. `ground_over_noise` is S_ag/S_v of the observer: intensity of the ground
+    acceleration over that of each sensor, in SI.
     """
 
     _made_by: ClassVar[str] = "mr.control.published_regulator(name)"
@@ -354,18 +344,8 @@ PUBLISHED_REGULATORS = (
 class Observer(Summarised):
     """`x_{k+1} = Ad x_k + Bd f_k + L (y_k - C x_k - D f_k)`: x_k is the state predicted before y_k is measured.
 
-    Parameters
-    ----------
-    Ad, Bd
-        Transition over a sample with the forces held, shapes (2n, 2n), (2n, n_devices).
-    gain
-        L, shape (2n, n_measurements).
-    C, D, names
-        The measurements, shapes (n_measurements, 2n), (n_measurements, n_devices).
-    sample_time
-        [s].
-    covariance
-        Of the error of x_k for noise of the given intensities, shape (2n, 2n).
+    Ad and Bd are the transition over a sample with the forces held, shapes (2n, 2n) and (2n, n_devices), `gain` is L,
+    shape (2n, n_measurements). `covariance` is that of the error of x_k for noise of the given intensities.
     """
 
     _units: ClassVar[Mapping[str, str]] = {"sample_time": "s"}

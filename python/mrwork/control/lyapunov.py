@@ -18,7 +18,7 @@ from mrwork.control.design_problem import (
     attempt_each,
     solve_together,
 )
-from mrwork.control.lqr import Weighed, Weights, regulators_of_weights
+from mrwork.control.lqr import Weighed, Weights, regulators_of_costs
 from mrwork.control.plant import Plant
 from mrwork.control.riccati import lyapunov_solutions
 from mrwork.control.weights import CostWeights
@@ -31,14 +31,10 @@ from mrwork.values import Floats, holds_arrays
 @holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class LyapunovFunction(Summarised):
-    """`V = s'P s / 2` with `V' = -s'Q_P s / 2 + sigma f`, `sigma = vectors @ s`.
+    """`V = s'P s / 2` with `V' = -s'Q_P s / 2 + sigma f`, `sigma = vectors @ s`; `weight` is Q_P.
 
-    Parameters
-    ----------
-    P, weight
-        P and Q_P, shape (2n, 2n).
-    vectors
-        B'P, shape (n_devices, 2n). A device force decreases V faster if its sign is opposite to that of sigma.
+    `vectors` are B'P, shape (n_devices, 2n): a device force decreases V faster if its sign is opposite to that of
+    sigma.
     """
 
     P: Floats
@@ -99,7 +95,6 @@ def _lyapunov_functions(
 
 
 def _undamped_mode(plant: Plant, T: Floats) -> SettingError | None:
-    """The refusal of a building with an undamped mode."""
     A_z = np.linalg.inv(T) @ plant.A @ T
     slowest = float(np.max(np.linalg.eigvals(A_z).real))
     if slowest < -1e-9 * float(np.linalg.norm(A_z, 2)):
@@ -186,7 +181,8 @@ class ProportionalSettings(LyapunovSettings):
         ),
     )
     control_weight: Weights | None = key(
-        "R of that regulator [1/N2]; of the forces of devices with all their dampers",
+        "R of that regulator; of the forces of devices with all their dampers",
+        unit="1/N2",
         default=None,
         above=0.0,
         matrix=True,
@@ -220,8 +216,5 @@ def _regulator_vectors(plant: Plant, many: Sequence[ProportionalSettings]) -> li
         assert each.control_weight is not None
         return each.weighed(plant), each.control_weight
 
-    found = solve_together(
-        lambda sound: regulators_of_weights(plant, [one for one, _ in sound], [R for _, R in sound]),
-        attempt_each(cost, many),
-    )
+    found = regulators_of_costs(plant, attempt_each(cost, many))
     return [each if isinstance(each, SettingError) else each.vectors for each in found]

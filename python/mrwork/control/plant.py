@@ -21,20 +21,13 @@ from mrwork.values import Floats, holds_arrays
 class Plant(Summarised):
     """`s' = A s + B f + E a_g` with s = [q; q'] and f the resisting force of each device.
 
-    From `M q'' + C q' + K q = -e' f - M r a_g` follows `B = [0; -M^-1 e']`, `E = [0; -r]`: a positive force
-    resists elongation, and the device takes energy out of the building if `f e q' > 0`.
+    From `M q'' + C q' + K q = -e' f - M r a_g` follows `B = [0; -M^-1 e']`, `E = [0; -r]`: a positive force resists
+    elongation, and the device takes energy out of the building if `f e q' > 0`. `attachment` is e: the elongation of
+    each device is e @ q, shape (n_devices, n).
 
-    Parameters
-    ----------
-    A, B, E
-        Shapes (2n, 2n), (2n, n_devices), (2n,).
-    attachment
-        e, elongation of each device = e @ q, shape (n_devices, n).
-    scaling
-        T of s = T z, shape (2n, 2n), such that z'z is twice the energy of the building [J]; if the stiffness is not
-        positive definite, T balances A. Riccati and Lyapunov equations are solved in z.
-    energy
-        Shape (2n, 2n), from the symmetric parts of K and M: s' energy s is twice the energy of the building [J].
+    s' energy s is twice the energy of the building [J], from the symmetric parts of K and M. `scaling` is T of s = T z
+    such that z'z is this energy; if the stiffness is not positive definite, T balances A. Riccati and Lyapunov
+    equations are solved in z.
     """
 
     _made_by: ClassVar[str] = "mr.control.plant_of(building, rows)"

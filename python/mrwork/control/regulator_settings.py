@@ -15,13 +15,13 @@ from mrwork.control.design_problem import (
     Design,
     DesignProblem,
     LawSettings,
+    Magnitude,
     Span,
     attempt_each,
-    solve_together,
 )
 from mrwork.control.inverse_network import InverseNetwork, train_inverse_network
 from mrwork.control.laws import control_law
-from mrwork.control.lqr import MatrixRows, Regulator, Weights, regulator_of_weights, regulators_of_weights
+from mrwork.control.lqr import MatrixRows, Regulator, Weights, regulator_of_weights, regulators_of_costs
 from mrwork.control.plant import Plant
 from mrwork.control.weights import CostWeights
 from mrwork.dampers.spec import DamperSpec
@@ -38,8 +38,8 @@ class RegulatorSettings(CostWeights, LawSettings):
     is_regulator: ClassVar[bool] = True
     weighed_by_default: ClassVar[Mapping[str, float]] = {"drifts": 1.0}
     control_weight: Weights = key(
-        "R of the forces [1/N2], each the force of a device with all its dampers; with designed weights, 1 is R as "
-        "designed",
+        "R of the forces, each the force of a device with all its dampers; with designed weights, 1 is R as designed",
+        unit="1/N2",
         above=0.0,
         matrix=True,
         span=Span(lower=1e-6, upper=10.0, of=(("cost", 1.0), ("force", -2.0))),
@@ -84,10 +84,8 @@ class RegulatorSettings(CostWeights, LawSettings):
             attempt_each(lambda each: each.sampled_gain(problem), [each for each in many if each.sampled])
         )
         regulators = iter(
-            solve_together(
-                lambda sound: regulators_of_weights(
-                    plant, [weighed for weighed, _ in sound], [weight for _, weight in sound]
-                ),
+            regulators_of_costs(
+                plant,
                 attempt_each(
                     lambda each: (each.weighed(plant), each.control_weight_of(plant)),
                     [each for each in many if not each.sampled],
@@ -145,6 +143,11 @@ class ClippedSettings(RegulatorSettings):
         return Design(gains={"gain": gain, "full_force": problem.each(self.full_force)})
 
 
+def _about(magnitude: Magnitude) -> Span:
+    """Range of a setting that is usually held at a magnitude of the response."""
+    return Span(lower=0.3, upper=3.0, start=1.0, of=((magnitude, 1.0),), free=False)
+
+
 @checked
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NetworkSettings(RegulatorSettings):
@@ -153,18 +156,8 @@ class NetworkSettings(RegulatorSettings):
     The network is that of the first device, with all its dampers; all devices have it.
     """
 
-    amplitude: float = key(
-        "expected peak elongation",
-        unit="m",
-        above=0.0,
-        span=Span(lower=0.3, upper=3.0, start=1.0, of=(("stroke", 1.0),), free=False),
-    )
-    velocity: float = key(
-        "expected peak rate of elongation",
-        unit="m/s",
-        above=0.0,
-        span=Span(lower=0.3, upper=3.0, start=1.0, of=(("rate", 1.0),), free=False),
-    )
+    amplitude: float = key("expected peak elongation", unit="m", above=0.0, span=_about("stroke"))
+    velocity: float = key("expected peak rate of elongation", unit="m/s", above=0.0, span=_about("rate"))
     hidden: int = key("units of the hidden layer", default=12, least=1)
     seed: int = key("seed of the training", default=0, least=0)
 
@@ -239,23 +232,13 @@ _NEAR_CLIPPED_BIAS = -4.6
 class SignalSettings(RegulatorSettings):
     """A regulator, and the scales of the signals of a device: elongation, its rate, and the two forces."""
 
-    deformation: float = key(
-        "scale of the elongation",
-        unit="m",
-        above=0.0,
-        span=Span(lower=0.3, upper=3.0, start=1.0, of=(("stroke", 1.0),), free=False),
-    )
-    rate: float = key(
-        "scale of the rate of elongation",
-        unit="m/s",
-        above=0.0,
-        span=Span(lower=0.3, upper=3.0, start=1.0, of=(("rate", 1.0),), free=False),
-    )
+    deformation: float = key("scale of the elongation", unit="m", above=0.0, span=_about("stroke"))
+    rate: float = key("scale of the rate of elongation", unit="m/s", above=0.0, span=_about("rate"))
     force: float = key(
         "scale of the force and of the wanted force of a device with all its dampers",
         unit="N",
         above=0.0,
-        span=Span(lower=0.3, upper=3.0, start=1.0, of=(("force", 1.0),), free=False),
+        span=_about("force"),
     )
 
     def certificate(self, problem: DesignProblem) -> str:

@@ -44,21 +44,12 @@ class RiccatiStatus(IntEnum):
 @holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class RiccatiSolutions(Summarised):
-    """Solutions of a batch of equations, one row for each.
+    """Solutions of a batch of equations, one row for each; infinite in a row that is not solved.
 
-    Parameters
-    ----------
-    gain
-        K of the forces f = -K s of a regulator, shape (n_batch, n_controls, n_states), or L of an observer, shape
-        (n_batch, n_states, n_measurements); infinite in a row that is not solved.
-    P
-        Cost to go s'P s of a regulator, or covariance of the error of an observer, shape (n_batch, n_states, n_states);
-        infinite in a row that is not solved.
-    residual
-        Of each equation, relative to its terms, in coordinates in which P is the identity, shape (n_batch,); infinite
-        where there is no P.
-    status
-        `RiccatiStatus` of each row, shape (n_batch,).
+    `gain` is K of the forces f = -K s of a regulator, shape (n_batch, n_controls, n_states), or L of an observer, shape
+    (n_batch, n_states, n_measurements). P is the cost to go s'P s of a regulator, or the covariance of the error of an
+    observer, shape (n_batch, n_states, n_states). `residual` is relative to the terms, in coordinates in which P is the
+    identity; `status` is the `RiccatiStatus` of each row.
     """
 
     gain: Floats
@@ -324,7 +315,6 @@ def _transpose(matrices: Floats) -> Floats:
 
 
 def _scaling(given: ArrayLike, n: int) -> Floats:
-    """Invertible coordinates of the state."""
     scaling = _stack("scaling", given, n, n)
     if np.any(np.linalg.slogdet(scaling)[0] == 0.0):
         raise SettingError("`scaling` is singular; give coordinates of the whole state")

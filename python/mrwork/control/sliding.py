@@ -16,7 +16,7 @@ from mrwork.control.design_problem import Design, DesignProblem, LawSettings, Sp
 from mrwork.control.plant import Plant
 from mrwork.control.riccati import solve_riccati
 from mrwork.errors import MrworkWarning, SettingError
-from mrwork.keys import Within, key
+from mrwork.keys import Within, key, keys_of
 from mrwork.summary import Summarised
 from mrwork.values import Floats, holds_arrays
 
@@ -26,16 +26,9 @@ from mrwork.values import Floats, holds_arrays
 class SlidingSurface(Summarised):
     """`sigma = S s`, scaled so that S B = 1: `sigma' = drift s + f + ground a_g`, and sigma is an impulse [N s].
 
-    Parameters
-    ----------
-    S
-        Shape (n_devices, 2n).
-    drift
-        S A, shape (n_devices, 2n). The resisting force `f = -drift s` keeps sigma constant without ground motion.
-    ground
-        S E [kg], shape (n_devices,): effect of a ground acceleration on sigma.
-    poles
-        Poles of the motion on sigma = 0 [1/s], shape (2n - n_devices,).
+    `drift` is S A, shape (n_devices, 2n): the resisting force `f = -drift s` keeps sigma constant without ground
+    motion. `ground` is S E, the effect of a ground acceleration on sigma; `poles` are those of the motion on sigma = 0,
+    shape (2n - n_devices,).
     """
 
     _made_by: ClassVar[str] = "mr.control.optimal_surface(plant)"
@@ -52,17 +45,11 @@ class SlidingSurface(Summarised):
 class SlidingGains(Summarised):
     """Gains of the sliding mode laws for one surface, one number for each device, shape (n_devices,).
 
-    Parameters
-    ----------
-    switching, boundary
-        rho [N] and phi [N s] of `f_c = -drift s - rho sat(sigma/phi)`.
-    adaptation, floor, ceiling
-        gamma [1/s^2], and the range [N] of an adaptive gain: `rho' = gamma |sigma| sgn(|sigma| - phi)` within
-        floor and ceiling (Plestan et al., Int. J. Control 83(9), 2010, 1907-1919).
-    proportional, integral
-        k_1 [N/(N s)^0.5] and k_2 [N/s] of the super-twisting
-        `f_c = -drift s - k_1 |sigma|^0.5 sgn sigma + w, w' = -k_2 sgn sigma` (Levant, Int. J. Control 58(6), 1993,
-        1247-1263).
+    `switching` and `boundary` are rho [N] and phi [N s] of `f_c = -drift s - rho sat(sigma/phi)`; `adaptation` gamma
+    [1/s^2] of the gain `rho' = gamma |sigma| sgn(|sigma| - phi)` within floor and ceiling [N] (Plestan et al., Int. J.
+    Control 83(9), 2010, 1907-1919). `proportional` and `integral` are k_1 [N/(N s)^0.5] and k_2 [N/s] of the
+    super-twisting `f_c = -drift s - k_1 |sigma|^0.5 sgn sigma + w, w' = -k_2 sgn sigma` (Levant, Int. J. Control 58(6),
+    1993, 1247-1263).
     """
 
     switching: Floats
@@ -160,27 +147,15 @@ def sliding_gains(
     margin: Annotated[float, Within(above=1.0)] = 1.2,
     bandwidth: Positive = 100.0,
 ) -> SlidingGains:
-    """Gains that keep the state on the surface under ground motions of a given peak.
+    """Gains that keep the state on the surface under ground motions of a given peak [m/s^2].
 
     The disturbance is d = ground a_g. Switching rejects it if rho > |d|: `rho = margin |ground| peak`. Inside the
     boundary layer sigma decays with rho/phi, so `phi = rho/bandwidth` (Slotine & Li, Applied Nonlinear Control, 1991,
-    7.2). The super-twisting law requires |d'| <= L = margin |ground| 2 pi frequency peak: `k_1 = 1.5 L^0.5, k_2 = 1.1
-    L` (Levant, Int. J. Control 76(9-10), 2003, 924-941). The adaptive gain rises from zero to rho in a tenth of a
-    second at |sigma| = 2 phi.
-
-    Parameters
-    ----------
-    peak_acceleration
-        Peak of the ground motions [m/s^2].
-    largest_force
-        Largest force of each device [N], the upper limit of the adaptive gain.
-    frequency
-        Highest frequency at which the ground reaches its peak [Hz].
-    margin
-        Switching force over the disturbance, above 1.
-    bandwidth
-        Bandwidth inside the boundary layer [1/s]. Above the rate of the driver's lag, 190 1/s in Spencer et al. 1997,
-        the law chatters.
+    7.2); above the rate of the driver's lag, 190 1/s in Spencer et al. 1997, the law chatters. The super-twisting law
+    requires |d'| <= L = margin |ground| 2 pi frequency peak, with the highest frequency [Hz] at which the ground
+    reaches its peak: `k_1 = 1.5 L^0.5, k_2 = 1.1 L` (Levant, Int. J. Control 76(9-10), 2003, 924-941). The adaptive
+    gain rises from zero to rho in a tenth of a second at |sigma| = 2 phi, at most to the largest force of the device
+    [N].
     """
     size = np.abs(surface.ground)
     force = np.asarray(largest_force, dtype=np.float64)
@@ -284,12 +259,7 @@ class _SurfaceSettings(LawSettings):
     def gains(self, surface: SlidingSurface) -> SlidingGains:
         """The gains of the laws on this surface."""
         return sliding_gains(
-            surface,
-            peak_acceleration=self.peak_acceleration,
-            largest_force=self.largest_force,
-            frequency=self.frequency,
-            margin=self.margin,
-            bandwidth=self.bandwidth,
+            surface, **{entry.name: getattr(self, entry.name) for entry in keys_of(type(self))}
         )
 
 

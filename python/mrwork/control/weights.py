@@ -52,10 +52,11 @@ class WeightWishes(RmsLimits, metaclass=DeclaredTable):
     spectrum: Literal["kanai_tajimi", "clough_penzien"] = key(
         "spectrum of the ground acceleration", default="kanai_tajimi"
     )
-    ground_frequency: float = key("frequency of the ground [rad/s]", default=_FIRM.frequency, above=0.0)
+    ground_frequency: float = key("frequency of the ground", unit="rad/s", default=_FIRM.frequency, above=0.0)
     ground_damping: float = key("damping ratio of the ground", default=_FIRM.damping, above=0.0)
     intensity: float = key(
-        "two-sided spectral density of the bedrock [m2/s3]; only the budget over its root matters",
+        "two-sided spectral density of the bedrock; only the budget over its root matters",
+        unit="m2/s3",
         default=_FIRM.intensity,
         above=0.0,
     )
@@ -134,14 +135,14 @@ class WeightWishes(RmsLimits, metaclass=DeclaredTable):
         return tuple((found / found.mean()).tolist())
 
 
-def _declare_weight(says: str, of: Magnitude | None = None, *, free: bool = False) -> Any:
+def _declare_weight(says: str, unit: str = "", of: Magnitude | None = None, *, free: bool = False) -> Any:
     """Declare the key of a weight: one number, one for each, or a matrix.
 
     A search looks for the weight of a quantity of magnitude `of` where its cost is comparable to that of the weights
     that are held.
     """
     span = None if of is None else Span(lower=1e-4, upper=1e2, of=(("cost", 1.0), (of, -2.0)), free=free)
-    return key(says, default=None, least=0.0, matrix=True, span=span)
+    return key(says, unit=unit, default=None, least=0.0, matrix=True, span=span)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -153,25 +154,30 @@ class CostWeights:
     """
 
     accelerations: Weights | None = _declare_weight(
-        "weights of absolute floor accelerations [(s2/m)2]", "acceleration", free=True
+        "weights of absolute floor accelerations", "s4/m2", "acceleration", free=True
     )
-    drifts: Weights | None = _declare_weight("weights of drifts [1/m2]", "drift")
-    displacements: Weights | None = _declare_weight("weights of floor displacements [1/m2]", "displacement")
+    drifts: Weights | None = _declare_weight("weights of drifts", "1/m2", "drift")
+    displacements: Weights | None = _declare_weight("weights of floor displacements", "1/m2", "displacement")
     velocities: Weights | None = _declare_weight(
-        "weights of floor velocities [(s/m)2]", "velocity", free=True
+        "weights of floor velocities", "s2/m2", "velocity", free=True
     )
     relative_velocities: Weights | None = _declare_weight(
-        "weights of the rates of drifts, velocities of storeys between their ends [(s/m)2]", "rate"
+        "weights of the rates of drifts, velocities of storeys between their ends",
+        "s2/m2",
+        "rate",
     )
     rates: Weights | None = _declare_weight(
-        "weights of the rates of the devices' elongations [(s/m)2]; alone they ask for the force of dashpots",
+        "weights of the rates of the devices' elongations; alone they ask for the force of dashpots",
+        "s2/m2",
         "rate",
         free=True,
     )
     state_weight: Weights | None = _declare_weight(
         "weights of the state: displacements, then velocities of the coordinates; Q, or Q_P of a Lyapunov function"
     )
-    energy: float | None = key("weight of twice the energy of the building [1/J]", default=None, above=0.0)
+    energy: float | None = key(
+        "weight of twice the energy of the building", unit="1/J", default=None, above=0.0
+    )
     designed: WeightWishes | None = key(
         "weights designed from limits on rms responses and a budget of force, instead of any others",
         default=None,

@@ -54,14 +54,9 @@ class Proposal(Summarised):
         return self.limit[self.changed]
 
     def accepted(self, misfit: AnyNumbers) -> NDArray[np.float64]:
-        """Misfits for the optimiser, shape (n_ask,): `inf` at or above the threshold.
+        """Misfits for the optimiser, shape (n_ask,): `inf` at or above the threshold, and for failed or stopped ones.
 
         They do not depend on whether a simulation stopped at its threshold.
-
-        Parameters
-        ----------
-        misfit
-            Shape (n_ask,), not negative; `inf` marks a failed or stopped simulation.
         """
         misfit = np.asarray(misfit, dtype=np.float64)
         n_ask = np.count_nonzero(self.changed)
@@ -191,16 +186,8 @@ class Course(Summarised):
     ) -> Course:
         """Progress after one more generation of the running replicates.
 
-        Parameters
-        ----------
-        proposal
-            The candidates that were simulated.
-        simulated
-            Result of `Proposal.member_misfits`, shape (n_running, n_population).
-        population, misfit
-            The resulting generation, (n_running, n_population, n_params) and (n_running, n_population).
-        elite, stop
-            Which points are kept, and when replicates end.
+        `simulated` are the `Proposal.member_misfits`; population and misfit are the resulting generation, shapes
+        (n_running, n_population, n_params) and (n_running, n_population).
         """
         rows = self.running
         among = np.arange(rows.size)

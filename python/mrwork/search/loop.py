@@ -244,31 +244,14 @@ def run_replicates(
 ) -> ReplicatedSearch[StateT]:
     """Minimise a batch objective over the unit cube in several replicates at once.
 
-    Parameters
-    ----------
-    optimiser
-        For example `EfficientGA()`.
-    objective
-        Maps unit vectors (m, n_params) to misfits (m,) >= 0, `inf` for a failed simulation. It is called once per
-        generation with the candidates of all running replicates. An `AbortableObjective` gets thresholds too.
-    rng
-        Seed, a whole number in [0, 2^64); the same seed gives the same bits.
-    n_params
-        Dimension of the cube.
-    replicates
-        Numbers of the replicates. The result of a replicate does not depend on the others.
-    state
-        A stored state to resume from; it must come from the same `rng`, `n_params` and `replicates`.
-    on_generation
-        Called after every generation; where it returns true all replicates stop, with reason "callback".
-    journal
-        Records every generation. A resumed journal supplies the generations that it has recorded, then the search
-        continues; the caller must check with `Journal.agree` that the inputs of the objective are the same.
+    The objective maps unit vectors (m, n_params) to misfits (m,) >= 0, `inf` for a failure; it is called once in each
+    generation with the candidates of all running replicates. An `AbortableObjective` gets thresholds too.
 
-    Returns
-    -------
-    ReplicatedSearch
-        A result for each replicate; its `stop_reason` is a name of `StopRules` or "callback".
+    The same seed gives the same bits; the result of a replicate does not depend on the others. A stored `state` to
+    resume from must come from the same `rng`, `n_params` and `replicates`. Where `on_generation` returns true all
+    replicates stop, with reason "callback"; otherwise a `stop_reason` is a name of `StopRules`. A resumed journal
+    supplies the generations that it has recorded, then the search continues; the caller must check with `Journal.agree`
+    that the inputs of the objective are the same.
     """
     began = time.perf_counter()
     stop = optimiser.stop
@@ -328,7 +311,6 @@ def _check_same_search(state: SearchState, rng: int, n_params: int, replicates: 
 
 
 def _event(state: StateT, misfit: NDArray[np.float64], began: float) -> GenerationEvent[StateT]:
-    """Progress after a generation."""
     course = state.course
     leader = int(np.argmin(course.best_misfit))
     return GenerationEvent(

@@ -16,7 +16,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from queue import SimpleQueue
 from types import ModuleType
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -99,25 +99,21 @@ class PeerState:
     searches: tuple[PeerSearch, ...]
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
 class PeerOptimiser(ABC):
-    """Ask/tell interface to another library; a subclass has the settings and starts one peer for each replicate."""
+    """Ask/tell interface to another library; a subclass has the settings and starts one peer for each replicate.
 
-    __slots__ = ()
+    At most `population` candidates of a replicate are simulated in one generation. `elite` says which points of the run
+    are kept as starts of a local minimisation.
+    """
 
-    @property
-    @abstractmethod
-    def population(self) -> int:
-        """Largest number of candidates of a replicate in one generation."""
+    least_population: ClassVar[int] = 4
+    population: int
+    stop: StopRules = field(default_factory=StopRules)
+    elite: EliteRule = field(default_factory=EliteRule)
 
-    @property
-    @abstractmethod
-    def stop(self) -> StopRules:
-        """When a replicate ends."""
-
-    @property
-    @abstractmethod
-    def elite(self) -> EliteRule:
-        """Which points of the run are kept as starts of a local minimisation."""
+    def __post_init__(self) -> None:
+        check_ranges({"population": (self.population, self.least_population, LARGEST_POPULATION)})
 
     def near(self, point: NDArray[np.float64], deviation: float) -> PeerOptimiser:
         """The optimiser with its search begun around a point of the unit cube, if the library takes one."""
@@ -163,33 +159,18 @@ class PeerOptimiser(ABC):
 class CMAEvolution(PeerOptimiser):
     """CMA-ES of the library `cma` (Hansen & Ostermeier, Evol. Comput. 9, 2001, 159-195).
 
-    Parameters
-    ----------
-    population
-        Candidates of a generation; 10 is the library's default for 8 parameters.
-    deviation
-        Initial standard deviation of each gene, a share of the box.
-    begin
-        Where it begins, a point of the unit cube; the middle by default.
-    stop
-        When to end.
-    elite
-        Which points of the run are kept as starts of a local minimisation.
+    A population of 10 is the library's default for 8 parameters. `deviation` is the initial standard deviation of each
+    gene, a share of the box; the search begins at the point `begin` of the unit cube, the middle by default.
     """
 
     population: int = 10
     deviation: float = 0.3
     begin: tuple[float, ...] = ()
     stop: StopRules = field(default_factory=lambda: StopRules(max_generations=1000))
-    elite: EliteRule = field(default_factory=EliteRule)
 
     def __post_init__(self) -> None:
-        check_ranges(
-            {
-                "population": (self.population, 4, LARGEST_POPULATION),
-                "deviation": (self.deviation, 1e-12, 1.0),
-            }
-        )
+        PeerOptimiser.__post_init__(self)
+        check_ranges({"deviation": (self.deviation, 1e-12, 1.0)})
 
     def near(self, point: NDArray[np.float64], deviation: float) -> CMAEvolution:
         """The optimiser begun around a point, where most of its first candidates are inside the cube."""
@@ -234,23 +215,9 @@ class PymooGA(PeerOptimiser):
     """The genetic algorithm of the library `pymoo` (Blank & Deb, IEEE Access 8, 2020, 89497-89509), with its defaults.
 
     Simulated binary crossover, polynomial mutation, survival of the fittest.
-
-    Parameters
-    ----------
-    population
-        Chromosomes.
-    stop
-        When to end.
-    elite
-        Which points of the run are kept as starts of a local minimisation.
     """
 
     population: int = 60
-    stop: StopRules = field(default_factory=StopRules)
-    elite: EliteRule = field(default_factory=EliteRule)
-
-    def __post_init__(self) -> None:
-        check_ranges({"population": (self.population, 4, LARGEST_POPULATION)})
 
     def _starter(self, course: Course, n_params: int) -> Callable[[int], Peer]:
         problem = library("pymoo.core.problem").Problem(n_var=n_params, n_obj=1, xl=0.0, xu=1.0)
@@ -284,22 +251,11 @@ class _PymooPeer:
 class ScipyDifferentialEvolution(PeerOptimiser):
     """Differential evolution of SciPy: best1bin with deferred updating, otherwise with its defaults.
 
-    Parameters
-    ----------
-    population
-        Members, at least 5; 120 is SciPy's default for 8 parameters.
-    stop
-        When to end.
-    elite
-        Which points of the run are kept as starts of a local minimisation.
+    A population of 120 is SciPy's default for 8 parameters.
     """
 
+    least_population = 5
     population: int = 120
-    stop: StopRules = field(default_factory=StopRules)
-    elite: EliteRule = field(default_factory=EliteRule)
-
-    def __post_init__(self) -> None:
-        check_ranges({"population": (self.population, 5, LARGEST_POPULATION)})
 
     def _starter(self, course: Course, n_params: int) -> Callable[[int], Peer]:
         populations = iter(latin_hypercube(course.streams, self.population, n_params))
@@ -405,21 +361,11 @@ def run_front(
     journal: Journal | None = None,
     on_generation: Callable[[int], bool | None] = lambda evaluations: None,
 ) -> FrontResult:
-    """Search a Pareto front by NSGA-II of pymoo; the starts are among the first generation.
+    """Search a Pareto front by NSGA-II of pymoo within a budget of candidates; at most half a generation are starts.
 
     Deb, Pratap, Agarwal & Meyarivan, IEEE Trans. Evol. Comput. 6(2), 2002, 182-197; Blank & Deb, IEEE Access 8, 2020,
-    89497-89509.
-
-    Parameters
-    ----------
-    population, budget
-        Candidates of a generation, and the most of all.
-    starts
-        Shape (n_starts, n_params); at most half a generation is used.
-    journal
-        Records every generation, and recalls those of a search that was interrupted.
-    on_generation
-        Called with the number of candidates after every generation; where it returns true the search ends.
+    89497-89509. The journal records every generation, and recalls those of a search that was interrupted. The search
+    ends where `on_generation`, called with the number of candidates after every generation, returns true.
     """
     problem = library("pymoo.core.problem").Problem(n_var=n_params, n_obj=n_objectives, xl=0.0, xu=1.0)
     sampled = np.random.default_rng(rng).uniform(size=(population, n_params))

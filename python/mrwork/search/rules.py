@@ -66,19 +66,10 @@ def first_improvement(best: NDArray[np.float64]) -> NDArray[np.int64]:
 
 
 def statistic(best: NDArray[np.float64], *, floor: NDArray[np.float64] | float = 0.0) -> NDArray[np.float64]:
-    """Mean over maximum of `e_g - floor` from the first improvement on.
+    """Mean over maximum of `e_g - floor` from the first improvement on, shape (...), in (0, 1]; 1 before any decay.
 
-    Parameters
-    ----------
-    best
-        Least misfit up to each generation, shape (..., n_generations), never rising.
-    floor
-        Lower bound of the misfit, shape (...); 0 gives the published statistic.
-
-    Returns
-    -------
-    NDArray
-        Shape (...), in (0, 1]; 1 before any decay, so that no threshold is met.
+    `best` is the least misfit up to each generation, shape (..., n_generations), never rising; `floor` a lower bound of
+    the misfit, shape (...), of which 0 gives the published statistic.
     """
     g0 = first_improvement(best)[..., None]
     count = best.shape[-1]
@@ -111,25 +102,12 @@ def expected_termination(
 ) -> ExpectedTermination:
     """Where an exponential decay fitted to the trace meets the threshold (in the manner of thesis table 4.4).
 
-    Fits `ln(e_g - floor) = a - lambda (g - g0)` by least squares over the generations from the first
-    improvement on, and finds the first `n` with `(1 - q^n) / (n (1 - q)) <= 1/ln(1/a_s)`,
-    `q = exp(-lambda)`: the test's own statistic on the fitted curve. The likelihood is our
-    definition: the probability that the rate, normal about its estimate with its standard error,
-    lies among those that end at this same generation. It is 1 for an exact exponential.
+    Fits `ln(e_g - floor) = a - lambda (g - g0)` by least squares over the generations from the first improvement on,
+    and finds the first `n` with `(1 - q^n) / (n (1 - q)) <= 1/ln(1/a_s)`, `q = exp(-lambda)`: the test's own statistic
+    on the fitted curve. The likelihood is our definition: the probability that the rate, normal about its estimate with
+    its standard error, lies among those that end at this same generation. It is 1 for an exact exponential.
 
-    Parameters
-    ----------
-    best
-        Least misfit up to each generation, shape (n_generations,), never rising.
-    confidence
-        Of the test, between 0 and 1.
-    floor
-        As in `statistic`; entries at or below it are left out of the fit.
-
-    Returns
-    -------
-    ExpectedTermination
-        `(None, 0.0)` where fewer than three generations can be fitted or the fitted curve does not fall.
+    `(None, 0.0)` where fewer than three generations are above the floor or the fitted curve does not fall.
     """
     limit = threshold(confidence)
     g0 = int(first_improvement(best))
@@ -330,12 +308,8 @@ class StopRules:
 class EliteRule:
     """Elite of a run: its best mutually distant points, which are kept as starts of a local minimisation.
 
-    Parameters
-    ----------
-    count
-        Largest number of points; with 1 only the best is kept.
-    distance
-        Least distance (largest gene difference) between any two, a share of the box; 0 allows copies.
+    At most `count` points, with at least `distance` (largest gene difference, a share of the box; 0 allows copies)
+    between any two.
     """
 
     count: int = 16
@@ -350,24 +324,11 @@ def distinct_best(
     misfit: Annotated[AnyNumbers, Shape(("n_replicates", "n"))],
     rule: EliteRule,
 ) -> NDArray[np.int64]:
-    """Best mutually distant members of each population.
+    """Indices of the best mutually distant members of each population, shape (n_replicates, rule.count), best first.
 
     Greedy selection: the best first, then the next best whose distance to all selected ones is at least that of the
-    rule. Local minimisations from close points would end at the same minimum.
-
-    Parameters
-    ----------
-    population
-        Candidates in the unit cube, shape (n_replicates, n, n_params).
-    misfit
-        Shape (n_replicates, n); failures (`inf`) are never selected.
-    rule
-        Number and least distance.
-
-    Returns
-    -------
-    NDArray of int
-        Indices, shape (n_replicates, rule.count), best first, padded with -1 where fewer are distant enough.
+    rule; padded with -1 where fewer are distant enough. Local minimisations from close points would end at the same
+    minimum. Failures (`inf`) are never selected.
     """
     n_replicates, size = misfit.shape
     n_params = population.shape[2]
@@ -394,13 +355,7 @@ def distinct_best(
 
 
 def check_ranges(ranges: Mapping[str, tuple[float | None, float, float]]) -> None:
-    """Refuse the first setting whose value is not in [lower, upper]; `None` passes.
-
-    Parameters
-    ----------
-    ranges
-        Name to (value, lower, upper).
-    """
+    """Refuse the first setting, given as name and (value, lower, upper), outside of its range; `None` passes."""
     for name, (value, lower, upper) in ranges.items():
         # This form refuses NaN too.
         if value is not None and not lower <= value <= upper:

@@ -48,19 +48,9 @@ def reflect(unit: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def others(uniform: NDArray[np.float64], size: int) -> NDArray[np.int64]:
-    """Distinct other members for each member of a group of `size`.
+    """Distinct other members for each member of a group of `size`, shape (..., size, n_others), all equally likely.
 
-    Parameters
-    ----------
-    uniform
-        Numbers in [0, 1), shape (..., size, n_others); those of member j along the last axis.
-    size
-        More than `n_others`.
-
-    Returns
-    -------
-    NDArray of int
-        Members, shape (..., size, n_others); all choices are equally likely.
+    `uniform` are numbers in [0, 1), shape (..., size, n_others); those of member j along the last axis.
     """
     n_others = uniform.shape[-1]
     taken = np.broadcast_to(np.arange(size)[:, None], (*uniform.shape[:-1], 1))

@@ -212,16 +212,9 @@ _ARTICLES = {int: "an integer", str: "a string", bool: "true or false"}
 
 
 def record_from_json(kind: type[T], text: str, *, origin: str, name: str, verb: str) -> T:
-    """Read a dataclass of type `kind` that `json_document` has written.
+    """Read a dataclass of type `kind` from a document that `json_document` has written.
 
-    Parameters
-    ----------
-    kind
-        Type of the record.
-    text
-        The document.
-    origin, name, verb
-        For messages: path of the document, name of such a record, and the verb of `mrwork` that writes it.
+    For messages: `origin` is the path of the document, `name` that of such a record, and `verb` of `mrwork` writes it.
     """
     found: T = record_of(kind, parsed(text, origin=origin, verb=verb), origin=origin, name=name, verb=verb)
     return found
@@ -324,7 +317,6 @@ def _built_record(kind: type, value: Any, place: str) -> Any:
 
 
 def _built_member(inner: tuple[Any, ...], value: Any, place: str, notes: tuple[Any, ...]) -> Any:
-    """A value of one of the members of a union."""
     if value is None and types.NoneType in inner:
         return None
     members = [member for member in inner if member is not types.NoneType]

@@ -42,6 +42,7 @@ from mrwork.study.schema import (
     TuneTable,
 )
 from mrwork.study.study import Arrangement, ClairvoyantRow, Kind, Row, StudyLaw, make_arrangement
+from mrwork.units import number_in
 
 _PYTHON = FileKind(name="the Python file of a law", largest=1 << 20, remedy="give the Python file of the law")
 
@@ -52,7 +53,6 @@ def running_in_words(table: LawFileTable, folder: Path) -> str:
 
 
 def _load_law(table: LawFileTable, folder: Path) -> UserLaw:
-    """The law of a file, whose name is relative to `folder`."""
     name = table.function
     module, text = _run_module(table, folder / table.file)
     functions = [each for each, value in vars(module).items() if inspect.isfunction(value)]
@@ -75,7 +75,6 @@ def _load_law(table: LawFileTable, folder: Path) -> UserLaw:
 
 
 def _run_module(table: LawFileTable, path: Path) -> tuple[ModuleType, str]:
-    """The file as a module, and its text."""
     where = table.place.within("file")
     with where.prefixed(SettingError):
         text = text_of(path, _PYTHON)
@@ -116,11 +115,7 @@ def clairvoyant_row(
             description="the best command history found for each motion: non-causal, not certified",
         ),
         settings=ClairvoyantSettings(
-            interval=table.interval,
-            explore=table.explore,
-            finish=table.finish,
-            random_starts=table.random_starts,
-            seed=seed,
+            **{entry.name: getattr(table, entry.name) for entry in keys_of(ClairvoyantSettings)}, seed=seed
         ),
     )
 
@@ -347,7 +342,8 @@ def _with_matrices(
     found = dict(settings)
     for entry in keys_of(kind):
         name = found.get(entry.name)
-        if entry.metadata["matrix"] and isinstance(name, str):
+        unit = entry.metadata["unit"] or "1"
+        if entry.metadata["matrix"] and isinstance(name, str) and isinstance(number_in(name, unit), str):
             with place.within(entry.name).prefixed(SettingError):
                 matrix = read_matrix(folder / name)
             found[entry.name] = (matrix.ravel() if 1 in matrix.shape else matrix).tolist()

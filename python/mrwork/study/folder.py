@@ -79,7 +79,6 @@ class StoredGroup:
 
 
 def _store_groups(results: StudyCriteria) -> tuple[StoredGroup, ...]:
-    """The groups of the motions of a study, with the score of each row by its label."""
     return tuple(
         StoredGroup(
             name=group.name,
@@ -145,7 +144,6 @@ class StoredClairvoyant:
 
 
 def _store_clairvoyant(found: Clairvoyant) -> StoredClairvoyant:
-    """The optimum in the form of the results file."""
     return StoredClairvoyant(
         motion=found.motion,
         score=found.score,
@@ -277,6 +275,9 @@ class _Document(Related):
         return ""
 
 
+_OF_DOCUMENT = ("title", "motions", "command_unit", "building_warnings", "damper_warnings", "chosen_on")
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class StoredStudy(StudyCriteria):
     """The results of a study as stored in its folder: criteria instead of responses.
@@ -285,35 +286,20 @@ class StoredStudy(StudyCriteria):
     not are NaN, since it was written by an earlier version; those that this version has not are only among `runs`.
     """
 
-    title: str
-    rows: tuple[Row, ...]
-    motions: tuple[MotionFacts, ...]
     runs: Mapping[Key, StoredStudyRun]
-    command_unit: str
-    device_names: tuple[str, ...] = ()
-    building_warnings: tuple[str, ...] = ()
     damper_warnings: tuple[str, ...] = ()
-    chosen_on: tuple[str, ...] = ()
 
     @property
     def file_warnings(self) -> tuple[str, ...]:
         """Sentences on the criteria that the file has not, and on those that this version has not."""
-        stored = next((run.criteria for run in self.runs.values()), _every_criterion(None))
         known = _every_criterion(None)
-        lacking = [name for name in known if name not in stored]
-        unknown = [name for name in stored if name not in known]
-        return (
-            *(
-                [f"{RESULTS} is older than {listed(lacking)}; run `mrwork respond` again for it."]
-                if lacking
-                else []
-            ),
-            *(
-                [f"{RESULTS} has {listed(unknown)}, no criterion of this version; it is left out."]
-                if unknown
-                else []
-            ),
-        )
+        stored = next((run.criteria for run in self.runs.values()), known)
+        found = []
+        if lacking := [name for name in known if name not in stored]:
+            found.append(f"{RESULTS} is older than {listed(lacking)}; run `mrwork respond` again for it.")
+        if unknown := [name for name in stored if name not in known]:
+            found.append(f"{RESULTS} has {listed(unknown)}, no criterion of this version; it is left out.")
+        return tuple(found)
 
     @property
     def checked(self) -> frozenset[Key] | None:
@@ -370,14 +356,9 @@ def read_results(folder: str | Path) -> StoredStudy:
         rows[run.controller] = Row(label=run.controller, kind=run.kind)
     labels, names = list(rows), [motion.name for motion in document.motions]
     return StoredStudy(
-        title=document.title,
         rows=tuple(rows.values()),
-        motions=document.motions,
         runs={(labels.index(run.controller), names.index(run.motion)): run for run in document.results},
-        command_unit=document.command_unit,
-        building_warnings=document.building_warnings,
-        damper_warnings=document.damper_warnings,
-        chosen_on=document.chosen_on,
+        **{name: getattr(document, name) for name in _OF_DOCUMENT},
     )
 
 

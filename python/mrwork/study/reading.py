@@ -142,7 +142,6 @@ def read_study(
 def _realisations(
     table: StudyTable, place: Place, devices: Sequence[Device], folder: Path, identified: Identified
 ) -> Realisations | None:
-    """The realisations of [uncertainty], if the study has that table."""
     given = table.uncertainty
     if given is None:
         return None
@@ -172,7 +171,6 @@ def _realisations(
 
 
 def _with_parameters(table: DamperTable, fit: FittedDamper, theta: Floats, folder: Path) -> Floats:
-    """Parameters of the damper of a table whose fit has the parameters `theta`."""
     drawn = replace(fit, theta=tuple(theta.tolist()))
     return chosen_damper(table, folder, lambda run: drawn).theta
 

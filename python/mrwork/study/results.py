@@ -149,19 +149,12 @@ class MotionFacts:
     @staticmethod
     def of(motion: MotionOfStudy) -> MotionFacts:
         """Those of a motion of a study."""
-        ground = motion.ground
-        return MotionFacts(
-            name=ground.name,
-            peak=ground.peak,
-            duration=ground.duration,
-            source=ground.source,
-            changes=ground.changes,
-            synthetic=motion.synthetic,
-            use=motion.use,
-            groups=ground.groups,
-        )
+        own = ("name", "peak", "duration", "source", "changes", "groups")
+        facts = {name: getattr(motion.ground, name) for name in own}
+        return MotionFacts(**facts, synthetic=motion.synthetic, use=motion.use)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class StudyCriteria(Summarised, ABC):
     """Criteria of a study by (row, motion), and the ratios, scores and warnings that follow from them.
 
@@ -172,17 +165,14 @@ class StudyCriteria(Summarised, ABC):
 
     _made_by: ClassVar[str] = "mr.run_study(study) or mr.study.read_results(folder)"
 
-    __slots__ = ()
-
     title: str
     rows: tuple[Row, ...]
     motions: tuple[MotionFacts, ...]
-    device_names: tuple[str, ...]
-    command_unit: str
-    chosen_on: tuple[str, ...]
-    building_warnings: tuple[str, ...]
-
     runs: Mapping[Key, RunEnd]
+    command_unit: str
+    device_names: tuple[str, ...] = ()
+    chosen_on: tuple[str, ...] = ()
+    building_warnings: tuple[str, ...] = ()
 
     @property
     @abstractmethod
@@ -347,22 +337,15 @@ class StudyResults(StudyCriteria):
     `varied` the results over realisations, if the study has any.
     """
 
-    title: str
-    rows: tuple[Row, ...]
-    motions: tuple[MotionFacts, ...]
     runs: Mapping[Key, RunResult]
     floor_names: tuple[str, ...]
     storey_names: tuple[str, ...]
-    device_names: tuple[str, ...]
-    command_unit: str
     mass: float
     facts: tuple[tuple[str, str], ...] = ()
     halved: Mapping[Key, RunResult] | None = None
     devices: tuple[Device, ...] = ()
     clairvoyants: Mapping[int, Clairvoyant] = field(default_factory=dict)
     varied: VariedResults | None = None
-    chosen_on: tuple[str, ...] = ()
-    building_warnings: tuple[str, ...] = ()
     # Tables ask for the criteria of a reference once for every row.
     _known: dict[Key, dict[str, float]] = field(default_factory=dict, init=False, repr=False, compare=False)
 

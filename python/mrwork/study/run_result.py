@@ -402,5 +402,4 @@ def _sample_shapes(study: Study, row: int) -> dict[str, tuple[int, ...]]:
 
 
 def _stem_of(name: str) -> str:
-    """A label as part of the name of a file."""
     return re.sub(r"[^A-Za-z0-9.]+", "_", name).strip("._") or "run"

@@ -132,7 +132,6 @@ Synthetic = Literal["kanai_tajimi", "clough_penzien"]
 
 # Motions that one record is scaled to: each is simulated with every arrangement.
 _MOST_SCALED = 1000
-_SEARCH = ClairvoyantSettings()
 
 CLAIRVOYANT = "Clairvoyant"
 """Label of the row, unless the study file has another."""
@@ -349,7 +348,7 @@ class MotionTable:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ClairvoyantTable:
+class ClairvoyantTable(ClairvoyantSettings):
     """The non-causal optimum of the command history under each motion, a row of every table; off without this table.
 
     It shows how much is left for any law: a local optimum, found by gradients from several starts with the motion
@@ -357,19 +356,6 @@ class ClairvoyantTable:
     """
 
     label: str = key("label in tables", default=CLAIRVOYANT)
-    interval: float = key(
-        "interval over which a command is held, a whole number of samples",
-        unit="s",
-        default=_SEARCH.interval,
-        above=0.0,
-    )
-    explore: int = key("iterations from every start", default=_SEARCH.explore, least=1)
-    finish: int = key("iterations from the best of them", default=_SEARCH.finish, least=0)
-    random_starts: int = key(
-        "random starts, besides constant commands and the best law",
-        default=_SEARCH.random_starts,
-        least=0,
-    )
     place: Place
 
 

@@ -435,16 +435,9 @@ class Varied:
 def judge(
     bench: Bench, objective: TuningObjective, found: RunCriteria, varied: Varied | None, *, robust: bool
 ) -> TuningJudgement:
-    """The judgement of one candidate.
+    """The judgement of a candidate from its criteria on the bench of the nominal study, and with realisations, if any.
 
-    Parameters
-    ----------
-    found
-        Its criteria on the bench, of one realisation: the nominal study.
-    varied
-        The same with realisations, if the study has any.
-    robust
-        Whether the objective takes the realisations.
+    With `robust` the objective takes the realisations.
     """
     ratios = _ratios(found, bench.passive)
     names = [motion.name for motion in bench.motions]
@@ -487,7 +480,6 @@ def _ratios(found: RunCriteria, passive: RunCriteria) -> dict[str, Floats]:
 
 
 def _bands(ratios: Mapping[str, Floats]) -> dict[str, RealisationBand]:
-    """Bands of the means over motions."""
     return {name: RealisationBand.of(values[0].mean(axis=0)) for name, values in ratios.items()}
 
 

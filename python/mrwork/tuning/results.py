@@ -387,7 +387,6 @@ def _controller(law: LawResult) -> str:
 
 
 def _toml(value: Any) -> str:
-    """A value as TOML: a number, a text, an array, or a table in braces."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, str):
@@ -405,7 +404,6 @@ def _text(value: str) -> str:
 
 
 def _scores_csv(results: TuningResults) -> str:
-    """Score and ratios of every law and reference under every motion, a line for each."""
     names = [name for each in results.references[:1] for name in each.train.criteria]
     lines = [["law", "use", "motion", "score", *names]]
     for law in (*results.laws, *results.references):

@@ -135,12 +135,12 @@ def objective_of(table: TuneTable, command_unit: str) -> TuningObjective:
     for name, weight in weights.items():
         check_scored_criterion(table, "criteria", name)
         if not (weight > 0.0 and math.isfinite(weight)):
-            _refuse(table, "criteria", f"the weight of {name} is {weight:g}; give a positive number")
+            refuse_within(table, f"the weight of {name} is {weight:g}; give a positive number", "criteria")
     if table.tail is not None and table.risk != "cvar":
-        _refuse(
+        refuse_within(
             table,
-            "tail",
             f'tail has no effect on the risk {table.risk!r}; leave it out, or give risk = "cvar"',
+            "tail",
         )
     limits = tuple(
         Limit(criterion=name, limit=_limit(table, name, value, command_unit))
@@ -157,17 +157,18 @@ def objective_of(table: TuneTable, command_unit: str) -> TuningObjective:
 
 
 def _check_criterion(table: TuneTable, key: str, name: str) -> None:
-    """Refuse a name that is no criterion."""
     known = [entry.name for entry in criteria()]
     if name not in known:
-        _refuse(table, key, f"no criterion is called {name!r}{suggestion(name, known)}")
+        refuse_within(table, f"no criterion is called {name!r}{suggestion(name, known)}", key)
 
 
 def check_scored_criterion(table: TuneTable, key: str, name: str) -> None:
     """Refuse a name that is no criterion, or one that is zero at i = 0 and so has no ratio to it."""
     _check_criterion(table, key, name)
     if criterion(name).unit == COMMAND:
-        _refuse(table, key, f"{name} is 0 at i = 0, so no ratio to it exists; limit it among the constraints")
+        refuse_within(
+            table, f"{name} is 0 at i = 0, so no ratio to it exists; limit it among the constraints", key
+        )
 
 
 def _limit(table: TuneTable, name: str, value: float | str, command_unit: str) -> float:
@@ -176,15 +177,11 @@ def _limit(table: TuneTable, name: str, value: float | str, command_unit: str) -
     if isinstance(value, str):
         number = number_in(value, command_unit if unit == COMMAND else unit)
         if isinstance(number, str):
-            _refuse(table, "constraints", f"{name} {number}")
+            refuse_within(table, f"{name} {number}", "constraints")
         value = number
     if not (value > 0.0 and math.isfinite(value)):
-        _refuse(table, "constraints", f"{name} is {value:g}; give a positive limit [{unit}]")
+        refuse_within(table, f"{name} is {value:g}; give a positive limit [{unit}]", "constraints")
     return value
-
-
-def _refuse(table: TuneTable, key: str, sentence: str) -> NoReturn:
-    refuse_within(table, sentence, key)
 
 
 def refuse_within(table: TuneTable, sentence: str, *keys: str) -> NoReturn:

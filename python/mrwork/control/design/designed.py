@@ -45,26 +45,11 @@ class CaseCheck(Summarised):
 class WeightCertificate(Summarised):
     """What the weights reach, checked by Lyapunov equations, over a lower bound that no linear law passes.
 
-    Parameters
-    ----------
-    names, units, limits
-        The limited outputs.
-    rms
-        Of each output under the regulators of the weights, the root of the mean square over the cases.
-    forces, budgets
-        Rms wanted force of each device likewise, and its budget [N].
-    ratio
-        The largest rms over its limit.
-    bound
-        Least ratio of any linear law within the budget, from the dual.
-    gap
-        ratio / bound - 1.
-    violation
-        The largest excess of an output over `bound` times its limit, and of a force over its budget, relative.
-    program_ratio
-        Ratio of the semidefinite program before the refinement; `None` if it was not solved, or for modes only.
-    cases
-        Every case.
+    `rms` of each limited output and `forces`, the rms wanted force of each device [N], are those under the regulators
+    of the weights, roots of the mean square over the cases. `ratio` is the largest rms over its limit, `bound` the
+    least ratio of any linear law within the budget, from the dual, and `gap` is ratio / bound - 1. `violation` is the
+    largest relative excess of an output over `bound` times its limit, or of a force over its budget. `program_ratio` is
+    that of the semidefinite program before the refinement; `None` if it was not solved, or for modes only.
     """
 
     names: tuple[str, ...]
@@ -208,30 +193,15 @@ class DesignedWeights(Summarised):
     """Weights of a regulator from limits on rms responses and a budget of force.
 
     The cost is `s'Q s + 2 s'N f + f'R f`, with `Q = C'W C`, `N = C'W D` and `R = control_weight + D'W D` of the limited
-    outputs `y = C s + D f`, W the diagonal of `output_weights`; in a design with a semi-active condition, also the
-    terms of `(f - c v)^2 - b^2 f^2`.
+    outputs `y = C s + D f`, W the diagonal of `output_weights` (in the inverse squares of the units of the outputs); in
+    a design with a semi-active condition, also the terms of `(f - c v)^2 - b^2 f^2`. `control_weight` is the multiplier
+    of the budget of each device [1/N^2].
 
-    Parameters
-    ----------
-    output_weights
-        Of each limited output, in the inverse square of its unit, shape (n_outputs,).
-    control_weight
-        Multiplier of each budget [1/N^2], shape (n_devices,).
-    Q, N, R
-        Shapes (2n, 2n), (2n, n_devices), (n_devices, n_devices).
-    gain
-        K of the wanted force `f_c = -K s` on the state of the building, shape (n_devices, 2n): the Riccati gain of Q,
-        N, R; in discrete time, the gain on s of least cost in the sampled loop.
-    reachable_ratio
-        t: all limits can be met at once up to this factor with the budget. Above 1 they cannot be reached.
-    certificate
-        Rms values by Lyapunov equations, and the bound.
-    binding
-        What keeps the ratio from being lower, in words.
-    engine
-        What solved it.
-    budget_factor
-        If the limits cannot be reached: the factor of all budgets with which they can, infinite if none up to 100 does.
+    `gain` is K of the wanted force `f_c = -K s` on the state of the building, shape (n_devices, 2n): the Riccati gain
+    of Q, N, R; in discrete time, the gain on s of least cost in the sampled loop. All limits can be met at once up to
+    the factor `reachable_ratio` with the budget; above 1 they cannot be reached, and `budget_factor` is that of all
+    budgets with which they can, infinite if none up to 100 does. `binding` says what keeps the ratio from being lower,
+    `engine` what solved it.
     """
 
     plant: Plant

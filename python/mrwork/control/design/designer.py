@@ -54,13 +54,9 @@ _MOST_BUDGET = 100.0
 class WeightDesigner:
     """A weight design that is solved again for other limits and budgets without being set up again.
 
-    Takes the arguments of `design_weights`; its limits and budget are the defaults of `design`.
-
-    Parameters
-    ----------
-    program_modes
-        Modes of the building in the semidefinite program, of which the Riccati equations take the start: by default all
-        up to about twelve storeys, 8 beyond.
+    Takes the arguments of `design_weights`; its limits and budget are the defaults of `design`. `program_modes` are the
+    modes of the building in the semidefinite program, of which the Riccati equations take the start: by default all up
+    to about twelve storeys, 8 beyond.
     """
 
     def __init__(

@@ -31,15 +31,10 @@ _ROUNDS = 15
 class InverseWeights(Summarised):
     """Weights `s'Q s + f'R f` of a given gain K, or of the optimal gain that is nearest to it.
 
-    Parameters
-    ----------
-    state_weight, control_weight
-        Q, shape (2n, 2n), and R, shape (n_devices,) [1/N^2]. Their common factor is free; R is as it was given.
-    gain
-        The Riccati gain of Q and R, shape (n_devices, 2n).
-    distance
-        `|(gain - K) X^1/2| / |K X^1/2|` with the covariance X of the state under K: the rms difference of the wanted
-        forces over the rms wanted force.
+    `state_weight` is Q, shape (2n, 2n), `control_weight` R as it was given, shape (n_devices,), and `gain` their
+    Riccati gain, shape (n_devices, 2n); the common factor of Q and R is free. `distance` is `|(gain - K) X^1/2| / |K
+    X^1/2|` with the covariance X of the state under K: the rms difference of the wanted forces over the rms wanted
+    force.
     """
 
     _units: ClassVar[Mapping[str, str]] = {"control_weight": "1/N^2"}

@@ -197,16 +197,10 @@ class SemiActiveCondition:
 @checked
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoopTiming:
-    """Sample time, delay and driver of a loop, for a design in discrete time.
+    """Sample time [s], delay and driver of a loop, for a design in discrete time.
 
-    Parameters
-    ----------
-    sample_time
-        Time between two commands [s].
-    delay
-        From a measurement to its command [s], a whole number of samples.
-    driver_rate
-        Rate of the first-order lag from wanted to actual force [1/s]; `None` for a force that follows at once.
+    The `delay` [s] from a measurement to its command is a whole number of samples. `driver_rate` is that of the
+    first-order lag from wanted to actual force [1/s]; `None` for a force that follows at once.
     """
 
     _made_by: ClassVar[str] = "mr.control.LoopTiming(sample_time=...)"
@@ -304,16 +298,8 @@ def damper_cases(
     """The building with the dampers at zero command as springs and dashpots, for draws of their parameters.
 
     The force of a damper at zero command is replaced by `k x + c v` of the same work and the same force at the largest
-    displacement in a sinusoid (equivalent linearisation). Budgets are then of the force beyond it.
-
-    Parameters
-    ----------
-    devices
-        With draws: `theta` of shape (n_draws, n_params).
-    amplitude, frequency
-        Of the sinusoid [m, Hz], as in the motions to come.
-    most
-        Number of draws, evenly taken from those of the devices.
+    displacement in a sinusoid of this amplitude [m] and frequency [Hz] (equivalent linearisation). Budgets are then of
+    the force beyond it. At most `most` draws are evenly taken from those of the devices.
     """
     rows = elongation_rows(building, devices)
     n_draws = min(len(device.draws) for device in devices)

@@ -31,15 +31,10 @@ class DualProgram:
 
     `[[A'P + P A + h A'P A, P B + h A'P B], [B'P + h B'P A, h B'P B]] + sum_a w_a [c_a d_a]'[c_a d_a] >= 0` holds at the
     Riccati matrix of the weights w and below it, h being the step of a sampled system (S. Boyd, L. El Ghaoui, E. Feron,
-    V. Balakrishnan, Linear Matrix Inequalities in System and Control Theory, 1994, ch. 7 and 10, in dual form).
-    Limits and budgets are parameters, so that another solution needs no compilation. Clarabel succeeds only with a
-    scaled problem: limits are scaled to those that are just met without control, and states such that the Riccati
-    matrix of equal weights has a unit diagonal.
-
-    Parameters
-    ----------
-    rows_of
-        Makes the rows of a system for the limits and budgets at which the parameters are 1.
+    V. Balakrishnan, Linear Matrix Inequalities in System and Control Theory, 1994, ch. 7 and 10, in dual form). Limits
+    and budgets are parameters, so that another solution needs no compilation. Clarabel succeeds only with a scaled
+    problem: limits are scaled to those that are just met without control, and states such that the Riccati matrix of
+    equal weights has a unit diagonal. `rows_of` makes the rows for limits and budgets whose parameters are 1.
     """
 
     def __init__(

@@ -108,24 +108,12 @@ It makes the covariance regular, without which the Riccati matrix of a design is
 @holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DesignSystem:
-    """A plant under its spectrum as the design sees it.
+    """A plant under its spectrum as the design sees it, in scaled coordinates x, shape (n,).
 
-    Parameters
-    ----------
-    A, B
-        In scaled coordinates x, shapes (n, n), (n, n_devices); difference quotients if `step` [s] is not zero.
-    noise
-        Intensity of the white noise, shape (n, n).
-    C, D
-        Limited outputs y = C x + D u in SI, shapes (n_outputs, n), (n_outputs, n_devices).
-    rates
-        Rate of elongation of each device [m/s], shape (n_devices, n).
-    force
-        Actual force of each device, `force x + direct u` [N], shapes (n_devices, n), (n_devices, n_devices).
-    state
-        State of the building, s = state @ x, shape (n_building_states, n); of a design on some modes only, their part.
-    uncontrolled
-        Covariance of x without control, shape (n, n).
+    A and B are difference quotients if `step` [s] is not zero. `noise` is the intensity of the white noise and
+    `uncontrolled` the covariance of x without control, shapes (n, n). The limited outputs are `y = C x + D u` in SI,
+    the rates of elongation `rates @ x` [m/s], the actual forces of the devices `force x + direct u` [N]. The state of
+    the building is `s = state @ x`; of a design on some modes only, their part.
     """
 
     A: Floats
