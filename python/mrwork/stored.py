@@ -94,13 +94,7 @@ def load(run: str | Path) -> StoredRun:
 
 
 def with_additions(place: Path, fit: Fit) -> StoredRun:
-    """The run of a `fit` that has been read from the folder at `place`, with what later verbs have added.
-
-    Raises
-    ------
-    RecordError
-        Where one of the files is damaged.
-    """
+    """The run of a `fit` that has been read from the folder at `place`, with what later verbs have added."""
     draws = read_draws(place, fit)
     ranking = read_document(Ranking, place / RANKING, name="ranking", verb="identify")
     laws = read_document(LawTable, place / LAWS, name="choice of laws", verb="identify")
@@ -126,13 +120,7 @@ def with_additions(place: Path, fit: Fit) -> StoredRun:
 def judged_by_additions(
     place: Path, fit: Fit, *, draws: Draws | None = None, profiles: Profiles | None = None
 ) -> Fit:
-    """The fit with the intervals and verdicts of `draws` and `profiles`, or else of those in its folder at `place`.
-
-    Raises
-    ------
-    RecordError
-        Where a file of the folder is damaged.
-    """
+    """The fit with the intervals and verdicts of `draws` and `profiles`, or else of those in its folder at `place`."""
     return fit.with_intervals(
         _intervals(
             fit,
@@ -143,13 +131,7 @@ def judged_by_additions(
 
 
 def fitted_damper(run: Path) -> FittedDamper:
-    """The fit of a run folder as a study takes it.
-
-    Raises
-    ------
-    RecordError
-        Where a file of the folder is damaged; of the draws, when they are asked for.
-    """
+    """The fit of a run folder as a study takes it."""
     fit = read_fit(run)
 
     def draws() -> Floats | None:
@@ -160,13 +142,7 @@ def fitted_damper(run: Path) -> FittedDamper:
 
 
 def read_profiles(place: Path, fit: Fit) -> Profiles | None:
-    """The profiles of the run folder of a fit at `place`, `None` where there are none.
-
-    Raises
-    ------
-    RecordError
-        Where they are damaged, or of another fit.
-    """
+    """The profiles of the run folder of a fit at `place`, `None` where there are none."""
     path = place / PROFILES
     profiles = read_addition(Profiles, path, fit, name="profiles", verb="profile")
     if profiles is None:

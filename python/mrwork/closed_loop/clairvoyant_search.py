@@ -25,7 +25,8 @@ from mrwork.closed_loop.simulate import PrescribedCommands, samples_of, simulate
 from mrwork.control.laws import ControlLaw
 from mrwork.errors import Interrupted, SettingError
 from mrwork.motions.ground_motion import GroundMotion
-from mrwork.summary import Summarised, Summary, rounded
+from mrwork.numbers import rounded
+from mrwork.summary import Summarised, Summary
 from mrwork.values import Floats, holds_arrays
 
 if TYPE_CHECKING:

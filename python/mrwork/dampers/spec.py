@@ -24,7 +24,8 @@ from mrwork.dampers.parameters import (
 )
 from mrwork.dampers.presets import PUBLISHED_SETS, PublishedSet
 from mrwork.errors import SettingError, UnknownNameError
-from mrwork.summary import Summarised, Summary, of_unit, rounded
+from mrwork.numbers import of_unit, rounded
+from mrwork.summary import Summarised, Summary
 from mrwork.units import CommandUnit
 
 
