@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.summary import of_unit
+from mrwork.numbers import of_unit
 from mrwork.units import COMMAND_SCALES, CommandUnit
 
 Command = float | NDArray[np.float64]

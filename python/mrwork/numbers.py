@@ -1,4 +1,7 @@
-"""Numbers as text: significant digits, thousands, powers of ten, alignment at the decimal point, shares and counts."""
+"""Numbers as text: significant digits, thousands, powers of ten, alignment at the decimal point, shares and counts.
+
+The last three write the plain numbers of a terminal, with a hyphen where there is none.
+"""
 
 from __future__ import annotations
 
@@ -132,3 +135,18 @@ def percent(share: float, decimals: int = 1) -> str:
 def power_of_ten(power: int) -> str:
     """What follows a mantissa; nothing for the power 0."""
     return f" × 10{str(power).translate(_SUPERSCRIPTS)}" if power else ""
+
+
+def rounded(value: float | None, digits: int = 4) -> str:
+    """A number with `digits` significant digits; a dash where there is none."""
+    return "-" if value is None else f"{value:.{digits}g}"
+
+
+def with_decimals(value: float, decimals: int) -> str:
+    """A number with `decimals` decimals; a dash where it is not known."""
+    return "-" if math.isnan(value) else f"{value:.{decimals}f}"
+
+
+def of_unit(value: float | None, unit: str, digits: int = 4) -> str:
+    """A number with its unit, which "1" is not."""
+    return f"{rounded(value, digits)} {unit if unit != '1' else ''}".rstrip()

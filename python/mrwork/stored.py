@@ -131,13 +131,7 @@ def judged_by_additions(
 
 
 def fitted_damper(run: Path) -> FittedDamper:
-    """The fit of a run folder as a study takes it.
-
-    Raises
-    ------
-    RecordError
-        Where a file of the folder is damaged; of the draws, when they are asked for.
-    """
+    """The fit of a run folder as a study takes it."""
     fit = read_fit(run)
 
     def draws() -> Floats | None:

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
-from math import isnan
 from textwrap import wrap
 from typing import Any, ClassVar
 
 from mrwork.escaping import escaped
+from mrwork.numbers import rounded
 
 # Rows of a table and characters of a line that fit on one screen.
 _MOST_ROWS = 16
@@ -115,21 +115,6 @@ def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
         ).rstrip()
         for row in rows
     ]
-
-
-def rounded(value: float | None, digits: int = 4) -> str:
-    """A number with `digits` significant digits; a dash where there is none."""
-    return "-" if value is None else f"{value:.{digits}g}"
-
-
-def with_decimals(value: float, decimals: int) -> str:
-    """A number with `decimals` decimals; a dash where it is not known."""
-    return "-" if isnan(value) else f"{value:.{decimals}f}"
-
-
-def of_unit(value: float | None, unit: str, digits: int = 4) -> str:
-    """A number with its unit, which "1" is not."""
-    return f"{rounded(value, digits)} {unit if unit != '1' else ''}".rstrip()
 
 
 def listed(names: Sequence[str], most: int = 4) -> str:

@@ -15,7 +15,8 @@ from mrwork.buildings.modes import damping_ratios_of, damping_warnings, growing_
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.keys import Within, control_in
-from mrwork.summary import Summarised, Summary, rounded
+from mrwork.numbers import rounded
+from mrwork.summary import Summarised, Summary
 from mrwork.tested_range import OperatingRange, Outside, outside_of
 from mrwork.values import Floats, frozen, holds_arrays, keep_arrays
 

@@ -12,19 +12,19 @@ import numpy as np
 
 from mrwork.cli.options import (
     add_files,
-    add_json,
     add_observation,
-    add_quiet,
     add_run,
     add_threads,
+    end_parser,
+    is_quiet,
     nuisances_of,
     observation_of,
     opened_run,
     read_tests,
 )
-from mrwork.cli.output import print_json, renew_page, told_findings
-from mrwork.cli.progress import IdentificationInWords, ProgressLine
-from mrwork.cli.terminal import note, show
+from mrwork.cli.output import end_addition, told_findings
+from mrwork.cli.progress import IdentificationInWords, progress_line
+from mrwork.cli.terminal import note
 from mrwork.errors import SettingError
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import read_fit
@@ -71,9 +71,7 @@ def add_parser(verbs: Any) -> None:
         "one command",
     )
     add_threads(parser)
-    add_quiet(parser)
-    add_json(parser)
-    parser.set_defaults(run=run)
+    end_parser(parser, run)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -87,12 +85,8 @@ def run(options: argparse.Namespace) -> int:
         coverage = measured_coverage(predictions) if len(calibration.tests) > 1 else ()
         unseen = [each for each in predictions if each.seen is None]
         write_bands(options.run_folder, calibration, coverage, unseen, fit)
-        status = renew_page(options.run_folder, quiet=options.quiet or options.json)
-        if options.json:
-            print_json(_summary(calibration, coverage) | {"findings": findings})
-        else:
-            show(_text(calibration, coverage, options.run_folder))
-        return status
+        document = _summary(calibration, coverage) | {"findings": findings}
+        return end_addition(options, document, _text(calibration, coverage, options.run_folder))
 
 
 def _unseen(options: argparse.Namespace) -> _Predicted:
@@ -104,7 +98,7 @@ def _unseen(options: argparse.Namespace) -> _Predicted:
             "recognised as seen; identify again from the files"
         )
     words = observation_of(options, fit.settings.observe)
-    read = read_tests(options, "calibration", quiet=options.quiet or options.json)
+    _, read = read_tests(options, "calibration")
     findings = told_findings("calibrate", read, options)
     tests = [observed(test, words) for test in read]
     for test in tests:
@@ -127,13 +121,10 @@ def _left_out(options: argparse.Namespace) -> _Predicted:
         prefix = f"{options.leave_out} {done + 1} of {count}: "
 
     def identify_rest(rest: tuple[DamperTest, ...]) -> Fit:
-        line = ProgressLine(IdentificationInWords(prefix), quiet=options.quiet or options.json)
-        try:
+        with progress_line(IdentificationInWords(prefix), quiet=is_quiet(options), patience=0.0) as line:
             return folds.fit(
                 rest, lambda: identify_again(opened.fit, rest, threads=options.threads, on_progress=line)
             )
-        finally:
-            line.close()
 
     try:
         found = predict_left_out(opened.tests, options.leave_out, identify_rest, on_fold=on_fold)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from mrwork.cli.numbers import named_path
-from mrwork.cli.options import add_files, add_json, reading_of
+from mrwork.cli.options import add_files, end_parser, reading_of
 from mrwork.cli.output import print_json
 from mrwork.cli.progress import reading_line
 from mrwork.cli.terminal import note, show
@@ -42,8 +42,7 @@ def add_parser(verbs: Any) -> None:
         help="write a table of the tests with a first guess of columns, units and commands, and with what is in doubt; "
         "default tests.csv beside the first record",
     )
-    add_json(parser)
-    parser.set_defaults(run=run)
+    end_parser(parser, run, quiet="")
 
 
 def run(options: argparse.Namespace) -> int:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.cli.numbers import SCALE, add_number
-from mrwork.cli.options import add_json
+from mrwork.cli.options import end_parser
 from mrwork.cli.output import print_json
 from mrwork.cli.terminal import show
 from mrwork.dampers.conversions import (
@@ -69,8 +69,7 @@ def add_parser(verbs: Any) -> None:
         "from normalised, Ao 1",
         metavar="VALUE",
     )
-    add_json(parser)
-    parser.set_defaults(run=run)
+    end_parser(parser, run, quiet="")
 
 
 def run(options: argparse.Namespace) -> int:

@@ -9,12 +9,13 @@ import shlex
 import sys
 import threading
 from collections.abc import Callable, Mapping
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from mrwork.cli.options import is_quiet
 from mrwork.cli.output import as_plain, drawing, print_json, result_lines, stopped_in_words
-from mrwork.cli.progress import ProgressLine, task_line
+from mrwork.cli.progress import ProgressLine, progress_line, task_line
 from mrwork.cli.terminal import note, show
 from mrwork.dampers.spec import damper
 from mrwork.errors import Interrupted
@@ -40,50 +41,126 @@ Result = TypeVar("Result")
 _SWITCH_SECONDS = 5e-4
 
 
-def stem_of(tests: tuple[DamperTest, ...]) -> str:
-    """First part of the name of a run folder."""
-    first = tests[0].name.replace(" ", "_").replace(os.sep, "_")
-    return first if len(tests) == 1 else f"{first}-and-{len(tests) - 1}-more"
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Identification:
+    """An identification of a command line: its tests with their reading, and the run folder that it writes."""
 
+    options: argparse.Namespace
+    reading: Reading
+    tests: tuple[DamperTest, ...]
+    destination: Destination
 
-def destination_of(folder: Path, options: argparse.Namespace) -> Destination:
-    """The run folder of a command line, to which something can be written."""
-    destination = Destination.of(folder, FIT_RUN, replace=options.replace, resume=options.resume)
-    check_destination(destination)
-    return destination
+    @classmethod
+    def of(
+        cls, options: argparse.Namespace, reading: Reading, tests: tuple[DamperTest, ...], ending: str
+    ) -> Identification:
+        """That of these tests; the name of its folder, if none is given, is that of the first test and `ending`."""
+        first = tests[0].name.replace(" ", "_").replace(os.sep, "_")
+        stem = first if len(tests) == 1 else f"{first}-and-{len(tests) - 1}-more"
+        folder = options.out or Path("out") / f"{stem}-{ending}"
+        destination = Destination.of(folder, FIT_RUN, replace=options.replace, resume=options.resume)
+        check_destination(destination)
+        return cls(options=options, reading=reading, tests=tests, destination=destination)
 
+    @property
+    def folder(self) -> Path:
+        """The run folder."""
+        return self.destination.path
 
-def run_search(
-    search: Callable[[ProgressLine[Any]], Result],
-    described: Callable[[Any], str],
-    options: argparse.Namespace,
-    *,
-    before: str,
-) -> tuple[Result | None, int]:
-    """Run a search with a progress line; return its result, or `None`, and the exit status, 130 after Ctrl-C.
+    def search(
+        self,
+        search: Callable[[ProgressLine[Any]], Result],
+        described: Callable[[Any], str],
+        *,
+        before: str,
+    ) -> tuple[Result | None, int]:
+        """Run a search with a progress line; return its result, or `None`, and the exit status, 130 after Ctrl-C.
 
-    Parameters
-    ----------
-    search
-        Called with the progress line.
-    described
-        Text of a progress report.
-    options
-        The command line.
-    before
-        What has not happened when Ctrl-C leaves no result, for the message.
-    """
-    line = ProgressLine(described, quiet=options.quiet or options.json)
-    try:
-        threading.Thread(target=_load_for_the_end, name="mrwork-load", daemon=True).start()
-        return search(line), 0
-    except Interrupted as interrupt:
-        if interrupt.result is None:
-            line.close()
-            note(f"interrupted before {before}; run the same command with --resume to continue")
-        return interrupt.result, 130
-    finally:
-        line.close()
+        `before` says what has not happened when Ctrl-C leaves no result.
+        """
+        try:
+            with progress_line(described, quiet=is_quiet(self.options), patience=0.0) as line:
+                threading.Thread(target=_load_for_the_end, name="mrwork-load", daemon=True).start()
+                return search(line), 0
+        except Interrupted as interrupt:
+            if interrupt.result is None:
+                note(f"interrupted before {before}; run the same command with --resume to continue")
+            return interrupt.result, 130
+
+    def described_fit(self, fit: Fit, status: int) -> Fit:
+        """The fit with this command line and the reading of its tests, and at `status` 0 with its identifiability."""
+        if status == 0:
+            with task_line("identifiability of the parameters", quiet=is_quiet(self.options)):
+                # SciPy's optimisers are slow to load.
+                from mrwork.uncertainty.identifiability.verdicts import identifiability_of
+
+                fit = fit.with_identifiability(
+                    identifiability_of(fit, self.tests, threads=self.options.threads)
+                )
+        return self.with_command(fit)
+
+    def with_command(self, fit: Fit) -> Fit:
+        """The fit with a record of this command line and of how its tests were read, which `reopen` needs."""
+        return fit.with_command(shlex.join(["mrwork", *sys.argv[1:]]), self.reading)
+
+    def write(
+        self, fit: Fit, journal: Path, *, finished: bool, documents: Mapping[str, object] | None = None
+    ) -> bool:
+        """Write the run folder, its page excepted; return whether that was done.
+
+        After an interrupt it is done without waiting for the disk, and not in place of a complete run.
+        """
+        if not finished and is_complete(self.folder):
+            return False
+        write_run(
+            self.destination,
+            fit=fit,
+            report_html=_NOT_DRAWN if finished else _INTERRUPTED,
+            manifest=manifest_of(fit, fit.status if finished else INTERRUPTED),
+            journal=journal,
+            documents=documents,
+            flush=finished,
+        )
+        return True
+
+    def close(
+        self,
+        fit: Fit,
+        status: int,
+        *,
+        text: str,
+        kept: str,
+        written: bool,
+        document: Mapping[str, object],
+        ranking: Ranking | None = None,
+        laws: LawTable | None = None,
+    ) -> int:
+        """Print the result of a run whose folder is written, draw its page; return the exit status.
+
+        After Ctrl-C, `status` 130, a message says whether what is `kept` so far was `written`, and no page is drawn.
+        """
+        if not self.options.json:
+            show(text)
+        if status == 130:
+            note(stopped_in_words(self.folder, kept, written=written))
+        else:
+            status = drawing(self.folder, self._page(fit, ranking, laws), quiet=is_quiet(self.options))
+        if self.options.json:
+            print_json(document)
+        elif status == 0:
+            show(f"\nReport: {self.folder / REPORT}")
+        return status
+
+    def _page(self, fit: Fit, ranking: Ranking | None, laws: LawTable | None) -> Callable[[OnDrawn], None]:
+        def draw(on_progress: OnDrawn) -> None:
+            # Matplotlib is slow to load and needed for reports only.
+            from mrwork.report.fit.page import comparisons_of, write_page
+            from mrwork.stored import StoredRun
+
+            run = StoredRun(place=self.folder, fit=fit, ranking=ranking, laws=laws)
+            write_page(run, comparisons_of(fit, self.tests), on_progress=on_progress)
+
+        return draw
 
 
 def _load_for_the_end() -> None:
@@ -98,101 +175,6 @@ def _load_for_the_end() -> None:
         pass
     finally:
         sys.setswitchinterval(before)
-
-
-def with_command(fit: Fit, reading: Reading) -> Fit:
-    """The fit with a record of this command line and of how its tests were read, which `reopen` needs."""
-    return fit.with_command(shlex.join(["mrwork", *sys.argv[1:]]), reading)
-
-
-def with_identifiability(fit: Fit, tests: tuple[DamperTest, ...], options: argparse.Namespace) -> Fit:
-    """The fit with the identifiability of its parameters."""
-    with task_line("identifiability of the parameters", quiet=options.quiet or options.json):
-        # SciPy's optimisers are slow to load.
-        from mrwork.uncertainty.identifiability.verdicts import identifiability_of
-
-        return fit.with_identifiability(identifiability_of(fit, tests, threads=options.threads))
-
-
-def write_identification(
-    destination: Destination,
-    fit: Fit,
-    journal: Path,
-    *,
-    finished: bool,
-    documents: Mapping[str, object] | None = None,
-) -> bool:
-    """Write the run folder, its page excepted; return whether that was done.
-
-    After an interrupt it is done without waiting for the disk, and not in place of a complete run.
-    """
-    if not finished and is_complete(destination.path):
-        return False
-    write_run(
-        destination,
-        fit=fit,
-        report_html=_NOT_DRAWN if finished else _INTERRUPTED,
-        manifest=manifest_of(fit, fit.status if finished else INTERRUPTED),
-        journal=journal,
-        documents=documents,
-        flush=finished,
-    )
-    return True
-
-
-def write_fit_page(
-    folder: Path,
-    fit: Fit,
-    tests: tuple[DamperTest, ...],
-    *,
-    quiet: bool,
-    ranking: Ranking | None = None,
-    laws: LawTable | None = None,
-) -> int:
-    """Draw the page of a fit that has just been written to its folder; return the exit status, see `drawing`."""
-
-    def draw(on_progress: OnDrawn) -> None:
-        # Matplotlib is slow to load and needed for reports only.
-        from mrwork.report.fit.page import comparisons_of, write_page
-        from mrwork.stored import StoredRun
-
-        run = StoredRun(place=folder, fit=fit, ranking=ranking, laws=laws)
-        write_page(run, comparisons_of(fit, tests), on_progress=on_progress)
-
-    return drawing(folder, draw, quiet=quiet)
-
-
-def close_run(
-    folder: Path,
-    fit: Fit,
-    tests: tuple[DamperTest, ...],
-    status: int,
-    options: argparse.Namespace,
-    *,
-    text: str,
-    kept: str,
-    written: bool,
-    document: Mapping[str, object],
-    ranking: Ranking | None = None,
-    laws: LawTable | None = None,
-) -> int:
-    """Print the result of a run whose folder is written, draw its page; return the exit status.
-
-    After Ctrl-C, `status` 130, a message says whether what is `kept` so far was `written`, and no page is drawn.
-    `document` is printed with --json in place of `text`.
-    """
-    if not options.json:
-        show(text)
-    if status == 130:
-        note(stopped_in_words(folder, kept, written=written))
-    else:
-        quiet = options.quiet or options.json
-        status = write_fit_page(folder, fit, tests, quiet=quiet, ranking=ranking, laws=laws)
-    if options.json:
-        print_json(document)
-    elif status == 0:
-        show(f"\nReport: {folder / REPORT}")
-    return status
 
 
 _PAGE = (

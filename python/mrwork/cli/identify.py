@@ -4,39 +4,32 @@ from __future__ import annotations
 
 import argparse
 import textwrap
+from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
 from mrwork.cli.identified import (
-    close_run,
-    destination_of,
-    run_search,
-    stem_of,
+    Identification,
     summary_of,
     text_of,
-    with_command,
-    with_identifiability,
-    write_identification,
 )
 from mrwork.cli.numbers import GENERATIONS, POPULATION, Range, add_number, named_path
 from mrwork.cli.options import (
     add_files,
-    add_json,
     add_observation,
     add_out,
-    add_quiet,
     add_seed,
     add_threads,
     command_unit,
+    end_parser,
     laws_are_chosen,
     laws_of,
     models_of,
     nuisances_of,
     observation_of,
     parse_bounds,
-    reading_of,
-    tests_of,
+    read_tests,
 )
 from mrwork.cli.output import as_plain
 from mrwork.cli.progress import IdentificationInWords, choice_described, laws_described
@@ -49,6 +42,7 @@ from mrwork.identification.problem import start_from
 from mrwork.identification.settings import (
     Engine,
     FitSettings,
+    Reading,
     Search,
     has_generations,
     resized,
@@ -59,13 +53,13 @@ from mrwork.records import DamperTest, observed
 from mrwork.records.findings import findings_for
 from mrwork.store.run_folder import FIT, LAWS, MODELS, RANKING
 from mrwork.store.unfinished import StepJournals, discard_journal, run_journal
+from mrwork.table import Table
 from mrwork.uncertainty.bands.prediction import Fold
 from mrwork.uncertainty.choice.choose import ALL
 from mrwork.units import COMMAND_SCALES
 
 if TYPE_CHECKING:
     from mrwork.uncertainty.choice.choose import Choice
-    from mrwork.uncertainty.choice.law_table import LawTable
     from mrwork.uncertainty.choice.ranking import Ranking
 
 
@@ -168,14 +162,11 @@ def add_parser(verbs: Any) -> None:
     )
     add_threads(parser)
     add_out(parser, "run folder, default out/TEST-MODEL")
-    parser.add_argument(
-        "--resume",
-        action="store_true",
-        help="resume a run that was killed or interrupted; all other options but --threads as in that run",
+    end_parser(
+        parser,
+        run,
+        resume="resume a run that was killed or interrupted; all other options but --threads as in that run",
     )
-    add_quiet(parser)
-    add_json(parser)
-    parser.set_defaults(run=run)
 
 
 def settings_of(options: argparse.Namespace) -> FitSettings:
@@ -204,15 +195,12 @@ def run(options: argparse.Namespace) -> int:
             )
         return run_choice_of_models(options, settings)
     plain = damper(options.model)
-    reading = reading_of(options, "fit")
-    read = tests_of(reading, quiet=options.quiet or options.json)
-    tests = tuple(observed(test, settings.observe) for test in read)
+    reading, tests = _observed_tests(options, settings)
     spec = _with_laws(plain, tests, options)
     starts = tuple(start_from(read_fit(run), spec) for run in options.starts)
-    folder = options.out or Path("out") / f"{stem_of(tests)}-{spec.name}"
-    destination = destination_of(folder, options)
-    with run_journal(destination, resume=options.resume, note=note) as journal:
-        fit, status = run_search(
+    verb = Identification.of(options, reading, tests, spec.name)
+    with run_journal(verb.destination, resume=options.resume, note=note) as journal:
+        fit, status = verb.search(
             lambda line: identify_with(
                 spec,
                 tests,
@@ -222,29 +210,31 @@ def run(options: argparse.Namespace) -> int:
                 journal=journal,
             ),
             IdentificationInWords(),
-            options,
             before="any candidate was simulated",
         )
         journal.finish()
         if fit is None:
             return status
-        if status == 0:
-            fit = with_identifiability(fit, tests, options)
-        fit = with_command(fit, reading)
-        written = write_identification(destination, fit, journal.path, finished=status == 0)
+        fit = verb.described_fit(fit, status)
+        written = verb.write(fit, journal.path, finished=status == 0)
         if written:
             discard_journal(journal)
-        return close_run(
-            folder,
+        return verb.close(
             fit,
-            tests,
             status,
-            options,
             text=text_of(fit, tests),
             kept="the best fit",
             written=written,
-            document=summary_of(fit, tests, folder),
+            document=summary_of(fit, tests, verb.folder),
         )
+
+
+def _observed_tests(
+    options: argparse.Namespace, settings: FitSettings
+) -> tuple[Reading, tuple[DamperTest, ...]]:
+    """The tests with the observation models of the settings, and their reading."""
+    reading, read = read_tests(options, "fit")
+    return reading, tuple(observed(test, settings.observe) for test in read)
 
 
 def _with_laws(plain: DamperSpec, tests: tuple[DamperTest, ...], options: argparse.Namespace) -> DamperSpec:
@@ -309,13 +299,10 @@ def run_choice_of_models(options: argparse.Namespace, settings: FitSettings) -> 
     # SciPy's optimisers are slow to load.
     from mrwork.uncertainty.choice.choose import choose_model
 
-    reading = reading_of(options, "fit")
-    read = tests_of(reading, quiet=options.quiet or options.json)
-    tests = tuple(observed(test, settings.observe) for test in read)
-    folder = options.out or Path("out") / f"{stem_of(tests)}-models"
-    destination = destination_of(folder, options)
-    with StepJournals(destination, resume=options.resume, note=note) as journals:
-        choice, status = run_search(
+    reading, tests = _observed_tests(options, settings)
+    verb = Identification.of(options, reading, tests, "models")
+    with StepJournals(verb.destination, resume=options.resume, note=note) as journals:
+        choice, status = verb.search(
             lambda line: choose_model(
                 tests,
                 models_of(options),
@@ -330,18 +317,14 @@ def run_choice_of_models(options: argparse.Namespace, settings: FitSettings) -> 
                 journal_of=journals,
             ),
             choice_described,
-            options,
             before="any model was identified",
         )
         if choice is None:
             return status
-        fits = {fit.model: with_command(fit, reading) for fit in choice.fits}
-        best = fits[choice.ranking.chosen]
-        if status == 0:
-            best = with_identifiability(best, tests, options)
+        fits = {fit.model: verb.with_command(fit) for fit in choice.fits}
+        best = verb.described_fit(fits[choice.ranking.chosen], status)
         documents: dict[str, object] = {f"{MODELS}/{name}/{FIT}": fit.as_dict() for name, fit in fits.items()}
-        written = write_identification(
-            destination,
+        written = verb.write(
             best,
             journals.path(f"{best.model}/fit"),
             finished=status == 0,
@@ -349,17 +332,14 @@ def run_choice_of_models(options: argparse.Namespace, settings: FitSettings) -> 
         )
         if status == 0:
             journals.discard()
-        text = _text(choice.ranking, folder)
-        return close_run(
-            folder,
+        text = _text(choice.ranking, verb.folder)
+        return verb.close(
             best,
-            tests,
             status,
-            options,
             text=f"{text}\n\n{text_of(best, tests)}" if status == 0 else text,
             kept="what was identified",
             written=written,
-            document=_summary(choice, folder) | {"findings": as_plain(findings_for("identify", tests))},
+            document=_summary(choice, verb.folder) | {"findings": as_plain(findings_for("identify", tests))},
             ranking=choice.ranking,
         )
 
@@ -370,10 +350,16 @@ def _summary(choice: Choice, folder: Path) -> dict[str, Any]:
 
 
 def _text(ranking: Ranking, folder: Path) -> str:
-    lines = ranking.table.lines()
-    for sentence in (ranking.sentence, *(f"Note: {remark}." for remark in ranking.remarks)):
-        lines += ["", *textwrap.wrap(sentence, _WIDTH)]
+    lines = _choice_lines(ranking.table, ranking.sentence, ranking.remarks)
     return "\n".join([*lines, "", f"Ranking: {folder / RANKING}"])
+
+
+def _choice_lines(table: Table, sentence: str, remarks: Sequence[str]) -> list[str]:
+    """The table of a choice, its sentence and its remarks."""
+    lines = table.lines()
+    for each in (sentence, *(f"Note: {remark}." for remark in remarks)):
+        lines += ["", *textwrap.wrap(each, _WIDTH)]
+    return lines
 
 
 def run_choice_of_laws(options: argparse.Namespace, settings: FitSettings, *, several: bool) -> int:
@@ -383,13 +369,10 @@ def run_choice_of_laws(options: argparse.Namespace, settings: FitSettings, *, se
 
     if options.starts:
         raise SettingError("--law auto finds its own starts; leave --start out")
-    reading = reading_of(options, "fit")
-    read = tests_of(reading, quiet=options.quiet or options.json)
-    tests = tuple(observed(test, settings.observe) for test in read)
-    folder = options.out or Path("out") / f"{stem_of(tests)}-{'models' if several else options.model}"
-    destination = destination_of(folder, options)
-    with StepJournals(destination, resume=options.resume, note=note) as journals:
-        choice, status = run_search(
+    reading, tests = _observed_tests(options, settings)
+    verb = Identification.of(options, reading, tests, "models" if several else options.model)
+    with StepJournals(verb.destination, resume=options.resume, note=note) as journals:
+        choice, status = verb.search(
             lambda line: choose_laws(
                 models_of(options),
                 tests,
@@ -402,19 +385,14 @@ def run_choice_of_laws(options: argparse.Namespace, settings: FitSettings, *, se
                 journal_of=journals,
             ),
             laws_described,
-            options,
             before="any laws were fitted",
         )
         if choice is None:
             return status
-        fit = replace(choice.fit, seconds=choice.seconds)
-        if status == 0:
-            fit = with_identifiability(fit, tests, options)
-        fit = with_command(fit, reading)
+        fit = verb.described_fit(replace(choice.fit, seconds=choice.seconds), status)
         # The last step that has begun: after an interrupt that may be the choice.
         steps = [journals.path(f"{fit.model}/{step}") for step in ("fit", "laws")]
-        written = write_identification(
-            destination,
+        written = verb.write(
             fit,
             next(path for path in steps if path.is_file()),
             finished=status == 0,
@@ -422,22 +400,20 @@ def run_choice_of_laws(options: argparse.Namespace, settings: FitSettings, *, se
         )
         if status == 0:
             journals.discard()
-        return close_run(
-            folder,
+        return verb.close(
             fit,
-            tests,
             status,
-            options,
-            text="\n".join([*_lines(choice.table, folder), "", text_of(fit, tests)]),
+            text="\n".join(
+                [
+                    *_choice_lines(choice.table.table, choice.table.sentence, choice.table.notes),
+                    "",
+                    f"Laws: {verb.folder / LAWS}",
+                    "",
+                    text_of(fit, tests),
+                ]
+            ),
             kept="the best of what was fitted",
             written=written,
-            document=summary_of(fit, tests, folder) | {"choice_of_laws": asdict(choice.table)},
+            document=summary_of(fit, tests, verb.folder) | {"choice_of_laws": asdict(choice.table)},
             laws=choice.table,
         )
-
-
-def _lines(table: LawTable, folder: Path) -> list[str]:
-    lines = table.table.lines()
-    for sentence in (table.sentence, *(f"Note: {remark}." for remark in table.notes)):
-        lines += ["", *textwrap.wrap(sentence, _WIDTH)]
-    return [*lines, "", f"Laws: {folder / LAWS}"]

@@ -7,7 +7,7 @@ from dataclasses import asdict
 from typing import Any
 
 from mrwork.cli.numbers import AMPLITUDE, FREQUENCY, add_number, named_path
-from mrwork.cli.options import add_json
+from mrwork.cli.options import end_parser
 from mrwork.cli.output import print_json
 from mrwork.cli.terminal import show
 from mrwork.dampers.spec import DamperSpec, Preset, damper, damper_models
@@ -39,8 +39,7 @@ def add_parser(verbs: Any) -> None:
     )
     add_number(parser, "--amplitude", AMPLITUDE, "of the motion of the figure", metavar="M", default=0.015)
     add_number(parser, "--frequency", FREQUENCY, "of the motion of the figure", metavar="HZ", default=2.5)
-    add_json(parser)
-    parser.set_defaults(run=run)
+    end_parser(parser, run, quiet="")
 
 
 def run(options: argparse.Namespace) -> int:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from math import isfinite
 from pathlib import Path
 from typing import get_args
@@ -128,16 +128,26 @@ def add_out(parser: argparse.ArgumentParser, what: str) -> None:
     )
 
 
-def add_quiet(parser: argparse.ArgumentParser, help: str = "no progress line") -> None:
-    """--quiet."""
-    parser.add_argument("--quiet", action="store_true", help=help)
-
-
-def add_json(parser: argparse.ArgumentParser) -> None:
-    """--json."""
+def end_parser(
+    parser: argparse.ArgumentParser,
+    run: Callable[[argparse.Namespace], int],
+    *,
+    resume: str = "",
+    quiet: str = "no progress line",
+) -> None:
+    """Declare --resume and --quiet, each where it has a help, and --json; `run` is what the verb does."""
+    for option, help in (("--resume", resume), ("--quiet", quiet)):
+        if help:
+            parser.add_argument(option, action="store_true", help=help)
     parser.add_argument(
         "--json", action="store_true", help="print one JSON object on stdout and nothing else"
     )
+    parser.set_defaults(run=run)
+
+
+def is_quiet(options: argparse.Namespace) -> bool:
+    """Whether no progress line is shown."""
+    return bool(options.json or getattr(options, "quiet", False))
 
 
 def reading_of(options: argparse.Namespace, use: Use | EveryUse) -> Reading:
@@ -161,20 +171,16 @@ def reading_of(options: argparse.Namespace, use: Use | EveryUse) -> Reading:
     )
 
 
-def read_tests(options: argparse.Namespace, use: Use, *, quiet: bool) -> tuple[DamperTest, ...]:
-    """The tests of the command line, first cut, then repaired; a line tells how many have been read."""
-    return tests_of(reading_of(options, use), quiet=quiet)
-
-
-def tests_of(reading: Reading, *, quiet: bool) -> tuple[DamperTest, ...]:
-    """The tests of a reading; a line tells how many have been read."""
-    with reading_line(quiet=quiet) as on_read:
-        return reading.tests(on_read=on_read)
+def read_tests(options: argparse.Namespace, use: Use) -> tuple[Reading, tuple[DamperTest, ...]]:
+    """The tests of the command line, first cut, then repaired, and their reading; a line tells how many are read."""
+    reading = reading_of(options, use)
+    with reading_line(quiet=is_quiet(options)) as on_read:
+        return reading, reading.tests(on_read=on_read)
 
 
 def opened_run(options: argparse.Namespace) -> OpenedRun:
     """The run folder of the command line with its tests; a line tells how many have been read."""
-    with reading_line(quiet=options.quiet or options.json) as on_read:
+    with reading_line(quiet=is_quiet(options)) as on_read:
         return reopen(options.run_folder, on_read=on_read)
 
 

@@ -9,7 +9,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from mrwork.cli.progress import PATIENCE, ProgressLine, page_described
+from mrwork.cli.options import is_quiet
+from mrwork.cli.progress import page_described, progress_line
 from mrwork.cli.terminal import note, show
 from mrwork.errors import MrworkError, OutputError
 from mrwork.records import DamperTest
@@ -26,6 +27,21 @@ if TYPE_CHECKING:
 def print_json(document: object) -> None:
     """Print an object in one line of strict JSON; numbers that are not finite become null, as in the files."""
     show(json.dumps(finite(document), allow_nan=False))
+
+
+def print_result(options: argparse.Namespace, document: object, text: str) -> None:
+    """Print what a verb found: the `document` with --json, else the `text`."""
+    if options.json:
+        print_json(document)
+    else:
+        show(text)
+
+
+def end_addition(options: argparse.Namespace, document: object, text: str) -> int:
+    """Draw the page of a run to which a file was added, and print what was found; return the exit status."""
+    status = renew_page(options.run_folder, quiet=is_quiet(options))
+    print_result(options, document, text)
+    return status
 
 
 def as_plain(findings: Iterable[SharedFinding]) -> list[dict[str, Any]]:
@@ -92,15 +108,12 @@ def drawing(folder: Path, draw: Callable[[OnDrawn], None], *, quiet: bool) -> in
 
     Return the exit status: 130 after Ctrl-C, when a message says how to draw the page later, otherwise 0.
     """
-    line = ProgressLine(page_described, quiet=quiet, patience=PATIENCE)
     try:
-        draw(line)
+        with progress_line(page_described, quiet=quiet) as line:
+            draw(line)
     except KeyboardInterrupt:
-        line.close()
         note(
             f"interrupted while the page was drawn; the results are in {folder}; mrwork report {folder} draws it"
         )
         return 130
-    finally:
-        line.close()
     return 0

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.cli.numbers import AMPLITUDES, COMMANDS, FREQUENCIES, STROKE, VELOCITY, add_number, named_path
-from mrwork.cli.options import add_json, add_quiet, add_run, add_seed, add_threads, opened_run
-from mrwork.cli.output import print_json, renew_page, told_findings
-from mrwork.cli.terminal import note, show
+from mrwork.cli.options import add_run, add_seed, add_threads, end_parser, opened_run
+from mrwork.cli.output import end_addition, told_findings
+from mrwork.cli.terminal import note
 from mrwork.errors import SettingError
 from mrwork.identification.equivalent import identifiable_form
 from mrwork.identification.fit_file import OpenedRun, addition_content
@@ -74,9 +74,7 @@ def add_parser(verbs: Any) -> None:
     )
     add_seed(parser, "the draws that check the ranking")
     add_threads(parser)
-    add_quiet(parser, "no note on candidates that could not be simulated")
-    add_json(parser)
-    parser.set_defaults(run=run)
+    end_parser(parser, run, quiet="no note on candidates that could not be simulated")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -104,11 +102,8 @@ def _plan(opened: OpenedRun, options: argparse.Namespace) -> int:
     unit = None if spec.current is None else spec.current.unit
     document = asdict(check) | {"draws": origin, "limits": asdict(limits)}
     write_files(opened.place, {PLAN: addition_content(document, opened.fit)})
-    status = renew_page(opened.place, quiet=options.quiet or options.json)
-    if options.json:
-        print_json(document | {"findings": findings, "out": str(opened.place / PLAN)})
-    else:
-        show(_text(check, origin, unit, opened.place))
+    printed = document | {"findings": findings, "out": str(opened.place / PLAN)}
+    status = end_addition(options, printed, _text(check, origin, unit, opened.place))
     if ranked.left_out and not options.quiet:
         failed = "; ".join(each.in_words(unit) for each in ranked.left_out)
         note(f"not ranked, as they could not be simulated: {failed}")

@@ -11,9 +11,9 @@ import numpy as np
 from mrwork.cli.numbers import SHARE, SUBSTEP_FACTOR, add_number
 from mrwork.cli.options import (
     add_files,
-    add_json,
     add_observation,
     add_run,
+    end_parser,
     nuisances_of,
     observation_of,
     read_tests,
@@ -76,8 +76,7 @@ def add_parser(verbs: Any) -> None:
         "calibrate RUN",
         metavar="SHARE",
     )
-    add_json(parser)
-    parser.set_defaults(run=run)
+    end_parser(parser, run, quiet="")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -93,7 +92,7 @@ def run(options: argparse.Namespace) -> int:
     limited: list[LawLimit] = []
     nuisances = nuisances_of(options, fit.nuisances)
     words = observation_of(options, fit.settings.observe)
-    tests = read_tests(options, "test", quiet=options.json)
+    _, tests = read_tests(options, "test")
     findings = told_findings("predict", tests, options)
     for test in (observed(test, words) for test in tests):
         with explained_by(fit, test):
@@ -109,11 +108,7 @@ def run(options: argparse.Namespace) -> int:
                 "fit_percent": quality.fit_percent,
                 "nrmse": quality.nrmse,
                 "rmse_n": quality.rmse_n,
-                "error_norms": {
-                    "time": quality.error_norms.time,
-                    "displacement": quality.error_norms.displacement,
-                    "velocity": quality.error_norms.velocity,
-                },
+                "error_norms": asdict(quality.error_norms),
                 "n_time": quality.n_time,
                 "settle_seconds": quality.settle_seconds,
                 "substeps": quality.substeps,

@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mrwork.cli.numbers import SHARE, add_number
-from mrwork.cli.options import add_json, add_quiet, add_run, add_threads, opened_run
-from mrwork.cli.output import print_json, renew_page, result_lines, told_findings, verdicts_elsewhere
-from mrwork.cli.progress import PATIENCE, ProgressLine, profile_described
-from mrwork.cli.terminal import note, show
+from mrwork.cli.options import add_run, add_threads, end_parser, is_quiet, opened_run
+from mrwork.cli.output import end_addition, print_result, result_lines, told_findings, verdicts_elsewhere
+from mrwork.cli.progress import profile_described, progress_line
+from mrwork.cli.terminal import note
 from mrwork.errors import Interrupted, RecordError
 from mrwork.identification.fit import Direction, Fit
 from mrwork.identification.fit_file import OpenedRun, addition_content, fit_content
@@ -42,9 +42,7 @@ def add_parser(verbs: Any) -> None:
     )
     add_number(parser, "--level", SHARE, "level of the intervals, default 0.95", default=0.95, metavar="P")
     add_threads(parser)
-    add_quiet(parser)
-    add_json(parser)
-    parser.set_defaults(run=run)
+    end_parser(parser, run)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -63,21 +61,18 @@ def _profile(opened: OpenedRun, options: argparse.Namespace) -> int:
     findings = told_findings("profile", opened.tests, options)
     # The file of the fit has the intervals of the draws: damaged ones are refused before the profiles are computed.
     draws = read_draws(opened.place, opened.fit)
-    line = ProgressLine(profile_described, quiet=options.quiet or options.json, patience=PATIENCE)
     try:
-        profiles = profile(
-            opened.fit,
-            opened.tests,
-            parameters=options.parameters,
-            level=options.level,
-            threads=options.threads,
-            on_progress=line,
-        )
+        with progress_line(profile_described, quiet=is_quiet(options)) as line:
+            profiles = profile(
+                opened.fit,
+                opened.tests,
+                parameters=options.parameters,
+                level=options.level,
+                threads=options.threads,
+                on_progress=line,
+            )
     except Interrupted as interrupt:
-        line.close()
         return stopped(opened, interrupt.result, options)
-    finally:
-        line.close()
     fit = opened.fit.with_identifiability(
         identifiability_of(opened.fit, opened.tests, threads=options.threads)
     )
@@ -86,12 +81,8 @@ def _profile(opened: OpenedRun, options: argparse.Namespace) -> int:
     document = asdict(profiles) | {"directions": [asdict(each) for each in directions]}
     contents = {PROFILES: addition_content(document, opened.fit), FIT: fit_content(fit)}
     write_files(opened.place, contents)
-    status = renew_page(opened.place, quiet=options.quiet or options.json)
-    if options.json:
-        print_json(document | {"findings": findings, "out": str(opened.place / PROFILES)})
-    else:
-        show(_text(fit, profiles, directions, opened.place))
-    return status
+    printed = document | {"findings": findings, "out": str(opened.place / PROFILES)}
+    return end_addition(options, printed, _text(fit, profiles, directions, opened.place))
 
 
 def stopped(opened: OpenedRun, profiles: Profiles, options: argparse.Namespace) -> int:
@@ -100,10 +91,8 @@ def stopped(opened: OpenedRun, profiles: Profiles, options: argparse.Namespace) 
     written = not _has_complete(opened)
     if written:
         write_files(opened.place, {PROFILES: addition_content(document, opened.fit)})
-    if options.json:
-        print_json(document | {"out": str(opened.place / PROFILES)})
-    else:
-        show(_text(opened.fit, profiles, (), opened.place))
+    printed = document | {"out": str(opened.place / PROFILES)}
+    print_result(options, printed, _text(opened.fit, profiles, (), opened.place))
     where = "has the profiles so far" if written else "keeps the complete profiles that it has"
     note(f"interrupted; {opened.place / PROFILES} {where}; run the same command again for all")
     return 130

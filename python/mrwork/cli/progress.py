@@ -75,13 +75,22 @@ class ProgressLine(Generic[Report]):
 
 
 @contextmanager
-def reading_line(*, quiet: bool) -> Iterator[OnRead]:
-    """A line that tells how many of several tests have been read."""
-    line: ProgressLine[tuple[int, int]] = ProgressLine(_reading_described, quiet=quiet)
+def progress_line(
+    described: Callable[[Report], str], *, quiet: bool, patience: float = PATIENCE
+) -> Iterator[ProgressLine[Report]]:
+    """A line of progress, which is cleared at the end."""
+    line = ProgressLine(described, quiet=quiet, patience=patience)
     try:
-        yield lambda done, total: line((done, total))
+        yield line
     finally:
         line.close()
+
+
+@contextmanager
+def reading_line(*, quiet: bool) -> Iterator[OnRead]:
+    """A line that tells how many of several tests have been read."""
+    with progress_line(_reading_described, quiet=quiet, patience=0.0) as line:
+        yield lambda done, total: line((done, total))
 
 
 def _reading_described(read: tuple[int, int]) -> str:
@@ -92,12 +101,9 @@ def _reading_described(read: tuple[int, int]) -> str:
 @contextmanager
 def task_line(task: str, *, quiet: bool) -> Iterator[None]:
     """A line that names a task while it is done."""
-    line: ProgressLine[str] = ProgressLine(str, quiet=quiet)
-    line(task)
-    try:
+    with progress_line(str, quiet=quiet, patience=0.0) as line:
+        line(task)
         yield
-    finally:
-        line.close()
 
 
 class IdentificationInWords:

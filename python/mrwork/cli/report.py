@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, Any
 
-from mrwork.cli.options import add_json, add_quiet, add_run
+from mrwork.cli.options import add_run, end_parser, is_quiet
 from mrwork.cli.output import drawing, print_json, told_findings
 from mrwork.cli.terminal import show
 from mrwork.records import DamperTest
@@ -32,9 +32,7 @@ def add_parser(verbs: Any) -> None:
         action="store_true",
         help="draw every test in full; by default up to four tests, of more the best, the median and the worst fit",
     )
-    add_quiet(parser)
-    add_json(parser)
-    parser.set_defaults(run=run)
+    end_parser(parser, run)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -53,7 +51,7 @@ def run(options: argparse.Namespace) -> int:
         if options.figures:
             names.extend(write_figures(opened, comparisons, on_progress=on_progress))
 
-    status = drawing(place, draw, quiet=options.quiet or options.json)
+    status = drawing(place, draw, quiet=is_quiet(options))
     if status == 0:
         findings = told_findings("report", tests, options)
         if options.json:

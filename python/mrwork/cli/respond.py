@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import argparse
-import time
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from mrwork.cli.numbers import named_path
-from mrwork.cli.options import add_json, add_out, add_quiet, add_seed, add_threads
-from mrwork.cli.progress import PATIENCE, ProgressLine, study_described
-from mrwork.cli.study_text import StudyVerb, command_line, study_folder, study_text
-from mrwork.cli.terminal import keep_stdout, note, show
+from mrwork.cli.options import add_out, add_seed, add_threads, end_parser, is_quiet
+from mrwork.cli.progress import progress_line, study_described
+from mrwork.cli.study_text import StudyVerb, command_line, run_on_study, study_text
+from mrwork.cli.terminal import keep_stdout, show
 from mrwork.errors import SettingError
 from mrwork.store.journal import Journal
 from mrwork.store.run_folder import STUDY_RUN
@@ -48,15 +47,12 @@ def add_parser(verbs: Any) -> None:
     )
     add_threads(parser)
     add_out(parser, "folder of the results, default out/STUDY")
-    parser.add_argument(
-        "--resume",
-        action="store_true",
-        help="resume a study that was killed or interrupted; all other options but --threads and --check-step as in "
+    end_parser(
+        parser,
+        run,
+        resume="resume a study that was killed or interrupted; all other options but --threads and --check-step as in "
         "that study",
     )
-    add_quiet(parser)
-    add_json(parser)
-    parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -68,38 +64,27 @@ def run(options: argparse.Namespace) -> int:
         return 0
     if options.study is None:
         raise SettingError("no study is given; give a STUDY.toml, or --schema to print its keys")
-    # The simulation is slow to load.
-    from mrwork.study.reading import read_study
-
-    began = time.perf_counter()
-    with keep_stdout():
-        whole = read_study(options.study, seed=options.seed, on_python=note)
-    study = whole if options.motions == "all" else whole.of_use(options.motions)
-    with study_folder(options, STUDY_RUN, options.study.stem) as (destination, journal):
-        return _verb(study, destination.path, options).run(options, study, destination, journal, began)
+    verb_of = partial(_verb, options)
+    return run_on_study(options, STUDY_RUN, options.study.stem, verb_of, use=options.motions)
 
 
-def _verb(study: Study, place: Path, options: argparse.Namespace) -> StudyVerb[StudyResults]:
+def _verb(options: argparse.Namespace, study: Study, place: Path) -> StudyVerb[StudyResults]:
     """The responses of a study, with the histories that it stores."""
     histories = Histories(place, study, resume=options.resume)
 
     def compute(journal: Journal) -> StudyResults:
         from mrwork.study.run import run_study
 
-        line = ProgressLine(study_described, quiet=options.quiet or options.json, patience=PATIENCE)
-        try:
-            with keep_stdout():
-                return run_study(
-                    study,
-                    journal=journal,
-                    kept=histories.kept,
-                    keep=histories.keep,
-                    on_progress=line,
-                    check_step=options.check_step,
-                    threads=options.threads,
-                )
-        finally:
-            line.close()
+        with progress_line(study_described, quiet=is_quiet(options)) as line, keep_stdout():
+            return run_study(
+                study,
+                journal=journal,
+                kept=histories.kept,
+                keep=histories.keep,
+                on_progress=line,
+                check_step=options.check_step,
+                threads=options.threads,
+            )
 
     def page(results: StudyResults, seconds: float) -> str:
         # Matplotlib is slow to load.

@@ -9,10 +9,22 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mrwork.cli.numbers import STEPS, TEMPERING, WALKERS, add_number
-from mrwork.cli.options import add_json, add_quiet, add_run, add_seed, add_threads, opened_run
-from mrwork.cli.output import print_json, renew_page, result_lines, told_findings, verdicts_elsewhere
-from mrwork.cli.progress import PATIENCE, ProgressLine, sampling_described
-from mrwork.cli.terminal import note, show
+from mrwork.cli.options import (
+    add_run,
+    add_seed,
+    add_threads,
+    end_parser,
+    is_quiet,
+    opened_run,
+)
+from mrwork.cli.output import (
+    end_addition,
+    result_lines,
+    told_findings,
+    verdicts_elsewhere,
+)
+from mrwork.cli.progress import progress_line, sampling_described
+from mrwork.cli.terminal import note
 from mrwork.errors import Interrupted
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import OpenedRun, fit_content
@@ -63,12 +75,7 @@ def add_parser(verbs: Any) -> None:
     )
     add_seed(parser, "the walkers")
     add_threads(parser)
-    parser.add_argument(
-        "--resume", action="store_true", help=f"continue {CHAIN}; only --steps and --threads may differ"
-    )
-    add_quiet(parser)
-    add_json(parser)
-    parser.set_defaults(run=run)
+    end_parser(parser, run, resume=f"continue {CHAIN}; only --steps and --threads may differ")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -83,55 +90,47 @@ def run(options: argparse.Namespace) -> int:
     # The file of the fit may have the intervals of the profiles: damaged ones are refused before the chain grows.
     profiles = read_profiles(opened.place, opened.fit)
     with addition_journal(kept, resume=options.resume, note=note) as journal:
-        draws, status = _sample(opened, priors, journal, options)
+        draws = _sample(opened, priors, journal, options)
         if draws is None:
-            return status
+            return 130
         # ArviZ and HDF5 take seconds to load.
         from mrwork.uncertainty.posterior.draws import draws_content
 
         fit = judged_by_additions(opened.place, opened.fit, draws=draws, profiles=profiles)
         contents = {DRAWS: draws_content(draws, opened.fit), FIT: fit_content(fit)}
         write_files(opened.place, contents, then=lambda: keep_addition(journal, kept))
-        status = renew_page(opened.place, quiet=options.quiet or options.json)
-        if options.json:
-            print_json(_summary(draws, opened.place) | {"findings": findings})
-        else:
-            show(_text(fit, draws, opened.place))
-        return status
+        document = _summary(draws, opened.place) | {"findings": findings}
+        return end_addition(options, document, _text(fit, draws, opened.place))
 
 
 def _sample(
     opened: OpenedRun, priors: Mapping[str, Prior], journal: Journal, options: argparse.Namespace
-) -> tuple[Draws | None, int]:
-    """Sample with a progress line; return the draws, `None` after Ctrl-C, and the exit status."""
+) -> Draws | None:
+    """Sample with a progress line; return the draws, `None` after Ctrl-C."""
     # emcee takes a second to load.
     from mrwork.uncertainty.posterior.sample import sample
 
-    line = ProgressLine(sampling_described, quiet=options.quiet or options.json, patience=PATIENCE)
     try:
-        draws = sample(
-            opened.fit,
-            opened.tests,
-            noise=options.noise,
-            priors=priors,
-            tempering=options.tempering,
-            walkers=options.walkers,
-            most_steps=options.steps,
-            rng=options.seed,
-            threads=options.threads,
-            journal=journal,
-            on_progress=line,
-        )
+        with progress_line(sampling_described, quiet=is_quiet(options)) as line:
+            return sample(
+                opened.fit,
+                opened.tests,
+                noise=options.noise,
+                priors=priors,
+                tempering=options.tempering,
+                walkers=options.walkers,
+                most_steps=options.steps,
+                rng=options.seed,
+                threads=options.threads,
+                journal=journal,
+                on_progress=line,
+            )
     except Interrupted as interrupt:
-        line.close()
         note(
             f"interrupted; {interrupt.result.n_steps} steps are kept in {journal.path}; "
             "run the same command with --resume to continue"
         )
-        return None, 130
-    finally:
-        line.close()
-    return draws, 0
+        return None
 
 
 def _summary(draws: Draws, place: Path) -> dict[str, Any]:

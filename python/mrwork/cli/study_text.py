@@ -10,20 +10,20 @@ import platform
 import shlex
 import sys
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from math import isfinite
 from pathlib import Path
 from textwrap import wrap
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, Literal, TypeVar
 
 from mrwork import __version__
-from mrwork.cli.output import print_json, stopped_in_words, table_lines
-from mrwork.cli.terminal import note, show
+from mrwork.cli.output import print_result, stopped_in_words, table_lines
+from mrwork.cli.terminal import keep_stdout, note
 from mrwork.closed_loop.evaluation import SCORE, criterion
 from mrwork.errors import Interrupted
+from mrwork.numbers import with_decimals
 from mrwork.store.codec import digest_of
 from mrwork.store.journal import Journal
 from mrwork.store.output_folder import Destination, check_destination
@@ -41,8 +41,8 @@ from mrwork.study.comparison import (
     times_better,
 )
 from mrwork.study.results import OFF_BALANCE, ON_OFF, StudyResults, largest_step_changes
+from mrwork.study.schema import Use
 from mrwork.study.study import Kind, Study, StudyFile
-from mrwork.summary import with_decimals
 from mrwork.tuning.results import TuningResults
 
 
@@ -104,10 +104,8 @@ class StudyVerb(Generic[Results]):
             )
             drawn = page is not None
             discard_journal(journal)
-        if options.json:
-            print_json(self.document(results) | {"out": str(place)})
-        else:
-            show(self.text(results, drawn, written))
+        document = self.document(results) | {"out": str(place)}
+        print_result(options, document, self.text(results, drawn, written))
         if status == 130:
             note(stopped_in_words(place, self.kept, written=written))
         elif not drawn:
@@ -135,16 +133,27 @@ class StudyVerb(Generic[Results]):
         }
 
 
-@contextmanager
-def study_folder(
-    options: argparse.Namespace, kind: RunKind, default: str
-) -> Iterator[tuple[Destination, Journal]]:
-    """The folder of a run, by default `default` in `out`, and its journal, both locked."""
+def run_on_study(
+    options: argparse.Namespace,
+    kind: RunKind,
+    default: str,
+    verb_of: Callable[[Study, Path], StudyVerb[Results]],
+    *,
+    use: Use | Literal["all"] = "all",
+) -> int:
+    """Run a verb on the motions of a `use` of its study, in a folder, by default `default` in `out`; its status."""
+    # The simulation is slow to load.
+    from mrwork.study.reading import read_study
+
+    began = time.perf_counter()
+    with keep_stdout():
+        study = read_study(options.study, seed=options.seed, on_python=note)
+    study = study if use == "all" else study.of_use(use)
     place = options.out or Path("out") / default
     destination = Destination.of(place, kind, replace=options.replace, resume=options.resume)
     check_destination(destination)
     with run_journal(destination, resume=options.resume, note=note) as journal:
-        yield destination, journal
+        return verb_of(study, destination.path).run(options, study, destination, journal, began)
 
 
 _WIDTH = 100

@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 import argparse
-import time
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from mrwork.cli.numbers import named_path
-from mrwork.cli.options import add_json, add_out, add_quiet, add_seed, add_threads
+from mrwork.cli.options import add_out, add_seed, add_threads, end_parser, is_quiet
 from mrwork.cli.output import table_lines
-from mrwork.cli.progress import PATIENCE, ProgressLine, tuning_described
-from mrwork.cli.study_text import StudyVerb, command_line, study_folder
-from mrwork.cli.terminal import keep_stdout, note
+from mrwork.cli.progress import progress_line, tuning_described
+from mrwork.cli.study_text import StudyVerb, command_line, run_on_study
+from mrwork.numbers import with_decimals
 from mrwork.store.journal import Journal
 from mrwork.store.run_folder import CHOSEN, REPORT, TUNING_RUN
 from mrwork.study.schema import TuneTable
 from mrwork.study.study import Study
-from mrwork.summary import with_decimals
 from mrwork.tuning.results import (
     LawResult,
     TuningResults,
@@ -56,42 +55,29 @@ def add_parser(verbs: Any) -> None:
     add_seed(parser, "the searches, of noise and synthetic motions")
     add_threads(parser)
     add_out(parser, "folder of the results, default out/STUDY-tuned")
-    parser.add_argument(
-        "--resume",
-        action="store_true",
-        help="resume a tuning that was killed or interrupted; all other options but --threads as in that tuning",
+    end_parser(
+        parser,
+        run,
+        resume="resume a tuning that was killed or interrupted; all other options but --threads as in that tuning",
     )
-    add_quiet(parser)
-    add_json(parser)
-    parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:
     """Tune, write the folder, print the result."""
-    # The simulation is slow to load.
-    from mrwork.study.reading import read_study
-
-    began = time.perf_counter()
-    with keep_stdout():
-        study = read_study(options.study, seed=options.seed, on_python=note)
-    with study_folder(options, TUNING_RUN, f"{options.study.stem}-tuned") as (destination, journal):
-        return _verb(study, destination.path, options).run(options, study, destination, journal, began)
+    return run_on_study(options, TUNING_RUN, f"{options.study.stem}-tuned", partial(_verb, options))
 
 
-def _verb(study: Study, place: Path, options: argparse.Namespace) -> StudyVerb[TuningResults]:
+def _verb(options: argparse.Namespace, study: Study, place: Path) -> StudyVerb[TuningResults]:
     """The tuning of the tables of a study, or of the command line."""
     tables = _tables(study, options)
 
     def compute(journal: Journal) -> TuningResults:
         from mrwork.tuning.run import tune
 
-        line = ProgressLine(tuning_described, quiet=options.quiet or options.json, patience=PATIENCE)
-        try:
+        with progress_line(tuning_described, quiet=is_quiet(options)) as line:
             return tune(
                 study, tables, rng=options.seed, journal=journal, threads=options.threads, on_progress=line
             )
-        finally:
-            line.close()
 
     def page(results: TuningResults, _: float) -> str | None:
         # After Ctrl-C nothing that takes long: the figures are drawn when the tuning is resumed.

@@ -26,7 +26,8 @@ from mrwork.control.laws import ControlLaw
 from mrwork.errors import Interrupted, SettingError
 from mrwork.keys import key
 from mrwork.motions.ground_motion import GroundMotion
-from mrwork.summary import Summarised, Summary, rounded
+from mrwork.numbers import rounded
+from mrwork.summary import Summarised, Summary
 from mrwork.values import Floats, holds_arrays
 
 if TYPE_CHECKING:

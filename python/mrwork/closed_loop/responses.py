@@ -15,7 +15,8 @@ from mrwork.arguments import checked
 from mrwork.buildings.matrices import Building, Device
 from mrwork.dampers.spec import LawLimit, worst_laws
 from mrwork.errors import SettingError
-from mrwork.summary import Summarised, Summary, rounded
+from mrwork.numbers import rounded
+from mrwork.summary import Summarised, Summary
 from mrwork.tested_range import Exceedance, OperatingRange, Outside, least_stroke, worst_of
 from mrwork.values import Floats, holds_arrays
 

@@ -15,7 +15,8 @@ from mrwork.arguments import May, checked
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.keys import suggestion
-from mrwork.summary import Summarised, Summary, rounded
+from mrwork.numbers import rounded
+from mrwork.summary import Summarised, Summary
 from mrwork.values import Floats, holds_arrays
 
 Shape = Literal["device", "state", "numbers"]

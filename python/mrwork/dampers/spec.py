@@ -23,7 +23,8 @@ from mrwork.dampers.parameters import (
     polynomial_laws,
 )
 from mrwork.errors import SettingError, UnknownNameError
-from mrwork.summary import Summarised, Summary, of_unit, rounded
+from mrwork.numbers import of_unit, rounded
+from mrwork.summary import Summarised, Summary
 from mrwork.units import CommandUnit
 
 

@@ -15,11 +15,12 @@ from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import UnknownNameError
 from mrwork.identification.nuisance import NONE, Nuisance, NuisanceName
 from mrwork.identification.settings import FitSettings, Reading
+from mrwork.numbers import of_unit, rounded
 from mrwork.records import AS_IT_IS, DamperTest, Observation, observed
 from mrwork.records.likeness import Likeness, RecordedMotion, likest_of_other_force, likest_of_same_force
 from mrwork.records.operating_range import OperatingRange, Outside, range_of_test
 from mrwork.store.codec import LowerBound, OrInfinite, Related, UpperBound, digest_of
-from mrwork.summary import Summarised, Summary, listed, of_unit, rounded
+from mrwork.summary import Summarised, Summary, listed
 from mrwork.tested_range import outside_of
 from mrwork.values import holds_arrays
 

@@ -15,7 +15,8 @@ from mrwork.errors import RecordError, SettingError
 from mrwork.keys import SMALLEST, Within
 from mrwork.motions.ground_motion import GroundMotion, changed, resampled, scaled
 from mrwork.motions.spectral_density import CloughPenzien, KanaiTajimi, SpectralDensity
-from mrwork.summary import Summarised, Summary, rounded
+from mrwork.numbers import rounded
+from mrwork.summary import Summarised, Summary
 from mrwork.values import Floats, holds_arrays
 
 Complexes = NDArray[np.complex128]

@@ -155,6 +155,21 @@ def logarithmic(axes: Axes, values: NDArray[np.float64]) -> None:
     axes.yaxis.set_minor_formatter(NullFormatter())
 
 
+def symmetric(axes: Axes) -> None:
+    """Make the range of the ordinate symmetric about zero."""
+    largest = max(map(abs, axes.get_ylim()))
+    axes.set_ylim(-largest, largest)
+
+
+def name_rows(axes: Axes, names: Sequence[str], abscissa: str) -> None:
+    """Rows with these names, the first at the bottom, over an abscissa with a grid."""
+    axes.set_yticks(range(len(names)), names)
+    axes.set_ylim(-0.6, len(names) - 0.4)
+    axes.set_xlabel(abscissa)
+    axes.grid(visible=False, axis="y")
+    axes.grid(visible=True, axis="x")
+
+
 def legend(axes: Axes, columns: int = 3) -> None:
     """A legend above the axes, at their right."""
     figure = cast(Figure, axes.get_figure(root=True))

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
+from typing import Literal
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -165,6 +167,9 @@ _HEADING = 0.34
 _HISTORY_ASPECT = 3.0
 _POINT = 2.8
 
+Motion = Literal["displacement", "velocity"]
+"""What a force is drawn against."""
+
 Drawing = Callable[[Figure, int, Comparison, DisplayUnit], None]
 """Draws a test into the column of a figure with this number."""
 
@@ -182,7 +187,7 @@ def force_history(comparison: Comparison, unit: DisplayUnit | None = None) -> Fi
 
 def hysteresis_loops(comparison: Comparison, unit: DisplayUnit | None = None) -> Figure:
     """Force against displacement and against velocity: points of the test, line of the model."""
-    return _side_by_side(comparison, unit, draw_displacement_loop, draw_velocity_loop)
+    return _side_by_side(comparison, unit, partial(draw_loop, "displacement"), partial(draw_loop, "velocity"))
 
 
 @style.drawn_in_style()
@@ -290,18 +295,25 @@ def _draw_residual(
     axes.set_xlim(float(time[0]) - margin, float(time[-1]) + margin)
 
 
-def draw_displacement_loop(figure: Figure, column: int, comparison: Comparison, unit: DisplayUnit) -> None:
-    """Force against displacement: points of the record under the line of the model."""
-    scale = style.MILLIMETRE
-    displacement = comparison.test.displacement * scale.factor
-    _draw_loop(figure, column, comparison, unit, displacement, f"Displacement ({scale.symbol})")
-
-
-def draw_velocity_loop(figure: Figure, column: int, comparison: Comparison, unit: DisplayUnit) -> None:
-    """Force against velocity: points of the record under the line of the model."""
+def motion_of(test: DamperTest, over: Motion) -> tuple[Floats, str]:
+    """Displacement or velocity of a test in units of its name on an axis, shape (n_time,), and that name."""
+    if over == "displacement":
+        return test.displacement * style.MILLIMETRE.factor, f"Displacement ({style.MILLIMETRE.symbol})"
     scale = style.MILLIMETRE_PER_SECOND
-    velocity = comparison.test.velocity * scale.factor
-    _draw_loop(figure, column, comparison, unit, velocity, f"Velocity ({scale.symbol})")
+    return test.velocity * scale.factor, f"Velocity ({scale.symbol})"
+
+
+def draw_loop(over: Motion, figure: Figure, column: int, comparison: Comparison, unit: DisplayUnit) -> None:
+    """Force against displacement or velocity: points of the record under the line of the model."""
+    abscissa, label = motion_of(comparison.test, over)
+    axes = _axes(figure, column, canvas.BOTTOM, style.PANEL_HEIGHT - canvas.TOP)
+    axes.grid(True, axis="both")
+    measured = comparison.test.force * unit.factor
+    drawn = scattered_samples(abscissa, measured, POINTS_IN_LOOP)
+    draw_points(axes, abscissa[drawn], measured[drawn], size=_POINT, label=comparison.data_label)
+    axes.plot(abscissa, comparison.model_force * unit.factor, color=style.MODEL, linewidth=1.1, label="model")
+    _finish_force(axes, comparison, unit)
+    axes.set_xlabel(label)
 
 
 def small_velocity_loops(comparisons: Sequence[Comparison], unit: DisplayUnit) -> Iterator[Figure]:
@@ -327,25 +339,6 @@ def small_velocity_loops(comparisons: Sequence[Comparison], unit: DisplayUnit) -
         axes.set_xlim(float(velocity.min()) - margin, float(velocity.max()) + margin)
         axes.set_ylim(*_limits_of(comparison, unit))
         yield figure
-
-
-def _draw_loop(
-    figure: Figure,
-    column: int,
-    comparison: Comparison,
-    unit: DisplayUnit,
-    abscissa: NDArray[np.float64],
-    label: str,
-) -> None:
-    """Force against `abscissa`, shape (n_time,), in the units of its `label`: points and model line."""
-    axes = _axes(figure, column, canvas.BOTTOM, style.PANEL_HEIGHT - canvas.TOP)
-    axes.grid(True, axis="both")
-    measured = comparison.test.force * unit.factor
-    drawn = scattered_samples(abscissa, measured, POINTS_IN_LOOP)
-    draw_points(axes, abscissa[drawn], measured[drawn], size=_POINT, label=comparison.data_label)
-    axes.plot(abscissa, comparison.model_force * unit.factor, color=style.MODEL, linewidth=1.1, label="model")
-    _finish_force(axes, comparison, unit)
-    axes.set_xlabel(label)
 
 
 def _finish_force(axes: Axes, comparison: Comparison, unit: DisplayUnit) -> None:

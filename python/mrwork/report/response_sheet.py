@@ -22,7 +22,7 @@ from mrwork.control.plant import plant_of
 from mrwork.errors import SettingError
 from mrwork.keys import Within
 from mrwork.report import style
-from mrwork.report.canvas import axes_between, legend, name_ordinate
+from mrwork.report.canvas import axes_between, legend, name_ordinate, symmetric
 from mrwork.report.figures import envelope, strong_part
 from mrwork.values import holds_arrays
 
@@ -106,8 +106,7 @@ def response_sheet_figure(
         )
         axes.margins(x=0.0)
         if signal.signed:
-            largest = max(map(abs, axes.get_ylim()))
-            axes.set_ylim(-largest, largest)
+            symmetric(axes)
         name_ordinate(axes, signal.title)
     legend(panels[0], columns=2)
     return figure

@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 
 from mrwork.arguments import Seed, checked
 from mrwork.errors import Interrupted, SettingError
+from mrwork.numbers import rounded
 from mrwork.search.course import Dimension, Proposal, Replicate, SearchState, StateT, select
 from mrwork.search.rules import EliteRule, StopRules
 from mrwork.store.codec import array_of, digest_of, plain
 from mrwork.store.journal import Journal
-from mrwork.summary import Summarised, Summary, rounded
+from mrwork.summary import Summarised, Summary
 from mrwork.values import holds_arrays
 
 

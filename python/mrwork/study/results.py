@@ -17,11 +17,12 @@ from mrwork.closed_loop.clairvoyant_search import Clairvoyant
 from mrwork.closed_loop.evaluation import SCORE, Spread, criteria, criterion, ratio, score, values
 from mrwork.closed_loop.responses import ENERGY_TOLERANCE
 from mrwork.errors import SettingError
+from mrwork.numbers import rounded
 from mrwork.store.codec import OrInfinite, OrNan
 from mrwork.study.run_result import DeviceDemand, RunEnd, RunResult, damper_warnings, demands_of
 from mrwork.study.schema import Use
 from mrwork.study.study import Kind, MotionOfStudy, Row
-from mrwork.summary import Summarised, Summary, listed, rounded
+from mrwork.summary import Summarised, Summary, listed
 from mrwork.units import STANDARD_GRAVITY
 from mrwork.values import Floats, holds_arrays
 

@@ -13,6 +13,7 @@ from typing import Any, Literal
 from mrwork.arguments import NotNegative, Whole, checked
 from mrwork.closed_loop.evaluation import Spread
 from mrwork.errors import RecordError
+from mrwork.numbers import rounded, with_decimals
 from mrwork.store.codec import OrInfinite, OrNan, Related, finite, json_document, read_document
 from mrwork.store.output_folder import Destination, write_folder
 from mrwork.store.parse import toml_table
@@ -29,7 +30,7 @@ from mrwork.store.run_folder import (
 )
 from mrwork.study.results import RealisationBand
 from mrwork.study.study import StudyFile
-from mrwork.summary import Summarised, Summary, listed, rounded, with_decimals
+from mrwork.summary import Summarised, Summary, listed
 from mrwork.table import csv_text
 from mrwork.tuning.space import LARGEST, FreeSetting, LawCandidate
 

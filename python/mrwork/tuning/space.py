@@ -16,10 +16,11 @@ from mrwork.control.law_design import SETTINGS
 from mrwork.control.laws import control_law, control_laws
 from mrwork.errors import SettingError
 from mrwork.keys import Place, is_required, keys_of, suggestion
+from mrwork.numbers import of_unit
 from mrwork.store.codec import Related
 from mrwork.study.results import RunCriteria
 from mrwork.study.schema import Baseline, Combination, Risk, TuneTable
-from mrwork.summary import Summarised, of_unit
+from mrwork.summary import Summarised
 from mrwork.units import number_in
 from mrwork.values import Floats
 

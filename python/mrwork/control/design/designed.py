@@ -19,7 +19,8 @@ from mrwork.control.design.system import DesignSystem, LyapunovEquations
 from mrwork.control.lqr import Weights
 from mrwork.control.plant import Plant
 from mrwork.errors import SettingError
-from mrwork.summary import Summarised, Summary, rounded
+from mrwork.numbers import rounded
+from mrwork.summary import Summarised, Summary
 from mrwork.values import Floats, holds_arrays
 
 

@@ -17,7 +17,8 @@ from mrwork.control.riccati import solve_riccati
 from mrwork.errors import SettingError
 from mrwork.keys import Within
 from mrwork.motions.spectral_density import KanaiTajimi, SpectralDensity
-from mrwork.summary import Summarised, Summary, rounded
+from mrwork.numbers import rounded
+from mrwork.summary import Summarised, Summary
 from mrwork.values import Floats, holds_arrays
 
 OPTIMAL = 1e-3

@@ -36,7 +36,8 @@ from mrwork.dampers.parameters import LawName
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import SettingError
 from mrwork.keys import Within
-from mrwork.summary import Summarised, Summary, of_unit
+from mrwork.numbers import of_unit
+from mrwork.summary import Summarised, Summary
 
 Floats = NDArray[np.float64]
 

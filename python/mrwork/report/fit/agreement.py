@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
+from typing import get_args
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -14,7 +16,7 @@ from mrwork.identification.result import FitSpread
 from mrwork.records.damper_test import DamperTest, Finding
 from mrwork.records.findings import gathered_findings
 from mrwork.report import figures
-from mrwork.report.figures import Comparison, common_force_unit, small_velocity_loops, zoom_window
+from mrwork.report.figures import Comparison, Motion, common_force_unit, small_velocity_loops, zoom_window
 from mrwork.report.section import Group, Panel, Section, panel
 from mrwork.report.style import DisplayUnit
 
@@ -22,19 +24,8 @@ _THIN = "\N{NARROW NO-BREAK SPACE}"
 _MIDDLE_DOT = " · "
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class AgreementRow:
-    """How the model agrees with one test or with all, as text with the decimals of its column."""
-
-    fit_percent: str
-    nrmse: str
-    rmse_n: str
-    time: str
-    displacement: str
-    velocity: str
-    autocorrelation: str
-    n_time: str
-    substeps: str
+AgreementRow = tuple[str, ...]
+"""How the model agrees with one test or with all: fit, NRMSE, RMSE and the others of the table of the page, as text."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -82,21 +73,18 @@ def agreement_rows(fit: Fit, comparisons: Sequence[Comparison]) -> list[Agreemen
     tested = [comparison.quality for comparison in comparisons]
     every: list[FitQuality | Fit] = [*tested, fit]
     norms = [entry.error_norms for entry in every]
-    columns = {
-        "fit_percent": [numbers.fixed(entry.fit_percent, 2) for entry in every],
-        "nrmse": numbers.column([entry.nrmse for entry in every], 3),
-        "rmse_n": numbers.column([entry.rmse_n for entry in every], 3),
-        "time": numbers.column([norm.time for norm in norms], 3),
-        "displacement": numbers.column([norm.displacement for norm in norms], 3),
-        "velocity": numbers.column([norm.velocity for norm in norms], 3),
-        "autocorrelation": [*(numbers.fixed(each.residual_autocorrelation, 4) for each in tested), ""],
-        "n_time": [numbers.fixed(entry.n_time, 0) for entry in every],
-        "substeps": [*(numbers.fixed(each.substeps, 0) for each in tested), ""],
-    }
-    return [
-        AgreementRow(**dict(zip(columns, cells, strict=True)))
-        for cells in zip(*columns.values(), strict=True)
+    columns = [
+        [numbers.fixed(entry.fit_percent, 2) for entry in every],
+        numbers.column([entry.nrmse for entry in every], 3),
+        numbers.column([entry.rmse_n for entry in every], 3),
+        numbers.column([norm.time for norm in norms], 3),
+        numbers.column([norm.displacement for norm in norms], 3),
+        numbers.column([norm.velocity for norm in norms], 3),
+        [*(numbers.fixed(each.residual_autocorrelation, 4) for each in tested), ""],
+        [numbers.fixed(entry.n_time, 0) for entry in every],
+        [*(numbers.fixed(each.substeps, 0) for each in tested), ""],
     ]
+    return list(zip(*columns, strict=True))
 
 
 def checked(comparisons: Sequence[Comparison]) -> str:
@@ -158,9 +146,7 @@ def _test_panels(
     identifier: str, comparison: Comparison, agreement: AgreementRow, unit: DisplayUnit
 ) -> tuple[Panel, ...]:
     test, data = comparison.test, comparison.data_label
-    agrees = (
-        f"for test {test.name}: {data} and model, fit {agreement.fit_percent} %, RMSE {agreement.rmse_n} N"
-    )
+    agrees = f"for test {test.name}: {data} and model, fit {agreement[0]} %, RMSE {agreement[2]} N"
     window = zoom_window(test.displacement)
     in_window = _thinning(window.stop - window.start, figures.POINTS_IN_WINDOW)
     in_loop = _thinning(test.n_time, figures.POINTS_IN_LOOP)
@@ -168,6 +154,9 @@ def _test_panels(
     def of(suffix: str, title: str, figure: Figure, what: str, note: str) -> Panel:
         return panel(f"{identifier}-{suffix}", title, figure, f"{what} {agrees}", note)
 
+    of_motion = (
+        (f"Force against {over}", over, partial(figures.draw_loop, over)) for over in get_args(Motion)
+    )
     panels: tuple[Panel, ...] = (
         of(
             "record",
@@ -183,19 +172,9 @@ def _test_panels(
             "Force against time over a few cycles, with the residual below,",
             in_window,
         ),
-        of(
-            "displacement",
-            "Force against displacement",
-            figures.one_column(comparison, unit, figures.draw_displacement_loop),
-            "Force against displacement",
-            in_loop,
-        ),
-        of(
-            "velocity",
-            "Force against velocity",
-            figures.one_column(comparison, unit, figures.draw_velocity_loop),
-            "Force against velocity",
-            in_loop,
+        *(
+            of(over, title, figures.one_column(comparison, unit, draw), title, in_loop)
+            for title, over, draw in of_motion
         ),
     )
     if test.has_varying_command:

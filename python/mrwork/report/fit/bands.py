@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import get_args
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -23,7 +24,7 @@ from mrwork.records import DamperTest
 from mrwork.records.motion import whole_cycles
 from mrwork.report import style
 from mrwork.report.canvas import column_axes, draw_points, finish_signed, legend, name_small_axes, small_axes
-from mrwork.report.figures import Comparison, common_force_unit, even_samples
+from mrwork.report.figures import Comparison, Motion, common_force_unit, even_samples, motion_of
 from mrwork.report.fit.coverage import MAIN_LEVEL, conditions_in_words
 from mrwork.report.section import Group, Panel, Section, SectionKind, panel
 from mrwork.report.style import DisplayUnit
@@ -184,21 +185,15 @@ def _left_out_groups(
         title=f"A test left out: {prediction.test.name}",
         synthetic=prediction.test.synthetic,
         prose=(f"Band {band.basis}; this test is excluded from its calibration.",),
-        panels=(
+        panels=tuple(
             panel(
-                f"l{number}-displacement",
-                "Force against displacement",
-                displacement_loop(banded, unit),
-                f"Force against displacement of test {name}, one cycle, with the 90 % prediction band",
+                f"l{number}-{over}",
+                f"Force against {over}",
+                loop_figure(banded, unit, over),
+                f"Force against {over} of test {name}, one cycle, with the 90 % prediction band",
                 inside,
-            ),
-            panel(
-                f"l{number}-velocity",
-                "Force against velocity",
-                velocity_loop(banded, unit),
-                f"Force against velocity of test {name}, one cycle, with the 90 % prediction band",
-                inside,
-            ),
+            )
+            for over in get_args(Motion)
         ),
     )
     return whole, Group(
@@ -323,32 +318,23 @@ class Banded:
 @style.drawn_in_style()
 def time_figure(banded: Banded, unit: DisplayUnit) -> Figure:
     """Force over one cycle from the middle of the record, with the bands that exist."""
-    samples = middle_cycle(banded.prediction)
-    test = banded.prediction.test
-    time = test.time[test.counted][samples]
-    # Four entries need a second line.
-    figure, axes = column_axes(top=0.56)
+    figure, axes, samples, time = _empty_cycle(banded)
     _fill_over(axes, time, banded, samples, unit, np.zeros(time.size))
     _draw_lines(axes, time, banded, samples, unit)
-    finish_signed(axes, f"Force ({unit.symbol})", "Time (s)")
-    axes.set_xlim(float(time[0]), float(time[-1]))
-    legend(axes, columns=2)
+    _finish_cycle(axes, time, f"Force ({unit.symbol})")
     return figure
 
 
 @style.drawn_in_style()
 def error_figure(banded: Banded, unit: DisplayUnit) -> Figure:
     """The same cycle and its bands minus the model force, which shows narrow bands."""
-    samples = middle_cycle(banded.prediction)
-    test = banded.prediction.test
-    time = test.time[test.counted][samples]
+    figure, axes, samples, time = _empty_cycle(banded)
     residual = banded.prediction.residual[samples]
     ends = [end for band in (banded.predicted, banded.parameters) if band for end in (band.lower, band.upper)]
     largest = max(
         float(np.abs(end - banded.prediction.force).max()) for end in [*ends, banded.prediction.measured]
     )
     unit = style.residual_unit(largest, unit)
-    figure, axes = column_axes(top=0.56)
     _fill_over(axes, time, banded, samples, unit, banded.prediction.force[samples])
     drawn = _thin(time.size)
     axes.plot(
@@ -358,24 +344,21 @@ def error_figure(banded: Banded, unit: DisplayUnit) -> Figure:
         linewidth=1.0,
         label=banded.data_label,
     )
-    finish_signed(axes, f"Force minus model ({unit.symbol})", "Time (s)")
-    axes.set_xlim(float(time[0]), float(time[-1]))
-    legend(axes, columns=2)
+    _finish_cycle(axes, time, f"Force minus model ({unit.symbol})")
     return figure
 
 
-def displacement_loop(banded: Banded, unit: DisplayUnit) -> Figure:
-    """Force over displacement, one cycle, with its prediction band."""
-    test = banded.prediction.test
-    x = test.displacement[test.counted] * style.MILLIMETRE.factor
-    return _loop(banded, unit, x, f"Displacement ({style.MILLIMETRE.symbol})")
+def _empty_cycle(banded: Banded) -> tuple[Figure, Axes, slice, Array]:
+    """Axes for a cycle over time, its samples among those that count, and their time [s]."""
+    samples, test = middle_cycle(banded.prediction), banded.prediction.test
+    # Four entries of the legend need a second line.
+    return *column_axes(top=0.56), samples, test.time[test.counted][samples]
 
 
-def velocity_loop(banded: Banded, unit: DisplayUnit) -> Figure:
-    """Force over velocity, one cycle, with its prediction band."""
-    scale = style.MILLIMETRE_PER_SECOND
-    test = banded.prediction.test
-    return _loop(banded, unit, test.velocity[test.counted] * scale.factor, f"Velocity ({scale.symbol})")
+def _finish_cycle(axes: Axes, time: Array, ordinate: str) -> None:
+    finish_signed(axes, ordinate, "Time (s)")
+    axes.set_xlim(float(time[0]), float(time[-1]))
+    legend(axes, columns=2)
 
 
 @style.drawn_in_style()
@@ -415,9 +398,11 @@ def middle_cycle(prediction: Prediction) -> slice:
 
 
 @style.drawn_in_style()
-def _loop(banded: Banded, unit: DisplayUnit, abscissa: Array, label: str) -> Figure:
+def loop_figure(banded: Banded, unit: DisplayUnit, over: Motion) -> Figure:
+    """Force over displacement or velocity, one cycle, with its prediction band."""
     samples = middle_cycle(banded.prediction)
-    across = abscissa[samples]
+    abscissa, label = motion_of(banded.prediction.test, over)
+    across = abscissa[banded.prediction.test.counted][samples]
     figure, axes = column_axes()
     axes.grid(True, axis="both")
     if banded.predicted is not None:

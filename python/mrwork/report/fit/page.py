@@ -163,30 +163,11 @@ def identification_report(
     drawn: Mapping[int, str] | None = None,
     on_test: Callable[[str], None] = lambda name: None,
 ) -> str:
-    """The page of a fit and of the tests it is compared with.
+    """The page of a fit and of the tests it is compared with, HTML with styles and figures inside.
 
-    Parameters
-    ----------
-    fit
-        The fit.
-    comparisons
-        The tests, each with the model's force, in the order in which they appear.
-    model_title, equation, source
-        The model's name for people, its equations in plain letters (`k_w`, `rho`, `|w|^(n-1)`; a few simple
-        tags pass through) and where they were published.
-    sections
-        Sections between the fit and its provenance.
-    absent
-        Sections that the run does not have yet.
-    drawn
-        Indices of the tests that are drawn in full, with what each stands for; default `drawn_in_full`.
-    on_test
-        Called with the name of each test before it is drawn.
-
-    Returns
-    -------
-    str
-        HTML with styles and figures inside.
+    `equation` is in plain letters (`k_w`, `rho`, `|w|^(n-1)`; a few simple tags pass through). `drawn` are the indices
+    of the tests that are drawn in full, with what each stands for, by default `drawn_in_full`; `on_test` hears of each
+    before it is drawn.
     """
     *agreement, overall = agreement_rows(fit, comparisons)
     synthetic = {

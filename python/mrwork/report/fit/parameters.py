@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import get_args
+from typing import NamedTuple, get_args
 
 from mrwork import numbers
 from mrwork.identification.fit import Direction, Estimate, Fit, Identifiability, Intervals, VerdictName
@@ -23,8 +23,7 @@ class Aligned:
     width: int
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ParameterRow:
+class ParameterRow(NamedTuple):
     """One estimate as text; `error` is its uncertainty, a standard error or an interval."""
 
     name: str
@@ -49,21 +48,11 @@ def parameter_rows(fit: Fit) -> list[ParameterRow]:
     relatives = _aligned([relative_error(estimate.value, estimate.standard_error) for estimate in estimates])
     lowers = _aligned([numbers.shortest(estimate.lower) for estimate in estimates])
     uppers = _aligned([numbers.shortest(estimate.upper) for estimate in estimates])
-    return [
-        ParameterRow(
-            name=estimate.name,
-            value=value,
-            error=error,
-            relative=relative,
-            unit=shown_unit(estimate.unit),
-            lower=lower,
-            upper=upper,
-            remark=_remark(fit, estimate),
-        )
-        for estimate, value, error, relative, lower, upper in zip(
-            estimates, values, errors, relatives, lowers, uppers, strict=True
-        )
-    ]
+    units = [shown_unit(estimate.unit) for estimate in estimates]
+    remarks = [_remark(fit, estimate) for estimate in estimates]
+    names = [estimate.name for estimate in estimates]
+    columns = (names, values, errors, relatives, units, lowers, uppers, remarks)
+    return [ParameterRow(*cells) for cells in zip(*columns, strict=True)]
 
 
 def _remark(fit: Fit, estimate: Estimate) -> str:

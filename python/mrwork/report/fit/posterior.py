@@ -51,24 +51,13 @@ def _section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
         corner_figure(draws, estimates),
         f"Densities of {len(draws.varied)} parameters, alone and in pairs",
     )
-    traces = tuple(
-        panel(
-            f"trace-{_anchor(each.name)}",
-            "",
-            trace_figure(each.name, draws.chain(each.name)),
-            f"Draws of {each.name} in the order in which they were made",
-        )
-        for each in draws.varied
-    )
-    ranks = tuple(
-        panel(
-            f"rank-{_anchor(each.name)}",
-            "",
-            rank_figure(each.name, draws.chain(each.name), each.ess_bulk),
-            f"Ranks of the draws of {each.name} in four groups of walkers",
-        )
-        for each in draws.varied
-    )
+    traces, ranks = [], []
+    for each in draws.varied:
+        anchor, chain = each.name.replace(".", "-").replace("_", "-"), draws.chain(each.name)
+        made = f"Draws of {each.name} in the order in which they were made"
+        traces.append(panel(f"trace-{anchor}", "", trace_figure(each.name, chain), made))
+        ranked = f"Ranks of the draws of {each.name} in four groups of walkers"
+        ranks.append(panel(f"rank-{anchor}", "", rank_figure(each.name, chain, each.ess_bulk), ranked))
     return Section(
         anchor="posterior",
         title="Posterior",
@@ -92,7 +81,7 @@ def _section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
                     "grey. A stationary chain looks the same from left to right; a drift means that sampling stopped "
                     "too early.",
                 ),
-                panels=traces,
+                panels=tuple(traces),
                 layout="small",
             ),
             Group(
@@ -101,7 +90,7 @@ def _section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
                     "All draws are ranked together; each line counts the ranks of one of four groups of walkers. Where "
                     "the groups sample the same distribution, 95 % of the counts lie in the band.",
                 ),
-                panels=ranks,
+                panels=tuple(ranks),
                 layout="small",
             ),
         ),
@@ -149,10 +138,6 @@ def _table(draws: Draws) -> Table:
         note=f"{draws.n_steps} steps, one of {draws.thinning} kept after the burn-in; the diagnostics refer to the "
         f"draws kept. Required: an effective sample size (ESS) of {LEAST_ESS:g} and an R-hat below {LARGEST_RHAT:g}.",
     )
-
-
-def _anchor(name: str) -> str:
-    return name.replace(".", "-").replace("_", "-")
 
 
 @style.drawn_in_style()

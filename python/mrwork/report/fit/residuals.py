@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from statistics import NormalDist
+from typing import get_args
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -15,7 +16,7 @@ from mrwork import numbers
 from mrwork.numbers import most_of, percent, probability, shortest, tests_of
 from mrwork.report import style
 from mrwork.report.canvas import column_axes, draw_points, finish_signed, legend
-from mrwork.report.figures import Comparison, common_force_unit, scattered_samples
+from mrwork.report.figures import Comparison, Motion, common_force_unit, motion_of, scattered_samples
 from mrwork.report.fit.residual_tests import (
     LAGS,
     LEVEL,
@@ -262,17 +263,14 @@ def _panels(
             "0° is full extension, ±180° full compression, 90° the largest outward velocity. Where the mean differs "
             "from zero, the model makes the same error in each cycle.",
         ),
-        of(
-            "displacement",
-            "Residual over displacement",
-            displacement_figure(comparison, unit),
-            "Residual against displacement, with its mean",
-        ),
-        of(
-            "velocity",
-            "Residual over velocity",
-            velocity_figure(comparison, unit),
-            "Residual against velocity, with its mean",
+        *(
+            of(
+                over,
+                f"Residual over {over}",
+                motion_figure(comparison, unit, over),
+                f"Residual against {over}, with its mean",
+            )
+            for over in get_args(Motion)
         ),
     )
 
@@ -333,17 +331,10 @@ def phase_figure(comparison: Comparison, unit: DisplayUnit) -> Figure:
     return _over(np.degrees(prediction.phase), "Phase of the motion (°)", comparison, unit, degrees=True)
 
 
-def displacement_figure(comparison: Comparison, unit: DisplayUnit) -> Figure:
-    """Residual over displacement."""
-    x = comparison.test.displacement[comparison.test.counted] * style.MILLIMETRE.factor
-    return _over(x, f"Displacement ({style.MILLIMETRE.symbol})", comparison, unit)
-
-
-def velocity_figure(comparison: Comparison, unit: DisplayUnit) -> Figure:
-    """Residual over velocity."""
-    scale = style.MILLIMETRE_PER_SECOND
-    v = comparison.test.velocity[comparison.test.counted] * scale.factor
-    return _over(v, f"Velocity ({scale.symbol})", comparison, unit)
+def motion_figure(comparison: Comparison, unit: DisplayUnit, over: Motion) -> Figure:
+    """Residual over displacement or velocity."""
+    abscissa, label = motion_of(comparison.test, over)
+    return _over(abscissa[comparison.test.counted], label, comparison, unit)
 
 
 @style.drawn_in_style()

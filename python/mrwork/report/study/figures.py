@@ -14,7 +14,16 @@ from matplotlib.ticker import MaxNLocator
 from mrwork.closed_loop.responses import axis_of
 from mrwork.numbers import NOTHING, fixed, significant
 from mrwork.report import style
-from mrwork.report.canvas import column_axes, finish, name_small_axes, plain_ticks, room_for, small_axes
+from mrwork.report.canvas import (
+    column_axes,
+    finish,
+    name_rows,
+    name_small_axes,
+    plain_ticks,
+    room_for,
+    small_axes,
+    symmetric,
+)
 from mrwork.report.figures import envelope, strong_part
 from mrwork.report.section import Group, Panel, Section, panel
 from mrwork.report.study.tables import ShownRows
@@ -199,8 +208,7 @@ def _over_time(ordinate: str, *lines: tuple[Floats, Floats, str, float]) -> Figu
         axes.plot(*envelope(time, values, _BINS), color=colour, linewidth=width)
     finish(axes, ordinate, "Time (s)")
     axes.margins(x=0.0)
-    largest = max(map(abs, axes.get_ylim()))
-    axes.set_ylim(-largest, largest)
+    symmetric(axes)
     return figure
 
 
@@ -508,12 +516,8 @@ def score_figure(results: StudyResults, rows: list[int]) -> Figure:
             )
         median = results.spread(row).median
         axes.plot([median, median], [place - 0.34, place + 0.34], color=style.INK, linewidth=1.3)
-    axes.set_yticks(range(len(shown)), names)
-    axes.set_ylim(-0.6, len(shown) - 0.4)
+    name_rows(axes, names, "Score under one motion")
     axes.set_xlim(left=0.0)
-    axes.set_xlabel("Score under one motion")
-    axes.grid(visible=False, axis="y")
-    axes.grid(visible=True, axis="x")
     return figure
 
 

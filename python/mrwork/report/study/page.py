@@ -261,23 +261,10 @@ def study_page(
     status: tuple[str, str, str] = ("Runs", "", ""),
     command: str = "",
 ) -> str:
-    """The page of a study.
+    """The page of a study, HTML with embedded styles and figures.
 
-    Parameters
-    ----------
-    motion
-        Index of the motion of the time histories.
-    report
-        The table [report] of the study; of many rows, the best are drawn.
-    status
-        Heading, value and note of the last number of the headline.
-    command
-        Command line of the study.
-
-    Returns
-    -------
-    str
-        HTML with embedded styles and figures.
+    `motion` is the index of the motion of the time histories, `report` the table [report] of the study. `status` is
+    heading, value and note of the last number of the headline, `command` the command line.
     """
     comparison = compared(results)
     shown = shown_rows(comparison, report.drawn([row.label for row in results.rows]))
@@ -297,7 +284,10 @@ def study_page(
     return filled_in(
         "study.html.j2",
         title=results.title,
+        what=f"response to {len(results.motions)} ground motion{'' if len(results.motions) == 1 else 's'}",
+        eyebrow="Response of a building with MR dampers",
         motions=results.motions,
+        subject="",
         banner=_banner(results),
         leading=_leading_in_words(comparison),
         shown=shown.in_words,

@@ -14,7 +14,7 @@ from mrwork.closed_loop.evaluation import SCORE, criteria, criterion
 from mrwork.escaping import escaped
 from mrwork.numbers import NOTHING, fixed, shortest, significant
 from mrwork.report import style
-from mrwork.report.canvas import column_axes, room_for
+from mrwork.report.canvas import column_axes, name_rows, room_for
 from mrwork.report.html import filled_in
 from mrwork.report.section import Group, Section, panel
 from mrwork.report.study.figures import HUES, short
@@ -55,11 +55,7 @@ def score_figure(laws: Sequence[LawResult]) -> Figure:
             if each.test is not None:
                 axes.plot([], [], "o", markersize=5, color=style.MODEL, label="test")
             axes.plot([], [], color=style.BAND_EDGE, linewidth=5.0, label="middle half of the motions")
-    axes.set_yticks(range(len(laws)), [escaped(name) for name in reversed(names)])
-    axes.set_ylim(-0.6, len(laws) - 0.4)
-    axes.set_xlabel("Score over i = 0")
-    axes.grid(visible=False, axis="y")
-    axes.grid(visible=True, axis="x")
+    name_rows(axes, [escaped(name) for name in reversed(names)], "Score over i = 0")
     axes.xaxis.set_major_locator(MaxNLocator(nbins=5, steps=[1, 2, 2.5, 5, 10]))
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, borderpad=0.2, columnspacing=0.9)
     return figure
@@ -135,11 +131,15 @@ def tuning_page(results: TuningResults, *, command: str = "") -> str:
     on = f"{len(results.training)} training and {len(results.testing)} test motions"
     laws = f"{len(results.laws)} law{'' if len(results.laws) == 1 else 's'}"
     return filled_in(
-        "tuning.html.j2",
+        "study.html.j2",
         title=results.title,
+        what="tuned control laws",
+        eyebrow="Control laws tuned on training motions",
+        motions=(),
         subject=f"{laws} on {on if results.testing else 'the motions that they are judged by'}",
         banner="" if results.status == "finished" else "The tuning was interrupted; resume it with --resume.",
         leading=_leading(results),
+        shown="",
         headline=[],
         status=(
             "Candidates",

@@ -20,10 +20,11 @@ from numpy.typing import NDArray
 
 from mrwork.arguments import Level, NotNegative, checked
 from mrwork.errors import RecordError, SettingError
+from mrwork.numbers import rounded
 from mrwork.records import DamperTest, Likeness, RecordedMotion
 from mrwork.records.likeness import alike_groups, likenesses_in_words, likest
 from mrwork.store.codec import OrNan, Related
-from mrwork.summary import Summarised, Summary, rounded
+from mrwork.summary import Summarised, Summary
 from mrwork.uncertainty.bands.band import (
     Band,
     BandScore,

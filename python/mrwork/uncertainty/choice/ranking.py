@@ -18,10 +18,10 @@ from mrwork.dampers.spec import damper
 from mrwork.errors import SettingError
 from mrwork.identification.fit import NEGLIGIBLE, Fit
 from mrwork.identification.result import MANY, BuildingCost
-from mrwork.numbers import fixed
+from mrwork.numbers import fixed, rounded
 from mrwork.records import DamperTest
 from mrwork.store.codec import Related
-from mrwork.summary import Summarised, Summary, listed, rounded
+from mrwork.summary import Summarised, Summary, listed
 from mrwork.table import Table, TableColumn, page_table, text_table
 from mrwork.uncertainty.choice.leave_one_out import UNRELIABLE, LeaveOneOut
 from mrwork.uncertainty.identifiability.verdicts import Scale

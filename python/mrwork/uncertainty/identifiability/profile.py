@@ -24,10 +24,11 @@ from mrwork.identification.objective import linearised
 from mrwork.identification.problem import Problem
 from mrwork.identification.result import effective_samples, residuals_by_test
 from mrwork.identification.settings import ROOT_MEAN_SQUARE
+from mrwork.numbers import of_unit, rounded
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
 from mrwork.store.codec import OrInfinite, Related
-from mrwork.summary import Summarised, Summary, of_unit, rounded
+from mrwork.summary import Summarised, Summary
 from mrwork.uncertainty.identifiability.curvature import (
     DIRECTIONS,
     End,

@@ -21,9 +21,9 @@ from mrwork.identification.equivalent import search_box
 from mrwork.identification.fit import Direction, Fit, Identifiability, ParameterChange, Verdict, VerdictName
 from mrwork.identification.problem import Problem
 from mrwork.identification.result import INSENSITIVE, Slopes, covariance_at, remarks_of
+from mrwork.numbers import of_unit
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
-from mrwork.summary import of_unit
 from mrwork.values import holds_arrays
 
 # A standard deviation above this share of the value, or of 1 in the logarithm, is no determination.

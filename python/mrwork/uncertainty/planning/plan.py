@@ -18,12 +18,12 @@ from mrwork.identification.fit import Fit
 from mrwork.identification.nuisance import NuisanceName, without_nuisance
 from mrwork.identification.problem import Problem
 from mrwork.identification.result import effective_samples, residuals_by_test
-from mrwork.numbers import NOTHING, percent, significant
+from mrwork.numbers import NOTHING, of_unit, percent, rounded, significant
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
 from mrwork.simulate import Outcome, simulate_forces
 from mrwork.store.codec import Related
-from mrwork.summary import Summarised, Summary, of_unit, rounded
+from mrwork.summary import Summarised, Summary
 from mrwork.table import TableColumn
 from mrwork.uncertainty.identifiability.curvature import Scaled, curvature, linearise
 from mrwork.uncertainty.identifiability.verdicts import Scale

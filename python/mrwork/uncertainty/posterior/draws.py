@@ -19,11 +19,12 @@ from numpy.typing import NDArray
 from mrwork.arguments import Count, NotNegative, Positive, Shape, checked
 from mrwork.errors import RecordError
 from mrwork.identification.fit import Fit, Interval, Intervals, Provenance, VerdictName
+from mrwork.numbers import rounded, with_decimals
 from mrwork.store.child_reader import Member, UnreadableError, read_members
 from mrwork.store.codec import Related, record_of
 from mrwork.store.input_file import bytes_of, is_there, stored
 from mrwork.store.run_folder import DRAWS
-from mrwork.summary import Summarised, Summary, rounded, with_decimals
+from mrwork.summary import Summarised, Summary
 from mrwork.uncertainty.identifiability.verdicts import ParameterScale, judge_interval
 from mrwork.uncertainty.noise import noise_model
 from mrwork.uncertainty.posterior.target import NOISE
