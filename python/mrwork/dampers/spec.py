@@ -32,8 +32,7 @@ class PublishedSet(Summarised):
     """A published set: for each parameter its value, or the coefficients of a polynomial in the command.
 
     `status` is "verified" if an independent simulation reproduced the results of the paper, "published" if the numbers
-    are only quoted. The command is between 0 and `largest_command` in `unit`; `eta` [1/s] is the rate of the lag of the
-    driver. A set without a command holds for the command in its `note`.
+    are only quoted. `eta` [1/s] is the rate of the lag of the driver; without a command the `note` has that of the set.
     """
 
     name: str
@@ -324,10 +323,7 @@ class DamperSpec(Summarised):
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Preset(Summarised):
-    """A published set for simulation: the model with its current laws, and `theta` in the order of its parameters.
-
-    See `PublishedSet` for `status`.
-    """
+    """A published set for simulation: the model with its current laws, and `theta` in order, see `PublishedSet`."""
 
     name: str
     spec: DamperSpec
@@ -419,10 +415,7 @@ _VANISHED = 1e-3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LawLimit:
-    """A parameter whose law gives `value` at `command`, where the model uses `used`.
-
-    `value` is not admissible, or has vanished, at commands from `first` to `last`; it is the worst one there.
-    """
+    """A parameter whose law gives a `value` that is not admissible, or has vanished, from command `first` to `last`."""
 
     parameter: str
     unit: str
@@ -455,13 +448,10 @@ class LawLimit:
 
 
 def law_limits(spec: DamperSpec, theta: ArrayLike, commands: tuple[float, float]) -> tuple[LawLimit, ...]:
-    """The parameters whose law leaves its admissible range, or vanishes, at commands in a range.
+    """Parameters whose law leaves its admissible range, or vanishes, between the smallest and the largest command.
 
-    A parameter that follows the command is limited to the admissible range of the plain model. Where its law leaves
-    that range the damper is not the one that was identified: a stiffness or yield force of next to nothing, or an
-    equation too stiff to be solved.
-
-    `theta`: parameters, shape (n_params,). `commands`: smallest and largest command, in the unit of the laws.
+    There the damper is not the one that was identified: a stiffness or yield force of next to nothing, or an equation
+    too stiff to be solved.
     """
     if spec.current is None:
         return ()

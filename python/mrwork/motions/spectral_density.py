@@ -90,15 +90,8 @@ class KanaiTajimi:
 class CloughPenzien:
     """Clough-Penzien spectrum: Kanai-Tajimi with a high-pass filter, which keeps ground displacements finite.
 
-    `S(w) = S_KT(w) w^4 / ((w_f^2 - w^2)^2 + 4 zeta_f^2 w_f^2 w^2)` (Clough and Penzien, Dynamics of Structures, 1975).
-    The defaults are firm soil as in `KanaiTajimi`.
-
-    Parameters
-    ----------
-    soil
-        The soil filter, with the intensity.
-    frequency, damping
-        w_f [rad/s] and zeta_f of the second filter.
+    `S(w) = S_KT(w) w^4 / ((w_f^2 - w^2)^2 + 4 zeta_f^2 w_f^2 w^2)`, w_f [rad/s] (Clough and Penzien, Dynamics of
+    Structures, 1975). The defaults are firm soil as in `KanaiTajimi`.
     """
 
     soil: KanaiTajimi = KanaiTajimi()

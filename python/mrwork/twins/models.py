@@ -142,10 +142,7 @@ def static_hysteretic(p: Parameters, state: Array, x: Array, v: Array) -> Array:
 
 @_twin()
 def polynomial_fitting(p: Parameters, state: Array, x: Array, v: Array) -> Array:
-    """f = F_m + tanh(x/x_s) T/2, with 2/(1 + exp(-y)) - 1 = tanh(y/2) in F_m.
-
-    The mean of the loop over velocity is a sigmoid, its thickness T a Gaussian.
-    """
+    """f = F_m + tanh(x/x_s) T/2: over velocity the mean is a sigmoid, 2/(1 + exp(-y)) - 1 = tanh(y/2), T a Gaussian."""
     mean = p.a * jnp.tanh(0.5 * p.b * (v - p.v0)) + p.c * v + p.f0
     thickness = p.h * jnp.exp(-0.5 * ((v - p.v1) / p.w) ** 2)
     return mean + 0.5 * jnp.tanh(x / p.x_s) * thickness
@@ -310,11 +307,7 @@ def shear_thinning_modified_bouc_wen(p: Parameters, state: Array, x: Array, v: A
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Twin:
-    """A damper model in JAX: its equations, functions of parameters, state (n_states,), displacement and velocity.
-
-    `Theta` is the NamedTuple of the parameters in spec order, `rate` gives the time derivative of the states, shape
-    (n_states,), and `force` the force [N].
-    """
+    """Equations of a damper model, of `Theta` in spec order: `rate` of the states, (n_states,), and `force` [N]."""
 
     Theta: Any
     rate: Equation
@@ -462,11 +455,7 @@ def begin() -> None:
 
 @cache
 def keep_compiled() -> None:
-    """Enable the compilation cache of JAX in the cache folder of the user, $XDG_CACHE_HOME or ~/.cache.
-
-    A cache folder already configured in JAX, also by JAX_COMPILATION_CACHE_DIR, is not changed by the switch.
-    If the folder is not writable, there is no cache.
-    """
+    """Enable JAX's compilation cache in $XDG_CACHE_HOME or ~/.cache, unless one is configured, or none is writable."""
     if jax.config.values["jax_compilation_cache_dir"] is not None:
         return
     if os.environ.get(_SWITCH) == "off":

@@ -49,11 +49,7 @@ _LAWS: Mapping[str, LawName] = {"f_c": "cubic", "c0": "cubic"}
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class DesignedModel(Summarised):
-    """Model with current laws and its parameters `theta`, as `mr.Device` takes them.
-
-    `nrmse` is the rms difference to the forces of the design over their rms, between zero and the largest current and
-    up to the rated velocity.
-    """
+    """Model with current laws and its parameters, as `mr.Device` takes them; `nrmse` over the forces of the design."""
 
     _made_by: ClassVar[str] = "design.as_model()"
     _units: ClassVar[Mapping[str, str]] = {"largest_command": "A"}

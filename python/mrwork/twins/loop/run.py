@@ -26,11 +26,9 @@ from mrwork.values import holds_arrays
 @holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Measurement:
-    """Measurements available to a law at a control sample.
+    """What a law may use at a control sample, with one entry a device in all but the state s, shape (2n,).
 
-    `state`: s, shape (2n,). `deformation`, `rate`: elongation of each device [m] and its rate [m/s], shape
-    (n_devices,). `force`: force of each device, shape (n_devices,) [N]. `force_at`: forces for other coil currents,
-    (n_devices,) to (n_devices,). `largest`: largest command of each device, shape (n_devices,).
+    The elongation of a device [m], its rate [m/s], its force [N], and the forces at other coil currents.
     """
 
     state: Array
@@ -218,10 +216,7 @@ def step(
     ground: StepGround,
     h: Array | float,
 ) -> tuple[LoopState, Array, Stage]:
-    """Return state and coil currents (n_devices,) after the step, and the stage at its start.
-
-    `start` are the coil currents at the start, `command` the commands over the step, shape (n_devices,).
-    """
+    """State and coil currents (n_devices,) after the step under commands, and the stage at its start."""
     decay = jnp.stack([device.decay(0.5 * h) for device in devices])
     middle = (start - command) * decay + command
     end = (middle - command) * decay + command
@@ -442,12 +437,7 @@ Floats = NDArray[np.float64]
 
 
 def half_steps(acceleration: Floats, dt: Positive, step: Positive, n_steps: Count) -> Floats:
-    """Ground acceleration every half step: linear between samples, zero after the last.
-
-    `acceleration`: record [m/s^2], shape (n_time,), every `dt` [s]. `step`: integration step [s].
-
-    Returns accelerations [m/s^2], shape (2 n_steps + 1,).
-    """
+    """Ground acceleration every half step, (2 n_steps + 1,) [m/s^2]: linear between samples, zero after the last."""
     if acceleration.ndim != 1 or not acceleration.size:
         raise SettingError(f"`acceleration` has shape {acceleration.shape}; give (n_time,)")
     # In units of samples, so that a step that divides the sampling step hits every sample exactly.

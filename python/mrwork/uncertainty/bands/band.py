@@ -101,10 +101,7 @@ def score(band: Band, measured: Samples, *, per: Positive = 1.0) -> BandScore:
 
 
 def weighted_quantile(values: NDArray[np.float64], weights: NDArray[np.float64], level: float) -> float:
-    """Smallest of the values, shape (n,), none negative, up to which lies a share `level` of the weights, of sum 1.
-
-    Only the values of one bin of a histogram, in which the quantile lies, are sorted.
-    """
+    """Smallest of the values, shape (n,), none negative, up to which lies a share `level` of the weights, of sum 1."""
     wanted = level * (1.0 - 1e-12)
     largest = float(values.max())
     bins = np.zeros(values.size, dtype=np.intp)
@@ -231,10 +228,7 @@ QUANTITIES: tuple[CycleQuantity, ...] = get_args(CycleQuantity)
 @holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cycles:
-    """Whole cycles: dissipated energy [J], equivalent stiffness [N/m] and damping [N s/m], shape (n_cycles,).
-
-    Stiffness and damping are those of the spring and dashpot that fit the loop by least squares.
-    """
+    """Dissipated energy [J], fitted stiffness [N/m] and damping [N s/m] of whole cycles, shape (n_cycles,)."""
 
     energy: NDArray[np.float64]
     stiffness: NDArray[np.float64]
@@ -282,10 +276,7 @@ def errors_over_cycles(prediction: Prediction, name: CycleQuantity) -> NDArray[n
 def cycle_band(
     prediction: Prediction, name: CycleQuantity, scores: Sequence[NDArray[np.float64]], level: float
 ) -> Band:
-    """Prediction band of a quantity, shape (n_cycles,), from the errors of the cycles of other tests.
-
-    `scores`: `errors_over_cycles` of each test, none of which the fit has seen.
-    """
+    """Prediction band of a quantity, (n_cycles,), from the `errors_over_cycles` of tests that the fit has not seen."""
     model = cycles_of(prediction.test, prediction.model_force).quantity(name)
     half = next_test_quantile(scores, level) * _scales_of(prediction)[name]
     basis = f"calibrated on the cycles of {len(scores)} tests"

@@ -52,11 +52,7 @@ _LEAST_SENSITIVITY = 1e-7
 @holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NormalEquations:
-    """Normal equations of the NRMSE of each test at each row, in latent coordinates.
-
-    Shapes: `squared` NRMSE (n_rows, n_tests), `gradient` half the derivative of it, (n_rows, n_tests, n_free), `matrix`
-    (n_rows, n_tests, n_free, n_free).
-    """
+    """Squared NRMSE (n_rows, n_tests), half its latent gradient (..., n_free), and J'J (..., n_free, n_free)."""
 
     squared: Array
     gradient: Array
@@ -75,10 +71,7 @@ class FoldedFit:
 @holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FoldedTests:
-    """Tests, and the rows' shares of them in the squared misfit, shape (n_rows, n_tests): 0 for a test left out.
-
-    The squared misfit of a row is the mean of the squared NRMSE of its tests, weighted as in `Objective`.
-    """
+    """Tests, and their shares in the mean squared NRMSE of each row, shape (n_rows, n_tests): 0 for a test left out."""
 
     observed: tuple[ObservedTest, ...]
     shares: Array
@@ -261,10 +254,7 @@ class FittedLaws:
 
 @dataclass(slots=True, kw_only=True)
 class LawSearch:
-    """A search of laws in progress; `free` are the parameters whose laws are chosen, of the degree `most` at most.
-
-    Laws are fitted to `tests`, excerpts; those of each fold are predicted as `whole` records.
-    """
+    """Search of the laws of the parameters `free`, of degree `most` at most, by predictions of the `whole` records."""
 
     plain: DamperSpec
     tests: tuple[DamperTest, ...]
@@ -284,10 +274,7 @@ class LawSearch:
 
     @property
     def first_laws(self) -> Laws:
-        """Laws from which the search starts: every positive parameter as high as `_FIRST_DEGREE`.
-
-        Such laws nearly pass through the fits at single commands, so that their minimum is easily found.
-        """
+        """Every positive parameter of `_FIRST_DEGREE`: such laws nearly pass through the fits at single commands."""
         law = polynomial_laws()[min(_FIRST_DEGREE, self.most)]
         return {
             each.name: law for each in self.plain.parameters if each.name in self.free and each.scale == "log"

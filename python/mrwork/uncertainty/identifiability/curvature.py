@@ -31,11 +31,10 @@ Linearise = Callable[[NDArray[np.float64]], Iterable[tuple[NDArray[np.float64], 
 @holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scaled:
-    """Scaled coordinates of the free parameters of a box: logarithms, or multiples of their size.
+    """Scaled coordinates of the free parameters of a box: logarithms, or multiples of their size; shape (n_free,).
 
-    `theta` has the values of parameters that are not free; arrays have shape (n_free,). `spring` has the indices of the
-    accumulator's stiffness k and free length x0, if both are free: k x0 offsets the force, so k can change its sign
-    only if x0 does too, through infinity.
+    `spring` has the indices of the accumulator's stiffness k and free length x0, if both are free: k x0 offsets the
+    force, so k can change its sign only if x0 does too, through infinity.
     """
 
     theta: NDArray[np.float64]
@@ -195,8 +194,6 @@ def walk(
     """Step the free parameter `index` up or down from the first of `points`, to which each new point is appended.
 
     Ends beyond `limit`, in the root of the likelihood ratio, with points close to it on either side; or on the bound.
-
-    `dof`: degrees of freedom from the effective samples: the likelihood ratio is `dof ln(S/S_least)`.
     """
     (origin,) = points
     bound = float(scaled.upper[index] if way > 0 else scaled.lower[index])
@@ -285,10 +282,7 @@ def _step(
     shift: float = 0.0,
     damping: float = 0.0,
 ) -> tuple[NDArray[np.float64], float]:
-    """Minimiser of the quadratic model with `index` shifted, and the expected decrease of S.
-
-    A parameter that would leave its range is set to the bound, and the remaining system is solved again.
-    """
+    """Minimiser of the quadratic model with `index` shifted, and the expected decrease of S; bounds are kept."""
     step = np.zeros_like(point.position)
     settled = np.diag(point.normal) <= 0.0
     if index is not None:

@@ -56,10 +56,10 @@ _ROUNDING = 1e-6
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Profile(Summarised, Related):
-    """Least misfit with one parameter held, at increasing `values` in its `unit`.
+    """Least misfit with one parameter held, and likelihood ratio `dof ln(S/S_least)`, at increasing `values`.
 
-    `ratio` is the likelihood ratio `dof ln(S/S_least)`; the interval ends where it reaches the threshold. An end that
-    is not "closed" is `None`: at "bound" the admissible range ended; beyond "not simulated" no simulation finished.
+    An end that is not "closed" is `None`: at "bound" the admissible range ended; beyond "not simulated" no simulation
+    did.
     """
 
     name: str
@@ -113,7 +113,6 @@ class Profiles(Summarised):
     """Profiles of the free parameters of a fit, in the form of its `model` without redundant parameters.
 
     `threshold` of the likelihood ratio is the quantile of chi-squared with one degree of freedom at `level`.
-    `n_effective` is the effective number of samples of `n_time`. `remark` reports a better minimum than the fit.
     """
 
     model: str
@@ -179,10 +178,7 @@ def _profile_of(
     threshold: float,
     dof: float,
 ) -> Profile:
-    """Profile of the free parameter `index` from its two sides, with the same origin, and the verdict.
-
-    `least`: least known squared misfit. `dof`: the likelihood ratio is `dof ln(S/least)`.
-    """
+    """Profile of the free parameter `index` from its two sides, with the same origin, and the verdict."""
     line = [*reversed(below.points[1:]), *above.points]
     positions = np.array([point.position for point in line])
     position, values = positions[:, index], scaled.values(positions)[:, index]

@@ -38,10 +38,9 @@ DEVIATIONS = NormalDist().inv_cdf(0.975)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ParameterScale:
-    """Size of a relevant change of one parameter, in its `unit`: its value, or half its range where `of_range`.
+    """Size of a relevant change of one parameter: its value, or half its range `lower` to `upper` where `of_range`.
 
-    `lower` and `upper` are that range, `bounds` the admissible one, and `log` whether it is positive with a logarithmic
-    scale. `sensitivity` is the root mean square of the change of force per unit, in standard deviations of the force.
+    `sensitivity` is the root mean square of the change of force per unit, in standard deviations of the force.
     """
 
     name: str
@@ -69,9 +68,8 @@ class ParameterScale:
 class Scale:
     """Size of a relevant change of each parameter, shape (n_params,): its value, or half its range where `of_range`.
 
-    The size of a parameter with a logarithmic scale is its value. Other parameters may be zero; their size is half the
-    range derived from the scales of the records, where this is larger. `ranges` are the ranges so derived, within
-    the admissible ones of `box`; `theta` are the values, shape (n_params,).
+    Parameters without a logarithmic scale may be zero: `ranges` follow from the scales of the records, within the
+    `box`.
     """
 
     box: Box
@@ -112,10 +110,7 @@ class Scale:
 def _scaled_ranges(
     spec: DamperSpec, box: Box, tests: tuple[DamperTest, ...], theta: NDArray[np.float64]
 ) -> Box:
-    """The box narrowed to the scales of the records; where these give no range, to the size of the value.
-
-    Where the value is negligible beside the nominal one, such as a share at its bound of zero, to the nominal size.
-    """
+    """The box narrowed to the scales of the records, else to the size of the value, or of the nominal one."""
     searched = search_box(spec, box, tests)
     own = {}
     for index, name in enumerate(box.names):
@@ -147,10 +142,9 @@ def judge_error(error: float, scale: ParameterScale) -> ReasonedVerdict:
 def judge_interval(
     ends: tuple[float | None, float | None], deviations: float, scale: ParameterScale, *, opened: str
 ) -> ReasonedVerdict:
-    """Judge a parameter by its interval, in its unit; an end at which the data do not bound it is `None`.
+    """Judge a parameter by its interval; an end at which the data do not bound it is `None`, for the reason `opened`.
 
-    `deviations`: number of standard deviations that the interval of a normal density would reach to either side.
-    `opened`: reason for an open end.
+    The interval of a normal density would reach `deviations` standard deviations to either side.
     """
     lower, upper = ends
     if lower is None or upper is None:
@@ -208,10 +202,10 @@ def changes_along(
     scales: Sequence[ParameterScale],
     effects: NDArray[np.float64] | None = None,
 ) -> tuple[ParameterChange, ...]:
-    """Changes of the parameters along a direction, shape (n_params,), in shares of their scales.
+    """Changes of the parameters along a direction, shape (n_params,), in shares of their scales; the first is by 1 %.
 
-    The first one increases by 1 %; parameters that hardly change are left out, or those that hardly change the force
-    where `effects`, shape (n_params,), are the changes of force per change in shares.
+    Parameters that hardly change are left out, or those that hardly change the force by `effects` per share,
+    (n_params,).
     """
     weight = np.abs(direction if effects is None else direction * effects)
     named = np.flatnonzero(weight > _NEGLIGIBLE * np.max(weight))
@@ -229,10 +223,7 @@ def changes_along(
 
 
 def sparse_basis(null: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Sparse basis of the row space of `null`, shape (n_directions, n_params).
-
-    Gauss-Jordan elimination with pivoting: each row has one parameter that no other row has.
-    """
+    """Sparse basis of the row space of `null`, (n_directions, n_params), by Gauss-Jordan elimination with pivoting."""
     rows = np.array(null)
     pivots: list[int] = []
     for index in range(len(rows)):
@@ -248,8 +239,8 @@ def sparse_basis(null: NDArray[np.float64]) -> NDArray[np.float64]:
 def simple_combinations(changes: Sequence[ParameterChange], *, within: float = _SIMPLE) -> tuple[str, ...]:
     """Products and ratios of two parameters with simple exponents that are constant along a direction.
 
-    Along `d ln p_i = v_i` the product `p_i^a p_j^b` is constant if `a v_i + b v_j = 0`. Each parameter is combined with
-    the first earlier one that permits simple exponents, to the relative tolerance `within`.
+    Along `d ln p_i = v_i` the product `p_i^a p_j^b` is constant if `a v_i + b v_j = 0`, to the relative tolerance
+    `within`.
     """
     if any(change.of_range for change in changes):
         return ()
@@ -293,16 +284,11 @@ def identifiability_from(
     n_effective: float,
     held: set[str] | frozenset[str] = frozenset(),
 ) -> Identifiability:
-    """Verdicts and directions from the derivative of the residuals, shape (n_residuals, n_params).
+    """Verdicts and directions from the derivative of the residuals, (n_residuals, n_params), in units of the scales.
 
     A direction is unidentifiable if its singular value, parameters scaled to unit sensitivity, is below `INSENSITIVE`
-    of the largest, and weakly identifiable if the standard error along it exceeds `WEAK` of the scale. Where an
-    unidentifiable direction has a parameter that was held, its others are determined.
-
-    `jacobian`: with respect to parameters in units of their scales; residuals sum up in squares to the squared misfit.
-    `covariance`: of `covariance_at`, in units of the scales, shape (n_params, n_params); NaN for what is not
-    determined. `scales`: of the parameters, in the order of the columns. `held`: parameters that were held fixed:
-    without verdict, but they may take part in a direction.
+    of the largest, and weakly identifiable if the standard error along it exceeds `WEAK` of the scale. Parameters that
+    were `held` get no verdict, but where an unidentifiable direction has one, its others are determined.
     """
     null = _null_space(jacobian)
     unseen = tuple(_unidentifiable_direction(row, jacobian, scales, held) for row in null)

@@ -37,10 +37,7 @@ _STEP = 1e-5
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Gain:
-    """Value of a candidate: the share by which it reduces the band's variance, and the band's deviation after it.
-
-    `drawn` is the share estimated from draws, `None` where there were too few.
-    """
+    """Share by which a candidate reduces the band's variance, the deviation after it, and the share by draws."""
 
     candidate: Candidate
     gain: float
@@ -64,11 +61,7 @@ def gain_columns(unit: CommandUnit | None) -> tuple[TableColumn, ...]:
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Plan(Summarised, Related):
-    """Candidates in order of gain for a `band`: "force", "energy" or the name of a parameter.
-
-    `deviation` is the standard deviation of the band before a further test, in `unit`. The candidates
-    `left_out` could not be simulated.
-    """
+    """Candidates in order of gain for a `band`: "force", "energy" or the name of a parameter, of `deviation` before."""
 
     model: str
     band: str
@@ -109,10 +102,9 @@ class Plan(Summarised, Related):
 @holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Response:
-    """Sensitivity of a candidate's force to the parameters.
+    """Force of a candidate [N], (n_counted,), and energy of a cycle [J], with derivatives by coordinate, (..., n_free).
 
-    `force` [N], (n_counted,), and its `derivative` by coordinate, (n_counted, n_free); `corrected` is the derivative
-    after nuisance parameters have been fitted; the `energy` of a cycle [J] and its derivative, (n_free,).
+    `corrected` is the derivative after nuisance parameters have been fitted.
     """
 
     candidate: Candidate
@@ -126,10 +118,9 @@ class Response:
 @holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinearisedPosterior:
-    """Linearised posterior before the next test, in the coordinates of `scaled`, about `position`, shape (n_free,).
+    """Linearised posterior before the next test about `position`, (n_free,), with the inverse covariance `precision`.
 
-    `precision` is the inverse covariance, (n_free, n_free). A further test adds `weight` times J'J / n_counted, with
-    the force in units of its standard deviation.
+    A further test adds `weight` times J'J / n_counted, with the force in units of its standard deviation.
     """
 
     spec: DamperSpec
@@ -319,10 +310,7 @@ _TRUTHS = 60
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class CheckedPlan(Summarised):
-    """A plan with gains from draws, their rank correlation (Spearman), and the least effective number of draws.
-
-    `agreement` is `None` with fewer than three gains.
-    """
+    """A plan with gains from draws, their rank correlation (Spearman), and the least effective number of draws."""
 
     plan: Plan
     agreement: float | None
@@ -367,13 +355,11 @@ def checked_with_draws(
     targets: Sequence[Candidate] = (),
     rng: np.random.Generator,
 ) -> CheckedPlan:
-    """Estimate each gain of a plan from draws (n_draws, n_params) of the posterior.
+    """Estimate each gain of a plan from draws (n_draws, n_params); rows that cannot be simulated are left out.
 
     Some draws are taken as the truth in turn: the test is simulated with noise, the other draws are weighted by its
     likelihood, and the variance of the band among them is computed. The mean over the truths is the expected remaining
     variance (nested Monte Carlo, Ryan, Journal of Computational and Graphical Statistics 12, 2003, 585-603).
-
-    `draws`: parameters of the model of `posterior`; rows that cannot be simulated are left out.
     """
     if len(draws) < 2 * _LEAST:
         raise SettingError(f"{len(draws)} draws are too few to weigh against each other; give some hundreds")
@@ -403,10 +389,7 @@ def checked_with_draws(
 @holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Forces:
-    """Forces of the draws minus their mean, (n_draws, n_counted), per its deviation and root n; energies of a cycle.
-
-    `corrected` has the forces after nuisance parameters have been fitted.
-    """
+    """Forces of the draws minus their mean, (n_draws, n_counted), per its deviation and root n; energies of a cycle."""
 
     force: NDArray[np.float64]
     corrected: NDArray[np.float64]

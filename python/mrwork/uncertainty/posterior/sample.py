@@ -63,11 +63,8 @@ class PastDifferences(Move):  # type: ignore[misc] # a base class without types
     """Differential evolution with the past (DE-MCZ, ter Braak and Vrugt 2008).
 
     A walker at x proposes x + gamma (z1 - z2), gamma = 2.38 / sqrt(2 n_dim), with two states z1 and z2 from the second
-    half of all walkers' past. Proposals do not depend on the current state of other walkers, so all walkers are one
-    batch; a move that uses the rest of the ensemble needs two. Adaptation diminishes as the past grows; the first half
-    of the past, which may not be stationary, is not used.
-
-    The densities are asked from the target, all walkers at once: emcee would look at each of them by itself.
+    half of all walkers' past; so all walkers are one batch, asked from the target at once, not one by one as emcee
+    would.
     """
 
     def __init__(self, target: Callable[[Array], Array], past: Callable[[], Array]) -> None:
@@ -98,8 +95,8 @@ class PastDifferences(Move):  # type: ignore[misc] # a base class without types
 class Ensemble(Summarised):
     """Chain of positions, shape (n_steps + 1, n_walkers, n_dim), and log densities, (n_steps + 1, n_walkers).
 
-    The first row is the start. `at` holds the number of steps and the random state after them in one tuple, so that an
-    interrupt cannot separate the two. The arrays may be longer than the chain.
+    `at` holds the number of steps and the random state after them in one tuple, so that an interrupt cannot separate
+    the two. The arrays may be longer than the chain.
     """
 
     target: Callable[[Array], Array]
@@ -505,10 +502,7 @@ def _check_size(walkers: int, most_steps: int, n_dim: int) -> None:
 
 
 def _run(problem: SamplingProblem, ensemble: Ensemble, monitor: _Monitor) -> Diagnosis:
-    """Advance until convergence or the last step; the steps of the checks depend on the number of steps alone.
-
-    A check after which the journal goes on has found a shortcoming, and is not made again.
-    """
+    """Advance until convergence or the last step; a check after which the journal goes on is not made again."""
     while True:
         done = ensemble.n_steps
         ends = done >= monitor.most_steps
@@ -522,10 +516,7 @@ def _run(problem: SamplingProblem, ensemble: Ensemble, monitor: _Monitor) -> Dia
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Journalled:
-    """Log density of proposals (n_walkers, n_dim), from the journal where it is recorded.
-
-    All else in a step is arithmetic on random numbers of a seed: proposals and acceptance need not be recorded.
-    """
+    """Log density of proposals, from the journal where it is recorded; all else in a step follows from the seed."""
 
     target: Callable[[Array], Array]
     journal: Journal
