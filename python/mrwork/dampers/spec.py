@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -46,6 +46,11 @@ class PublishedSet(Summarised):
     note: str = ""
 
 
+def _loop(alpha: float | tuple[float, ...], *, gamma: float, A: float, n: float) -> dict[str, Any]:
+    """Parameters of a Bouc-Wen loop whose gamma and beta are equal."""
+    return {"alpha": alpha, "gamma": gamma, "beta": gamma, "A": A, "n": n}
+
+
 _SPENCER = "Spencer, Dyke, Sain, Carlson, J. Eng. Mech. 123(3), 1997, 230-238"
 
 PUBLISHED_SETS = (
@@ -60,16 +65,7 @@ PUBLISHED_SETS = (
     PublishedSet(
         name="spencer1997",
         model="bouc_wen",
-        values={
-            "c0": 5000.0,
-            "k0": 2500.0,
-            "x0": 0.038,
-            "alpha": 88e3,
-            "gamma": 1e6,
-            "beta": 1e6,
-            "A": 120.0,
-            "n": 2.0,
-        },
+        values={"c0": 5000.0, "k0": 2500.0, "x0": 0.038} | _loop(88e3, gamma=1e6, A=120.0, n=2.0),
         source=_SPENCER,
         status="published",
         note="at 1.5 V",
@@ -77,16 +73,7 @@ PUBLISHED_SETS = (
     PublishedSet(
         name="jansen2000",
         model="bouc_wen",
-        values={
-            "c0": (0.64, 0.52),
-            "k0": 0.0,
-            "x0": 0.0,
-            "alpha": (866.0, 886.0),
-            "gamma": 3e6,
-            "beta": 3e6,
-            "A": 120.0,
-            "n": 2.0,
-        },
+        values={"c0": (0.64, 0.52), "k0": 0.0, "x0": 0.0} | _loop((866.0, 886.0), gamma=3e6, A=120.0, n=2.0),
         source="Jansen, Dyke, J. Eng. Mech. 126(8), 2000, 795-803",
         status="verified",
         unit="V",
@@ -96,16 +83,8 @@ PUBLISHED_SETS = (
     PublishedSet(
         name="yoshida2004",
         model="bouc_wen",
-        values={
-            "c0": (440.0, 4400.0),
-            "k0": 0.0,
-            "x0": 0.0,
-            "alpha": (1.0872e7, 4.9616e7),
-            "gamma": 300.0,
-            "beta": 300.0,
-            "A": 1.2,
-            "n": 1.0,
-        },
+        values={"c0": (440.0, 4400.0), "k0": 0.0, "x0": 0.0}
+        | _loop((1.0872e7, 4.9616e7), gamma=300.0, A=1.2, n=1.0),
         source="Yoshida, Dyke, J. Eng. Mech. 130(4), 2004",
         status="published",
         unit="V",
@@ -116,18 +95,8 @@ PUBLISHED_SETS = (
     PublishedSet(
         name="dyke1996",
         model="modified_bouc_wen",
-        values={
-            "c0": (2100.0, 350.0),
-            "k0": 4690.0,
-            "c1": (28300.0, 295.0),
-            "k1": 500.0,
-            "x0": 0.143,
-            "alpha": (14000.0, 69500.0),
-            "gamma": 3.63e6,
-            "beta": 3.63e6,
-            "A": 301.0,
-            "n": 2.0,
-        },
+        values={"c0": (2100.0, 350.0), "k0": 4690.0, "c1": (28300.0, 295.0), "k1": 500.0, "x0": 0.143}
+        | _loop((14000.0, 69500.0), gamma=3.63e6, A=301.0, n=2.0),
         source="Dyke, Spencer, Sain, Carlson, Smart Mater. Struct. 5, 1996, 565-575",
         status="verified",
         unit="V",
@@ -138,18 +107,8 @@ PUBLISHED_SETS = (
     PublishedSet(
         name="leva2002",
         model="modified_bouc_wen",
-        values={
-            "c0": (2020.0, 268.0),
-            "k0": 1500.0,
-            "c1": (35000.0, 7070.0),
-            "k1": 537.0,
-            "x0": 0.0,
-            "alpha": (4490.0, 63800.0),
-            "gamma": 3.93e5,
-            "beta": 3.93e5,
-            "A": 47.2,
-            "n": 2.0,
-        },
+        values={"c0": (2020.0, 268.0), "k0": 1500.0, "c1": (35000.0, 7070.0), "k1": 537.0, "x0": 0.0}
+        | _loop((4490.0, 63800.0), gamma=3.93e5, A=47.2, n=2.0),
         source="Leva, Piroddi, Smart Mater. Struct. 11, 2002, 79",
         status="published",
         unit="V",

@@ -51,13 +51,7 @@ class KanaiTajimi:
     intensity: float = 0.01
 
     def __post_init__(self) -> None:
-        for name, value in (
-            ("frequency", self.frequency),
-            ("damping", self.damping),
-            ("intensity", self.intensity),
-        ):
-            if not (math.isfinite(value) and value >= SMALLEST):
-                raise SettingError(f"{name} of a Kanai-Tajimi spectrum is {value}; give a positive number")
+        _refuse_not_positive(self, "frequency", "damping", "intensity")
 
     @property
     def name(self) -> str:
@@ -99,9 +93,7 @@ class CloughPenzien:
     damping: float = 0.6
 
     def __post_init__(self) -> None:
-        for name, value in (("frequency", self.frequency), ("damping", self.damping)):
-            if not (math.isfinite(value) and value >= SMALLEST):
-                raise SettingError(f"{name} of a Clough-Penzien spectrum is {value}; give a positive number")
+        _refuse_not_positive(self, "frequency", "damping")
 
     @property
     def name(self) -> str:
@@ -127,8 +119,7 @@ class CloughPenzien:
         w_f, zeta_f = self.frequency, self.damping
         soil = self.soil.filter_matrices()
         own = np.array([[0.0, 1.0], [-(w_f**2), -2.0 * zeta_f * w_f]])
-        state = np.block([[soil.state, np.zeros((2, 2))], [np.zeros((1, 4))], [np.zeros((1, 4))]])
-        state[2:, 2:] = own
+        state = np.block([[soil.state, np.zeros((2, 2))], [np.zeros((2, 2)), own]])
         state[3, :2] = soil.output
         return FilterMatrices(
             state=state, noise=np.concatenate((soil.noise, np.zeros(2))), output=state[3].copy()
@@ -136,3 +127,10 @@ class CloughPenzien:
 
 
 SpectralDensity = KanaiTajimi | CloughPenzien
+
+
+def _refuse_not_positive(spectrum: SpectralDensity, *names: str) -> None:
+    for name in names:
+        value = getattr(spectrum, name)
+        if not (math.isfinite(value) and value >= SMALLEST):
+            raise SettingError(f"{name} of a {spectrum.name} spectrum is {value}; give a positive number")

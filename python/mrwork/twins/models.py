@@ -225,84 +225,59 @@ def backlash_bouc_wen(p: Parameters, state: Array, x: Array, v: Array) -> Array:
     return p.c * slope * v + p.k * (displacement - p.x0) + p.k_w * state[0]
 
 
-def _shifted_rate(p: Parameters, state: Array, v: Array, side: Array) -> Array:
-    """w' of the loop for the velocity v - mu s."""
-    return jnp.stack([_normalised_loop(p, state[0], v - p.mu * side)])
+def _enter_shifted(model: str, side: Equation) -> None:
+    """Enter f = c (v - share mu s) + k (x - x0) + k_w w, with the loop for the velocity v - mu s (Kwok et al.)."""
+
+    def rate(p: Parameters, state: Array, x: Array, v: Array) -> Array:
+        return jnp.stack([_normalised_loop(p, state[0], v - p.mu * side(p, state, x, v))])
+
+    def force(p: Parameters, state: Array, x: Array, v: Array) -> Array:
+        shifted = v - p.share * p.mu * side(p, state, x, v)
+        return p.c * shifted + p.k * (x - p.x0) + p.k_w * state[0]
+
+    EQUATIONS[model] = (rate, force)
 
 
-def _shifted_force(p: Parameters, state: Array, x: Array, v: Array, side: Array) -> Array:
-    """f = c (v - share mu s) + k (x - x0) + k_w w."""
-    return p.c * (v - p.share * p.mu * side) + p.k * (x - p.x0) + p.k_w * state[0]
+_enter_shifted("non_symmetric_bouc_wen", lambda p, state, x, v: jnp.tanh(state[0] / p.w_s))
+_enter_shifted("non_symmetric_bouc_wen_displacement", lambda p, state, x, v: jnp.tanh(x / p.x_s))
 
 
-@_twin(rate=lambda p, state, x, v: _shifted_rate(p, state, v, jnp.tanh(state[0] / p.w_s)))
-def non_symmetric_bouc_wen(p: Parameters, state: Array, x: Array, v: Array) -> Array:
-    """s = tanh(w/w_s): a velocity shift by the sign of the state (Kwok et al.)."""
-    return _shifted_force(p, state, x, v, jnp.tanh(state[0] / p.w_s))
+def _enter_series(model: str, loop: Equation, loop_force: Equation, damping: Equation) -> None:
+    """Enter a loop in series with the dashpot c1, state (y, z): f = c1 y' + k1 (x - x0) (Spencer et al. 1997).
+
+    y' = (f_loop + c v + k0 (x - y)) / (c + c1), and z' is that of the loop for the velocity v - y'.
+    """
+
+    def rate_of_y(p: Parameters, state: Array, x: Array, v: Array) -> Array:
+        c = damping(p, state, x, v)
+        return (loop_force(p, state, x, v) + c * v + p.k0 * (x - state[0])) / (c + p.c1)
+
+    def rate(p: Parameters, state: Array, x: Array, v: Array) -> Array:
+        y_rate = rate_of_y(p, state, x, v)
+        return jnp.stack([y_rate, loop(p, state[1], x, v - y_rate)])
+
+    def force(p: Parameters, state: Array, x: Array, v: Array) -> Array:
+        return p.c1 * rate_of_y(p, state, x, v) + p.k1 * (x - p.x0)
+
+    EQUATIONS[model] = (rate, force)
 
 
-@_twin(rate=lambda p, state, x, v: _shifted_rate(p, state, v, jnp.tanh(x / p.x_s)))
-def non_symmetric_bouc_wen_displacement(p: Parameters, state: Array, x: Array, v: Array) -> Array:
-    """s = tanh(x/x_s): a velocity shift by the sign of the displacement (Kwok et al.)."""
-    return _shifted_force(p, state, x, v, jnp.tanh(x / p.x_s))
-
-
-# A loop in series with the dashpot c1: y' is the rate of the dashpot, state is (y, z).
-
-
-def _series_rate(p: Parameters, state: Array, x: Array, v: Array, loop_force: Array, c: Array) -> Array:
-    """y' = (f_loop + c v + k0 (x - y)) / (c + c1)."""
-    return (loop_force + c * v + p.k0 * (x - state[0])) / (c + p.c1)
-
-
-def _modified_y_rate(p: Parameters, state: Array, x: Array, v: Array) -> Array:
-    return _series_rate(p, state, x, v, p.alpha * state[1], p.c0)
-
-
-def _modified_rate(p: Parameters, state: Array, x: Array, v: Array) -> Array:
-    """y', and z' of the loop for the velocity v - y'."""
-    y_rate = _modified_y_rate(p, state, x, v)
-    return jnp.stack([y_rate, _spencer_loop(p, state[1], v - y_rate)])
-
-
-@_twin(rate=_modified_rate)
-def modified_bouc_wen(p: Parameters, state: Array, x: Array, v: Array) -> Array:
-    """f = c1 y' + k1 (x - x0) (Spencer et al. 1997)."""
-    return p.c1 * _modified_y_rate(p, state, x, v) + p.k1 * (x - p.x0)
-
-
-def _normalised_y_rate(p: Parameters, state: Array, x: Array, v: Array) -> Array:
-    return _series_rate(p, state, x, v, p.k_w * state[1], p.c0)
-
-
-def _normalised_modified_rate(p: Parameters, state: Array, x: Array, v: Array) -> Array:
-    """y', and w' of the loop for the velocity v - y'."""
-    y_rate = _normalised_y_rate(p, state, x, v)
-    return jnp.stack([y_rate, _normalised_loop(p, state[1], v - y_rate)])
-
-
-@_twin(rate=_normalised_modified_rate)
-def normalised_modified_bouc_wen(p: Parameters, state: Array, x: Array, v: Array) -> Array:
-    """f = c1 y' + k1 (x - x0), with the normalised loop."""
-    return p.c1 * _normalised_y_rate(p, state, x, v) + p.k1 * (x - p.x0)
-
-
-def _thinning_y_rate(p: Parameters, state: Array, x: Array, v: Array) -> Array:
-    """c = c0 + c2 exp(-|v|/v_s) in `_series_rate`."""
-    c = p.c0 + p.c2 * jnp.exp(-jnp.abs(v) / p.v_s)
-    return _series_rate(p, state, x, v, p.k_w * state[1], c)
-
-
-def _thinning_rate(p: Parameters, state: Array, x: Array, v: Array) -> Array:
-    """y', and w' of the loop for the velocity v - y'."""
-    y_rate = _thinning_y_rate(p, state, x, v)
-    return jnp.stack([y_rate, _normalised_loop(p, state[1], v - y_rate)])
-
-
-@_twin(rate=_thinning_rate)
-def shear_thinning_modified_bouc_wen(p: Parameters, state: Array, x: Array, v: Array) -> Array:
-    """f = c1 y' + k1 (x - x0), with a shear-thinning dashpot."""
-    return p.c1 * _thinning_y_rate(p, state, x, v) + p.k1 * (x - p.x0)
+_enter_series(
+    "modified_bouc_wen",
+    loop=lambda p, z, x, v: _spencer_loop(p, z, v),
+    loop_force=lambda p, state, x, v: p.alpha * state[1],
+    damping=lambda p, state, x, v: p.c0,
+)
+for _model, _damping in (
+    ("normalised_modified_bouc_wen", lambda p, state, x, v: p.c0),
+    ("shear_thinning_modified_bouc_wen", lambda p, state, x, v: p.c0 + p.c2 * jnp.exp(-jnp.abs(v) / p.v_s)),
+):
+    _enter_series(
+        _model,
+        loop=lambda p, w, x, v: _normalised_loop(p, w, v),
+        loop_force=lambda p, state, x, v: p.k_w * state[1],
+        damping=_damping,
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

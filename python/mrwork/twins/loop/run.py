@@ -304,49 +304,12 @@ def run_loop(
 
     Derivatives need memory for the square root of the number of samples; the samples between are recomputed.
 
-    `law`: one of `mrwork.twins.loop.tuned`, or any other with a `command`. `ground`: ground acceleration every half
-    step [m/s^2], shape (2 n_steps + 1,), see `half_steps`. `step_time`: integration step [s]. `largest_command`:
-    largest command of each device, shape (n_devices,); the smallest is 0. `steps_per_sample`: integration steps per
-    control sample. `delay`: integration steps from measurement to driver. `believed`: devices without states at the
-    same places, used by laws that need the slope of the force in the current; by default the devices themselves.
-    `counted`: number of first steps of which peaks and sums are kept, all by default; energies are those of all steps.
+    `ground` has `half_steps` [m/s^2], `largest_command` (n_devices,); `delay` is in integration steps. Devices that are
+    `believed`, without states, give the slope of the force in the current to laws. Peaks and sums are those of the
+    first steps that are `counted`, energies those of all.
     """
-    n_steps = jnp.float64((ground.shape[0] - 1) // 2)
-    counted = n_steps if counted is None else counted
-    last = _scan_samples(
-        plant,
-        devices,
-        law,
-        ground,
-        step_time,
-        largest_command,
-        steps_per_sample,
-        delay,
-        believed,
-        counted,
-    )
-    q, v = last.motion.q, last.motion.v
-    return LoopResult(
-        reductions=last.kept,
-        energies=last.motion.energies,
-        kinetic=0.5 * v @ (plant.mass @ v),
-        strain=0.5 * q @ (plant.stiffness @ q),
-        n_steps=counted,
-    )
-
-
-def _scan_samples(
-    plant: LoopPlant,
-    devices: Devices,
-    law: Law,
-    ground: Array,
-    h: Array | float,
-    largest: Array,
-    steps_per_sample: int,
-    delay: int,
-    believed: Devices | None,
-    counted: Array | float,
-) -> _RunCarry:
+    if counted is None:
+        counted = jnp.float64((ground.shape[0] - 1) // 2)
     n_samples = _samples(ground, steps_per_sample, delay)
     pulls, rows = pulls_of(plant, devices), rows_of(devices)
     lagged = jnp.array([device.lagged for device in devices])
@@ -372,7 +335,9 @@ def _scan_samples(
         command = carry.commands[age]
         # Without a lag, the coil current equals the command.
         current = jnp.where(lagged, carry.received, command)
-        after, received, start = step(plant, devices, pulls, carry.motion, current, command, accelerations, h)
+        after, received, start = step(
+            plant, devices, pulls, carry.motion, current, command, accelerations, step_time
+        )
         more = accumulate(plant, carry.kept, carry.motion, start, current, accelerations.start)
         kept = jax.tree.map(lambda after, before: jnp.where(counts, after, before), more, carry.kept)
         return _RunCarry(after, received, carry.commands, kept), None
@@ -385,9 +350,9 @@ def _scan_samples(
             rate=rows @ carry.motion.v,
             force=force(carry.motion, carry.received),
             force_at=lambda currents: curve(carry.motion, currents),
-            largest=largest,
+            largest=largest_command,
         )
-        command = jnp.clip(law.command(measured), 0.0, largest)
+        command = jnp.clip(law.command(measured), 0.0, largest_command)
         commands = jnp.concatenate([command[None], carry.commands[:-1]])
         carry = carry._replace(
             commands=jnp.where(first, command, commands), received=jnp.where(first, command, carry.received)
@@ -419,7 +384,14 @@ def _scan_samples(
     last, _ = lax.scan(stretch, start, folded)
     if whole < n_samples:
         last, _ = stretch(last, jax.tree.map(lambda a: a[whole:], at_samples))
-    return last
+    q, v = last.motion.q, last.motion.v
+    return LoopResult(
+        reductions=last.kept,
+        energies=last.motion.energies,
+        kinetic=0.5 * v @ (plant.mass @ v),
+        strain=0.5 * q @ (plant.stiffness @ q),
+        n_steps=counted,
+    )
 
 
 def _samples(ground: Array, steps_per_sample: int, delay: int) -> int:

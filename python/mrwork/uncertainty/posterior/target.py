@@ -130,8 +130,6 @@ def _check(fine: bool, kind: str, expected: str) -> None:
         raise SettingError(f"a {kind} prior was given numbers that make no density; give {expected}")
 
 
-# NumPy or JAX, as in `coordinates`.
-
 NOISE = "noise."
 # Tolerance for parameters on a face of the box, whose logarithm is rounded.
 _ROUNDING = 1e-12
