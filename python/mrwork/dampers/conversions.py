@@ -489,15 +489,13 @@ def _thin_loop(p: Values, scales: Scales, distance: float) -> Values:
     }
 
 
+_NORMALISED = ("c", "k", "x0", "k_w", "rho", "sigma", "n")
+
 NESTINGS: Mapping[str, Nesting] = {
     "viscous_dahl": Nesting(model="dahl", shared=("k_w", "rho", "f0"), near=_no_dashpot),
     "lugre": Nesting(model="viscous_dahl", shared=("f0",), near=_soft_bristles),
     "normalised_bouc_wen": Nesting(model="viscous_dahl", shared=("k_w", "rho"), near=_exponential_knee),
-    "backlash_bouc_wen": Nesting(
-        model="normalised_bouc_wen",
-        shared=("c", "k", "x0", "k_w", "rho", "sigma", "n"),
-        near=_small_play,
-    ),
+    "backlash_bouc_wen": Nesting(model="normalised_bouc_wen", shared=_NORMALISED, near=_small_play),
     "normalised_modified_bouc_wen": Nesting(
         model="normalised_bouc_wen", shared=("k_w", "rho", "sigma", "n"), near=_series_dashpot
     ),
@@ -507,14 +505,10 @@ NESTINGS: Mapping[str, Nesting] = {
         near=_no_thinning,
     ),
     "non_symmetric_bouc_wen": Nesting(
-        model="normalised_bouc_wen",
-        shared=("c", "k", "x0", "k_w", "rho", "sigma", "n"),
-        near=_small_shift("w_s"),
+        model="normalised_bouc_wen", shared=_NORMALISED, near=_small_shift("w_s")
     ),
     "non_symmetric_bouc_wen_displacement": Nesting(
-        model="normalised_bouc_wen",
-        shared=("c", "k", "x0", "k_w", "rho", "sigma", "n"),
-        near=_small_shift("x_s"),
+        model="normalised_bouc_wen", shared=_NORMALISED, near=_small_shift("x_s")
     ),
     "elasto_visco_plastic": Nesting(model="bingham", shared=("f0",), near=_stiff_spring),
     "extended_bingham": Nesting(model="bingham", shared=("f_c", "c0", "f0"), near=_stiff_series),

@@ -29,6 +29,13 @@ class FilterMatrices:
     output: Floats
 
 
+def _refuse_not_positive(spectrum: SpectralDensity, *names: str) -> None:
+    for name in names:
+        value = getattr(spectrum, name)
+        if not (math.isfinite(value) and value >= SMALLEST):
+            raise SettingError(f"{name} of a {spectrum.name} spectrum is {value}; give a positive number")
+
+
 @checked
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KanaiTajimi:
@@ -127,10 +134,3 @@ class CloughPenzien:
 
 
 SpectralDensity = KanaiTajimi | CloughPenzien
-
-
-def _refuse_not_positive(spectrum: SpectralDensity, *names: str) -> None:
-    for name in names:
-        value = getattr(spectrum, name)
-        if not (math.isfinite(value) and value >= SMALLEST):
-            raise SettingError(f"{name} of a {spectrum.name} spectrum is {value}; give a positive number")

@@ -458,7 +458,7 @@ def measured_coverage(
     rows = []
     for index, (members, variant) in enumerate(zip(groups, table.best_variants_without_each(), strict=True)):
         shape, scores = table.calibrate(variant, (index,))
-        others = [_join_tests(own) for number, own in enumerate(energy) if number != index]
+        others = [np.concatenate(own) for number, own in enumerate(energy) if number != index]
         others = [each for each in others if each.size]
         multiples = [next_test_quantile(scores, level) for level in levels]
         for prediction, own in zip(members, energy[index], strict=True):
@@ -479,10 +479,6 @@ def measured_coverage(
                     )
                 )
     return tuple(rows)
-
-
-def _join_tests(errors: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
-    return np.concatenate(errors) if errors else np.empty(0)
 
 
 def _energy_errors(prediction: Prediction) -> NDArray[np.float64]:

@@ -55,6 +55,7 @@ def find_collapses(
     its parameters are on a bound or undetermined, that is with a standard error above their value or half their range.
     """
     doubtful = {model: _doubtful_parameters(fit, tests) for model, fit in fits.items()}
+    n_doubtful = {model: sum(map(len, states.values())) for model, states in doubtful.items()}
     joined = {model: np.concatenate(residuals[model]) for model in fits}
     found: dict[str, Collapse] = {}
     for model in fits:
@@ -66,51 +67,36 @@ def find_collapses(
             squared, theirs = (float(np.mean(joined[each] ** 2)) for each in (model, other))
             difference = float(np.mean((joined[model] - joined[other]) ** 2))
             same = difference <= chance * theirs and theirs <= squared * np.exp(chance)
-            if same and len(doubtful[model]) > len(doubtful[other]):
+            if same and n_doubtful[model] > n_doubtful[other]:
+                states = [
+                    f"{', '.join(names)} {'is' if len(names) == 1 else 'are'} {state}"
+                    for state, names in doubtful[model].items()
+                    if names
+                ]
                 found[model] = Collapse(
                     model=other,
                     reason=f"its force is that of {damper(other).title} to {100.0 * np.sqrt(difference):.2g} % of "
-                    f"the force's deviation, and {_in_words(doubtful[model])}",
+                    f"the force's deviation, and {' and '.join(states)}",
                 )
                 break
     return found
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Doubtful:
-    """Names of the free parameters of a fit that are on a bound, and of those that the data do not determine."""
-
-    on_bound: tuple[str, ...]
-    undetermined: tuple[str, ...]
-
-    def __len__(self) -> int:
-        return len(self.on_bound) + len(self.undetermined)
-
-
-def _doubtful_parameters(fit: Fit, tests: tuple[DamperTest, ...]) -> Doubtful:
+def _doubtful_parameters(fit: Fit, tests: tuple[DamperTest, ...]) -> dict[str, list[str]]:
     """Free parameters on a bound, and those with a standard error above their value or half their range, or none."""
     spec, theta = fit.spec, np.array(fit.theta)
     bounds = {name: pair for name, pair in fit.settings.bounds.items() if name in spec.names}
     scale = Scale.of(spec, Box.of(spec).with_bounds(bounds), tests, theta)
     free = [(index, each) for index, each in enumerate(fit.estimates) if each.remark != "fixed"]
-    return Doubtful(
-        on_bound=tuple(each.name for _, each in free if each.remark.startswith("at ")),
-        undetermined=tuple(
+    return {
+        "on a bound": [each.name for _, each in free if each.remark.startswith("at ")],
+        "undetermined": [
             each.name
             for index, each in free
             if each.remark == "not identifiable"
             or (each.standard_error is not None and each.standard_error > scale.size[index])
-        ),
-    )
-
-
-def _in_words(doubtful: Doubtful) -> str:
-    parts = [
-        f"{', '.join(names)} {'is' if len(names) == 1 else 'are'} {state}"
-        for names, state in ((doubtful.on_bound, "on a bound"), (doubtful.undetermined, "undetermined"))
-        if names
-    ]
-    return " and ".join(parts)
+        ],
+    }
 
 
 DEFINITIONS = (

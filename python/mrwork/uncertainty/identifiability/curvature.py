@@ -93,31 +93,33 @@ class Scaled:
 
 @holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Curvature:
-    """Squared misfit S of rows, (n_rows,), half its gradient, (n_rows, n_free), and J'J, (n_rows, n_free, n_free)."""
+class Point:
+    """A position, shape (n_free,), with the squared misfit S, half its gradient and J'J there."""
 
-    squared: NDArray[np.float64]
+    position: NDArray[np.float64]
+    squared: float
     gradient: NDArray[np.float64]
     normal: NDArray[np.float64]
 
 
-def curvature(linearise: Linearise, scaled: Scaled, position: NDArray[np.float64]) -> Curvature:
-    """Curvature at each row of `position`, shape (n_rows, n_free); S is infinite where a simulation failed."""
-    squared, gradient, normal = [], [], []
-    for (residuals, jacobian), slope in zip(
-        linearise(scaled.parameters(position)), scaled.slope(position), strict=True
+def points_at(linearise: Linearise, scaled: Scaled, position: NDArray[np.float64]) -> list[Point]:
+    """A point for each row of `position`, shape (n_rows, n_free); S is infinite where a simulation failed."""
+    points = []
+    for row, (residuals, jacobian), slope in zip(
+        position, linearise(scaled.parameters(position)), scaled.slope(position), strict=True
     ):
         own = jacobian * slope
-        squared.append(float(residuals @ residuals))
-        gradient.append(own.T @ residuals)
-        normal.append(own.T @ own)
-    # All residuals of a failed simulation are 1.
-    total = np.array(squared)
-    return Curvature(
-        squared=np.where(total >= residuals.size, np.inf, total),
-        gradient=np.array(gradient),
-        normal=np.array(normal),
-    )
+        squared = float(residuals @ residuals)
+        points.append(
+            Point(
+                position=row,
+                # All residuals of a failed simulation are 1.
+                squared=squared if squared < residuals.size else np.inf,
+                gradient=own.T @ residuals,
+                normal=own.T @ own,
+            )
+        )
+    return points
 
 
 def linearise(objective: Objective, columns: Sequence[int]) -> Linearise:
@@ -156,27 +158,6 @@ _MOST_POINTS = 40
 _MOST_BETWEEN = 6
 # Smallest step as a share of the first; the walk ends where even this cannot be simulated.
 _LEAST_SHARE = 1e-3
-
-
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Point:
-    """A position, shape (n_free,), with the squared misfit S, half its gradient and J'J there."""
-
-    position: NDArray[np.float64]
-    squared: float
-    gradient: NDArray[np.float64]
-    normal: NDArray[np.float64]
-
-
-def points_of(position: NDArray[np.float64], found: Curvature) -> list[Point]:
-    """Rows of a batch as points."""
-    return [
-        Point(position=each, squared=float(squared), gradient=gradient, normal=normal)
-        for each, squared, gradient, normal in zip(
-            position, found.squared, found.gradient, found.normal, strict=True
-        )
-    ]
 
 
 Walk = Generator[NDArray[np.float64], Point, End]
@@ -224,11 +205,6 @@ def walk(
     return "too many points"
 
 
-def minimise(scaled: Scaled, start: Point, dof: float) -> Minimisation:
-    """Minimise the misfit in all free parameters from a simulated point."""
-    return _minimise(scaled, None, start, dof)
-
-
 def _bracket_limit(scaled: Scaled, index: int, points: list[Point], limit: float, dof: float) -> Minimisation:
     for _ in range(_MOST_BETWEEN):
         low, high = points[-2:]
@@ -253,12 +229,12 @@ def _minimise_held(scaled: Scaled, index: int, start: Point, target: float, dof:
     position[index] = target
     point = yield position
     if np.isfinite(point.squared):
-        point = yield from _minimise(scaled, index, point, dof)
+        point = yield from minimise(scaled, index, point, dof)
     return point
 
 
-def _minimise(scaled: Scaled, index: int | None, point: Point, dof: float) -> Minimisation:
-    """Levenberg-Marquardt with damping relative to each parameter's curvature, until the expected gain is small."""
+def minimise(scaled: Scaled, index: int | None, point: Point, dof: float) -> Minimisation:
+    """Levenberg-Marquardt in all free parameters, or all but the one at `index`, until the expected gain is small."""
     damping = 0.0
     for _ in range(_MOST_TRIALS):
         step, fall = _step(scaled, point, index, dof, damping=damping)

@@ -35,10 +35,9 @@ from mrwork.uncertainty.identifiability.curvature import (
     Scaled,
     Side,
     Sides,
-    curvature,
     linearise,
     minimise,
-    points_of,
+    points_at,
     run_alone,
     run_together,
     signed_root,
@@ -319,7 +318,7 @@ def profile(
     derivatives = linearise(objective, box.free)
 
     def simulated(position: NDArray[np.float64]) -> list[Point]:
-        return points_of(position, curvature(derivatives, scaled, position))
+        return points_at(derivatives, scaled, position)
 
     (start,) = simulated(scaled.position(theta)[None])
     (residuals,), (slopes,) = linearised(objective, scaled.parameters(start.position)[None], box.free)
@@ -378,7 +377,7 @@ def profile(
     sides: Sides = {(index, way): Side(points=[start]) for index in profiled for way in DIRECTIONS}
     try:
         for _ in range(_MOST_ROUNDS):
-            origin = run_alone(minimise(scaled, best, dof), best, simulated)
+            origin = run_alone(minimise(scaled, None, best, dof), best, simulated)
             sides = {key: Side(points=[origin]) for key in sides}
             run_together(scaled, sides, simulated, report, limit=float(np.sqrt(threshold)), dof=dof)
             best = min(

@@ -25,7 +25,7 @@ from mrwork.simulate import Outcome, simulate_forces
 from mrwork.store.codec import Related
 from mrwork.summary import Summarised, Summary, of_unit, rounded
 from mrwork.table import TableColumn
-from mrwork.uncertainty.identifiability.curvature import Scaled, curvature, linearise
+from mrwork.uncertainty.identifiability.curvature import Scaled, linearise, points_at
 from mrwork.uncertainty.identifiability.verdicts import Scale
 from mrwork.uncertainty.planning.candidates import Candidate, check_possible, motion_of
 from mrwork.units import CommandUnit
@@ -142,18 +142,18 @@ class LinearisedPosterior:
         scale = Scale.of(spec, box, objective.tests, theta)
         scaled = Scaled.of(spec, box, scale, theta)
         position = scaled.position(theta)
-        here = curvature(linearise(objective, box.free), scaled, position[None])
+        (here,) = points_at(linearise(objective, box.free), scaled, position[None])
         residuals = objective.residuals(theta[None])[0]
         n_effective = effective_samples(residuals_by_test(residuals, objective.tests))
         dof = n_effective * max(1.0 - len(box.free) / residuals.size, 0.0)
-        weight = dof / float(here.squared[0])
+        weight = dof / here.squared
         lower, upper = (scaled.position(np.array(each)) for each in (scale.ranges.lower, scale.ranges.upper))
         prior = np.diag(12.0 / (upper - lower) ** 2)
         return cls(
             spec=spec,
             scaled=scaled,
             position=position,
-            precision=prior + weight * here.normal[0],
+            precision=prior + weight * here.normal,
             weight=weight / len(objective.tests),
             nuisances=fit.nuisances,
             threads=threads,
@@ -366,7 +366,7 @@ def checked_with_draws(
     forces = _forces(posterior, draws, [each.candidate for each in plan.gains])
     of_targets = _forces(posterior, draws, targets) if targets else forces
     usable = np.all([np.isfinite(each.corrected).all(axis=1) for each in [*forces, *of_targets]], axis=0)
-    forces, of_targets = ([_rows(each, usable) for each in group] for group in (forces, of_targets))
+    forces, of_targets = ([each.of_draws(usable) for each in group] for group in (forces, of_targets))
     gram = _band_gram(posterior, draws[usable], of_targets, plan.band)
     n_draws = len(gram)
     variance_now = float(_variances(gram, np.full((1, n_draws), 1.0 / n_draws))[0])
@@ -395,6 +395,9 @@ class _Forces:
     corrected: NDArray[np.float64]
     energy: NDArray[np.float64]
 
+    def of_draws(self, usable: NDArray[np.bool_]) -> _Forces:
+        return _Forces(force=self.force[usable], corrected=self.corrected[usable], energy=self.energy[usable])
+
 
 def _forces(
     posterior: LinearisedPosterior, draws: NDArray[np.float64], candidates: Sequence[Candidate]
@@ -418,12 +421,6 @@ def _forces(
             )
         )
     return found
-
-
-def _rows(forces: _Forces, usable: NDArray[np.bool_]) -> _Forces:
-    return _Forces(
-        force=forces.force[usable], corrected=forces.corrected[usable], energy=forces.energy[usable]
-    )
 
 
 def _band_gram(

@@ -291,6 +291,7 @@ class Draws(Summarised):
         named = dict(zip(self.names, np.moveaxis(self.chains, -1, 0), strict=True))
         named |= dict(zip(self.noise_names, np.moveaxis(self.noise_chains, -1, 0), strict=True))
         # ArviZ's conventions would have more draws than chains; here the chains are walkers, of which there are many.
+        provenance = {} if self.provenance is None else asdict(self.provenance)
         tree: DataTree = from_dict(
             {"posterior": named, "sample_stats": {"lp": self.densities}, "observed_data": self.measured},
             check_conventions=False,
@@ -306,12 +307,7 @@ class Draws(Summarised):
                     "seconds": self.seconds,
                     "inference_library": "emcee",
                 }
-                | {
-                    name: str(value)
-                    for name, value in (
-                        asdict(self.provenance) if self.provenance is not None else {}
-                    ).items()
-                }
+                | {name: str(value) for name, value in provenance.items()}
             },
         )
         for name in self.measured:

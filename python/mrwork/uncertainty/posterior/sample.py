@@ -222,8 +222,9 @@ class SamplingProblem:
             "noise": self.target.noise.name,
             "bounds": {name: list(self.bounds[name]) for name in sorted(self.bounds)},
             "priors": {
-                name: {"kind": type(self.priors[name]).__name__} | _fields(self.priors[name])
-                for name in sorted(self.priors)
+                # Priors are dataclasses, which a protocol cannot state.
+                name: {"kind": type(prior).__name__} | asdict(prior)  # type: ignore[call-overload]
+                for name, prior in sorted(self.priors.items())
             },
             "nuisances": list(objective.settings.nuisances),
             "temper": self.target.temper,
@@ -343,11 +344,6 @@ class SamplingProblem:
         return text
 
 
-def _fields(prior: Prior) -> dict[str, Any]:
-    # Priors are dataclasses, which a protocol cannot state.
-    return asdict(prior)  # type: ignore[call-overload,no-any-return]  # every prior is a dataclass
-
-
 # Seconds between two progress reports.
 _REPORT_EVERY = 0.2
 # Bytes of the longest chain; its diagnosis takes as much again.
@@ -461,7 +457,7 @@ def sample(
         rng=rng,
         threads=threads,
     )
-    _check_size(walkers, most_steps, problem.target.space.n_dim)
+    _refuse_long_chain(walkers, most_steps, problem.target.space.n_dim)
     density: Callable[[Array], Array] = problem.target
     if journal is not None:
         journal.agree("sampling", problem.fingerprint())
@@ -491,7 +487,7 @@ def sample(
     return problem.draws(ensemble, diagnosis, seconds=time.perf_counter() - began)
 
 
-def _check_size(walkers: int, most_steps: int, n_dim: int) -> None:
+def _refuse_long_chain(walkers: int, most_steps: int, n_dim: int) -> None:
     """Refuse a chain that memory may not hold before it ends."""
     each = 8 * walkers * (n_dim + 1)
     if most_steps * each > _MOST_BYTES:
