@@ -26,6 +26,8 @@ from mrwork.records.damper_test import as_tests
 from mrwork.summary import of_unit
 from mrwork.values import holds_arrays
 
+Array = NDArray[np.float64]
+
 # A standard deviation above this share of the value, or of 1 in the logarithm, is no determination.
 WEAK = 0.25
 # A parameter that changes the force by no more than this share of its standard deviation is negligible.
@@ -74,14 +76,12 @@ class Scale:
 
     box: Box
     ranges: Box
-    theta: NDArray[np.float64]
-    size: NDArray[np.float64]
+    theta: Array
+    size: Array
     of_range: NDArray[np.bool_]
 
     @classmethod
-    def of(
-        cls, spec: DamperSpec, box: Box, tests: tuple[DamperTest, ...], theta: NDArray[np.float64]
-    ) -> Scale:
+    def of(cls, spec: DamperSpec, box: Box, tests: tuple[DamperTest, ...], theta: Array) -> Scale:
         """Scales at `theta`, shape (n_params,)."""
         ranges = _scaled_ranges(spec, box, tests, theta)
         half = 0.5 * (np.array(ranges.upper) - np.array(ranges.lower))
@@ -91,7 +91,7 @@ class Scale:
             box=box, ranges=ranges, theta=theta, size=np.where(of_range, half, size), of_range=of_range
         )
 
-    def of_parameter(self, spec: DamperSpec, index: int, derivative: NDArray[np.float64]) -> ParameterScale:
+    def of_parameter(self, spec: DamperSpec, index: int, derivative: Array) -> ParameterScale:
         """Scale of one parameter of the model, with the derivative of the residuals by it, shape (n_residuals,)."""
         return ParameterScale(
             name=spec.names[index],
@@ -107,9 +107,7 @@ class Scale:
         )
 
 
-def _scaled_ranges(
-    spec: DamperSpec, box: Box, tests: tuple[DamperTest, ...], theta: NDArray[np.float64]
-) -> Box:
+def _scaled_ranges(spec: DamperSpec, box: Box, tests: tuple[DamperTest, ...], theta: Array) -> Box:
     """The box narrowed to the scales of the records, else to the size of the value, or of the nominal one."""
     searched = search_box(spec, box, tests)
     own = {}
@@ -198,9 +196,7 @@ _LARGEST_EXPONENT = 3
 
 
 def changes_along(
-    direction: NDArray[np.float64],
-    scales: Sequence[ParameterScale],
-    effects: NDArray[np.float64] | None = None,
+    direction: Array, scales: Sequence[ParameterScale], effects: Array | None = None
 ) -> tuple[ParameterChange, ...]:
     """Changes of the parameters along a direction, shape (n_params,), in shares of their scales; the first is by 1 %.
 
@@ -222,7 +218,7 @@ def changes_along(
     )
 
 
-def sparse_basis(null: NDArray[np.float64]) -> NDArray[np.float64]:
+def sparse_basis(null: Array) -> Array:
     """Sparse basis of the row space of `null`, (n_directions, n_params), by Gauss-Jordan elimination with pivoting."""
     rows = np.array(null)
     pivots: list[int] = []
@@ -277,8 +273,8 @@ _STRONG_CORRELATION = 0.9
 
 
 def identifiability_from(
-    jacobian: NDArray[np.float64],
-    covariance: NDArray[np.float64],
+    jacobian: Array,
+    covariance: Array,
     *,
     scales: Sequence[ParameterScale],
     n_effective: float,
@@ -318,7 +314,7 @@ def identifiability_from(
     )
 
 
-def _null_space(jacobian: NDArray[np.float64]) -> NDArray[np.float64]:
+def _null_space(jacobian: Array) -> Array:
     """Sparse basis of the unidentifiable directions in units of unit sensitivity, shape (n_directions, n_params)."""
     if jacobian.shape[1] == 0:
         return np.empty((0, 0))
@@ -329,17 +325,14 @@ def _null_space(jacobian: NDArray[np.float64]) -> NDArray[np.float64]:
     return sparse_basis(null) if len(null) else null
 
 
-def _effects(jacobian: NDArray[np.float64]) -> NDArray[np.float64]:
+def _effects(jacobian: Array) -> Array:
     """Change of the force per change of each parameter, shape (n_params,); 1 for one without effect."""
     norm = np.linalg.norm(jacobian, axis=0)
     return np.asarray(np.where(norm == 0.0, 1.0, norm))
 
 
 def _unidentifiable_direction(
-    direction: NDArray[np.float64],
-    jacobian: NDArray[np.float64],
-    scales: Sequence[ParameterScale],
-    held: set[str] | frozenset[str],
+    direction: Array, jacobian: Array, scales: Sequence[ParameterScale], held: set[str] | frozenset[str]
 ) -> Direction:
     effects = _effects(jacobian)
     changes = changes_along(direction / effects, scales, effects)
@@ -360,11 +353,7 @@ def _unidentifiable_direction(
     )
 
 
-def _weak_directions(
-    cov: NDArray[np.float64],
-    jacobian: NDArray[np.float64],
-    scales: Sequence[ParameterScale],
-) -> tuple[Direction, ...]:
+def _weak_directions(cov: Array, jacobian: Array, scales: Sequence[ParameterScale]) -> tuple[Direction, ...]:
     """Directions along which the standard error exceeds `WEAK` of the scales, largest first."""
     if not len(cov):
         return ()
@@ -396,9 +385,7 @@ def _joint_change(changes: Sequence[ParameterChange]) -> str:
     return f"{first} with {listed(rest)}" if rest else first
 
 
-def _effect(
-    changes: Sequence[ParameterChange], jacobian: NDArray[np.float64], scales: Sequence[ParameterScale]
-) -> float:
+def _effect(changes: Sequence[ParameterChange], jacobian: Array, scales: Sequence[ParameterScale]) -> float:
     column = {each.name: number for number, each in enumerate(scales)}
     moved = sum(0.01 * each.percent * jacobian[:, column[each.name]] for each in changes)
     return float(np.linalg.norm(moved))
@@ -407,8 +394,8 @@ def _effect(
 def _verdict(
     number: int,
     scales: Sequence[ParameterScale],
-    cov: NDArray[np.float64],
-    jacobian: NDArray[np.float64],
+    cov: Array,
+    jacobian: Array,
     undetermined: NDArray[np.bool_],
 ) -> Verdict:
     scale = scales[number]

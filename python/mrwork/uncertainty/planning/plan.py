@@ -31,6 +31,8 @@ from mrwork.uncertainty.planning.candidates import Candidate, check_possible, mo
 from mrwork.units import CommandUnit
 from mrwork.values import holds_arrays
 
+Array = NDArray[np.float64]
+
 # Finite-difference step in scaled coordinates.
 _STEP = 1e-5
 
@@ -108,11 +110,11 @@ class Response:
     """
 
     candidate: Candidate
-    force: NDArray[np.float64]
-    derivative: NDArray[np.float64]
-    corrected: NDArray[np.float64]
+    force: Array
+    derivative: Array
+    corrected: Array
     energy: float
-    energy_derivative: NDArray[np.float64]
+    energy_derivative: Array
 
 
 @holds_arrays
@@ -125,8 +127,8 @@ class LinearisedPosterior:
 
     spec: DamperSpec
     scaled: Scaled
-    position: NDArray[np.float64]
-    precision: NDArray[np.float64]
+    position: Array
+    precision: Array
     weight: float
     nuisances: tuple[NuisanceName, ...]
     threads: int
@@ -265,15 +267,13 @@ def responses(posterior: LinearisedPosterior, candidates: Sequence[Candidate]) -
     return found
 
 
-def information(posterior: LinearisedPosterior, response: Response) -> NDArray[np.float64]:
+def information(posterior: LinearisedPosterior, response: Response) -> Array:
     """Precision that a candidate adds, shape (n_free, n_free)."""
     unit = response.corrected / (np.std(response.force) * np.sqrt(response.force.size))
     return np.asarray(posterior.weight * unit.T @ unit)
 
 
-def band_matrix(
-    posterior: LinearisedPosterior, targets: Sequence[Response], band: str
-) -> tuple[NDArray[np.float64], str]:
+def band_matrix(posterior: LinearisedPosterior, targets: Sequence[Response], band: str) -> tuple[Array, str]:
     """Matrix M of a band with variance trace(M cov), shape (n_free, n_free), and the unit of its deviation."""
     if band == "force":
         parts = [each.derivative / (np.std(each.force) * np.sqrt(each.force.size)) for each in targets]
@@ -297,7 +297,7 @@ def _column_of(posterior: LinearisedPosterior, band: str) -> int:
     raise UnknownNameError(f"there is no band {band!r}; take force, energy, {', '.join(free)}")
 
 
-def _quotient(rows: NDArray[np.float64], width: NDArray[np.float64]) -> NDArray[np.float64]:
+def _quotient(rows: Array, width: Array) -> Array:
     """Difference quotients, shape (n_time, n_free), of rows: the centre, those ahead, those behind."""
     ahead, behind = np.split(rows[1:], 2)
     return np.asarray(((ahead - behind) / width[:, None]).T)
@@ -338,9 +338,7 @@ class CheckedPlan(Summarised):
         )
 
 
-def normal_draws(
-    posterior: LinearisedPosterior, n_draws: int, rng: np.random.Generator
-) -> NDArray[np.float64]:
+def normal_draws(posterior: LinearisedPosterior, n_draws: int, rng: np.random.Generator) -> Array:
     """Draws of the linearised posterior as parameters, shape (n_draws, n_params), clipped to the box."""
     root = np.linalg.cholesky(np.linalg.inv(posterior.precision))
     position = posterior.position + rng.standard_normal((n_draws, posterior.position.size)) @ root.T
@@ -350,7 +348,7 @@ def normal_draws(
 def checked_with_draws(
     plan: Plan,
     posterior: LinearisedPosterior,
-    draws: NDArray[np.float64],
+    draws: Array,
     *,
     targets: Sequence[Candidate] = (),
     rng: np.random.Generator,
@@ -391,17 +389,15 @@ def checked_with_draws(
 class _Forces:
     """Forces of the draws minus their mean, (n_draws, n_counted), per its deviation and root n; energies of a cycle."""
 
-    force: NDArray[np.float64]
-    corrected: NDArray[np.float64]
-    energy: NDArray[np.float64]
+    force: Array
+    corrected: Array
+    energy: Array
 
     def of_draws(self, usable: NDArray[np.bool_]) -> _Forces:
         return _Forces(force=self.force[usable], corrected=self.corrected[usable], energy=self.energy[usable])
 
 
-def _forces(
-    posterior: LinearisedPosterior, draws: NDArray[np.float64], candidates: Sequence[Candidate]
-) -> list[_Forces]:
+def _forces(posterior: LinearisedPosterior, draws: Array, candidates: Sequence[Candidate]) -> list[_Forces]:
     found = []
     for candidate in candidates:
         loading, counted = motion_of(candidate, posterior.spec)
@@ -424,8 +420,8 @@ def _forces(
 
 
 def _band_gram(
-    posterior: LinearisedPosterior, draws: NDArray[np.float64], of_targets: Sequence[_Forces], band: str
-) -> NDArray[np.float64]:
+    posterior: LinearisedPosterior, draws: Array, of_targets: Sequence[_Forces], band: str
+) -> Array:
     """Inner products of the draws in the quantity of the band, shape (n_draws, n_draws)."""
     if band == "force":
         return np.asarray(np.mean([each.force @ each.force.T for each in of_targets], axis=0))
@@ -437,11 +433,8 @@ def _band_gram(
 
 
 def _weights(
-    posterior: LinearisedPosterior,
-    corrected: NDArray[np.float64],
-    truths: NDArray[np.int64],
-    rng: np.random.Generator,
-) -> NDArray[np.float64]:
+    posterior: LinearisedPosterior, corrected: Array, truths: NDArray[np.int64], rng: np.random.Generator
+) -> Array:
     """Posterior weight of each draw after the test of each truth, shape (n_truths, n_draws), rows of sum 1."""
     measured = corrected[truths] + rng.standard_normal((truths.size, corrected.shape[1])) / np.sqrt(
         posterior.weight
@@ -455,5 +448,5 @@ def _weights(
     return np.asarray(weights / weights.sum(axis=1, keepdims=True))
 
 
-def _variances(gram: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:
+def _variances(gram: Array, weights: Array) -> Array:
     return np.asarray(weights @ np.diag(gram) - np.einsum("kj,kj->k", weights @ gram, weights))
