@@ -333,12 +333,10 @@ def _block_cosmos(lines: Lines, place: int, what: str) -> tuple[Floats, int]:
 
 
 def _step_cosmos(lines: Lines, real: Floats) -> float:
-    steps = []
     if real.size >= _PROCESSED_STEP:
-        steps = [1e-3 * real[_PROCESSED_STEP - 1], real[_RECORDER_STEP - 1]]
-    for step in steps:
-        if step > 0.0:
-            return float(step)
+        for step in (1e-3 * real[_PROCESSED_STEP - 1], real[_RECORDER_STEP - 1]):
+            if step > 0.0:
+                return float(step)
     raise RecordError(
         f"{lines.path}: the real header states no step between samples (values {_PROCESSED_STEP} and "
         f"{_RECORDER_STEP}, {_UNKNOWN:g} where unknown); save the series as two columns, time and acceleration"

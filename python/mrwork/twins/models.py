@@ -2,7 +2,7 @@
 
 A model is its force as a function of parameters `p` (by their names in the spec), state, displacement and velocity,
 under the name of the model. Decorated with `@_twin(rate=...)` it has the rate of its states, a function of the same
-arguments; a model without states has none.
+arguments; a model without states has none. Models that differ in one term are entered by one function.
 """
 
 from __future__ import annotations

@@ -61,17 +61,9 @@ class SignalNetwork(NamedTuple):
         return 0.5 * measured.largest * (1.0 + jnp.tanh(self.network[:, -1] + jnp.sum(output * even, axis=1)))
 
 
-def _proportional_direct(gains: Gains) -> Law:
-    return LyapunovDirect(kappa=gains["slope"], weight=gains["weight"].T)
-
-
-def _signal_network(gains: Gains) -> Law:
-    return SignalNetwork(gain=gains["gain"], network=gains["network"])
-
-
 SMOOTH: Mapping[str, Callable[[Gains], Law]] = {
-    "proportional_direct": _proportional_direct,
-    "signal_network": _signal_network,
+    "proportional_direct": lambda gains: LyapunovDirect(kappa=gains["slope"], weight=gains["weight"].T),
+    "signal_network": lambda gains: SignalNetwork(gain=gains["gain"], network=gains["network"]),
 }
 """Laws that are smooth in their numbers, by the name of the law in the core: the law of the twin from its gains."""
 
