@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import Any, ClassVar, Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -26,6 +26,8 @@ from mrwork.errors import SettingError, UnknownNameError
 from mrwork.summary import Summarised, Summary, of_unit, rounded
 from mrwork.units import CommandUnit
 
+_Value = float | tuple[float, ...]
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class PublishedSet(Summarised):
@@ -37,7 +39,7 @@ class PublishedSet(Summarised):
 
     name: str
     model: str
-    values: Mapping[str, float | tuple[float, ...]]
+    values: Mapping[str, _Value]
     source: str
     status: Literal["verified", "published"]
     unit: Literal["A", "V"] | None = None
@@ -46,9 +48,11 @@ class PublishedSet(Summarised):
     note: str = ""
 
 
-def _loop(alpha: float | tuple[float, ...], *, gamma: float, A: float, n: float) -> dict[str, Any]:
-    """Parameters of a Bouc-Wen loop whose gamma and beta are equal."""
-    return {"alpha": alpha, "gamma": gamma, "beta": gamma, "A": A, "n": n}
+def _with_loop(
+    others: Mapping[str, _Value], alpha: _Value, *, gamma: float, A: float, n: float
+) -> dict[str, _Value]:
+    """Values with those of a Bouc-Wen loop whose gamma and beta are equal."""
+    return {**others, "alpha": alpha, "gamma": gamma, "beta": gamma, "A": A, "n": n}
 
 
 _SPENCER = "Spencer, Dyke, Sain, Carlson, J. Eng. Mech. 123(3), 1997, 230-238"
@@ -65,7 +69,7 @@ PUBLISHED_SETS = (
     PublishedSet(
         name="spencer1997",
         model="bouc_wen",
-        values={"c0": 5000.0, "k0": 2500.0, "x0": 0.038} | _loop(88e3, gamma=1e6, A=120.0, n=2.0),
+        values=_with_loop({"c0": 5000.0, "k0": 2500.0, "x0": 0.038}, 88e3, gamma=1e6, A=120.0, n=2.0),
         source=_SPENCER,
         status="published",
         note="at 1.5 V",
@@ -73,7 +77,9 @@ PUBLISHED_SETS = (
     PublishedSet(
         name="jansen2000",
         model="bouc_wen",
-        values={"c0": (0.64, 0.52), "k0": 0.0, "x0": 0.0} | _loop((866.0, 886.0), gamma=3e6, A=120.0, n=2.0),
+        values=_with_loop(
+            {"c0": (0.64, 0.52), "k0": 0.0, "x0": 0.0}, (866.0, 886.0), gamma=3e6, A=120.0, n=2.0
+        ),
         source="Jansen, Dyke, J. Eng. Mech. 126(8), 2000, 795-803",
         status="verified",
         unit="V",
@@ -83,8 +89,9 @@ PUBLISHED_SETS = (
     PublishedSet(
         name="yoshida2004",
         model="bouc_wen",
-        values={"c0": (440.0, 4400.0), "k0": 0.0, "x0": 0.0}
-        | _loop((1.0872e7, 4.9616e7), gamma=300.0, A=1.2, n=1.0),
+        values=_with_loop(
+            {"c0": (440.0, 4400.0), "k0": 0.0, "x0": 0.0}, (1.0872e7, 4.9616e7), gamma=300.0, A=1.2, n=1.0
+        ),
         source="Yoshida, Dyke, J. Eng. Mech. 130(4), 2004",
         status="published",
         unit="V",
@@ -95,8 +102,13 @@ PUBLISHED_SETS = (
     PublishedSet(
         name="dyke1996",
         model="modified_bouc_wen",
-        values={"c0": (2100.0, 350.0), "k0": 4690.0, "c1": (28300.0, 295.0), "k1": 500.0, "x0": 0.143}
-        | _loop((14000.0, 69500.0), gamma=3.63e6, A=301.0, n=2.0),
+        values=_with_loop(
+            {"c0": (2100.0, 350.0), "k0": 4690.0, "c1": (28300.0, 295.0), "k1": 500.0, "x0": 0.143},
+            (14000.0, 69500.0),
+            gamma=3.63e6,
+            A=301.0,
+            n=2.0,
+        ),
         source="Dyke, Spencer, Sain, Carlson, Smart Mater. Struct. 5, 1996, 565-575",
         status="verified",
         unit="V",
@@ -107,8 +119,13 @@ PUBLISHED_SETS = (
     PublishedSet(
         name="leva2002",
         model="modified_bouc_wen",
-        values={"c0": (2020.0, 268.0), "k0": 1500.0, "c1": (35000.0, 7070.0), "k1": 537.0, "x0": 0.0}
-        | _loop((4490.0, 63800.0), gamma=3.93e5, A=47.2, n=2.0),
+        values=_with_loop(
+            {"c0": (2020.0, 268.0), "k0": 1500.0, "c1": (35000.0, 7070.0), "k1": 537.0, "x0": 0.0},
+            (4490.0, 63800.0),
+            gamma=3.93e5,
+            A=47.2,
+            n=2.0,
+        ),
         source="Leva, Piroddi, Smart Mater. Struct. 11, 2002, 79",
         status="published",
         unit="V",

@@ -219,7 +219,6 @@ _NAMELESS = ("t_s", "acceleration")
 
 
 def _motion_of_table(table: ColumnTable, stated: Stated, path: Path) -> GroundMotion:
-    """Build the motion from the columns of a table of any file format."""
     acceleration = acceleration_column(table.names, stated, source=str(path))
     time = _time_column(table.names, source=str(path))
     needed = [acceleration] if time is None else [time, acceleration]
@@ -322,7 +321,7 @@ def _has_comma(word: str) -> bool:
 
 
 def _series(lines: Lines, first: int, delimiter: str, stated: Stated) -> GroundMotion:
-    """Read all numbers in order as accelerations."""
+    """All numbers in order as accelerations."""
     if stated.unit is None or stated.dt is None:
         raise UnitError(
             f"{lines.path}: does not state the unit of its numbers; give it as `unit`, one of "

@@ -326,5 +326,4 @@ def choose_laws(
 
 
 def _select_known(values: Mapping[str, T], spec: DamperSpec) -> dict[str, T]:
-    """What is given for parameters of a model."""
     return {name: value for name, value in values.items() if name in spec.names}

@@ -215,7 +215,6 @@ def draw_about(target: Target, theta: Array, n_draws: int, rng: np.random.Genera
 
 
 def _adapt_ellipsoid(ellipsoid: Ellipsoid, draws: WeightedDraws) -> Ellipsoid:
-    """The ellipsoid with centre and covariance of weighted draws."""
     weights = draws.weights
     centre = weights @ draws.position
     offsets = (draws.position - centre)[:, ellipsoid.moving]
