@@ -21,8 +21,7 @@ from mrwork.uncertainty import Profile, Profiles, identifiability_of
 from mrwork.uncertainty.identifiability.curvature import (
     Point,
     Scaled,
-    curvature,
-    points_of,
+    points_at,
     signed_root,
     walk,
 )
@@ -67,7 +66,7 @@ def walked(jacobian: NDArray[np.float64], theta: NDArray[np.float64], way: int, 
         return [(jacobian @ (row - theta) + rest, jacobian) for row in rows]
 
     def at(position: NDArray[np.float64]) -> Point:
-        return points_of(position[None], curvature(linearise, scaled, position[None]))[0]
+        return points_at(linearise, scaled, position[None])[0]
 
     points = [at(theta)]
     going = walk(scaled, 0, 1 if way > 0 else -1, points, limit=1.96, dof=dof)

@@ -299,10 +299,7 @@ def _check_finite(theta: NDArray[np.float64], names: tuple[str, ...]) -> None:
 
 
 def normalised_from_modified_bouc_wen(theta: AnyArray) -> Array:
-    """Parameters of `normalised_modified_bouc_wen`, shape (..., 9), equal in force to those of `modified_bouc_wen`.
-
-    The latter have shape (..., 10). The loop is converted as that of `bouc_wen`; the other parameters do not change.
-    """
+    """Parameters of `normalised_modified_bouc_wen`, (..., 9), from `modified_bouc_wen`, (..., 10), equal in force."""
     _check_columns(theta, 10)
     return _with_loop(theta, normalised_from_bouc_wen(_plain(theta)))
 
@@ -313,10 +310,7 @@ def normalised_from_modified_bouc_wen_jacobian(theta: Floats) -> Floats:
 
 
 def modified_bouc_wen_from_normalised(theta: AnyArray, A: float) -> Array:
-    """Parameters of `modified_bouc_wen`, shape (..., 10), equal in force to those of `normalised_modified_bouc_wen`.
-
-    The latter have shape (..., 9); `A` fixes the scale, as in `bouc_wen_from_normalised`.
-    """
+    """Parameters of `modified_bouc_wen`, (..., 10), from `normalised_modified_bouc_wen`, (..., 9), equal in force."""
     _check_columns(theta, 9)
     return _with_loop(theta, bouc_wen_from_normalised(_plain(theta), A))
 
@@ -361,11 +355,10 @@ class Scales:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Nesting:
-    """A simpler `model` in the limit of a larger one.
+    """A simpler `model` in the limit of a larger one, with the parameters that they share.
 
-    `shared`: parameters that the two models share with the same meaning. `near`: parameters of the larger model by name
-    that approach the force of the simpler one with these parameters, as a distance, at least 1, grows; in the scales of
-    the tests.
+    `near`: the other parameters of the larger one, from those of the simpler one in the scales of the tests, as a
+    distance of at least 1 grows.
     """
 
     model: str
@@ -496,15 +489,13 @@ def _thin_loop(p: Values, scales: Scales, distance: float) -> Values:
     }
 
 
+_NORMALISED = ("c", "k", "x0", "k_w", "rho", "sigma", "n")
+
 NESTINGS: Mapping[str, Nesting] = {
     "viscous_dahl": Nesting(model="dahl", shared=("k_w", "rho", "f0"), near=_no_dashpot),
     "lugre": Nesting(model="viscous_dahl", shared=("f0",), near=_soft_bristles),
     "normalised_bouc_wen": Nesting(model="viscous_dahl", shared=("k_w", "rho"), near=_exponential_knee),
-    "backlash_bouc_wen": Nesting(
-        model="normalised_bouc_wen",
-        shared=("c", "k", "x0", "k_w", "rho", "sigma", "n"),
-        near=_small_play,
-    ),
+    "backlash_bouc_wen": Nesting(model="normalised_bouc_wen", shared=_NORMALISED, near=_small_play),
     "normalised_modified_bouc_wen": Nesting(
         model="normalised_bouc_wen", shared=("k_w", "rho", "sigma", "n"), near=_series_dashpot
     ),
@@ -514,14 +505,10 @@ NESTINGS: Mapping[str, Nesting] = {
         near=_no_thinning,
     ),
     "non_symmetric_bouc_wen": Nesting(
-        model="normalised_bouc_wen",
-        shared=("c", "k", "x0", "k_w", "rho", "sigma", "n"),
-        near=_small_shift("w_s"),
+        model="normalised_bouc_wen", shared=_NORMALISED, near=_small_shift("w_s")
     ),
     "non_symmetric_bouc_wen_displacement": Nesting(
-        model="normalised_bouc_wen",
-        shared=("c", "k", "x0", "k_w", "rho", "sigma", "n"),
-        near=_small_shift("x_s"),
+        model="normalised_bouc_wen", shared=_NORMALISED, near=_small_shift("x_s")
     ),
     "elasto_visco_plastic": Nesting(model="bingham", shared=("f0",), near=_stiff_spring),
     "extended_bingham": Nesting(model="bingham", shared=("f_c", "c0", "f0"), near=_stiff_series),

@@ -31,10 +31,7 @@ _MOST_NODES = 8
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Coefficient:
-    """Place of a parameter in a current law: the plain parameter that follows the command, and the number from 0.
-
-    `command` is that at which a law by values has this one.
-    """
+    """Plain parameter that follows the command, number of its coefficient, and command of a law by values."""
 
     _made_by: ClassVar[str] = "spec.parameters"
 
@@ -46,10 +43,7 @@ class Coefficient:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ParamSpec:
-    """One parameter: SI unit, scale, admissible range, nominal value.
-
-    `coefficient` is `None` for a parameter that is not a coefficient of a current law.
-    """
+    """One parameter: SI unit, scale, range and nominal value; `coefficient` is set for one of a current law."""
 
     _made_by: ClassVar[str] = "spec.parameters"
 
@@ -134,10 +128,9 @@ _DRIVER_RATE = ParamSpec(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CurrentLaw:
-    """A law by which a parameter follows the command.
+    """A law by which a parameter follows the command; `degree` is that of a polynomial by its coefficients, or `None`.
 
-    `degree` is that of a polynomial by its coefficients, `None` for other laws; `nodes` are the commands at which a law
-    by values has them, and `takes_logarithms` says whether it interpolates those of a positive parameter.
+    A law by values has them at `nodes`; one that `takes_logarithms` interpolates those of a positive parameter.
     """
 
     name: LawName
@@ -154,10 +147,7 @@ class CurrentLaw:
     def values(
         self, coefficients: NDArray[np.float64], command: NDArray[np.float64], *, log: bool = False
     ) -> NDArray[np.float64]:
-        """The parameter at commands, shape (n,); it may lie outside the admissible range of the model.
-
-        `log` says whether the scale of the parameter is logarithmic.
-        """
+        """The parameter at commands, (n,), perhaps beyond its range; `log` says whether its scale is logarithmic."""
         if self.nodes:
             return np.asarray(
                 interpolate(self.nodes, coefficients, command, log=log and self.takes_logarithms)
@@ -191,10 +181,7 @@ class CurrentLaw:
 def interpolate(
     nodes: tuple[float, ...], values: Array, command: Array, *, log: bool, xp: ModuleType = np
 ) -> Array:
-    """The curve through values at the nodes, shape (n_nodes,), at commands of any shape; `xp` is NumPy or JAX.
-
-    A polynomial between the first and the last node, its tangent beyond; of the logarithms where `log`.
-    """
+    """Polynomial through values at the nodes, (n_nodes,), its tangent beyond; of the logarithms where `log`."""
     coefficients = _basis(nodes) @ (xp.log(values) if log else values)
     t = _place(nodes, command)
     inside = xp.clip(t, -1.0, 1.0)

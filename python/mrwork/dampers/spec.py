@@ -27,25 +27,33 @@ from mrwork.numbers import of_unit, rounded
 from mrwork.summary import Summarised, Summary
 from mrwork.units import CommandUnit
 
+_Value = float | tuple[float, ...]
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class PublishedSet(Summarised):
     """A published set: for each parameter its value, or the coefficients of a polynomial in the command.
 
     `status` is "verified" if an independent simulation reproduced the results of the paper, "published" if the numbers
-    are only quoted. The command is between 0 and `largest_command` in `unit`; `eta` [1/s] is the rate of the lag of the
-    driver. A set without a command holds for the command in its `note`.
+    are only quoted. `eta` [1/s] is the rate of the lag of the driver; without a command the `note` has that of the set.
     """
 
     name: str
     model: str
-    values: Mapping[str, float | tuple[float, ...]]
+    values: Mapping[str, _Value]
     source: str
     status: Literal["verified", "published"]
     unit: Literal["A", "V"] | None = None
     largest_command: float | None = None
     eta: float | None = None
     note: str = ""
+
+
+def _with_loop(
+    others: Mapping[str, _Value], alpha: _Value, *, gamma: float, A: float, n: float
+) -> dict[str, _Value]:
+    """Values with those of a Bouc-Wen loop whose gamma and beta are equal."""
+    return {**others, "alpha": alpha, "gamma": gamma, "beta": gamma, "A": A, "n": n}
 
 
 _SPENCER = "Spencer, Dyke, Sain, Carlson, J. Eng. Mech. 123(3), 1997, 230-238"
@@ -62,16 +70,7 @@ PUBLISHED_SETS = (
     PublishedSet(
         name="spencer1997",
         model="bouc_wen",
-        values={
-            "c0": 5000.0,
-            "k0": 2500.0,
-            "x0": 0.038,
-            "alpha": 88e3,
-            "gamma": 1e6,
-            "beta": 1e6,
-            "A": 120.0,
-            "n": 2.0,
-        },
+        values=_with_loop({"c0": 5000.0, "k0": 2500.0, "x0": 0.038}, 88e3, gamma=1e6, A=120.0, n=2.0),
         source=_SPENCER,
         status="published",
         note="at 1.5 V",
@@ -79,16 +78,9 @@ PUBLISHED_SETS = (
     PublishedSet(
         name="jansen2000",
         model="bouc_wen",
-        values={
-            "c0": (0.64, 0.52),
-            "k0": 0.0,
-            "x0": 0.0,
-            "alpha": (866.0, 886.0),
-            "gamma": 3e6,
-            "beta": 3e6,
-            "A": 120.0,
-            "n": 2.0,
-        },
+        values=_with_loop(
+            {"c0": (0.64, 0.52), "k0": 0.0, "x0": 0.0}, (866.0, 886.0), gamma=3e6, A=120.0, n=2.0
+        ),
         source="Jansen, Dyke, J. Eng. Mech. 126(8), 2000, 795-803",
         status="verified",
         unit="V",
@@ -98,16 +90,9 @@ PUBLISHED_SETS = (
     PublishedSet(
         name="yoshida2004",
         model="bouc_wen",
-        values={
-            "c0": (440.0, 4400.0),
-            "k0": 0.0,
-            "x0": 0.0,
-            "alpha": (1.0872e7, 4.9616e7),
-            "gamma": 300.0,
-            "beta": 300.0,
-            "A": 1.2,
-            "n": 1.0,
-        },
+        values=_with_loop(
+            {"c0": (440.0, 4400.0), "k0": 0.0, "x0": 0.0}, (1.0872e7, 4.9616e7), gamma=300.0, A=1.2, n=1.0
+        ),
         source="Yoshida, Dyke, J. Eng. Mech. 130(4), 2004",
         status="published",
         unit="V",
@@ -118,18 +103,13 @@ PUBLISHED_SETS = (
     PublishedSet(
         name="dyke1996",
         model="modified_bouc_wen",
-        values={
-            "c0": (2100.0, 350.0),
-            "k0": 4690.0,
-            "c1": (28300.0, 295.0),
-            "k1": 500.0,
-            "x0": 0.143,
-            "alpha": (14000.0, 69500.0),
-            "gamma": 3.63e6,
-            "beta": 3.63e6,
-            "A": 301.0,
-            "n": 2.0,
-        },
+        values=_with_loop(
+            {"c0": (2100.0, 350.0), "k0": 4690.0, "c1": (28300.0, 295.0), "k1": 500.0, "x0": 0.143},
+            (14000.0, 69500.0),
+            gamma=3.63e6,
+            A=301.0,
+            n=2.0,
+        ),
         source="Dyke, Spencer, Sain, Carlson, Smart Mater. Struct. 5, 1996, 565-575",
         status="verified",
         unit="V",
@@ -140,18 +120,13 @@ PUBLISHED_SETS = (
     PublishedSet(
         name="leva2002",
         model="modified_bouc_wen",
-        values={
-            "c0": (2020.0, 268.0),
-            "k0": 1500.0,
-            "c1": (35000.0, 7070.0),
-            "k1": 537.0,
-            "x0": 0.0,
-            "alpha": (4490.0, 63800.0),
-            "gamma": 3.93e5,
-            "beta": 3.93e5,
-            "A": 47.2,
-            "n": 2.0,
-        },
+        values=_with_loop(
+            {"c0": (2020.0, 268.0), "k0": 1500.0, "c1": (35000.0, 7070.0), "k1": 537.0, "x0": 0.0},
+            (4490.0, 63800.0),
+            gamma=3.93e5,
+            A=47.2,
+            n=2.0,
+        ),
         source="Leva, Piroddi, Smart Mater. Struct. 11, 2002, 79",
         status="published",
         unit="V",
@@ -325,10 +300,7 @@ class DamperSpec(Summarised):
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Preset(Summarised):
-    """A published set for simulation: the model with its current laws, and `theta` in the order of its parameters.
-
-    See `PublishedSet` for `status`.
-    """
+    """A published set for simulation: the model with its current laws, and `theta` in order, see `PublishedSet`."""
 
     name: str
     spec: DamperSpec
@@ -420,10 +392,7 @@ _VANISHED = 1e-3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LawLimit:
-    """A parameter whose law gives `value` at `command`, where the model uses `used`.
-
-    `value` is not admissible, or has vanished, at commands from `first` to `last`; it is the worst one there.
-    """
+    """A parameter whose law gives a `value` that is not admissible, or has vanished, from command `first` to `last`."""
 
     parameter: str
     unit: str
@@ -456,13 +425,10 @@ class LawLimit:
 
 
 def law_limits(spec: DamperSpec, theta: ArrayLike, commands: tuple[float, float]) -> tuple[LawLimit, ...]:
-    """The parameters whose law leaves its admissible range, or vanishes, at commands in a range.
+    """Parameters whose law leaves its admissible range, or vanishes, between the smallest and the largest command.
 
-    A parameter that follows the command is limited to the admissible range of the plain model. Where its law leaves
-    that range the damper is not the one that was identified: a stiffness or yield force of next to nothing, or an
-    equation too stiff to be solved.
-
-    `theta`: parameters, shape (n_params,). `commands`: smallest and largest command, in the unit of the laws.
+    There the damper is not the one that was identified: a stiffness or yield force of next to nothing, or an equation
+    too stiff to be solved.
     """
     if spec.current is None:
         return ()

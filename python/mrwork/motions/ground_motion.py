@@ -118,22 +118,11 @@ _MOST, _LEAST = 0.5, 0.1
 
 
 def likeness(one: GroundMotion, other: GroundMotion) -> float:
-    """Largest correlation of two motions over all shifts in time: 1 for a copy, also one with another factor.
+    """Largest correlation of two motions over all shifts in time, 0 to 1: 1 for a copy, also with another factor.
 
     The correlation is that of the accelerations where the two overlap, in absolute value, for shifts that leave half
     the energy of one motion and a tenth of that of the other in the overlap. Motions with different steps are also
     compared sample by sample, which finds a copy with another time axis.
-
-    It is between 0 and 1, and 0 if a motion is zero throughout.
-
-    Examples
-    --------
-    >>> from mrwork.motions import scaled, suite, trimmed
-    >>> first, second = suite("firm", 2, rng=0)
-    >>> round(likeness(first, scaled(trimmed(first, start=1.0), -0.3)), 6)
-    1.0
-    >>> likeness(first, second) < 0.5
-    True
     """
     found = _largest_correlation(_on_step(one), _on_step(other))
     if abs(one.dt - other.dt) > 1e-6 * one.dt:
@@ -364,11 +353,7 @@ def baseline_corrected(motion: GroundMotion, *, order: int) -> GroundMotion:
 
 
 def brought_to_rest(motion: GroundMotion) -> GroundMotion:
-    """Correct a motion so that velocity and displacement of the ground are zero at its end.
-
-    The correction of the acceleration is `sin^2(pi t / T) (a + b t)` over the whole length T, zero at both ends and
-    slower than the motion; a and b follow from the two conditions.
-    """
+    """Bring a motion to rest at its end by `sin^2(pi t / T) (a + b t)` in the acceleration, over its length T."""
     if motion.n_time < 5:
         raise SettingError(
             f"ground motion {motion.name}: {motion.n_time} samples cannot be brought to rest; give five or more"

@@ -87,11 +87,7 @@ _LARGEST = 200.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stated:
-    """Options of the caller for what a file does not state.
-
-    `unit` of the acceleration; `dt` [s] if there is no column of times; `column` of the acceleration in a table, or its
-    variable in a .mat file; `channel`, counted from 1, of a file with several channels.
-    """
+    """Options for what a file does not state: a unit, a step [s], a column or variable, a channel counted from 1."""
 
     unit: str | None = None
     dt: float | None = None
@@ -163,10 +159,7 @@ def _recognises_at2(lines: Lines) -> bool:
 
 
 def _read_at2(lines: Lines, stated: Stated) -> GroundMotion:
-    """A PEER record: four header lines, then accelerations, several per line.
-
-    The header ends with NPTS and DT, before or after their numbers, in any case (peer.berkeley.edu/smcat/data.html).
-    """
+    """A PEER record: a header of four lines (peer.berkeley.edu/smcat/data.html), then accelerations."""
     content = _CONTENT.search(lines.at(2))
     size = _NAMED.search(lines.at(3)) or _BARE.match(lines.at(3))
     if content is None or size is None:
@@ -239,8 +232,8 @@ def _recognises_cosmos(lines: Lines) -> bool:
 def _read_cosmos(lines: Lines, stated: Stated) -> GroundMotion:
     """A channel of a record of version 1.x: text, integer and real header, comments, then a series.
 
-    A line before each header and series states how many numbers follow and in which Fortran format. A file holds one or
-    several channels in succession ("COSMOS Strong Motion Data Format", version 1.20, 2001).
+    A line before each header and series states how many numbers follow and in which Fortran format ("COSMOS Strong
+    Motion Data Format", version 1.20, 2001).
     """
     channels: list[_Series] = []
     place = 0
@@ -304,10 +297,7 @@ def _series_cosmos(lines: Lines, head: int, title: re.Match[str]) -> tuple[_Seri
 
 
 def _block_cosmos(lines: Lines, place: int, what: str) -> tuple[Floats, int]:
-    """Numbers announced by the line at `place`, and the index of the line after them.
-
-    Columns may touch, so they are split at the widths of the stated format.
-    """
+    """Numbers announced by the line at `place`, at fixed widths, and the index of the line after them."""
     announced = _BLOCK.match(lines.at(place))
     if announced is None:
         raise RecordError(
@@ -343,12 +333,10 @@ def _block_cosmos(lines: Lines, place: int, what: str) -> tuple[Floats, int]:
 
 
 def _step_cosmos(lines: Lines, real: Floats) -> float:
-    steps = []
     if real.size >= _PROCESSED_STEP:
-        steps = [1e-3 * real[_PROCESSED_STEP - 1], real[_RECORDER_STEP - 1]]
-    for step in steps:
-        if step > 0.0:
-            return float(step)
+        for step in (1e-3 * real[_PROCESSED_STEP - 1], real[_RECORDER_STEP - 1]):
+            if step > 0.0:
+                return float(step)
     raise RecordError(
         f"{lines.path}: the real header states no step between samples (values {_PROCESSED_STEP} and "
         f"{_RECORDER_STEP}, {_UNKNOWN:g} where unknown); save the series as two columns, time and acceleration"
@@ -437,11 +425,10 @@ def _recognises_knet(lines: Lines) -> bool:
 
 
 def _read_knet(lines: Lines, stated: Stated) -> GroundMotion:
-    """A record of 17 header lines, then counts of the recorder.
+    """A record of 17 header lines, then counts of the recorder, times a scale factor such as `3920(gal)/6182761`.
 
-    Acceleration in gal is a count times the scale factor of line 14, such as `3920(gal)/6182761`, plus an offset of the
-    recorder; the published peak refers to the mean (National Research Institute for Earth Science and Disaster
-    Resilience, "About K-NET ASCII format").
+    The published peak refers to the mean (National Research Institute for Earth Science and Disaster Resilience, "About
+    K-NET ASCII format").
     """
     rate = float(_field_knet(lines, "Sampling Freq", _RATE, "100Hz")[1])
     duration = float(_field_knet(lines, "Duration Time", _DURATION, "108")[1])

@@ -56,8 +56,7 @@ def motion_of_columns(
 ) -> GroundMotion:
     """Build a motion from times [s] and accelerations [m/s^2], shape (n_time,); `where` names a row in messages.
 
-    `changes` lists what was done. Steps that are equal up to jitter or rounding are taken as uniform without changing
-    the samples; otherwise the record is resampled by linear interpolation.
+    Steps that are equal up to jitter or rounding are taken as uniform; otherwise the record is resampled linearly.
     """
     changes: list[str] = []
     for values, what in ((time, "time"), (acceleration, "acceleration")):
@@ -202,10 +201,7 @@ def _is_acceleration(name: str) -> bool:
 
 
 def _unit_in(name: str) -> str | None:
-    """Unit of acceleration that ends a column's name, such as ``a_mps2``, ``Acc (cm/s^2)`` or ``EW [g]``.
-
-    ``a_g`` does not count as an acceleration in g: it is as often the acceleration of the ground in another unit.
-    """
+    """Unit that ends a column's name, as in ``Acc (cm/s^2)`` or ``EW [g]``; ``a_g`` is often not in g."""
     text = name.strip()
     if text.casefold() in ("a_g", "ag") or len(text) > LONGEST_NAME:
         return None
@@ -223,7 +219,6 @@ _NAMELESS = ("t_s", "acceleration")
 
 
 def _motion_of_table(table: ColumnTable, stated: Stated, path: Path) -> GroundMotion:
-    """Build the motion from the columns of a table of any file format."""
     acceleration = acceleration_column(table.names, stated, source=str(path))
     time = _time_column(table.names, source=str(path))
     needed = [acceleration] if time is None else [time, acceleration]
@@ -250,10 +245,7 @@ def _motion_of_table(table: ColumnTable, stated: Stated, path: Path) -> GroundMo
 def read_regular_motion(
     data: bytes, stated: Stated, path: Path, others: Sequence[Format]
 ) -> GroundMotion | None:
-    """Read the bytes of a table with names above rows that are all alike; `None` of any other file.
-
-    `others` are the formats that are no tables.
-    """
+    """Read a table with names above rows that are all alike; `None` of any other file, or one of `others`."""
     head = lines_of(data[:_HEAD], path)
     above = [text for text in head.texts if text.strip() and not text.lstrip().startswith("#")]
     if (
@@ -329,7 +321,7 @@ def _has_comma(word: str) -> bool:
 
 
 def _series(lines: Lines, first: int, delimiter: str, stated: Stated) -> GroundMotion:
-    """Read all numbers in order as accelerations."""
+    """All numbers in order as accelerations."""
     if stated.unit is None or stated.dt is None:
         raise UnitError(
             f"{lines.path}: does not state the unit of its numbers; give it as `unit`, one of "
@@ -365,11 +357,7 @@ TABLE = Format(
 
 
 def read_matrix_motion(path: Path, stated: Stated) -> GroundMotion:
-    """Read a .mat file of version 4 to 7.
-
-    A matrix of two rows or two columns holds times [s] and accelerations, as in the files of the structural control
-    benchmarks; vectors are recognised by their names like the columns of a table.
-    """
+    """Read a .mat file of version 4 to 7: vectors by their names, or a matrix of times [s] and accelerations."""
     matrices = read_matlab_matrices(path)
     pairs = {name: pair for name, matrix in matrices.items() for pair in _pair(matrix)}
     if stated.column is None and len(pairs) > 1:
@@ -472,10 +460,7 @@ def read_motions(
 
 
 def motion_files(paths: str | os.PathLike[str] | Iterable[str | os.PathLike[str]]) -> tuple[Path, ...]:
-    """Files of motions: a sequence of paths in its order, the files of a folder, or those that match a pattern.
-
-    Of a folder, hidden files and documents such as README.md are left out, and folders in it are not entered.
-    """
+    """Files of motions: a sequence of paths, the files of a folder but hidden ones and documents, or a pattern's."""
     if isinstance(paths, str | os.PathLike) and is_folder(Path(paths)):
         found = [path for path in sorted(Path(paths).iterdir()) if is_file(path) and not _is_document(path)]
         if not found:

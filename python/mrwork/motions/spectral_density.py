@@ -29,6 +29,13 @@ class FilterMatrices:
     output: Floats
 
 
+def _refuse_not_positive(spectrum: SpectralDensity, *names: str) -> None:
+    for name in names:
+        value = getattr(spectrum, name)
+        if not (math.isfinite(value) and value >= SMALLEST):
+            raise SettingError(f"{name} of a {spectrum.name} spectrum is {value}; give a positive number")
+
+
 @checked
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KanaiTajimi:
@@ -51,13 +58,7 @@ class KanaiTajimi:
     intensity: float = 0.01
 
     def __post_init__(self) -> None:
-        for name, value in (
-            ("frequency", self.frequency),
-            ("damping", self.damping),
-            ("intensity", self.intensity),
-        ):
-            if not (math.isfinite(value) and value >= SMALLEST):
-                raise SettingError(f"{name} of a Kanai-Tajimi spectrum is {value}; give a positive number")
+        _refuse_not_positive(self, "frequency", "damping", "intensity")
 
     @property
     def name(self) -> str:
@@ -90,15 +91,8 @@ class KanaiTajimi:
 class CloughPenzien:
     """Clough-Penzien spectrum: Kanai-Tajimi with a high-pass filter, which keeps ground displacements finite.
 
-    `S(w) = S_KT(w) w^4 / ((w_f^2 - w^2)^2 + 4 zeta_f^2 w_f^2 w^2)` (Clough and Penzien, Dynamics of Structures, 1975).
-    The defaults are firm soil as in `KanaiTajimi`.
-
-    Parameters
-    ----------
-    soil
-        The soil filter, with the intensity.
-    frequency, damping
-        w_f [rad/s] and zeta_f of the second filter.
+    `S(w) = S_KT(w) w^4 / ((w_f^2 - w^2)^2 + 4 zeta_f^2 w_f^2 w^2)`, w_f [rad/s] (Clough and Penzien, Dynamics of
+    Structures, 1975). The defaults are firm soil as in `KanaiTajimi`.
     """
 
     soil: KanaiTajimi = KanaiTajimi()
@@ -106,9 +100,7 @@ class CloughPenzien:
     damping: float = 0.6
 
     def __post_init__(self) -> None:
-        for name, value in (("frequency", self.frequency), ("damping", self.damping)):
-            if not (math.isfinite(value) and value >= SMALLEST):
-                raise SettingError(f"{name} of a Clough-Penzien spectrum is {value}; give a positive number")
+        _refuse_not_positive(self, "frequency", "damping")
 
     @property
     def name(self) -> str:
@@ -134,8 +126,7 @@ class CloughPenzien:
         w_f, zeta_f = self.frequency, self.damping
         soil = self.soil.filter_matrices()
         own = np.array([[0.0, 1.0], [-(w_f**2), -2.0 * zeta_f * w_f]])
-        state = np.block([[soil.state, np.zeros((2, 2))], [np.zeros((1, 4))], [np.zeros((1, 4))]])
-        state[2:, 2:] = own
+        state = np.block([[soil.state, np.zeros((2, 2))], [np.zeros((2, 2)), own]])
         state[3, :2] = soil.output
         return FilterMatrices(
             state=state, noise=np.concatenate((soil.noise, np.zeros(2))), output=state[3].copy()

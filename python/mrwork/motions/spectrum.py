@@ -263,10 +263,7 @@ _UNITS: dict[TableLimit, str] = {"stroke": "m", "velocity": "m/s", "acceleration
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class TableDemand(Summarised):
-    """What a motion takes of a shake table: peaks of its displacement, velocity and acceleration.
-
-    `limit` is the one that is nearest, or farthest exceeded, and `share` the peak over it.
-    """
+    """Peaks of a motion on a shake table; `limit` is the one nearest, or farthest exceeded, by the `share`."""
 
     _units: ClassVar[Mapping[str, str]] = {"stroke": "m", "velocity": "m/s", "acceleration": "m/s^2"}
 

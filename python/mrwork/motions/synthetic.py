@@ -130,17 +130,10 @@ def _memory(spectrum: SpectralDensity) -> float:
 @checked
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Envelope:
-    """Envelope `(t / rise)^2` up to `rise`, 1 up to `plateau_end`, then `exp(-decay (t - plateau_end))`.
+    """Envelope `(t / rise)^2` up to `rise` [s], 1 up to `plateau_end` [s], then `exp(-decay (t - plateau_end))`.
 
     The defaults are type B of Jennings, Housner and Tsai (Simulated Earthquake Motions, California Institute of
     Technology, 1968), for magnitudes about 7, with the exponential continued in place of their parabola after 30 s.
-
-    Parameters
-    ----------
-    rise, plateau_end
-        Times [s].
-    decay
-        Rate [1/s].
     """
 
     rise: float = 4.0
@@ -166,15 +159,8 @@ class Envelope:
 class GammaEnvelope:
     """Envelope whose square is a gamma density in time, `t^(shape - 1) exp(-t / scale)`, with a peak of 1.
 
-    G. R. Saragoni and G. C. Hart, Earthq. Eng. Struct. Dyn. 2 (1974) 249-267. The energy of a motion, the integral of
-    its squared acceleration, then grows as the gamma distribution.
-
-    Parameters
-    ----------
-    significant_duration
-        Time from 5 to 95 % of the energy [s].
-    shape
-        Shape of the density, above 1; a larger one makes the rise slower compared with the decay.
+    G. R. Saragoni and G. C. Hart, Earthq. Eng. Struct. Dyn. 2 (1974) 249-267. The energy of a motion then grows as the
+    gamma distribution, from 5 to 95 % in `significant_duration` [s].
     """
 
     significant_duration: float
@@ -235,10 +221,7 @@ def half_sine(*, amplitude: float, width: float, rest: float = 0.0, dt: float = 
 
 
 def ricker(*, amplitude: float, frequency: float, dt: float = 0.001) -> GroundMotion:
-    """Ricker pulse of acceleration, `amplitude (1 - 2 u) exp(-u)` with `u = (pi frequency (t - t_0))^2`.
-
-    It lasts three periods centred at t_0; velocity and displacement return to zero (N. Ricker, Geophysics 18, 1953).
-    """
+    """Ricker pulse of three periods, `amplitude (1 - 2 u) exp(-u)` with `u = (pi frequency (t - t_0))^2`."""
     half = 1.5 / _sample("frequency", frequency, dt)
     time = _time(2.0 * half, dt)
     u = (np.pi * frequency * (time - half)) ** 2

@@ -2,7 +2,7 @@
 
 A model is its force as a function of parameters `p` (by their names in the spec), state, displacement and velocity,
 under the name of the model. Decorated with `@_twin(rate=...)` it has the rate of its states, a function of the same
-arguments; a model without states has none.
+arguments; a model without states has none. Models that differ in one term are entered by one function.
 """
 
 from __future__ import annotations
@@ -142,10 +142,7 @@ def static_hysteretic(p: Parameters, state: Array, x: Array, v: Array) -> Array:
 
 @_twin()
 def polynomial_fitting(p: Parameters, state: Array, x: Array, v: Array) -> Array:
-    """f = F_m + tanh(x/x_s) T/2, with 2/(1 + exp(-y)) - 1 = tanh(y/2) in F_m.
-
-    The mean of the loop over velocity is a sigmoid, its thickness T a Gaussian.
-    """
+    """f = F_m + tanh(x/x_s) T/2: over velocity the mean is a sigmoid, 2/(1 + exp(-y)) - 1 = tanh(y/2), T a Gaussian."""
     mean = p.a * jnp.tanh(0.5 * p.b * (v - p.v0)) + p.c * v + p.f0
     thickness = p.h * jnp.exp(-0.5 * ((v - p.v1) / p.w) ** 2)
     return mean + 0.5 * jnp.tanh(x / p.x_s) * thickness
@@ -228,93 +225,64 @@ def backlash_bouc_wen(p: Parameters, state: Array, x: Array, v: Array) -> Array:
     return p.c * slope * v + p.k * (displacement - p.x0) + p.k_w * state[0]
 
 
-def _shifted_rate(p: Parameters, state: Array, v: Array, side: Array) -> Array:
-    """w' of the loop for the velocity v - mu s."""
-    return jnp.stack([_normalised_loop(p, state[0], v - p.mu * side)])
+def _enter_shifted(model: str, side: Equation) -> None:
+    """Enter f = c (v - share mu s) + k (x - x0) + k_w w, with the loop for the velocity v - mu s (Kwok et al.)."""
+
+    def rate(p: Parameters, state: Array, x: Array, v: Array) -> Array:
+        return jnp.stack([_normalised_loop(p, state[0], v - p.mu * side(p, state, x, v))])
+
+    def force(p: Parameters, state: Array, x: Array, v: Array) -> Array:
+        shifted = v - p.share * p.mu * side(p, state, x, v)
+        return p.c * shifted + p.k * (x - p.x0) + p.k_w * state[0]
+
+    EQUATIONS[model] = (rate, force)
 
 
-def _shifted_force(p: Parameters, state: Array, x: Array, v: Array, side: Array) -> Array:
-    """f = c (v - share mu s) + k (x - x0) + k_w w."""
-    return p.c * (v - p.share * p.mu * side) + p.k * (x - p.x0) + p.k_w * state[0]
+_enter_shifted("non_symmetric_bouc_wen", lambda p, state, x, v: jnp.tanh(state[0] / p.w_s))
+_enter_shifted("non_symmetric_bouc_wen_displacement", lambda p, state, x, v: jnp.tanh(x / p.x_s))
 
 
-@_twin(rate=lambda p, state, x, v: _shifted_rate(p, state, v, jnp.tanh(state[0] / p.w_s)))
-def non_symmetric_bouc_wen(p: Parameters, state: Array, x: Array, v: Array) -> Array:
-    """s = tanh(w/w_s): a velocity shift by the sign of the state (Kwok et al.)."""
-    return _shifted_force(p, state, x, v, jnp.tanh(state[0] / p.w_s))
+def _enter_series(model: str, loop: Equation, loop_force: Equation, damping: Equation) -> None:
+    """Enter a loop in series with the dashpot c1, state (y, z): f = c1 y' + k1 (x - x0) (Spencer et al. 1997).
+
+    y' = (f_loop + c v + k0 (x - y)) / (c + c1), and z' is that of the loop for the velocity v - y'.
+    """
+
+    def rate_of_y(p: Parameters, state: Array, x: Array, v: Array) -> Array:
+        c = damping(p, state, x, v)
+        return (loop_force(p, state, x, v) + c * v + p.k0 * (x - state[0])) / (c + p.c1)
+
+    def rate(p: Parameters, state: Array, x: Array, v: Array) -> Array:
+        y_rate = rate_of_y(p, state, x, v)
+        return jnp.stack([y_rate, loop(p, state[1], x, v - y_rate)])
+
+    def force(p: Parameters, state: Array, x: Array, v: Array) -> Array:
+        return p.c1 * rate_of_y(p, state, x, v) + p.k1 * (x - p.x0)
+
+    EQUATIONS[model] = (rate, force)
 
 
-@_twin(rate=lambda p, state, x, v: _shifted_rate(p, state, v, jnp.tanh(x / p.x_s)))
-def non_symmetric_bouc_wen_displacement(p: Parameters, state: Array, x: Array, v: Array) -> Array:
-    """s = tanh(x/x_s): a velocity shift by the sign of the displacement (Kwok et al.)."""
-    return _shifted_force(p, state, x, v, jnp.tanh(x / p.x_s))
-
-
-# A loop in series with the dashpot c1: y' is the rate of the dashpot, state is (y, z).
-
-
-def _series_rate(p: Parameters, state: Array, x: Array, v: Array, loop_force: Array, c: Array) -> Array:
-    """y' = (f_loop + c v + k0 (x - y)) / (c + c1)."""
-    return (loop_force + c * v + p.k0 * (x - state[0])) / (c + p.c1)
-
-
-def _modified_y_rate(p: Parameters, state: Array, x: Array, v: Array) -> Array:
-    return _series_rate(p, state, x, v, p.alpha * state[1], p.c0)
-
-
-def _modified_rate(p: Parameters, state: Array, x: Array, v: Array) -> Array:
-    """y', and z' of the loop for the velocity v - y'."""
-    y_rate = _modified_y_rate(p, state, x, v)
-    return jnp.stack([y_rate, _spencer_loop(p, state[1], v - y_rate)])
-
-
-@_twin(rate=_modified_rate)
-def modified_bouc_wen(p: Parameters, state: Array, x: Array, v: Array) -> Array:
-    """f = c1 y' + k1 (x - x0) (Spencer et al. 1997)."""
-    return p.c1 * _modified_y_rate(p, state, x, v) + p.k1 * (x - p.x0)
-
-
-def _normalised_y_rate(p: Parameters, state: Array, x: Array, v: Array) -> Array:
-    return _series_rate(p, state, x, v, p.k_w * state[1], p.c0)
-
-
-def _normalised_modified_rate(p: Parameters, state: Array, x: Array, v: Array) -> Array:
-    """y', and w' of the loop for the velocity v - y'."""
-    y_rate = _normalised_y_rate(p, state, x, v)
-    return jnp.stack([y_rate, _normalised_loop(p, state[1], v - y_rate)])
-
-
-@_twin(rate=_normalised_modified_rate)
-def normalised_modified_bouc_wen(p: Parameters, state: Array, x: Array, v: Array) -> Array:
-    """f = c1 y' + k1 (x - x0), with the normalised loop."""
-    return p.c1 * _normalised_y_rate(p, state, x, v) + p.k1 * (x - p.x0)
-
-
-def _thinning_y_rate(p: Parameters, state: Array, x: Array, v: Array) -> Array:
-    """c = c0 + c2 exp(-|v|/v_s) in `_series_rate`."""
-    c = p.c0 + p.c2 * jnp.exp(-jnp.abs(v) / p.v_s)
-    return _series_rate(p, state, x, v, p.k_w * state[1], c)
-
-
-def _thinning_rate(p: Parameters, state: Array, x: Array, v: Array) -> Array:
-    """y', and w' of the loop for the velocity v - y'."""
-    y_rate = _thinning_y_rate(p, state, x, v)
-    return jnp.stack([y_rate, _normalised_loop(p, state[1], v - y_rate)])
-
-
-@_twin(rate=_thinning_rate)
-def shear_thinning_modified_bouc_wen(p: Parameters, state: Array, x: Array, v: Array) -> Array:
-    """f = c1 y' + k1 (x - x0), with a shear-thinning dashpot."""
-    return p.c1 * _thinning_y_rate(p, state, x, v) + p.k1 * (x - p.x0)
+_enter_series(
+    "modified_bouc_wen",
+    loop=lambda p, z, x, v: _spencer_loop(p, z, v),
+    loop_force=lambda p, state, x, v: p.alpha * state[1],
+    damping=lambda p, state, x, v: p.c0,
+)
+for _model, _damping in (
+    ("normalised_modified_bouc_wen", lambda p, state, x, v: p.c0),
+    ("shear_thinning_modified_bouc_wen", lambda p, state, x, v: p.c0 + p.c2 * jnp.exp(-jnp.abs(v) / p.v_s)),
+):
+    _enter_series(
+        _model,
+        loop=lambda p, w, x, v: _normalised_loop(p, w, v),
+        loop_force=lambda p, state, x, v: p.k_w * state[1],
+        damping=_damping,
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Twin:
-    """A damper model in JAX: its equations, functions of parameters, state (n_states,), displacement and velocity.
-
-    `Theta` is the NamedTuple of the parameters in spec order, `rate` gives the time derivative of the states, shape
-    (n_states,), and `force` the force [N].
-    """
+    """Equations of a damper model, of `Theta` in spec order: `rate` of the states, (n_states,), and `force` [N]."""
 
     Theta: Any
     rate: Equation
@@ -462,11 +430,7 @@ def begin() -> None:
 
 @cache
 def keep_compiled() -> None:
-    """Enable the compilation cache of JAX in the cache folder of the user, $XDG_CACHE_HOME or ~/.cache.
-
-    A cache folder already configured in JAX, also by JAX_COMPILATION_CACHE_DIR, is not changed by the switch.
-    If the folder is not writable, there is no cache.
-    """
+    """Enable JAX's compilation cache in $XDG_CACHE_HOME or ~/.cache, unless one is configured, or none is writable."""
     if jax.config.values["jax_compilation_cache_dir"] is not None:
         return
     if os.environ.get(_SWITCH) == "off":

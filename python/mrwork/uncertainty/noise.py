@@ -47,9 +47,8 @@ _SIGMA = NoiseParameter(
 class Noise(ABC):
     """A noise model for batches: residual and force (n_batch, n_time), noise parameters (n_batch, n_noise).
 
-    The density of `correlated` noise is conditional on earlier residuals, so its likelihood needs no tempering. That of
-    `differentiable` noise is written on the array API and accepts JAX arrays. Where the likelihood depends on the
-    residuals through their sum of squares alone, `of_sum_of_squares`, they need not be stored.
+    The likelihood of `correlated` noise, conditional on earlier residuals, needs no tempering. `differentiable`
+    densities accept JAX arrays. Noise `of_sum_of_squares` depends on the residuals through their sum of squares alone.
     """
 
     name: ClassVar[str]
@@ -60,11 +59,7 @@ class Noise(ABC):
     of_sum_of_squares: ClassVar[bool] = False
 
     def log_densities(self, residual: Array, force: Array, noise: Array) -> Array:
-        """Log density of each sample given the earlier ones, (n_batch, n_time); a row's sum is its log-likelihood.
-
-        `residual`: model minus measured force, in deviations of the test's force. `force`: force of the model minus the
-        mean measured force, in the same unit.
-        """
+        """Log density of each sample given the earlier ones, (n_batch, n_time), in deviations of the test's force."""
         return self._log_densities(residual, force, noise)
 
     def draw(self, force: Array, noise: Array, rng: np.random.Generator) -> Array:
@@ -240,10 +235,7 @@ class Ar1(Noise):
 
 
 class Arma11(Noise):
-    """Noise r_t = phi r_(t-1) + e_t + theta e_(t-1), such as AR(1) plus white noise.
-
-    `sigma` is the standard deviation of r.
-    """
+    """Noise r_t = phi r_(t-1) + e_t + theta e_(t-1), such as AR(1) plus white noise; `sigma` is the deviation of r."""
 
     name = "arma11"
     title = "ARMA(1,1)"

@@ -6,7 +6,7 @@ predictions.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from typing import Annotated, ClassVar
@@ -50,11 +50,7 @@ _LAWS: Mapping[str, LawName] = {"f_c": "cubic", "c0": "cubic"}
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class DesignedModel(Summarised):
-    """Model with current laws and its parameters `theta`, as `mr.Device` takes them.
-
-    `nrmse` is the rms difference to the forces of the design over their rms, between zero and the largest current and
-    up to the rated velocity.
-    """
+    """Model with current laws and its parameters, as `mr.Device` takes them; `nrmse` over the forces of the design."""
 
     _made_by: ClassVar[str] = "design.as_model()"
     _units: ClassVar[Mapping[str, str]] = {"largest_command": "A"}
@@ -81,42 +77,6 @@ class DesignedModel(Summarised):
             f'model = "{self.spec.name}"\nparameters = {{ {given} }}\nlag = {numbers["eta"]}\n'
             f"largest_command = {self.largest_command}\n"
         )
-
-
-def _fitted_model(
-    force: Callable[[Floats, Floats], Floats],
-    *,
-    velocity: float,
-    largest_current: float,
-    friction: float,
-    response_time: float,
-    transition: float | None,
-) -> DesignedModel:
-    """The Bingham model with current laws that follows steady forces, see `DamperDesign.as_model`.
-
-    `force`: force [N] at velocities [m/s] and currents [A] that broadcast. `velocity`, `largest_current`: the model is
-    fitted up to these [m/s] and [A]. `friction`: yield force at zero current [N]. `response_time`: [s]; the rate of the
-    lag is its inverse. `transition`: velocity over which the yield force changes sign [m/s]; 1/50 of `velocity` if none
-    is given.
-    """
-    plain = damper("bingham")
-    least = {parameter.name: parameter.lower for parameter in plain.plain}
-    velocities = velocity * np.arange(1, _N_VELOCITIES + 1) / _N_VELOCITIES
-    current = np.linspace(0.0, largest_current, _N_CURRENTS)
-    wanted = force(velocities, current[:, None])
-    terms = np.stack([np.ones_like(velocities), velocities], axis=1)
-    yields, dampings = np.linalg.lstsq(terms, wanted.T, rcond=None)[0]
-    f_c = _cubic(current, yields, max(friction, least["f_c"]))
-    c0 = _cubic(current, dampings, max(float(dampings[0]), least["c0"]))
-    powers = np.vander(current, 4, increasing=True)
-    predicted = (powers @ f_c)[:, None] + (powers @ c0)[:, None] * velocities
-    v_s = _TRANSITION * velocity if transition is None else transition
-    return DesignedModel(
-        spec=plain.with_current_laws(_LAWS, unit="A", lagged=True),
-        theta=(*f_c.tolist(), v_s, *c0.tolist(), 0.0, 1.0 / response_time),
-        largest_command=largest_current,
-        nrmse=float(np.sqrt(np.mean((predicted - wanted) ** 2) / np.mean(wanted**2))),
-    )
 
 
 def _cubic(current: Floats, values: Floats, first: float) -> Floats:
@@ -418,13 +378,23 @@ class DamperDesign(Summarised):
         SettingError
             If the supply cannot drive the largest current.
         """
-        return _fitted_model(
-            self.force,
-            velocity=self.velocity,
-            largest_current=self.largest_current,
-            friction=self.friction,
-            response_time=self.response_time(supply),
-            transition=transition,
+        plain = damper("bingham")
+        least = {parameter.name: parameter.lower for parameter in plain.plain}
+        velocities = self.velocity * np.arange(1, _N_VELOCITIES + 1) / _N_VELOCITIES
+        current = np.linspace(0.0, self.largest_current, _N_CURRENTS)
+        wanted = self.force(velocities, current[:, None])
+        terms = np.stack([np.ones_like(velocities), velocities], axis=1)
+        yields, dampings = np.linalg.lstsq(terms, wanted.T, rcond=None)[0]
+        f_c = _cubic(current, yields, max(self.friction, least["f_c"]))
+        c0 = _cubic(current, dampings, max(float(dampings[0]), least["c0"]))
+        powers = np.vander(current, 4, increasing=True)
+        predicted = (powers @ f_c)[:, None] + (powers @ c0)[:, None] * velocities
+        v_s = _TRANSITION * self.velocity if transition is None else transition
+        return DesignedModel(
+            spec=plain.with_current_laws(_LAWS, unit="A", lagged=True),
+            theta=(*f_c.tolist(), v_s, *c0.tolist(), 0.0, 1.0 / self.response_time(supply)),
+            largest_command=self.largest_current,
+            nrmse=float(np.sqrt(np.mean((predicted - wanted) ** 2) / np.mean(wanted**2))),
         )
 
     def _summary(self) -> Summary:

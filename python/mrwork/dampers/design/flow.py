@@ -180,12 +180,11 @@ def summed_pressure(
     wall_speed: WallSpeeds = 0.0,
     coefficient: Annotated[float, Within(least=2.0, most=3.0)] | None = None,
 ) -> Floats:
-    """Pressure drop as the sum of a viscous and a yield part, the usual approximation.
+    """Pressure drop as the sum of a viscous and a yield part, the usual approximation; arguments of `annular_pressure`.
 
     `12 eta L (Q + w h v/2)/(w h^3) + c tau_y L/h`, for n other than 1 with the viscosity at the wall of a fluid without
-    yield stress. Without a `coefficient` c it is that of Phillips' cubic, linearised: `2.07 + 1/(1 + 0.4 T)`,
-    `T = w h^2 tau_y/(12 Q eta)` (Yang, Spencer, Carlson, Sain, Eng. Struct. 24(3), 2002, 309-323). The other arguments
-    and the result are those of `annular_pressure`.
+    yield stress. Without a `coefficient` c it is that of Phillips' cubic, linearised: `2.07 + 1/(1 + 0.4 T)`, `T = w
+    h^2 tau_y/(12 Q eta)` (Yang, Spencer, Carlson, Sain, Eng. Struct. 24(3), 2002, 309-323).
     """
     flow, tau, speed = broadcast(
         "summed_pressure", flow=flow, yield_stress=yield_stress, wall_speed=wall_speed
@@ -213,10 +212,7 @@ def shear_force(
     viscosity: Viscosity,
     flow_index: FlowIndex = 1.0,
 ) -> Floats:
-    """Force [N] of a damper in shear mode, `A (tau_y + K (v/h)^n)`: a plate of area A [m^2] slides at a gap h [m].
-
-    The other arguments are those of `annular_pressure`; at `speed` 0 [m/s] the plate is about to slide.
-    """
+    """Force [N] in shear mode, `A (tau_y + K (v/h)^n)`: a plate of area A [m^2] slides at a gap h [m]."""
     rate = np.asarray(speed, dtype=np.float64) / gap
     return area * (np.asarray(yield_stress, dtype=np.float64) + viscosity * rate**flow_index)
 
@@ -229,14 +225,11 @@ def least_active_volume(
     power: Positive,
     coefficient: Annotated[float, Within(least=2.0, most=3.0)] = 2.07,
 ) -> float:
-    """Least volume of fluid [m^3] that the field has to act on, `(12/c^2) (eta/tau_y^2) lambda W`.
+    """Least volume of fluid [m^3] for a `ratio` lambda of yield to viscous force, `(12/c^2) (eta/tau_y^2) lambda W`.
 
     It follows from the sum of a viscous and a yield pressure (Carlson, Catanzarite, St. Clair, Proc. 5th Int. Conf. on
-    ER Fluids and MR Suspensions, 1995; Carlson & Jolly, Mechatronics 10, 2000, 555-569), whatever the geometry.
-
-    `yield_stress`, `viscosity`: of the fluid in the field [Pa] and [Pa s]. `ratio`: wanted force of the yield stress
-    over viscous force, lambda. `power`: mechanical power W of the yield force [W]: force times velocity. `coefficient`:
-    the coefficient c of the yield pressure.
+    ER Fluids and MR Suspensions, 1995; Carlson & Jolly, Mechatronics 10, 2000, 555-569), whatever the geometry; W [W]
+    is the mechanical power of the yield force, its force times velocity.
     """
     return 12.0 / coefficient**2 * viscosity / yield_stress**2 * ratio * power
 

@@ -33,7 +33,7 @@ _CARRIER_FACTORS: Mapping[Carrier, float] = {"hydrocarbon oil": 1.0, "silicone o
 @checked
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class MRFluid(Summarised):
-    """A fluid by the volume fraction of its iron particles, by Carlson's formulas for fluids of carbonyl iron.
+    """A fluid by the volume fraction of its iron particles, 0.05 to 0.5, by Carlson's formulas for carbonyl iron.
 
     Shear stress `tau_y(H) + K (du/dy)^n`: Bingham where the exponent n is 1, Herschel-Bulkley otherwise. Yield stress
     and flux density follow from the particle fraction phi and the field H [A/m],
@@ -42,20 +42,7 @@ class MRFluid(Summarised):
         B = 1.91 phi^1.133 (1 - exp(-10.97 mu0 H)) + mu0 H
 
     with C of the carrier (Carlson, Int. J. Mod. Phys. B 19, 2005, 1463-1470; two restatements of the formulas agree, C
-    for water is remembered).
-
-    Parameters
-    ----------
-    particle_fraction
-        Volume fraction of the particles; the formulas were fitted from 0.05 to 0.5.
-    viscosity
-        Plastic viscosity, or the consistency K [Pa s^n].
-    density
-        [kg/m^3].
-    flow_index
-        The exponent n.
-    source
-        Where the numbers are from.
+    for water is remembered). `viscosity` is plastic, or the consistency K [Pa s^n]; `flow_index` is the exponent n.
     """
 
     _units: ClassVar[Mapping[str, str]] = {"viscosity": "Pa s^n", "density": "kg/m^3"}
@@ -142,16 +129,9 @@ FluxDensities = Annotated[ArrayLike, Within(least=0.0, most=1e6)]
 @checked
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Steel(Summarised):
-    """A soft magnetic steel by the points of its initial magnetisation curve, straight between them.
+    """A soft magnetic steel by the points of its initial magnetisation curve, straight between them, from 0.
 
     Beyond the last point the flux density grows with the permeability of the vacuum.
-
-    Parameters
-    ----------
-    field, flux_density
-        Points of the curve [A/m] and [T], both increasing from 0.
-    source
-        Where the curve is from.
     """
 
     _units: ClassVar[Mapping[str, str]] = {"field": "A/m", "flux_density": "T"}

@@ -50,8 +50,6 @@ def roots_between(function: Callable[[Floats], Floats], low: Floats, high: Float
 
     Chandrupatla's method: inverse quadratic interpolation where the function is smooth enough, bisection otherwise
     (Chandrupatla, Adv. Eng. Softw. 28(3), 1997, 145-149).
-
-    `function`: maps abscissae to values of the same shape. `low`, `high`: ends of the intervals, of one shape.
     """
     b, a = np.array(low, dtype=np.float64), np.array(high, dtype=np.float64)
     f_b, f_a = function(b), function(a)

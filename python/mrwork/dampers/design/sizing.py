@@ -163,11 +163,7 @@ class SizedDamper(Summarised):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SizingProgress:
-    """Progress after a generation of `size_damper` or `size_front`.
-
-    `evaluations` are the candidates so far, of both searches of a front, and `share` is their part of the budget.
-    `volume` [m^3] is that of the smallest damper so far that meets the wishes, NaN while there is none.
-    """
+    """Progress after a generation; `volume` [m^3] of the smallest damper that meets the wishes, NaN without one."""
 
     stage: Literal["smallest", "front"]
     evaluations: int
@@ -286,10 +282,7 @@ def smallest(
     rng: int,
     reporter: SizingReporter,
 ) -> SearchResult[Any]:
-    """The search of the smallest damper over the unit cube of `candidate`.
-
-    The misfit is the volume over that of the envelope where all wishes are met, and above 1 elsewhere.
-    """
+    """Search of the smallest damper: the misfit is its share of the envelope, and above 1 where wishes are missed."""
     optimisers = ALL_OPTIMISERS
     if search not in optimisers:
         raise UnknownNameError(f"no search is called {search!r}; choose one of {', '.join(optimisers)}")

@@ -39,12 +39,7 @@ class LoopPlant(NamedTuple):
         floors: ArrayLike,
         storeys: ArrayLike,
     ) -> LoopPlant:
-        """Return the plant of M [kg], C [N s/m], K [N/m], shape (n, n), and its rows.
-
-        `influence`: r, the coordinates under a unit rigid-body displacement of the ground, shape (n,). `floors`,
-        `storeys`: rows that give floor displacements and storey drifts from the coordinates, shape (n_floors, n) and
-        (n_storeys, n).
-        """
+        """Return the plant of M [kg], C [N s/m], K [N/m], (n, n), and rows of floors and storeys, as in `Building`."""
         m = jnp.asarray(mass, dtype=jnp.float64)
         c = jnp.asarray(damping, dtype=jnp.float64)
         k = jnp.asarray(stiffness, dtype=jnp.float64)
@@ -70,9 +65,7 @@ class LoopPlant(NamedTuple):
 class LoopDevice:
     """Dampers across a storey with one command: `F = count f(x, v)`, or `count (f(x, v) - f(-x, -v))` if differential.
 
-    `spec`: model, with current laws if it depends on a command. `theta`: parameters in spec order, shape (n_params,).
-    `row`: e, with elongation = e @ q, shape (n,): a row of `storeys`. `count`: number of dampers in parallel.
-    `differential`: whether there are as many dampers in the opposite direction.
+    The elongation is row @ q, shape (n,): a row of `storeys`.
     """
 
     spec: DamperSpec

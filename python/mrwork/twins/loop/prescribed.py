@@ -81,11 +81,9 @@ class _Inputs(NamedTuple):
 @holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PrescribedLoop:
-    """A building with devices under one ground motion, for commands that are constant over intervals.
+    """A building with devices under one ground motion [m/s^2], for commands that are constant over intervals.
 
-    `ground`: ground acceleration every half step [m/s^2], shape (2 n_steps + 1,), see `half_steps`. `step_time`:
-    integration step [s]. `places`: interval of each step, shape (n_steps,), in ascending order. `scales`: criteria at i
-    = 0.
+    `ground` has `half_steps`, `places` the interval of each step, shape (n_steps,), in ascending order.
     """
 
     plant: LoopPlant
@@ -106,10 +104,7 @@ class PrescribedLoop:
         object.__setattr__(self, "_stretches", tuple(stretches))
 
     def ratios(self, commands: Floats) -> Floats:
-        """Criteria of a run over those at i = 0, in the order of `CriteriaAtRest`.
-
-        `commands`: command of each interval, shape (n_intervals, n_devices); the coils start settled at the first.
-        """
+        """Criteria of a run over those at i = 0; `commands` (n_intervals, n_devices), the coils start at the first."""
         sums = self._carries(self._fix(2.0), commands)[-1].sums
         squares = (sums.drift_square, sums.acceleration_square)
         rms = [float(np.sqrt(np.max(np.asarray(each)) / self.places.size)) for each in squares]
@@ -169,12 +164,9 @@ def prescribed_loop(
     delay: float,
     scales: CriteriaAtRest,
 ) -> PrescribedLoop:
-    """The loop of a building with devices under a ground motion, from NumPy arrays.
+    """The loop under a ground motion [m/s^2] every `dt` [s], from NumPy arrays; the first command has no delay [s].
 
-    `matrices`: arguments of `LoopPlant.of` by name. `devices`: model, parameters, row, number in parallel and whether
-    differential, of each device. `acceleration`, `dt`, `duration`: ground acceleration [m/s^2] every `dt` [s], and the
-    length of the run [s]. `step_time`, `interval`, `delay`: integration step, interval of a command, and its delay [s];
-    the first command has none.
+    `devices`: model, parameters, row, number in parallel and whether differential, of each device.
     """
     begin()
     n_steps = max(1, math.floor(duration / step_time * (1.0 + 1e-12)))

@@ -26,11 +26,9 @@ from mrwork.values import holds_arrays
 @holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Measurement:
-    """Measurements available to a law at a control sample.
+    """What a law may use at a control sample, with one entry a device in all but the state s, shape (2n,).
 
-    `state`: s, shape (2n,). `deformation`, `rate`: elongation of each device [m] and its rate [m/s], shape
-    (n_devices,). `force`: force of each device, shape (n_devices,) [N]. `force_at`: forces for other coil currents,
-    (n_devices,) to (n_devices,). `largest`: largest command of each device, shape (n_devices,).
+    The elongation of a device [m], its rate [m/s], its force [N], and the forces at other coil currents.
     """
 
     state: Array
@@ -218,10 +216,7 @@ def step(
     ground: StepGround,
     h: Array | float,
 ) -> tuple[LoopState, Array, Stage]:
-    """Return state and coil currents (n_devices,) after the step, and the stage at its start.
-
-    `start` are the coil currents at the start, `command` the commands over the step, shape (n_devices,).
-    """
+    """State and coil currents (n_devices,) after the step under commands, and the stage at its start."""
     decay = jnp.stack([device.decay(0.5 * h) for device in devices])
     middle = (start - command) * decay + command
     end = (middle - command) * decay + command
@@ -309,49 +304,12 @@ def run_loop(
 
     Derivatives need memory for the square root of the number of samples; the samples between are recomputed.
 
-    `law`: one of `mrwork.twins.loop.tuned`, or any other with a `command`. `ground`: ground acceleration every half
-    step [m/s^2], shape (2 n_steps + 1,), see `half_steps`. `step_time`: integration step [s]. `largest_command`:
-    largest command of each device, shape (n_devices,); the smallest is 0. `steps_per_sample`: integration steps per
-    control sample. `delay`: integration steps from measurement to driver. `believed`: devices without states at the
-    same places, used by laws that need the slope of the force in the current; by default the devices themselves.
-    `counted`: number of first steps of which peaks and sums are kept, all by default; energies are those of all steps.
+    `ground` has `half_steps` [m/s^2], `largest_command` (n_devices,); `delay` is in integration steps. Devices that are
+    `believed`, without states, give the slope of the force in the current to laws. Peaks and sums are those of the
+    first steps that are `counted`, energies those of all.
     """
-    n_steps = jnp.float64((ground.shape[0] - 1) // 2)
-    counted = n_steps if counted is None else counted
-    last = _scan_samples(
-        plant,
-        devices,
-        law,
-        ground,
-        step_time,
-        largest_command,
-        steps_per_sample,
-        delay,
-        believed,
-        counted,
-    )
-    q, v = last.motion.q, last.motion.v
-    return LoopResult(
-        reductions=last.kept,
-        energies=last.motion.energies,
-        kinetic=0.5 * v @ (plant.mass @ v),
-        strain=0.5 * q @ (plant.stiffness @ q),
-        n_steps=counted,
-    )
-
-
-def _scan_samples(
-    plant: LoopPlant,
-    devices: Devices,
-    law: Law,
-    ground: Array,
-    h: Array | float,
-    largest: Array,
-    steps_per_sample: int,
-    delay: int,
-    believed: Devices | None,
-    counted: Array | float,
-) -> _RunCarry:
+    if counted is None:
+        counted = jnp.float64((ground.shape[0] - 1) // 2)
     n_samples = _samples(ground, steps_per_sample, delay)
     pulls, rows = pulls_of(plant, devices), rows_of(devices)
     lagged = jnp.array([device.lagged for device in devices])
@@ -377,7 +335,9 @@ def _scan_samples(
         command = carry.commands[age]
         # Without a lag, the coil current equals the command.
         current = jnp.where(lagged, carry.received, command)
-        after, received, start = step(plant, devices, pulls, carry.motion, current, command, accelerations, h)
+        after, received, start = step(
+            plant, devices, pulls, carry.motion, current, command, accelerations, step_time
+        )
         more = accumulate(plant, carry.kept, carry.motion, start, current, accelerations.start)
         kept = jax.tree.map(lambda after, before: jnp.where(counts, after, before), more, carry.kept)
         return _RunCarry(after, received, carry.commands, kept), None
@@ -390,9 +350,9 @@ def _scan_samples(
             rate=rows @ carry.motion.v,
             force=force(carry.motion, carry.received),
             force_at=lambda currents: curve(carry.motion, currents),
-            largest=largest,
+            largest=largest_command,
         )
-        command = jnp.clip(law.command(measured), 0.0, largest)
+        command = jnp.clip(law.command(measured), 0.0, largest_command)
         commands = jnp.concatenate([command[None], carry.commands[:-1]])
         carry = carry._replace(
             commands=jnp.where(first, command, commands), received=jnp.where(first, command, carry.received)
@@ -424,7 +384,14 @@ def _scan_samples(
     last, _ = lax.scan(stretch, start, folded)
     if whole < n_samples:
         last, _ = stretch(last, jax.tree.map(lambda a: a[whole:], at_samples))
-    return last
+    q, v = last.motion.q, last.motion.v
+    return LoopResult(
+        reductions=last.kept,
+        energies=last.motion.energies,
+        kinetic=0.5 * v @ (plant.mass @ v),
+        strain=0.5 * q @ (plant.stiffness @ q),
+        n_steps=counted,
+    )
 
 
 def _samples(ground: Array, steps_per_sample: int, delay: int) -> int:
@@ -442,12 +409,7 @@ Floats = NDArray[np.float64]
 
 
 def half_steps(acceleration: Floats, dt: Positive, step: Positive, n_steps: Count) -> Floats:
-    """Ground acceleration every half step: linear between samples, zero after the last.
-
-    `acceleration`: record [m/s^2], shape (n_time,), every `dt` [s]. `step`: integration step [s].
-
-    Returns accelerations [m/s^2], shape (2 n_steps + 1,).
-    """
+    """Ground acceleration every half step, (2 n_steps + 1,) [m/s^2]: linear between samples, zero after the last."""
     if acceleration.ndim != 1 or not acceleration.size:
         raise SettingError(f"`acceleration` has shape {acceleration.shape}; give (n_time,)")
     # In units of samples, so that a step that divides the sampling step hits every sample exactly.

@@ -29,10 +29,7 @@ Gains = Mapping[str, Array]
 
 
 class LyapunovDirect(NamedTuple):
-    """`i = sat(-kappa sigma G)`, sigma = s'P B: the smooth form of the thesis' first controller.
-
-    `weight` is P B, shape (2n, n_devices); G is the slope of the force in the current.
-    """
+    """`i = sat(-kappa sigma G)`, sigma = s'P B, `weight` (2n, n_devices): the thesis' first controller, made smooth."""
 
     kappa: Array
     weight: Array
@@ -64,17 +61,9 @@ class SignalNetwork(NamedTuple):
         return 0.5 * measured.largest * (1.0 + jnp.tanh(self.network[:, -1] + jnp.sum(output * even, axis=1)))
 
 
-def _proportional_direct(gains: Gains) -> Law:
-    return LyapunovDirect(kappa=gains["slope"], weight=gains["weight"].T)
-
-
-def _signal_network(gains: Gains) -> Law:
-    return SignalNetwork(gain=gains["gain"], network=gains["network"])
-
-
 SMOOTH: Mapping[str, Callable[[Gains], Law]] = {
-    "proportional_direct": _proportional_direct,
-    "signal_network": _signal_network,
+    "proportional_direct": lambda gains: LyapunovDirect(kappa=gains["slope"], weight=gains["weight"].T),
+    "signal_network": lambda gains: SignalNetwork(gain=gains["gain"], network=gains["network"]),
 }
 """Laws that are smooth in their numbers, by the name of the law in the core: the law of the twin from its gains."""
 
@@ -92,13 +81,11 @@ class TwinDamper:
 
 
 class TunedLoop:
-    """The loop of a law of `SMOOTH` under several motions, in the twin.
+    """The loop of a law of `SMOOTH` under motions, (step [s], accelerations); `believed` are the law's dampers.
 
-    `dampers`, `believed`: the dampers, and those of the law's own model if it is another one. `motions`: sampling step
-    [s] and acceleration [m/s^2] of each. `step`, `steps_per_sample`, `delay`: integration step [s], steps of a control
-    sample, and steps from measurement to driver. `weights`: weight of each criterion in the score, by the name of the
-    quantity of a run whose largest value it is. `baseline`: values that these criteria are divided by under each
-    motion, shape (n_motions, n_criteria).
+    `weights`: of each criterion in the score, by the name of the quantity of a run whose largest value it is.
+    `baseline`: values that these criteria are divided by under each motion, shape (n_motions, n_criteria). `delay` is
+    in steps.
     """
 
     def __init__(

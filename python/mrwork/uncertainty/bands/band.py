@@ -35,6 +35,8 @@ from mrwork.uncertainty.bands.prediction import Prediction
 from mrwork.uncertainty.noise import Noise
 from mrwork.values import holds_arrays
 
+Array = NDArray[np.float64]
+
 # Bins in which quantiles are looked for.
 _HISTOGRAM = 4096
 
@@ -60,7 +62,7 @@ class Band(Summarised):
     @classmethod
     def about(
         cls,
-        centre: Annotated[NDArray[np.float64], _ALONG],
+        centre: Annotated[Array, _ALONG],
         half: Annotated[AnyNumbers, _ALONG] | Annotated[float, May.BE_INFINITE],
         *,
         level: Level,
@@ -100,11 +102,8 @@ def score(band: Band, measured: Samples, *, per: Positive = 1.0) -> BandScore:
     )
 
 
-def weighted_quantile(values: NDArray[np.float64], weights: NDArray[np.float64], level: float) -> float:
-    """Smallest of the values, shape (n,), none negative, up to which lies a share `level` of the weights, of sum 1.
-
-    Only the values of one bin of a histogram, in which the quantile lies, are sorted.
-    """
+def weighted_quantile(values: Array, weights: Array, level: float) -> float:
+    """Smallest of the values, shape (n,), none negative, up to which lies a share `level` of the weights, of sum 1."""
     wanted = level * (1.0 - 1e-12)
     largest = float(values.max())
     bins = np.zeros(values.size, dtype=np.intp)
@@ -119,12 +118,12 @@ def weighted_quantile(values: NDArray[np.float64], weights: NDArray[np.float64],
     return float(values[order[min(int(place), order.size - 1)]])
 
 
-def pooled_quantile(scores: Sequence[NDArray[np.float64]], level: float) -> float:
+def pooled_quantile(scores: Sequence[Array], level: float) -> float:
     """Quantile `level` of the errors of several tests, each test with equal weight."""
     return weighted_quantile(np.concatenate(scores), _equal_weights(scores), level)
 
 
-def next_test_quantile(scores: Sequence[NDArray[np.float64]], level: float) -> float:
+def next_test_quantile(scores: Sequence[Array], level: float) -> float:
     """Quantile `level` of the errors of a further test, estimated from those of several tests.
 
     A further test may have larger errors than all known ones, the more so the fewer are known. Each test is therefore
@@ -148,17 +147,11 @@ def next_test_quantile(scores: Sequence[NDArray[np.float64]], level: float) -> f
     return weighted_quantile(values, weights, min(weighted_quantile(needed, weights, level), 1.0))
 
 
-def _equal_weights(scores: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
+def _equal_weights(scores: Sequence[Array]) -> Array:
     return np.concatenate([np.full(each.size, 1.0 / (each.size * len(scores))) for each in scores])
 
 
-def simulate_draws(
-    spec: DamperSpec,
-    theta: NDArray[np.float64],
-    test: DamperTest,
-    *,
-    threads: Threads = 0,
-) -> NDArray[np.float64]:
+def simulate_draws(spec: DamperSpec, theta: Array, test: DamperTest, *, threads: Threads = 0) -> Array:
     """Forces of all draws on a test, with the observation model applied [N], shape (n_draws, n_time)."""
     forces, failed = ObservedTest.of(spec, test).forces(theta, threads=threads)
     if np.mean(~failed) < 0.9:
@@ -169,7 +162,7 @@ def simulate_draws(
     return forces[~failed]
 
 
-def _check_draws(forces: NDArray[np.float64]) -> None:
+def _check_draws(forces: Array) -> None:
     if not forces.size:
         raise SettingError(f"`forces` has shape {forces.shape}; give at least one draw of one sample")
 
@@ -191,7 +184,7 @@ def parameter_band(forces: Rows, level: Level) -> Band:
 @checked
 def noise_band(
     forces: Rows,
-    noise_draws: Annotated[NDArray[np.float64], Shape(("n_batch", "n_noise"))],
+    noise_draws: Annotated[Array, Shape(("n_batch", "n_noise"))],
     noise: Noise,
     level: Level,
     *,
@@ -236,21 +229,18 @@ QUANTITIES: tuple[CycleQuantity, ...] = get_args(CycleQuantity)
 @holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cycles:
-    """Whole cycles: dissipated energy [J], equivalent stiffness [N/m] and damping [N s/m], shape (n_cycles,).
+    """Dissipated energy [J], fitted stiffness [N/m] and damping [N s/m] of whole cycles, shape (n_cycles,)."""
 
-    Stiffness and damping are those of the spring and dashpot that fit the loop by least squares.
-    """
+    energy: Array
+    stiffness: Array
+    damping: Array
 
-    energy: NDArray[np.float64]
-    stiffness: NDArray[np.float64]
-    damping: NDArray[np.float64]
-
-    def quantity(self, name: CycleQuantity) -> NDArray[np.float64]:
+    def quantity(self, name: CycleQuantity) -> Array:
         """One of the three quantities."""
         return {"energy": self.energy, "stiffness": self.stiffness, "damping": self.damping}[name]
 
 
-def cycles_of(test: DamperTest, force: NDArray[np.float64]) -> Cycles:
+def cycles_of(test: DamperTest, force: Array) -> Cycles:
     """Counted cycles of a test with this force [N], shape (n_time,)."""
     first = test.n_settle
     rows = [
@@ -277,29 +267,22 @@ def _scales_of(prediction: Prediction) -> dict[CycleQuantity, float]:
     return {"energy": 2.0 * np.pi * force * x, "stiffness": force / x, "damping": force / v}
 
 
-def errors_over_cycles(prediction: Prediction, name: CycleQuantity) -> NDArray[np.float64]:
+def errors_over_cycles(prediction: Prediction, name: CycleQuantity) -> Array:
     """Absolute error of each cycle of a test in its scale, shape (n_cycles,)."""
     measured = cycles_of(prediction.test, prediction.test.force).quantity(name)
     model = cycles_of(prediction.test, prediction.model_force).quantity(name)
     return np.asarray(np.abs(measured - model) / _scales_of(prediction)[name])
 
 
-def cycle_band(
-    prediction: Prediction, name: CycleQuantity, scores: Sequence[NDArray[np.float64]], level: float
-) -> Band:
-    """Prediction band of a quantity, shape (n_cycles,), from the errors of the cycles of other tests.
-
-    `scores`: `errors_over_cycles` of each test, none of which the fit has seen.
-    """
+def cycle_band(prediction: Prediction, name: CycleQuantity, scores: Sequence[Array], level: float) -> Band:
+    """Prediction band of a quantity, (n_cycles,), from the `errors_over_cycles` of tests that the fit has not seen."""
     model = cycles_of(prediction.test, prediction.model_force).quantity(name)
     half = next_test_quantile(scores, level) * _scales_of(prediction)[name]
     basis = f"calibrated on the cycles of {len(scores)} tests"
     return Band.about(model, half, level=level, basis=basis)
 
 
-def _cycle(
-    x: NDArray[np.float64], v: NDArray[np.float64], force: NDArray[np.float64], dt: float
-) -> tuple[float, float, float]:
+def _cycle(x: Array, v: Array, force: Array, dt: float) -> tuple[float, float, float]:
     design = np.stack([x - x.mean(), v, np.ones_like(x)], axis=1)
     stiffness, damping, _ = np.linalg.lstsq(design, force, rcond=None)[0]
     # Over a whole cycle the rectangle rule is as accurate as the trapezoidal rule.

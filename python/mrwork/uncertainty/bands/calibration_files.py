@@ -124,19 +124,12 @@ def write_bands(
     fit: Fit,
 ) -> None:
     """Write `calibration.json` and `predictions.npz` into the run folder of a fit at `place`."""
-    contents = {
-        CALIBRATION: _calibration_content(calibration, coverage, fit),
-        PREDICTIONS: predictions_content(predictions),
-    }
-    write_files(place, contents)
-
-
-def _calibration_content(calibration: Calibration, coverage: Sequence[LeftOutCoverage], fit: Fit) -> bytes:
     document = asdict(calibration) | {
         "scores": [[float(f"{value:.{_DIGITS}g}") for value in scores] for scores in calibration.scores],
         "coverage": [asdict(row) for row in coverage],
     }
-    return addition_content(document, fit)
+    contents = {CALIBRATION: addition_content(document, fit), PREDICTIONS: predictions_content(predictions)}
+    write_files(place, contents)
 
 
 def read_calibration(place: Path, fit: Fit) -> Calibration:

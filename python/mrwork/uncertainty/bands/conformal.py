@@ -50,11 +50,9 @@ _SAMPLES = 1000
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ErrorShape(Related):
-    """Scale and bias of the errors over a test.
+    """Scale of the errors of a test, `deviation (level + slope steepness) + floor` [N], of the model's force.
 
-    The scale of an error is `deviation (level + slope steepness) + floor` [N], with the standard deviation of the
-    model's force. `bias` [deviations], shape (n_bins,), is the mean error over the phase of periodic tests, the
-    systematic model error; empty where it is left out.
+    `bias` [deviations], shape (n_bins,) or empty, is the mean error over the phase of periodic tests.
     """
 
     level: NotNegative = 1.0
@@ -182,10 +180,7 @@ class ErrorTable:
         return len(self._slices)
 
     def calibrate(self, variant: Variant, without: Sequence[int] = ()) -> tuple[ErrorShape, list[Array]]:
-        """Shape fitted without some groups, and the absolute errors of each other group in its scale.
-
-        The mean error by which a group is judged excludes its own errors, as it will for the next test.
-        """
+        """Shape fitted without some groups, and the absolute errors of each other group in its scale."""
         shape, scores, _ = self._fit_shape(variant, without)
         return shape, [scores[own] for index, own in enumerate(self._slices) if index not in without]
 
@@ -439,10 +434,7 @@ def _held_out(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LeftOutCoverage:
-    """Score of the force's band on one test left out, per deviation of the measured force, at one level.
-
-    `cycles_inside` is the share of cycles whose dissipated energy lies in the energy band; NaN without whole cycles.
-    """
+    """Score of a band on one test left out, per deviation of its force, and the share of cycles in the energy band."""
 
     test: str
     level: Level
@@ -467,7 +459,7 @@ def measured_coverage(
     rows = []
     for index, (members, variant) in enumerate(zip(groups, table.best_variants_without_each(), strict=True)):
         shape, scores = table.calibrate(variant, (index,))
-        others = [_join_tests(own) for number, own in enumerate(energy) if number != index]
+        others = [np.concatenate(own) for number, own in enumerate(energy) if number != index]
         others = [each for each in others if each.size]
         multiples = [next_test_quantile(scores, level) for level in levels]
         for prediction, own in zip(members, energy[index], strict=True):
@@ -488,10 +480,6 @@ def measured_coverage(
                     )
                 )
     return tuple(rows)
-
-
-def _join_tests(errors: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
-    return np.concatenate(errors) if errors else np.empty(0)
 
 
 def _energy_errors(prediction: Prediction) -> NDArray[np.float64]:

@@ -89,10 +89,7 @@ def families(
 def compared_models(
     models: DamperSpec | str | Sequence[DamperSpec | str],
 ) -> tuple[tuple[DamperSpec, ...], tuple[str, ...]]:
-    """The named models, or all, and remarks on the selection.
-
-    "all" leaves out models that are identified in the parameters of another one, because they have the same fit.
-    """
+    """The named models and remarks; "all" leaves out those that are identified in the parameters of another one."""
     if isinstance(models, str) and models == ALL:
         others = {spec.name: identifiable_form(spec, {}).spec.name for spec in damper_models()}
         return (
@@ -158,11 +155,7 @@ class Choice(Summarised):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChoiceProgress:
-    """Progress of a comparison: at the `number`-th of `n_models` families, doing `task`.
-
-    `seconds_left` is an estimate from the time of earlier fits, `None` before the first. `within` is the progress of
-    the current fit.
-    """
+    """Progress of a comparison, with that of the current fit; `seconds_left` is `None` before the end of the first."""
 
     model: str
     number: int
@@ -200,10 +193,7 @@ class RunningComparison:
         return any(each.left_out for each in self.evidence.values())
 
     def evaluate(self, number: int) -> None:
-        """Identify a family from all tests and without each fold; a failure is recorded as its reason.
-
-        A family that is interrupted is left out.
-        """
+        """Identify a family from all tests and without each fold; a failure is recorded as its reason."""
         family = self.compared[number - 1]
         model, settings = family.spec.name, replace(self.settings, bounds=family.bounds)
         made: list[Fit] = []

@@ -52,11 +52,7 @@ _LEAST_SENSITIVITY = 1e-7
 @holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NormalEquations:
-    """Normal equations of the NRMSE of each test at each row, in latent coordinates.
-
-    Shapes: `squared` NRMSE (n_rows, n_tests), `gradient` half the derivative of it, (n_rows, n_tests, n_free), `matrix`
-    (n_rows, n_tests, n_free, n_free).
-    """
+    """Squared NRMSE (n_rows, n_tests), half its latent gradient (..., n_free), and J'J (..., n_free, n_free)."""
 
     squared: Array
     gradient: Array
@@ -75,10 +71,7 @@ class FoldedFit:
 @holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FoldedTests:
-    """Tests, and the rows' shares of them in the squared misfit, shape (n_rows, n_tests): 0 for a test left out.
-
-    The squared misfit of a row is the mean of the squared NRMSE of its tests, weighted as in `Objective`.
-    """
+    """Tests, and their shares in the mean squared NRMSE of each row, shape (n_rows, n_tests): 0 for a test left out."""
 
     observed: tuple[ObservedTest, ...]
     shares: Array
@@ -236,14 +229,6 @@ class _Predictions:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Move:
-    """Laws of which one differs by a degree from the present ones, with the fit that they promise [%]."""
-
-    laws: Laws
-    fit_percent: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class FittedLaws:
     """A set of laws with its fits to all tests and without each fold, and its row of the table."""
 
@@ -261,10 +246,7 @@ class FittedLaws:
 
 @dataclass(slots=True, kw_only=True)
 class LawSearch:
-    """A search of laws in progress; `free` are the parameters whose laws are chosen, of the degree `most` at most.
-
-    Laws are fitted to `tests`, excerpts; those of each fold are predicted as `whole` records.
-    """
+    """Search of the laws of the parameters `free`, of degree `most` at most, by predictions of the `whole` records."""
 
     plain: DamperSpec
     tests: tuple[DamperTest, ...]
@@ -284,10 +266,7 @@ class LawSearch:
 
     @property
     def first_laws(self) -> Laws:
-        """Laws from which the search starts: every positive parameter as high as `_FIRST_DEGREE`.
-
-        Such laws nearly pass through the fits at single commands, so that their minimum is easily found.
-        """
+        """Every positive parameter of `_FIRST_DEGREE`: such laws nearly pass through the fits at single commands."""
         law = polynomial_laws()[min(_FIRST_DEGREE, self.most)]
         return {
             each.name: law for each in self.plain.parameters if each.name in self.free and each.scale == "log"
@@ -330,7 +309,7 @@ class LawSearch:
             moves = self._moves(current, -1)
             if not moves:
                 return
-            candidate = self._move_to(current, moves[0].laws)
+            candidate = self._move_to(current, moves[0][1])
             if is_as_good(candidate.tried.left_out, best.tried.left_out):
                 current, worse = candidate, 0
             else:
@@ -342,12 +321,12 @@ class LawSearch:
         while worse < _SIMPLER and len(self.found) < _MOST_TRIED:
             best = min(self.found, key=lambda each: each.score)
             moves = self._moves(best, 1)
-            if not moves or moves[0].fit_percent < best.tried.fit_percent + _WORTH_TRYING:
+            if not moves or moves[0][0] < best.tried.fit_percent + _WORTH_TRYING:
                 return
-            worse = 0 if self._move_to(best, moves[0].laws).score < best.score else worse + 1
+            worse = 0 if self._move_to(best, moves[0][1]).score < best.score else worse + 1
 
-    def _moves(self, current: FittedLaws, change: int) -> list[_Move]:
-        """Laws not tried yet of which one differs by a degree, the best promise of the linearised fit first."""
+    def _moves(self, current: FittedLaws, change: int) -> list[tuple[float, Laws]]:
+        """Laws not tried yet of which one differs by a degree, the best promise of the linearised fit [%] first."""
         done = [each.laws for each in self.found]
         moves = [
             (name, _degree(current.laws, name) + change)
@@ -360,11 +339,11 @@ class LawSearch:
         promise = self._once(
             "promise", _Promise, lambda: self._evaluate_moves(current, moves), current.fit.theta[:1], moves
         )
-        found = [
-            _Move(laws=_with_degree(current.laws, name, degree), fit_percent=float(fit_percent))
+        promised = [
+            (float(fit_percent), _with_degree(current.laws, name, degree))
             for (name, degree), fit_percent in zip(moves, promise.fit_percent, strict=True)
         ]
-        return sorted(found, key=lambda move: -move.fit_percent)
+        return sorted(promised, key=lambda move: -move[0])
 
     def _evaluate_moves(self, current: FittedLaws, moves: Sequence[tuple[str, int]]) -> _Promise:
         """All tests are linearised once, with every law as high as any move makes it; a move spans a subspace there."""

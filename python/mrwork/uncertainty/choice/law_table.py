@@ -39,10 +39,9 @@ LAW_DEFINITIONS = (
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class TriedLaws(Summarised):
-    """One set of laws of a model: those that are not constant, the free parameters, and the fit in percent.
+    """Laws of a model that are not constant, and the fit of all tests together and of those left out, in percent.
 
-    `fit_percent` is of all tests together; `left_out` has the geometric mean NRMSE of each fold, in which relative
-    changes of all tests weigh the same, `left_out_percent` is the fit of their mean with its standard error;
+    `left_out` has the geometric mean NRMSE of each fold, in which relative changes of all tests weigh the same;
     `median_percent` and `worst_percent` are of single tests left out; those of `not_predicted` could not be simulated.
     """
 
@@ -120,9 +119,7 @@ _LAWS = TableColumn(heading="laws", cell=lambda each: each.in_words, words=True)
 class LawTable(Summarised, Related):
     """Laws that were tried for one or several models, the best left-out fit first; the reason of the choice.
 
-    `model` is the chosen one of all `models`; `failed` has the reason by the name of a model that could not be fitted.
-    `held_out` describes the tests left out of the fits, `given` are laws that were not to be chosen, `remarks` are on
-    the selection of models and on laws that are not listed.
+    `failed` has the reason by the name of a model that could not be fitted; laws that are `given` were not chosen.
     """
 
     model: str

@@ -51,11 +51,7 @@ class LawChoice(Summarised):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LawProgress:
-    """Progress of a choice of laws: `n_tried` sets of laws are done, the best left-out fit is `left_out_percent`.
-
-    `task` is what is done now, with `model`, the `number`-th of `n_models`; `within` is the progress of the
-    identification with the first laws of a model, or of the last one.
-    """
+    """Progress of a choice of laws: the best left-out fit of `n_tried` sets, and that of the current identification."""
 
     model: str
     number: int
@@ -109,10 +105,7 @@ class RunningLawChoice:
             run_with_journal(self.journal_of, f"{own.name}/laws", partial(self._try_laws, own))
 
     def fitted(self) -> LawChoice:
-        """The choice, with the fit of the chosen laws to the whole tests.
-
-        Laws of a model that cannot be fitted to the whole tests are left out of the choice.
-        """
+        """The choice, with the fit of the chosen laws to the whole tests, without models that cannot be fitted."""
         while self.found:
             table = self._table(complete=True)
             own, candidate, settings = self._choose_start(table)
@@ -333,5 +326,4 @@ def choose_laws(
 
 
 def _select_known(values: Mapping[str, T], spec: DamperSpec) -> dict[str, T]:
-    """What is given for parameters of a model."""
     return {name: value for name, value in values.items() if name in spec.names}

@@ -47,11 +47,7 @@ class LeaveOneOut:
 
 
 def leave_one_out(log_densities: Array, log_ratio: Array) -> LeaveOneOut:
-    """PSIS-LOO from log densities of blocks under posterior draws.
-
-    `log_densities`: log density of each block under each draw, shape (n_draws, n_blocks). `log_ratio`: logarithm of
-    posterior over proposal density, shape (n_draws,); zero for draws from the posterior.
-    """
+    """PSIS-LOO from log densities, (n_draws, n_blocks), and log of posterior over proposal density, (n_draws,)."""
     n_draws, n_blocks = log_densities.shape
     if n_blocks < 2:
         raise SettingError("the records make one block only, so none can be left out; give longer ones")
@@ -72,11 +68,7 @@ def leave_one_out(log_densities: Array, log_ratio: Array) -> LeaveOneOut:
 
 
 def block_densities(target: Target, theta: Array, noise: Array, blocks: Sequence[Sequence[slice]]) -> Array:
-    """Tempered log density of the blocks of all tests under each draw, shape (n_draws, n_blocks).
-
-    `theta`, `noise`: draws in the target's form, shape (n_draws, n_params) and (n_draws, n_noise). `blocks`: blocks of
-    the counted samples, test by test.
-    """
+    """Tempered log density of the blocks of all tests, (n_draws, n_blocks), under draws in the target's form."""
 
     def of_rows(theta: Array, noise: Array) -> Array:
         columns = []
@@ -90,13 +82,7 @@ def block_densities(target: Target, theta: Array, noise: Array, blocks: Sequence
 
 
 def blocks_of(test: DamperTest, least: float) -> tuple[slice, ...]:
-    """Divide the counted samples into blocks of whole cycles, each of at least `least` samples.
-
-    Samples before the first whole cycle belong to the first block, those after the last to the last block. A short
-    record is one block.
-
-    Returns adjacent slices of the counted samples, which begin with the first.
-    """
+    """Adjacent blocks of whole cycles, of at least `least` counted samples; the ends belong to the outer blocks."""
     displacement = test.displacement[test.counted]
     cycles = whole_cycles(displacement)
     edges = [cycle.start for cycle in cycles[1:]]

@@ -48,21 +48,14 @@ def find_collapses(
     tests: tuple[DamperTest, ...],
     n_effective: float,
 ) -> dict[str, Collapse]:
-    """Families, by model, whose fit is that of a simpler one.
+    """Families, by model, whose fit is that of a simpler one: the one with the fewest parameters.
 
-    A fit has collapsed if, beside a family with fewer free parameters,
-
-    - its force is the same: the mean square of the difference of the two residuals, and the gain in the log-likelihood,
-      `n_eff ln(S_simpler/S)`, are no more than chance, 2 for each further parameter (Akaike's criterion);
-    - more of its parameters are on a bound or undetermined, that is with a standard error above their value or half
-      their range.
-
-    Of several such families the one with the fewest parameters is named.
-
-    `fits`, `residuals`, `n_params`: by model: fits to all tests, their residuals, and numbers of free parameters.
-    `n_effective`: effective number of samples, the same for all families.
+    The forces are the same up to chance: the mean square of the difference of the residuals, and the gain in the
+    log-likelihood, `n_eff ln(S_simpler/S)`, are at most 2 for each further parameter (Akaike's criterion). And more of
+    its parameters are on a bound or undetermined, that is with a standard error above their value or half their range.
     """
     doubtful = {model: _doubtful_parameters(fit, tests) for model, fit in fits.items()}
+    n_doubtful = {model: sum(map(len, states.values())) for model, states in doubtful.items()}
     joined = {model: np.concatenate(residuals[model]) for model in fits}
     found: dict[str, Collapse] = {}
     for model in fits:
@@ -74,51 +67,36 @@ def find_collapses(
             squared, theirs = (float(np.mean(joined[each] ** 2)) for each in (model, other))
             difference = float(np.mean((joined[model] - joined[other]) ** 2))
             same = difference <= chance * theirs and theirs <= squared * np.exp(chance)
-            if same and len(doubtful[model]) > len(doubtful[other]):
+            if same and n_doubtful[model] > n_doubtful[other]:
+                states = [
+                    f"{', '.join(names)} {'is' if len(names) == 1 else 'are'} {state}"
+                    for state, names in doubtful[model].items()
+                    if names
+                ]
                 found[model] = Collapse(
                     model=other,
                     reason=f"its force is that of {damper(other).title} to {100.0 * np.sqrt(difference):.2g} % of "
-                    f"the force's deviation, and {_in_words(doubtful[model])}",
+                    f"the force's deviation, and {' and '.join(states)}",
                 )
                 break
     return found
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Doubtful:
-    """Names of the free parameters of a fit that are on a bound, and of those that the data do not determine."""
-
-    on_bound: tuple[str, ...]
-    undetermined: tuple[str, ...]
-
-    def __len__(self) -> int:
-        return len(self.on_bound) + len(self.undetermined)
-
-
-def _doubtful_parameters(fit: Fit, tests: tuple[DamperTest, ...]) -> Doubtful:
+def _doubtful_parameters(fit: Fit, tests: tuple[DamperTest, ...]) -> dict[str, list[str]]:
     """Free parameters on a bound, and those with a standard error above their value or half their range, or none."""
     spec, theta = fit.spec, np.array(fit.theta)
     bounds = {name: pair for name, pair in fit.settings.bounds.items() if name in spec.names}
     scale = Scale.of(spec, Box.of(spec).with_bounds(bounds), tests, theta)
     free = [(index, each) for index, each in enumerate(fit.estimates) if each.remark != "fixed"]
-    return Doubtful(
-        on_bound=tuple(each.name for _, each in free if each.remark.startswith("at ")),
-        undetermined=tuple(
+    return {
+        "on a bound": [each.name for _, each in free if each.remark.startswith("at ")],
+        "undetermined": [
             each.name
             for index, each in free
             if each.remark == "not identifiable"
             or (each.standard_error is not None and each.standard_error > scale.size[index])
-        ),
-    )
-
-
-def _in_words(doubtful: Doubtful) -> str:
-    parts = [
-        f"{', '.join(names)} {'is' if len(names) == 1 else 'are'} {state}"
-        for names, state in ((doubtful.on_bound, "on a bound"), (doubtful.undetermined, "undetermined"))
-        if names
-    ]
-    return " and ".join(parts)
+        ],
+    }
 
 
 DEFINITIONS = (
@@ -140,11 +118,9 @@ RankVerdict = Literal["chosen", "as good", "behind", "collapsed", "failed"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Evidence:
-    """Results of one family with `n_params` free parameters; `seconds` of all its fits.
+    """Results of one family; `left_out` has the mean NRMSE of each fold, empty where a prediction failed.
 
-    `left_out` has the mean NRMSE of each fold, in the same order for all families; it is empty where a prediction
-    failed, for the given `reason`. `variance` is the mean square of the residuals in deviations of each test's force.
-    Missing results are `None`. `collapse` is there where the fit is that of a simpler family.
+    `variance` is the mean square of the residuals in deviations of each test's force.
     """
 
     model: str
@@ -162,12 +138,9 @@ class Evidence:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Standing:
-    """One row of the ranking; differences to the best family by each criterion are positive.
+    """One row of the ranking, in percent and percentage points; differences to the best family are positive.
 
-    The left-out fit of a collapsed family is compared as well, though it is not ranked, so it may be negative.
-    `same_as` is the simpler family whose fit it has.
-    Fits are in percent; `left_out_behind` is in percentage points, with the standard error of the paired difference.
-    `unreliable_blocks` is the number of blocks whose Pareto k is above 0.7.
+    Those of a collapsed family, which has the fit of `same_as` and is not ranked, may be negative.
     """
 
     model: str
@@ -234,13 +207,11 @@ _COLUMNS = (
 def rank(evidence: Sequence[Evidence], n_effective: float | None) -> tuple[Standing, ...]:
     """Rank families by their left-out fit, best first; collapsed families follow, those that failed come last.
 
-    A family is as good as the best if its mean left-out NRMSE exceeds that of the best by no more than the standard
-    error of the paired difference over folds, limited to the standard error of the best itself (a family that fails on
-    one test has a large error of its own), or by no more than 0.1 percentage points. Of those as good, the one with the
-    fewest parameters is chosen. A family that has collapsed to a simpler one which predicts the tests left out counts
-    as that one: it is neither the best nor chosen. BIC is `n_eff ln(variance) + n_params ln(n_eff)`.
-
-    `n_effective`: effective number of independent samples, the same for all families.
+    A family is as good as the best within the standard error of the paired difference over folds, limited to the
+    standard error of the best itself (a family that fails on one test has a large error of its own), or within 0.1
+    percentage points. Of those as good, the one with the fewest parameters is chosen. A family that has collapsed to
+    one which predicts the tests left out is neither the best nor chosen. BIC is `n_eff ln(variance) + n_params
+    ln(n_eff)`.
     """
     predicted = sorted(
         (each for each in evidence if each.left_out), key=lambda each: float(np.mean(each.left_out))
@@ -340,11 +311,7 @@ def _error_of_sum(values: NDArray[np.float64]) -> float | None:
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Ranking(Summarised, Related):
-    """Families in order of merit, the chosen one, and the reason in a sentence.
-
-    `held_out` describes the data left out of the fits, in `n_folds`. `remarks` concern the comparison as a whole;
-    `missing` names families that an interrupt left undone.
-    """
+    """Families in order of merit, the chosen one, and the reason; an interrupt left those of `missing` undone."""
 
     chosen: str
     sentence: str
@@ -454,10 +421,7 @@ def cost_remark(
     left_out: Mapping[str, tuple[float, ...]],
     costs: Mapping[str, BuildingCost],
 ) -> tuple[str, ...]:
-    """A sentence where the chosen family is costly in a building; it names the best one that is not.
-
-    `left_out` are the NRMSE of the folds by model, `costs` those of the families that were identified.
-    """
+    """A sentence where the chosen family is costly in a building; it names the best one that is not."""
     chosen = next(each for each in standings if each.verdict == "chosen")
     if not costs[chosen.model].is_high:
         return ()

@@ -20,34 +20,35 @@ from mrwork.identification.objective import Objective, linearised
 from mrwork.uncertainty.identifiability.verdicts import Scale
 from mrwork.values import holds_arrays
 
+Array = NDArray[np.float64]
+
 # Largest number of residual entries in one batch.
 _LARGEST_BATCH = 2**24
 
 # Residuals (n_residuals,) and their derivative (n_residuals, n_free) with respect to the free parameters, at each row
 # of theta (n_batch, n_params).
-Linearise = Callable[[NDArray[np.float64]], Iterable[tuple[NDArray[np.float64], NDArray[np.float64]]]]
+Linearise = Callable[[Array], Iterable[tuple[Array, Array]]]
 
 
 @holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scaled:
-    """Scaled coordinates of the free parameters of a box: logarithms, or multiples of their size.
+    """Scaled coordinates of the free parameters of a box: logarithms, or multiples of their size; shape (n_free,).
 
-    `theta` has the values of parameters that are not free; arrays have shape (n_free,). `spring` has the indices of the
-    accumulator's stiffness k and free length x0, if both are free: k x0 offsets the force, so k can change its sign
-    only if x0 does too, through infinity.
+    `spring` has the indices of the accumulator's stiffness k and free length x0, if both are free: k x0 offsets the
+    force, so k can change its sign only if x0 does too, through infinity.
     """
 
-    theta: NDArray[np.float64]
+    theta: Array
     free: tuple[int, ...]
     log: NDArray[np.bool_]
-    size: NDArray[np.float64]
-    lower: NDArray[np.float64]
-    upper: NDArray[np.float64]
+    size: Array
+    lower: Array
+    upper: Array
     spring: tuple[int, int] | None = None
 
     @classmethod
-    def of(cls, spec: DamperSpec, box: Box, scale: Scale, theta: NDArray[np.float64]) -> Scaled:
+    def of(cls, spec: DamperSpec, box: Box, scale: Scale, theta: Array) -> Scaled:
         """Coordinates of the free parameters of `box`, about `theta`, shape (n_params,)."""
         free = np.array(box.free, dtype=int)
         log = np.array(box.log)[free]
@@ -59,25 +60,23 @@ class Scaled:
             spring = (box.free.index(spec.spring_indices[0]), box.free.index(spec.spring_indices[1]))
         return cls(theta=theta, free=box.free, log=log, size=size, lower=lower, upper=upper, spring=spring)
 
-    def position(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+    def position(self, theta: Array) -> Array:
         """Coordinates, shape (..., n_free), of parameters, shape (..., n_params), clipped to the box."""
         value = theta[..., np.array(self.free, dtype=int)]
         own = np.where(self.log, np.log(np.where(self.log, value, 1.0)), value / self.size)
         return np.asarray(np.clip(own, self.lower, self.upper))
 
-    def values(self, position: NDArray[np.float64]) -> NDArray[np.float64]:
+    def values(self, position: Array) -> Array:
         """Values of the free parameters, shape (..., n_free)."""
         return np.asarray(np.where(self.log, np.exp(np.where(self.log, position, 0.0)), position * self.size))
 
-    def parameters(self, position: NDArray[np.float64]) -> NDArray[np.float64]:
+    def parameters(self, position: Array) -> Array:
         """All parameters, shape (..., n_params)."""
         theta = np.broadcast_to(self.theta, (*position.shape[:-1], self.theta.size)).copy()
         theta[..., np.array(self.free, dtype=int)] = self.values(position)
         return theta
 
-    def moved(
-        self, position: NDArray[np.float64], step: NDArray[np.float64], held: int | None
-    ) -> NDArray[np.float64]:
+    def moved(self, position: Array, step: Array, held: int | None) -> Array:
         """Position after a step, clipped to the box; the step of a spring is one in k and k x0, unless x0 is held."""
         there = position + step
         if self.spring is not None and held != self.spring[1]:
@@ -87,45 +86,47 @@ class Scaled:
                 there[free] = offset / there[stiffness]
         return np.asarray(np.clip(there, self.lower, self.upper))
 
-    def slope(self, position: NDArray[np.float64]) -> NDArray[np.float64]:
+    def slope(self, position: Array) -> Array:
         """Derivative of each free parameter with respect to its coordinate, shape (..., n_free)."""
         return np.asarray(np.where(self.log, self.values(position), self.size))
 
 
 @holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Curvature:
-    """Squared misfit S of rows, (n_rows,), half its gradient, (n_rows, n_free), and J'J, (n_rows, n_free, n_free)."""
+class Point:
+    """A position, shape (n_free,), with the squared misfit S, half its gradient and J'J there."""
 
-    squared: NDArray[np.float64]
-    gradient: NDArray[np.float64]
-    normal: NDArray[np.float64]
+    position: Array
+    squared: float
+    gradient: Array
+    normal: Array
 
 
-def curvature(linearise: Linearise, scaled: Scaled, position: NDArray[np.float64]) -> Curvature:
-    """Curvature at each row of `position`, shape (n_rows, n_free); S is infinite where a simulation failed."""
-    squared, gradient, normal = [], [], []
-    for (residuals, jacobian), slope in zip(
-        linearise(scaled.parameters(position)), scaled.slope(position), strict=True
+def points_at(linearise: Linearise, scaled: Scaled, position: Array) -> list[Point]:
+    """A point for each row of `position`, shape (n_rows, n_free); S is infinite where a simulation failed."""
+    points = []
+    for row, (residuals, jacobian), slope in zip(
+        position, linearise(scaled.parameters(position)), scaled.slope(position), strict=True
     ):
         own = jacobian * slope
-        squared.append(float(residuals @ residuals))
-        gradient.append(own.T @ residuals)
-        normal.append(own.T @ own)
-    # All residuals of a failed simulation are 1.
-    total = np.array(squared)
-    return Curvature(
-        squared=np.where(total >= residuals.size, np.inf, total),
-        gradient=np.array(gradient),
-        normal=np.array(normal),
-    )
+        squared = float(residuals @ residuals)
+        points.append(
+            Point(
+                position=row,
+                # All residuals of a failed simulation are 1.
+                squared=squared if squared < residuals.size else np.inf,
+                gradient=own.T @ residuals,
+                normal=own.T @ own,
+            )
+        )
+    return points
 
 
 def linearise(objective: Objective, columns: Sequence[int]) -> Linearise:
     """Residuals and exact derivatives with respect to columns of theta, in batches of limited size."""
     rows = max(1, _LARGEST_BATCH // ((len(columns) + 1) * objective.n_time))
 
-    def in_chunks(theta: NDArray[np.float64]) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+    def in_chunks(theta: Array) -> Iterator[tuple[Array, Array]]:
         for first in range(0, len(theta), rows):
             residuals, jacobian = linearised(objective, theta[first : first + rows], columns)
             for own, slope in zip(residuals, jacobian, strict=True):
@@ -159,29 +160,8 @@ _MOST_BETWEEN = 6
 _LEAST_SHARE = 1e-3
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Point:
-    """A position, shape (n_free,), with the squared misfit S, half its gradient and J'J there."""
-
-    position: NDArray[np.float64]
-    squared: float
-    gradient: NDArray[np.float64]
-    normal: NDArray[np.float64]
-
-
-def points_of(position: NDArray[np.float64], found: Curvature) -> list[Point]:
-    """Rows of a batch as points."""
-    return [
-        Point(position=each, squared=float(squared), gradient=gradient, normal=normal)
-        for each, squared, gradient, normal in zip(
-            position, found.squared, found.gradient, found.normal, strict=True
-        )
-    ]
-
-
-Walk = Generator[NDArray[np.float64], Point, End]
-Minimisation = Generator[NDArray[np.float64], Point, Point]
+Walk = Generator[Array, Point, End]
+Minimisation = Generator[Array, Point, Point]
 
 
 def signed_root(squared: float, least: float, dof: float) -> float:
@@ -195,8 +175,6 @@ def walk(
     """Step the free parameter `index` up or down from the first of `points`, to which each new point is appended.
 
     Ends beyond `limit`, in the root of the likelihood ratio, with points close to it on either side; or on the bound.
-
-    `dof`: degrees of freedom from the effective samples: the likelihood ratio is `dof ln(S/S_least)`.
     """
     (origin,) = points
     bound = float(scaled.upper[index] if way > 0 else scaled.lower[index])
@@ -227,11 +205,6 @@ def walk(
     return "too many points"
 
 
-def minimise(scaled: Scaled, start: Point, dof: float) -> Minimisation:
-    """Minimise the misfit in all free parameters from a simulated point."""
-    return _minimise(scaled, None, start, dof)
-
-
 def _bracket_limit(scaled: Scaled, index: int, points: list[Point], limit: float, dof: float) -> Minimisation:
     for _ in range(_MOST_BETWEEN):
         low, high = points[-2:]
@@ -256,12 +229,12 @@ def _minimise_held(scaled: Scaled, index: int, start: Point, target: float, dof:
     position[index] = target
     point = yield position
     if np.isfinite(point.squared):
-        point = yield from _minimise(scaled, index, point, dof)
+        point = yield from minimise(scaled, index, point, dof)
     return point
 
 
-def _minimise(scaled: Scaled, index: int | None, point: Point, dof: float) -> Minimisation:
-    """Levenberg-Marquardt with damping relative to each parameter's curvature, until the expected gain is small."""
+def minimise(scaled: Scaled, index: int | None, point: Point, dof: float) -> Minimisation:
+    """Levenberg-Marquardt in all free parameters, or all but the one at `index`, until the expected gain is small."""
     damping = 0.0
     for _ in range(_MOST_TRIALS):
         step, fall = _step(scaled, point, index, dof, damping=damping)
@@ -277,18 +250,9 @@ def _minimise(scaled: Scaled, index: int | None, point: Point, dof: float) -> Mi
 
 
 def _step(
-    scaled: Scaled,
-    point: Point,
-    index: int | None,
-    dof: float,
-    *,
-    shift: float = 0.0,
-    damping: float = 0.0,
-) -> tuple[NDArray[np.float64], float]:
-    """Minimiser of the quadratic model with `index` shifted, and the expected decrease of S.
-
-    A parameter that would leave its range is set to the bound, and the remaining system is solved again.
-    """
+    scaled: Scaled, point: Point, index: int | None, dof: float, *, shift: float = 0.0, damping: float = 0.0
+) -> tuple[Array, float]:
+    """Minimiser of the quadratic model with `index` shifted, and the expected decrease of S; bounds are kept."""
     step = np.zeros_like(point.position)
     settled = np.diag(point.normal) <= 0.0
     if index is not None:
@@ -334,9 +298,7 @@ Sides = dict[tuple[int, Literal[-1, 1]], Side]
 DIRECTIONS: tuple[Literal[-1, 1], ...] = (-1, 1)
 
 
-def run_alone(
-    steps: Minimisation, point: Point, simulated: Callable[[NDArray[np.float64]], list[Point]]
-) -> Point:
+def run_alone(steps: Minimisation, point: Point, simulated: Callable[[Array], list[Point]]) -> Point:
     """Run one local minimisation to its end, each position a batch of its own."""
     try:
         position = next(steps)
@@ -351,7 +313,7 @@ def run_alone(
 def run_together(
     scaled: Scaled,
     sides: Sides,
-    simulated: Callable[[NDArray[np.float64]], list[Point]],
+    simulated: Callable[[Array], list[Point]],
     on_batch: Callable[[Sides], None],
     *,
     limit: float,
@@ -359,7 +321,7 @@ def run_together(
 ) -> None:
     """Run all walks to their ends; their next positions make one batch."""
     walks = {key: walk(scaled, *key, side.points, limit=limit, dof=dof) for key, side in sides.items()}
-    pending: dict[tuple[int, Literal[-1, 1]], NDArray[np.float64]] = {}
+    pending: dict[tuple[int, Literal[-1, 1]], Array] = {}
 
     def advance(key: tuple[int, Literal[-1, 1]], point: Point | None) -> None:
         try:

@@ -36,10 +36,9 @@ from mrwork.uncertainty.identifiability.curvature import (
     Scaled,
     Side,
     Sides,
-    curvature,
     linearise,
     minimise,
-    points_of,
+    points_at,
     run_alone,
     run_together,
     signed_root,
@@ -57,10 +56,10 @@ _ROUNDING = 1e-6
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Profile(Summarised, Related):
-    """Least misfit with one parameter held, at increasing `values` in its `unit`.
+    """Least misfit with one parameter held, and likelihood ratio `dof ln(S/S_least)`, at increasing `values`.
 
-    `ratio` is the likelihood ratio `dof ln(S/S_least)`; the interval ends where it reaches the threshold. An end that
-    is not "closed" is `None`: at "bound" the admissible range ended; beyond "not simulated" no simulation finished.
+    An end that is not "closed" is `None`: at "bound" the admissible range ended; beyond "not simulated" no simulation
+    did.
     """
 
     name: str
@@ -114,7 +113,6 @@ class Profiles(Summarised):
     """Profiles of the free parameters of a fit, in the form of its `model` without redundant parameters.
 
     `threshold` of the likelihood ratio is the quantile of chi-squared with one degree of freedom at `level`.
-    `n_effective` is the effective number of samples of `n_time`. `remark` reports a better minimum than the fit.
     """
 
     model: str
@@ -180,10 +178,7 @@ def _profile_of(
     threshold: float,
     dof: float,
 ) -> Profile:
-    """Profile of the free parameter `index` from its two sides, with the same origin, and the verdict.
-
-    `least`: least known squared misfit. `dof`: the likelihood ratio is `dof ln(S/least)`.
-    """
+    """Profile of the free parameter `index` from its two sides, with the same origin, and the verdict."""
     line = [*reversed(below.points[1:]), *above.points]
     positions = np.array([point.position for point in line])
     position, values = positions[:, index], scaled.values(positions)[:, index]
@@ -324,7 +319,7 @@ def profile(
     derivatives = linearise(objective, box.free)
 
     def simulated(position: NDArray[np.float64]) -> list[Point]:
-        return points_of(position, curvature(derivatives, scaled, position))
+        return points_at(derivatives, scaled, position)
 
     (start,) = simulated(scaled.position(theta)[None])
     (residuals,), (slopes,) = linearised(objective, scaled.parameters(start.position)[None], box.free)
@@ -383,7 +378,7 @@ def profile(
     sides: Sides = {(index, way): Side(points=[start]) for index in profiled for way in DIRECTIONS}
     try:
         for _ in range(_MOST_ROUNDS):
-            origin = run_alone(minimise(scaled, best, dof), best, simulated)
+            origin = run_alone(minimise(scaled, None, best, dof), best, simulated)
             sides = {key: Side(points=[origin]) for key in sides}
             run_together(scaled, sides, simulated, report, limit=float(np.sqrt(threshold)), dof=dof)
             best = min(

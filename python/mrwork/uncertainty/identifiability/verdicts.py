@@ -26,6 +26,8 @@ from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
 from mrwork.values import holds_arrays
 
+Array = NDArray[np.float64]
+
 # A standard deviation above this share of the value, or of 1 in the logarithm, is no determination.
 WEAK = 0.25
 # A parameter that changes the force by no more than this share of its standard deviation is negligible.
@@ -38,10 +40,9 @@ DEVIATIONS = NormalDist().inv_cdf(0.975)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ParameterScale:
-    """Size of a relevant change of one parameter, in its `unit`: its value, or half its range where `of_range`.
+    """Size of a relevant change of one parameter: its value, or half its range `lower` to `upper` where `of_range`.
 
-    `lower` and `upper` are that range, `bounds` the admissible one, and `log` whether it is positive with a logarithmic
-    scale. `sensitivity` is the root mean square of the change of force per unit, in standard deviations of the force.
+    `sensitivity` is the root mean square of the change of force per unit, in standard deviations of the force.
     """
 
     name: str
@@ -69,21 +70,18 @@ class ParameterScale:
 class Scale:
     """Size of a relevant change of each parameter, shape (n_params,): its value, or half its range where `of_range`.
 
-    The size of a parameter with a logarithmic scale is its value. Other parameters may be zero; their size is half the
-    range derived from the scales of the records, where this is larger. `ranges` are the ranges so derived, within
-    the admissible ones of `box`; `theta` are the values, shape (n_params,).
+    Parameters without a logarithmic scale may be zero: `ranges` follow from the scales of the records, within the
+    `box`.
     """
 
     box: Box
     ranges: Box
-    theta: NDArray[np.float64]
-    size: NDArray[np.float64]
+    theta: Array
+    size: Array
     of_range: NDArray[np.bool_]
 
     @classmethod
-    def of(
-        cls, spec: DamperSpec, box: Box, tests: tuple[DamperTest, ...], theta: NDArray[np.float64]
-    ) -> Scale:
+    def of(cls, spec: DamperSpec, box: Box, tests: tuple[DamperTest, ...], theta: Array) -> Scale:
         """Scales at `theta`, shape (n_params,)."""
         ranges = _scaled_ranges(spec, box, tests, theta)
         half = 0.5 * (np.array(ranges.upper) - np.array(ranges.lower))
@@ -93,7 +91,7 @@ class Scale:
             box=box, ranges=ranges, theta=theta, size=np.where(of_range, half, size), of_range=of_range
         )
 
-    def of_parameter(self, spec: DamperSpec, index: int, derivative: NDArray[np.float64]) -> ParameterScale:
+    def of_parameter(self, spec: DamperSpec, index: int, derivative: Array) -> ParameterScale:
         """Scale of one parameter of the model, with the derivative of the residuals by it, shape (n_residuals,)."""
         return ParameterScale(
             name=spec.names[index],
@@ -109,13 +107,8 @@ class Scale:
         )
 
 
-def _scaled_ranges(
-    spec: DamperSpec, box: Box, tests: tuple[DamperTest, ...], theta: NDArray[np.float64]
-) -> Box:
-    """The box narrowed to the scales of the records; where these give no range, to the size of the value.
-
-    Where the value is negligible beside the nominal one, such as a share at its bound of zero, to the nominal size.
-    """
+def _scaled_ranges(spec: DamperSpec, box: Box, tests: tuple[DamperTest, ...], theta: Array) -> Box:
+    """The box narrowed to the scales of the records, else to the size of the value, or of the nominal one."""
     searched = search_box(spec, box, tests)
     own = {}
     for index, name in enumerate(box.names):
@@ -147,10 +140,9 @@ def judge_error(error: float, scale: ParameterScale) -> ReasonedVerdict:
 def judge_interval(
     ends: tuple[float | None, float | None], deviations: float, scale: ParameterScale, *, opened: str
 ) -> ReasonedVerdict:
-    """Judge a parameter by its interval, in its unit; an end at which the data do not bound it is `None`.
+    """Judge a parameter by its interval; an end at which the data do not bound it is `None`, for the reason `opened`.
 
-    `deviations`: number of standard deviations that the interval of a normal density would reach to either side.
-    `opened`: reason for an open end.
+    The interval of a normal density would reach `deviations` standard deviations to either side.
     """
     lower, upper = ends
     if lower is None or upper is None:
@@ -204,14 +196,12 @@ _LARGEST_EXPONENT = 3
 
 
 def changes_along(
-    direction: NDArray[np.float64],
-    scales: Sequence[ParameterScale],
-    effects: NDArray[np.float64] | None = None,
+    direction: Array, scales: Sequence[ParameterScale], effects: Array | None = None
 ) -> tuple[ParameterChange, ...]:
-    """Changes of the parameters along a direction, shape (n_params,), in shares of their scales.
+    """Changes of the parameters along a direction, shape (n_params,), in shares of their scales; the first is by 1 %.
 
-    The first one increases by 1 %; parameters that hardly change are left out, or those that hardly change the force
-    where `effects`, shape (n_params,), are the changes of force per change in shares.
+    Parameters that hardly change are left out, or those that hardly change the force by `effects` per share,
+    (n_params,).
     """
     weight = np.abs(direction if effects is None else direction * effects)
     named = np.flatnonzero(weight > _NEGLIGIBLE * np.max(weight))
@@ -228,11 +218,8 @@ def changes_along(
     )
 
 
-def sparse_basis(null: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Sparse basis of the row space of `null`, shape (n_directions, n_params).
-
-    Gauss-Jordan elimination with pivoting: each row has one parameter that no other row has.
-    """
+def sparse_basis(null: Array) -> Array:
+    """Sparse basis of the row space of `null`, (n_directions, n_params), by Gauss-Jordan elimination with pivoting."""
     rows = np.array(null)
     pivots: list[int] = []
     for index in range(len(rows)):
@@ -248,8 +235,8 @@ def sparse_basis(null: NDArray[np.float64]) -> NDArray[np.float64]:
 def simple_combinations(changes: Sequence[ParameterChange], *, within: float = _SIMPLE) -> tuple[str, ...]:
     """Products and ratios of two parameters with simple exponents that are constant along a direction.
 
-    Along `d ln p_i = v_i` the product `p_i^a p_j^b` is constant if `a v_i + b v_j = 0`. Each parameter is combined with
-    the first earlier one that permits simple exponents, to the relative tolerance `within`.
+    Along `d ln p_i = v_i` the product `p_i^a p_j^b` is constant if `a v_i + b v_j = 0`, to the relative tolerance
+    `within`.
     """
     if any(change.of_range for change in changes):
         return ()
@@ -286,23 +273,18 @@ _STRONG_CORRELATION = 0.9
 
 
 def identifiability_from(
-    jacobian: NDArray[np.float64],
-    covariance: NDArray[np.float64],
+    jacobian: Array,
+    covariance: Array,
     *,
     scales: Sequence[ParameterScale],
     n_effective: float,
     held: set[str] | frozenset[str] = frozenset(),
 ) -> Identifiability:
-    """Verdicts and directions from the derivative of the residuals, shape (n_residuals, n_params).
+    """Verdicts and directions from the derivative of the residuals, (n_residuals, n_params), in units of the scales.
 
     A direction is unidentifiable if its singular value, parameters scaled to unit sensitivity, is below `INSENSITIVE`
-    of the largest, and weakly identifiable if the standard error along it exceeds `WEAK` of the scale. Where an
-    unidentifiable direction has a parameter that was held, its others are determined.
-
-    `jacobian`: with respect to parameters in units of their scales; residuals sum up in squares to the squared misfit.
-    `covariance`: of `covariance_at`, in units of the scales, shape (n_params, n_params); NaN for what is not
-    determined. `scales`: of the parameters, in the order of the columns. `held`: parameters that were held fixed:
-    without verdict, but they may take part in a direction.
+    of the largest, and weakly identifiable if the standard error along it exceeds `WEAK` of the scale. Parameters that
+    were `held` get no verdict, but where an unidentifiable direction has one, its others are determined.
     """
     null = _null_space(jacobian)
     unseen = tuple(_unidentifiable_direction(row, jacobian, scales, held) for row in null)
@@ -332,7 +314,7 @@ def identifiability_from(
     )
 
 
-def _null_space(jacobian: NDArray[np.float64]) -> NDArray[np.float64]:
+def _null_space(jacobian: Array) -> Array:
     """Sparse basis of the unidentifiable directions in units of unit sensitivity, shape (n_directions, n_params)."""
     if jacobian.shape[1] == 0:
         return np.empty((0, 0))
@@ -343,17 +325,14 @@ def _null_space(jacobian: NDArray[np.float64]) -> NDArray[np.float64]:
     return sparse_basis(null) if len(null) else null
 
 
-def _effects(jacobian: NDArray[np.float64]) -> NDArray[np.float64]:
+def _effects(jacobian: Array) -> Array:
     """Change of the force per change of each parameter, shape (n_params,); 1 for one without effect."""
     norm = np.linalg.norm(jacobian, axis=0)
     return np.asarray(np.where(norm == 0.0, 1.0, norm))
 
 
 def _unidentifiable_direction(
-    direction: NDArray[np.float64],
-    jacobian: NDArray[np.float64],
-    scales: Sequence[ParameterScale],
-    held: set[str] | frozenset[str],
+    direction: Array, jacobian: Array, scales: Sequence[ParameterScale], held: set[str] | frozenset[str]
 ) -> Direction:
     effects = _effects(jacobian)
     changes = changes_along(direction / effects, scales, effects)
@@ -374,11 +353,7 @@ def _unidentifiable_direction(
     )
 
 
-def _weak_directions(
-    cov: NDArray[np.float64],
-    jacobian: NDArray[np.float64],
-    scales: Sequence[ParameterScale],
-) -> tuple[Direction, ...]:
+def _weak_directions(cov: Array, jacobian: Array, scales: Sequence[ParameterScale]) -> tuple[Direction, ...]:
     """Directions along which the standard error exceeds `WEAK` of the scales, largest first."""
     if not len(cov):
         return ()
@@ -410,9 +385,7 @@ def _joint_change(changes: Sequence[ParameterChange]) -> str:
     return f"{first} with {listed(rest)}" if rest else first
 
 
-def _effect(
-    changes: Sequence[ParameterChange], jacobian: NDArray[np.float64], scales: Sequence[ParameterScale]
-) -> float:
+def _effect(changes: Sequence[ParameterChange], jacobian: Array, scales: Sequence[ParameterScale]) -> float:
     column = {each.name: number for number, each in enumerate(scales)}
     moved = sum(0.01 * each.percent * jacobian[:, column[each.name]] for each in changes)
     return float(np.linalg.norm(moved))
@@ -421,8 +394,8 @@ def _effect(
 def _verdict(
     number: int,
     scales: Sequence[ParameterScale],
-    cov: NDArray[np.float64],
-    jacobian: NDArray[np.float64],
+    cov: Array,
+    jacobian: Array,
     undetermined: NDArray[np.bool_],
 ) -> Verdict:
     scale = scales[number]

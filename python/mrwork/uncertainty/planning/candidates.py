@@ -44,10 +44,7 @@ COMMAND_RANGE = (0.0, LARGEST_COMMAND)
 @checked
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Candidate:
-    """Sinusoidal test: amplitude [m] (half the peak to peak), frequency [Hz], and the command in the model's unit.
-
-    The command is `None` without laws.
-    """
+    """Sinusoid: amplitude [m] (half the peak to peak), frequency [Hz], command of a model with laws."""
 
     amplitude: Positive
     frequency: Positive

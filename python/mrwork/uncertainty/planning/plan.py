@@ -25,11 +25,13 @@ from mrwork.simulate import Outcome, simulate_forces
 from mrwork.store.codec import Related
 from mrwork.summary import Summarised, Summary
 from mrwork.table import TableColumn
-from mrwork.uncertainty.identifiability.curvature import Scaled, curvature, linearise
+from mrwork.uncertainty.identifiability.curvature import Scaled, linearise, points_at
 from mrwork.uncertainty.identifiability.verdicts import Scale
 from mrwork.uncertainty.planning.candidates import Candidate, check_possible, motion_of
 from mrwork.units import CommandUnit
 from mrwork.values import holds_arrays
+
+Array = NDArray[np.float64]
 
 # Finite-difference step in scaled coordinates.
 _STEP = 1e-5
@@ -37,10 +39,7 @@ _STEP = 1e-5
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Gain:
-    """Value of a candidate: the share by which it reduces the band's variance, and the band's deviation after it.
-
-    `drawn` is the share estimated from draws, `None` where there were too few.
-    """
+    """Share by which a candidate reduces the band's variance, the deviation after it, and the share by draws."""
 
     candidate: Candidate
     gain: float
@@ -64,11 +63,7 @@ def gain_columns(unit: CommandUnit | None) -> tuple[TableColumn, ...]:
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Plan(Summarised, Related):
-    """Candidates in order of gain for a `band`: "force", "energy" or the name of a parameter.
-
-    `deviation` is the standard deviation of the band before a further test, in `unit`. The candidates
-    `left_out` could not be simulated.
-    """
+    """Candidates in order of gain for a `band`: "force", "energy" or the name of a parameter, of `deviation` before."""
 
     model: str
     band: str
@@ -109,33 +104,31 @@ class Plan(Summarised, Related):
 @holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Response:
-    """Sensitivity of a candidate's force to the parameters.
+    """Force of a candidate [N], (n_counted,), and energy of a cycle [J], with derivatives by coordinate, (..., n_free).
 
-    `force` [N], (n_counted,), and its `derivative` by coordinate, (n_counted, n_free); `corrected` is the derivative
-    after nuisance parameters have been fitted; the `energy` of a cycle [J] and its derivative, (n_free,).
+    `corrected` is the derivative after nuisance parameters have been fitted.
     """
 
     candidate: Candidate
-    force: NDArray[np.float64]
-    derivative: NDArray[np.float64]
-    corrected: NDArray[np.float64]
+    force: Array
+    derivative: Array
+    corrected: Array
     energy: float
-    energy_derivative: NDArray[np.float64]
+    energy_derivative: Array
 
 
 @holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinearisedPosterior:
-    """Linearised posterior before the next test, in the coordinates of `scaled`, about `position`, shape (n_free,).
+    """Linearised posterior before the next test about `position`, (n_free,), with the inverse covariance `precision`.
 
-    `precision` is the inverse covariance, (n_free, n_free). A further test adds `weight` times J'J / n_counted, with
-    the force in units of its standard deviation.
+    A further test adds `weight` times J'J / n_counted, with the force in units of its standard deviation.
     """
 
     spec: DamperSpec
     scaled: Scaled
-    position: NDArray[np.float64]
-    precision: NDArray[np.float64]
+    position: Array
+    precision: Array
     weight: float
     nuisances: tuple[NuisanceName, ...]
     threads: int
@@ -151,18 +144,18 @@ class LinearisedPosterior:
         scale = Scale.of(spec, box, objective.tests, theta)
         scaled = Scaled.of(spec, box, scale, theta)
         position = scaled.position(theta)
-        here = curvature(linearise(objective, box.free), scaled, position[None])
+        (here,) = points_at(linearise(objective, box.free), scaled, position[None])
         residuals = objective.residuals(theta[None])[0]
         n_effective = effective_samples(residuals_by_test(residuals, objective.tests))
         dof = n_effective * max(1.0 - len(box.free) / residuals.size, 0.0)
-        weight = dof / float(here.squared[0])
+        weight = dof / here.squared
         lower, upper = (scaled.position(np.array(each)) for each in (scale.ranges.lower, scale.ranges.upper))
         prior = np.diag(12.0 / (upper - lower) ** 2)
         return cls(
             spec=spec,
             scaled=scaled,
             position=position,
-            precision=prior + weight * here.normal[0],
+            precision=prior + weight * here.normal,
             weight=weight / len(objective.tests),
             nuisances=fit.nuisances,
             threads=threads,
@@ -274,15 +267,13 @@ def responses(posterior: LinearisedPosterior, candidates: Sequence[Candidate]) -
     return found
 
 
-def information(posterior: LinearisedPosterior, response: Response) -> NDArray[np.float64]:
+def information(posterior: LinearisedPosterior, response: Response) -> Array:
     """Precision that a candidate adds, shape (n_free, n_free)."""
     unit = response.corrected / (np.std(response.force) * np.sqrt(response.force.size))
     return np.asarray(posterior.weight * unit.T @ unit)
 
 
-def band_matrix(
-    posterior: LinearisedPosterior, targets: Sequence[Response], band: str
-) -> tuple[NDArray[np.float64], str]:
+def band_matrix(posterior: LinearisedPosterior, targets: Sequence[Response], band: str) -> tuple[Array, str]:
     """Matrix M of a band with variance trace(M cov), shape (n_free, n_free), and the unit of its deviation."""
     if band == "force":
         parts = [each.derivative / (np.std(each.force) * np.sqrt(each.force.size)) for each in targets]
@@ -306,7 +297,7 @@ def _column_of(posterior: LinearisedPosterior, band: str) -> int:
     raise UnknownNameError(f"there is no band {band!r}; take force, energy, {', '.join(free)}")
 
 
-def _quotient(rows: NDArray[np.float64], width: NDArray[np.float64]) -> NDArray[np.float64]:
+def _quotient(rows: Array, width: Array) -> Array:
     """Difference quotients, shape (n_time, n_free), of rows: the centre, those ahead, those behind."""
     ahead, behind = np.split(rows[1:], 2)
     return np.asarray(((ahead - behind) / width[:, None]).T)
@@ -319,10 +310,7 @@ _TRUTHS = 60
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class CheckedPlan(Summarised):
-    """A plan with gains from draws, their rank correlation (Spearman), and the least effective number of draws.
-
-    `agreement` is `None` with fewer than three gains.
-    """
+    """A plan with gains from draws, their rank correlation (Spearman), and the least effective number of draws."""
 
     plan: Plan
     agreement: float | None
@@ -350,9 +338,7 @@ class CheckedPlan(Summarised):
         )
 
 
-def normal_draws(
-    posterior: LinearisedPosterior, n_draws: int, rng: np.random.Generator
-) -> NDArray[np.float64]:
+def normal_draws(posterior: LinearisedPosterior, n_draws: int, rng: np.random.Generator) -> Array:
     """Draws of the linearised posterior as parameters, shape (n_draws, n_params), clipped to the box."""
     root = np.linalg.cholesky(np.linalg.inv(posterior.precision))
     position = posterior.position + rng.standard_normal((n_draws, posterior.position.size)) @ root.T
@@ -362,25 +348,23 @@ def normal_draws(
 def checked_with_draws(
     plan: Plan,
     posterior: LinearisedPosterior,
-    draws: NDArray[np.float64],
+    draws: Array,
     *,
     targets: Sequence[Candidate] = (),
     rng: np.random.Generator,
 ) -> CheckedPlan:
-    """Estimate each gain of a plan from draws (n_draws, n_params) of the posterior.
+    """Estimate each gain of a plan from draws (n_draws, n_params); rows that cannot be simulated are left out.
 
     Some draws are taken as the truth in turn: the test is simulated with noise, the other draws are weighted by its
     likelihood, and the variance of the band among them is computed. The mean over the truths is the expected remaining
     variance (nested Monte Carlo, Ryan, Journal of Computational and Graphical Statistics 12, 2003, 585-603).
-
-    `draws`: parameters of the model of `posterior`; rows that cannot be simulated are left out.
     """
     if len(draws) < 2 * _LEAST:
         raise SettingError(f"{len(draws)} draws are too few to weigh against each other; give some hundreds")
     forces = _forces(posterior, draws, [each.candidate for each in plan.gains])
     of_targets = _forces(posterior, draws, targets) if targets else forces
     usable = np.all([np.isfinite(each.corrected).all(axis=1) for each in [*forces, *of_targets]], axis=0)
-    forces, of_targets = ([_rows(each, usable) for each in group] for group in (forces, of_targets))
+    forces, of_targets = ([each.of_draws(usable) for each in group] for group in (forces, of_targets))
     gram = _band_gram(posterior, draws[usable], of_targets, plan.band)
     n_draws = len(gram)
     variance_now = float(_variances(gram, np.full((1, n_draws), 1.0 / n_draws))[0])
@@ -403,19 +387,17 @@ def checked_with_draws(
 @holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Forces:
-    """Forces of the draws minus their mean, (n_draws, n_counted), per its deviation and root n; energies of a cycle.
+    """Forces of the draws minus their mean, (n_draws, n_counted), per its deviation and root n; energies of a cycle."""
 
-    `corrected` has the forces after nuisance parameters have been fitted.
-    """
+    force: Array
+    corrected: Array
+    energy: Array
 
-    force: NDArray[np.float64]
-    corrected: NDArray[np.float64]
-    energy: NDArray[np.float64]
+    def of_draws(self, usable: NDArray[np.bool_]) -> _Forces:
+        return _Forces(force=self.force[usable], corrected=self.corrected[usable], energy=self.energy[usable])
 
 
-def _forces(
-    posterior: LinearisedPosterior, draws: NDArray[np.float64], candidates: Sequence[Candidate]
-) -> list[_Forces]:
+def _forces(posterior: LinearisedPosterior, draws: Array, candidates: Sequence[Candidate]) -> list[_Forces]:
     found = []
     for candidate in candidates:
         loading, counted = motion_of(candidate, posterior.spec)
@@ -437,15 +419,9 @@ def _forces(
     return found
 
 
-def _rows(forces: _Forces, usable: NDArray[np.bool_]) -> _Forces:
-    return _Forces(
-        force=forces.force[usable], corrected=forces.corrected[usable], energy=forces.energy[usable]
-    )
-
-
 def _band_gram(
-    posterior: LinearisedPosterior, draws: NDArray[np.float64], of_targets: Sequence[_Forces], band: str
-) -> NDArray[np.float64]:
+    posterior: LinearisedPosterior, draws: Array, of_targets: Sequence[_Forces], band: str
+) -> Array:
     """Inner products of the draws in the quantity of the band, shape (n_draws, n_draws)."""
     if band == "force":
         return np.asarray(np.mean([each.force @ each.force.T for each in of_targets], axis=0))
@@ -457,11 +433,8 @@ def _band_gram(
 
 
 def _weights(
-    posterior: LinearisedPosterior,
-    corrected: NDArray[np.float64],
-    truths: NDArray[np.int64],
-    rng: np.random.Generator,
-) -> NDArray[np.float64]:
+    posterior: LinearisedPosterior, corrected: Array, truths: NDArray[np.int64], rng: np.random.Generator
+) -> Array:
     """Posterior weight of each draw after the test of each truth, shape (n_truths, n_draws), rows of sum 1."""
     measured = corrected[truths] + rng.standard_normal((truths.size, corrected.shape[1])) / np.sqrt(
         posterior.weight
@@ -475,5 +448,5 @@ def _weights(
     return np.asarray(weights / weights.sum(axis=1, keepdims=True))
 
 
-def _variances(gram: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:
+def _variances(gram: Array, weights: Array) -> Array:
     return np.asarray(weights @ np.diag(gram) - np.einsum("kj,kj->k", weights @ gram, weights))

@@ -49,10 +49,7 @@ _MOST_DRAWS = 1000
 @holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Diagnosis:
-    """Convergence diagnostics, shape (n_params,): autocorrelation time in steps, R-hat, bulk and tail ESS.
-
-    They are NaN for a parameter that did not vary. `n_steps` is the number of steps after the burn-in.
-    """
+    """Convergence after the burn-in, shape (n_params,), NaN for what did not vary; `tau` in steps."""
 
     names: tuple[str, ...]
     n_steps: int
@@ -167,12 +164,9 @@ _DEVIATIONS = NormalDist().inv_cdf(0.5 * (1.0 + LEVEL))
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DrawSummary:
-    """Summary of the draws of one parameter or noise parameter, in `unit`.
+    """Summary of the draws of one parameter or noise parameter, in `unit`, with the ends of the 95 % interval.
 
-    `lower` and `upper` are the ends of the 95 % interval. `verdict` is `None` for noise and fixed parameters.
-    `mcse` is the Monte-Carlo standard error of the mean, `tau` the autocorrelation time in
-    steps. Diagnostics are NaN for a fixed parameter. `remark` names a fixed parameter, or the bound at
-    which the draws pile up.
+    `verdict` is `None` for noise and fixed parameters, whose diagnostics are NaN. `tau` is in steps.
     """
 
     name: str
@@ -298,6 +292,7 @@ class Draws(Summarised):
         named = dict(zip(self.names, np.moveaxis(self.chains, -1, 0), strict=True))
         named |= dict(zip(self.noise_names, np.moveaxis(self.noise_chains, -1, 0), strict=True))
         # ArviZ's conventions would have more draws than chains; here the chains are walkers, of which there are many.
+        provenance = {} if self.provenance is None else asdict(self.provenance)
         tree: DataTree = from_dict(
             {"posterior": named, "sample_stats": {"lp": self.densities}, "observed_data": self.measured},
             check_conventions=False,
@@ -313,12 +308,7 @@ class Draws(Summarised):
                     "seconds": self.seconds,
                     "inference_library": "emcee",
                 }
-                | {
-                    name: str(value)
-                    for name, value in (
-                        asdict(self.provenance) if self.provenance is not None else {}
-                    ).items()
-                }
+                | {name: str(value) for name, value in provenance.items()}
             },
         )
         for name in self.measured:
@@ -396,8 +386,8 @@ def summary_of(chain: Array, *, name: str, unit: str, bounds: tuple[float, float
 def _pile(chain: Array, bounds: tuple[float, float], width: float) -> Remark:
     """Remark where the outermost 1 % of the draws comes within 2 % of their width of a bound.
 
-    For a half-normal density, truncated at its mode, it comes within 0.7 %; for a normal density truncated two
-    deviations from its mode, within 5 %.
+    A half-normal density, truncated at its mode, comes within 0.7 %, a normal one truncated at two deviations within 5
+    %.
     """
     first, last = np.quantile(chain, [0.01, 0.99])
     at_upper = bounds[1] - last < 0.02 * width
@@ -454,10 +444,7 @@ def draws_content(draws: Draws, fit: Fit) -> bytes:
 
 
 def read_draws(place: Path, fit: Fit) -> Draws | None:
-    """The draws of the run folder at `place`, `None` where there are none.
-
-    Diagnostics are computed from the draws kept; autocorrelation times are NaN.
-    """
+    """The draws of the run folder at `place`, `None` where there are none, without autocorrelation times."""
     path = place / DRAWS
     if not is_there(path, _KIND):
         return None

@@ -40,10 +40,7 @@ _FEWEST, _PER_DIMENSION = 500, 100
 
 
 def residual_slope(target: Target, position: Array) -> tuple[Array, Array]:
-    """Residuals of all tests in deviations, (n_residuals,), and their exact derivative, (n_free, n_residuals).
-
-    The derivative is with respect to the coordinates of the free parameters, at a position in the box, shape (n_dim,).
-    """
+    """Residuals of all tests in deviations, (n_residuals,), and derivative by coordinate, (n_free, n_residuals)."""
     space, objective = target.space, target.objective
     values = np.asarray(space.values(position)[0])
     theta = np.ascontiguousarray(values[: space.n_params])
@@ -134,11 +131,7 @@ def fisher_ellipsoid(target: Target, theta: Array) -> Ellipsoid:
 
 
 def mode_near(target: Target, theta: Array) -> Array:
-    """Parameters of the mode of the posterior near a fit, both of shape (n_params,).
-
-    The mode differs from the fit: a likelihood weights tests by their samples, a fit equally, or by the exponent of the
-    force and the power that it was given.
-    """
+    """Mode of the posterior near a fit, both (n_params,); a likelihood weights tests by their samples."""
     centre, _ = _mode_near(target, theta)
     return np.asarray(target.space.values(centre)[0])[: target.space.n_params]
 
@@ -186,10 +179,7 @@ def _off_faces(target: Target, position: Array) -> NDArray[np.intp]:
 @holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WeightedDraws:
-    """Positions of a target's space, shape (n_draws, n_dim), with importance ratios.
-
-    `log_ratio` (n_draws,) is the logarithm of target density over proposal density, up to a constant.
-    """
+    """Positions of a target's space, (n_draws, n_dim), and log of target over proposal density, (n_draws,)."""
 
     position: Array
     log_ratio: Array
@@ -209,10 +199,9 @@ class WeightedDraws:
 
 
 def draw_about(target: Target, theta: Array, n_draws: int, rng: np.random.Generator) -> WeightedDraws:
-    """Importance-weighted draws from a multivariate t distribution about a fit, shape (n_params,).
+    """Importance-weighted draws from a multivariate t distribution about a fit, by population Monte Carlo.
 
-    Its covariance is first the inverse of the tempered Fisher information; in each of a few rounds, centre and
-    covariance become those of the weighted draws (population Monte Carlo: Cappe et al., J. Comput. Graph. Stat. 13,
+    In a few rounds, centre and covariance become those of the weighted draws (Cappe et al., J. Comput. Graph. Stat. 13,
     2004, 907-929). Draws outside the box or that cannot be simulated are left out.
     """
     ellipsoid = fisher_ellipsoid(target, theta)
@@ -226,7 +215,6 @@ def draw_about(target: Target, theta: Array, n_draws: int, rng: np.random.Genera
 
 
 def _adapt_ellipsoid(ellipsoid: Ellipsoid, draws: WeightedDraws) -> Ellipsoid:
-    """The ellipsoid with centre and covariance of weighted draws."""
     weights = draws.weights
     centre = weights @ draws.position
     offsets = (draws.position - centre)[:, ellipsoid.moving]

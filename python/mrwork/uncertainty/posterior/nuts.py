@@ -27,10 +27,7 @@ LogDensity = Callable[[jax.Array], jax.Array]
 
 
 def twin_log_posterior(target: Target, substeps: tuple[int, ...]) -> LogDensity:
-    """Log posterior of one position, (n_dim,), equal to that of `target`, with fixed sub-steps for each test.
-
-    It is -inf outside the box, and where the simulation is not finite.
-    """
+    """Log posterior of one position, (n_dim,), as of `target`, with fixed sub-steps; -inf where not finite."""
     objective, space = target.objective, target.space
     log_densities: Any = target.noise.log_densities
     if not (target.noise.differentiable and objective.is_direct):
@@ -86,10 +83,10 @@ class NutsDraws(Summarised):
 @holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trajectories:
-    """Unbounded coordinates for NUTS, in which the target is approximately standard normal.
+    """Unbounded coordinates in which the target is nearly standard normal: logits, scaled by the Fisher ellipsoid.
 
-    They are logits of the unit coordinates, centred and scaled by the Fisher ellipsoid. In place of the pair k and
-    k x0, where bounds of the second would depend on the first, k and x0 are used, with the volume element |k|.
+    In place of the pair k and k x0, where bounds of the second would depend on the first, k and x0 are used, with the
+    volume element |k|.
     """
 
     target: Target

@@ -63,11 +63,8 @@ class PastDifferences(Move):  # type: ignore[misc] # a base class without types
     """Differential evolution with the past (DE-MCZ, ter Braak and Vrugt 2008).
 
     A walker at x proposes x + gamma (z1 - z2), gamma = 2.38 / sqrt(2 n_dim), with two states z1 and z2 from the second
-    half of all walkers' past. Proposals do not depend on the current state of other walkers, so all walkers are one
-    batch; a move that uses the rest of the ensemble needs two. Adaptation diminishes as the past grows; the first half
-    of the past, which may not be stationary, is not used.
-
-    The densities are asked from the target, all walkers at once: emcee would look at each of them by itself.
+    half of all walkers' past; so all walkers are one batch, asked from the target at once, not one by one as emcee
+    would.
     """
 
     def __init__(self, target: Callable[[Array], Array], past: Callable[[], Array]) -> None:
@@ -98,8 +95,8 @@ class PastDifferences(Move):  # type: ignore[misc] # a base class without types
 class Ensemble(Summarised):
     """Chain of positions, shape (n_steps + 1, n_walkers, n_dim), and log densities, (n_steps + 1, n_walkers).
 
-    The first row is the start. `at` holds the number of steps and the random state after them in one tuple, so that an
-    interrupt cannot separate the two. The arrays may be longer than the chain.
+    `at` holds the number of steps and the random state after them in one tuple, so that an interrupt cannot separate
+    the two. The arrays may be longer than the chain.
     """
 
     target: Callable[[Array], Array]
@@ -225,8 +222,9 @@ class SamplingProblem:
             "noise": self.target.noise.name,
             "bounds": {name: list(self.bounds[name]) for name in sorted(self.bounds)},
             "priors": {
-                name: {"kind": type(self.priors[name]).__name__} | _fields(self.priors[name])
-                for name in sorted(self.priors)
+                # Priors are dataclasses, which a protocol cannot state.
+                name: {"kind": type(prior).__name__} | asdict(prior)  # type: ignore[call-overload]
+                for name, prior in sorted(self.priors.items())
             },
             "nuisances": list(objective.settings.nuisances),
             "temper": self.target.temper,
@@ -346,11 +344,6 @@ class SamplingProblem:
         return text
 
 
-def _fields(prior: Prior) -> dict[str, Any]:
-    # Priors are dataclasses, which a protocol cannot state.
-    return asdict(prior)  # type: ignore[call-overload,no-any-return]  # every prior is a dataclass
-
-
 # Seconds between two progress reports.
 _REPORT_EVERY = 0.2
 # Bytes of the longest chain; its diagnosis takes as much again.
@@ -464,7 +457,7 @@ def sample(
         rng=rng,
         threads=threads,
     )
-    _check_size(walkers, most_steps, problem.target.space.n_dim)
+    _refuse_long_chain(walkers, most_steps, problem.target.space.n_dim)
     density: Callable[[Array], Array] = problem.target
     if journal is not None:
         journal.agree("sampling", problem.fingerprint())
@@ -494,7 +487,7 @@ def sample(
     return problem.draws(ensemble, diagnosis, seconds=time.perf_counter() - began)
 
 
-def _check_size(walkers: int, most_steps: int, n_dim: int) -> None:
+def _refuse_long_chain(walkers: int, most_steps: int, n_dim: int) -> None:
     """Refuse a chain that memory may not hold before it ends."""
     each = 8 * walkers * (n_dim + 1)
     if most_steps * each > _MOST_BYTES:
@@ -505,10 +498,7 @@ def _check_size(walkers: int, most_steps: int, n_dim: int) -> None:
 
 
 def _run(problem: SamplingProblem, ensemble: Ensemble, monitor: _Monitor) -> Diagnosis:
-    """Advance until convergence or the last step; the steps of the checks depend on the number of steps alone.
-
-    A check after which the journal goes on has found a shortcoming, and is not made again.
-    """
+    """Advance until convergence or the last step; a check after which the journal goes on is not made again."""
     while True:
         done = ensemble.n_steps
         ends = done >= monitor.most_steps
@@ -522,10 +512,7 @@ def _run(problem: SamplingProblem, ensemble: Ensemble, monitor: _Monitor) -> Dia
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Journalled:
-    """Log density of proposals (n_walkers, n_dim), from the journal where it is recorded.
-
-    All else in a step is arithmetic on random numbers of a seed: proposals and acceptance need not be recorded.
-    """
+    """Log density of proposals, from the journal where it is recorded; all else in a step follows from the seed."""
 
     target: Callable[[Array], Array]
     journal: Journal

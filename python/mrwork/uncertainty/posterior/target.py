@@ -110,13 +110,7 @@ _KINDS: dict[str, Callable[[float, float], Prior]] = {
 
 
 def parse_prior(text: str) -> tuple[str, Prior]:
-    """Parse `NAME=KIND:NUMBER:NUMBER`, such as `k_w=normal:650:50`, into name and prior.
-
-    Examples
-    --------
-    >>> parse_prior("k_w=normal:650:50")
-    ('k_w', Normal(mean=650.0, deviation=50.0))
-    """
+    """Parse `NAME=KIND:NUMBER:NUMBER`, such as `k_w=normal:650:50`, into name and prior."""
     name, equals, rest = text.partition("=")
     kind, *numbers = rest.split(":")
     try:
@@ -136,8 +130,6 @@ def _check(fine: bool, kind: str, expected: str) -> None:
         raise SettingError(f"a {kind} prior was given numbers that make no density; give {expected}")
 
 
-# NumPy or JAX, as in `coordinates`.
-
 NOISE = "noise."
 # Tolerance for parameters on a face of the box, whose logarithm is rounded.
 _ROUNDING = 1e-12
@@ -145,11 +137,7 @@ _ROUNDING = 1e-12
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Space:
-    """Positions, shape (..., n_dim), of the free parameters and the noise parameters of a `box` over both.
-
-    `pair` holds the coordinates of k and of k x0, `None` where x0 is its own coordinate. `priors` are by coordinate,
-    `None` where uniform.
-    """
+    """Positions (..., n_dim) of free and noise parameters in a `box`; `pair` holds the coordinates of k and of k x0."""
 
     box: Box
     n_params: int
@@ -195,10 +183,7 @@ class Space:
         return len(self.box.free)
 
     def values(self, position: AnyArray) -> tuple[AnyArray, AnyArray]:
-        """Parameters and noise parameters, shape (..., n_params + n_noise), and whether they lie in the box, (...).
-
-        The values of a position outside the box are undefined.
-        """
+        """Parameters and noise parameters, (..., n_all), undefined outside the box, and whether they lie in it."""
         xp = position.__array_namespace__()
         unit = self._unit(position)
         # x0 is undefined for zero stiffness: `unit` is then NaN, hence not inside.
@@ -295,11 +280,10 @@ _ROWS = 64
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Target(Summarised):
-    """Log posterior density of positions of a `space`, up to a constant.
+    """Log posterior density of positions of a `space`, up to a constant, with the log-likelihood times `temper`.
 
-    Residuals are those of a free run, in units of the standard deviation of each test's force, `deviations` [N].
-    Observation models and nuisance parameters act as in the fit; the latter take their least-squares values for each
-    candidate. `temper` multiplies the log-likelihood.
+    Residuals are those of a free run, in units of the standard deviation of each test's force, `deviations` [N];
+    nuisance parameters take their least-squares values for each candidate.
     """
 
     _made_by: ClassVar[str] = "mr.uncertainty.Target.of(form, objective, noise, ...)"
@@ -324,12 +308,10 @@ class Target(Summarised):
         priors: Mapping[str, Prior],
         tempering: Tempering | None,
     ) -> Target:
-        """The target with tempering from the residuals at `start`, shape (n_params,).
+        """The target with tempering from the residuals at `start`, shape (n_params,), see `sample`.
 
-        `tempering`: factor of the log-likelihood: a number, or "effective" for n_eff / n, the share of independent
-        samples among the residuals at the start. Default "effective" for noise models without correlation, 1 for those
-        with it. Residuals of real tests are mostly model error with a lag-1 autocorrelation of 0.9 and more: 2000 count
-        as some tens of independent observations, and intervals would be far too narrow if all were counted.
+        Residuals of real tests are mostly model error with a lag-1 autocorrelation of 0.9 and more: 2000 count as some
+        tens of independent observations, and intervals would be far too narrow if all were counted.
         """
         target = cls(
             form=form,
@@ -379,10 +361,7 @@ class Target(Summarised):
         return total
 
     def residuals(self, theta: Array) -> Iterator[tuple[Array, Array, NDArray[np.bool_]]]:
-        """Residuals and forces about the measured mean, (n_batch, n_counted), and rows that failed, test by test.
-
-        Both are in units of the deviation of the test's measured force; both are zero in rows that failed.
-        """
+        """Residuals and forces about their mean, (n_batch, n_counted), in deviations; zero in rows that failed."""
         objective = self.objective
         objective.tally.simulations += len(theta)
         for each, deviation in zip(objective.compared, self.deviations, strict=True):
