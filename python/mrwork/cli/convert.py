@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import asdict
-from math import isfinite
 from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.cli.numbers import SCALE, add_number
-from mrwork.cli.options import end_parser
+from mrwork.cli.options import end_parser, parsed_number
 from mrwork.cli.output import print_json
 from mrwork.cli.terminal import show
 from mrwork.dampers.conversions import (
@@ -116,12 +115,7 @@ def _parse(convention: Convention, texts: list[str]) -> dict[str, float]:
             raise SettingError(f"{convention} has no parameter {name!r}; it has {', '.join(names)}")
         if name in values:
             raise SettingError(f"{name} is given twice; give it once")
-        try:
-            values[name] = float(number)
-        except ValueError:
-            values[name] = float("nan")
-        if not isfinite(values[name]):
-            raise SettingError(f"{number!r} in {text!r} is not a number; write it as 1500 or 1.5e3")
+        values[name] = parsed_number(number, text)
     missing = [name for name in names if name not in values and name not in _OPTIONAL]
     if missing:
         raise SettingError(f"{convention} also needs {', '.join(missing)}; give each as NAME=VALUE")

@@ -192,12 +192,12 @@ def parse_bounds(ranges: Sequence[str], fixed: Sequence[str]) -> dict[str, tuple
         lower, colon, upper = pair.partition(":")
         if not (name and colon):
             raise SettingError(f"--bound is {text!r}; give NAME=LOWER:UPPER, as in rho=100:5000")
-        bounds[name] = (_number(lower, text), _number(upper, text))
+        bounds[name] = (parsed_number(lower, text), parsed_number(upper, text))
     for text in fixed:
         name, equals, value = text.partition("=")
         if not (name and equals):
             raise SettingError(f"--fix is {text!r}; give NAME=VALUE, as in n=2")
-        bounds[name] = (_number(value, text), _number(value, text))
+        bounds[name] = (parsed_number(value, text), parsed_number(value, text))
     return bounds
 
 
@@ -269,7 +269,8 @@ def observation_of(options: argparse.Namespace, default: Sequence[str] = (DETECT
     return as_words(options.observe or default)
 
 
-def _number(text: str, option: str) -> float:
+def parsed_number(text: str, option: str) -> float:
+    """The finite number that a text gives, a part of `option`."""
     try:
         value = float(text)
     except ValueError:
@@ -283,5 +284,5 @@ def _repair(option: str) -> tuple[RepairKind, float | None]:
     name, equals, amount = option.partition("=")
     for kind in REPAIR_KINDS:
         if kind == name:
-            return kind, _number(amount, option) if equals else None
+            return kind, parsed_number(amount, option) if equals else None
     raise SettingError(f"--repair is {option!r}; give one of {', '.join(REPAIR_KINDS)}")

@@ -32,11 +32,11 @@ from mrwork.report.fit.agreement import (
 from mrwork.report.fit.amplitudes import AMPLITUDES
 from mrwork.report.fit.bands import BANDS
 from mrwork.report.fit.coverage import COVERAGE
-from mrwork.report.fit.parameters import IDENTIFIABILITY, LAWS, TESTED_RANGE, caution, parameter_rows
+from mrwork.report.fit.parameters import IDENTIFIABILITY, TESTED_RANGE, caution, parameter_rows
 from mrwork.report.fit.plan import PLAN, plan_figure
 from mrwork.report.fit.posterior import POSTERIOR
 from mrwork.report.fit.profiles import PROFILES, profiles_figure
-from mrwork.report.fit.ranking import RANKING, ranking_figure
+from mrwork.report.fit.ranking import LAWS, RANKING, ranking_figure
 from mrwork.report.fit.residuals import RESIDUALS
 from mrwork.report.fit.search import search_facts, search_figure, search_panels
 from mrwork.report.html import equation_html, filled_in

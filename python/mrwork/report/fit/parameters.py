@@ -1,4 +1,4 @@
-"""Sections of a fit's page that are tables: parameters, the choice of current laws, identifiability, tested ranges."""
+"""Sections of a fit's page that are tables: parameters, identifiability, tested ranges."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import NamedTuple, get_args
 from mrwork import numbers
 from mrwork.identification.fit import Direction, Estimate, Fit, Identifiability, Intervals, VerdictName
 from mrwork.report.figures import Comparison
-from mrwork.report.section import Absent, Group, Section, SectionKind
+from mrwork.report.section import Group, Section, SectionKind
 from mrwork.stored import StoredRun
 from mrwork.table import Table, TableColumn, page_table
 
@@ -113,39 +113,6 @@ def _aligned(texts: Sequence[str]) -> list[Aligned]:
     parts = [numbers.at_point(text) for text in texts]
     width = max((len(tail) for _, tail in parts), default=0)
     return [Aligned(head=head, tail=tail, width=width) for head, tail in parts]
-
-
-def _laws_section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
-    """The sentence and the table of a choice, and how its numbers are defined."""
-    laws = run.laws
-    if laws is None:
-        return None
-    chosen = laws.chosen
-    in_words = f"{laws.model}, {chosen.in_words}" if laws.is_of_several else chosen.in_words
-    return Section(
-        anchor="laws",
-        title="Choice of current laws",
-        summary=f"Choice of laws: {in_words}, of {len(laws.tried)} sets of laws; left-out fit "
-        f"{chosen.left_out_percent:.2f} %.",
-        groups=(
-            Group(
-                prose=(laws.sentence, *(f"{note}." for note in laws.notes)),
-                table=laws.page_table,
-                points=laws.definitions,
-            ),
-        ),
-    )
-
-
-LAWS = SectionKind(
-    make=_laws_section,
-    absent=Absent(
-        title="Choice of current laws",
-        command="mrwork identify TESTS --law auto",
-        description="chooses which parameters follow the command, and by which law, by predictions of tests left out, "
-        "and writes a run folder of its own.",
-    ),
-)
 
 
 _ADVICE: dict[VerdictName, str] = {

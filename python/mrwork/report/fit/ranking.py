@@ -1,4 +1,4 @@
-"""The section on the choice of model: how the families compare on tests that their fits have not seen."""
+"""Sections on choices: how families of models, or laws of one, compare on tests that their fits have not seen."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from mrwork.report.canvas import blank, name_ordinate, room_for
 from mrwork.report.figures import Comparison
 from mrwork.report.section import Absent, Group, Section, SectionKind, panel
 from mrwork.stored import StoredRun
+from mrwork.uncertainty.choice.law_table import LawTable
 from mrwork.uncertainty.choice.ranking import Ranking, Standing
 
 _ROW = 0.27
@@ -38,11 +39,7 @@ def _section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
         summary=f"Choice of model: {chosen.title} of {len(ranking.standings)} families, left-out fit "
         f"{chosen.left_out_in_words} %.",
         groups=(
-            Group(
-                prose=(ranking.sentence, *(f"{remark}." for remark in ranking.remarks)),
-                table=ranking.page_table,
-                points=ranking.definitions,
-            ),
+            _group(ranking, ranking.remarks),
             Group(
                 title="Left-out fit of the models",
                 panels=(
@@ -56,6 +53,30 @@ def _section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
                 ),
             ),
         ),
+    )
+
+
+def _laws_section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
+    """The sentence and the table of a choice, and how its numbers are defined."""
+    laws = run.laws
+    if laws is None:
+        return None
+    chosen = laws.chosen
+    in_words = f"{laws.model}, {chosen.in_words}" if laws.is_of_several else chosen.in_words
+    return Section(
+        anchor="laws",
+        title="Choice of current laws",
+        summary=f"Choice of laws: {in_words}, of {len(laws.tried)} sets of laws; left-out fit "
+        f"{chosen.left_out_percent:.2f} %.",
+        groups=(_group(laws, laws.notes),),
+    )
+
+
+def _group(choice: Ranking | LawTable, remarks: Sequence[str]) -> Group:
+    return Group(
+        prose=(choice.sentence, *(f"{remark}." for remark in remarks)),
+        table=choice.page_table,
+        points=choice.definitions,
     )
 
 
@@ -127,5 +148,14 @@ RANKING = SectionKind(
         command="mrwork identify TESTS --model all",
         description="compares families of models on tests that their fits have not seen, and writes a run folder of "
         "its own.",
+    ),
+)
+LAWS = SectionKind(
+    make=_laws_section,
+    absent=Absent(
+        title="Choice of current laws",
+        command="mrwork identify TESTS --law auto",
+        description="chooses which parameters follow the command, and by which law, by predictions of tests left out, "
+        "and writes a run folder of its own.",
     ),
 )
