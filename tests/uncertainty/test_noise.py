@@ -1,7 +1,6 @@
 """Noise models: densities against closed forms, draws against densities, estimates from draws."""
 
 import jax
-import mrwork.twins.equations
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal, t
