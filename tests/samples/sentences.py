@@ -17,6 +17,7 @@ from typing import ParamSpec
 
 import pytest
 from command_line import mrwork
+from measured_data import DATA
 
 P = ParamSpec("P")
 
@@ -25,6 +26,7 @@ GOLDEN = TESTS / "sentences.toml"
 MEANT = "if this is meant: make sentences"
 WRITES = os.environ.get("MRWORK_SENTENCES") == "write"
 
+PLACES = {TESTS: "{tests}", DATA: "{data}"}
 # What is of the machine, or of this Python.
 VARYING = {
     r"\(choose from [^)]*\)": "(choose from {choices})",
@@ -66,7 +68,9 @@ class Refused:
         self._compare(f"exit 2: {ended.stderr.rstrip()}")
 
     def _compare(self, line: str) -> None:
-        line = self._folder.sub("{folder}", line).replace(str(TESTS), "{tests}")
+        line = self._folder.sub("{folder}", line)
+        for place, name in PLACES.items():
+            line = line.replace(str(place), name)
         for pattern, constant in VARYING.items():
             line = re.sub(pattern, constant, line)
         self.failed = not WRITES and self.expected[len(self.came) :][:1] != [line]
