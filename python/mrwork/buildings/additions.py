@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import block_diag, eigh
+import scipy
 
 from mrwork.arguments import NotNegative, Positive, checked
 from mrwork.buildings.matrices import Building, carried
@@ -251,7 +251,7 @@ def with_base_isolation(
     return replace(
         building,
         name=f"{building.name}, isolated",
-        mass=block_diag(np.array([[mass]]), building.mass),
+        mass=scipy.linalg.block_diag(np.array([[mass]]), building.mass),
         damping=relative.T @ building.damping @ relative + damping * held,
         stiffness=relative.T @ building.stiffness @ relative + stiffness * held,
         influence=np.concatenate([[1.0], building.influence]),
@@ -311,7 +311,9 @@ def mode_at_floor(building: Building, floor: int | str, mode: int, name: str) ->
             f"{name} on {building.name}: it is tuned to mode {mode}; give one from 1 to {building.n_coordinates}"
         )
     # Of large buildings this mode alone takes a fraction of the time of all.
-    squares, shapes = eigh(building.stiffness, building.mass, subset_by_index=[mode - 1, mode - 1])
+    squares, shapes = scipy.linalg.eigh(
+        building.stiffness, building.mass, subset_by_index=[mode - 1, mode - 1]
+    )
     shape = shapes[:, 0]
     entry = float(building.floor_row(floor) @ shape)
     # An entry below a millionth of the largest is a node of the mode.

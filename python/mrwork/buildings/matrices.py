@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from typing import Annotated, ClassVar, Final
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.linalg import eigh
 
 from mrwork.arguments import NotNegative, Positive, checked
 from mrwork.buildings.modes import damping_ratios_of, damping_warnings, growing_modes, is_positive, modes_of
@@ -165,7 +165,7 @@ class Building(Summarised):
     def frequencies(self) -> Floats:
         """Undamped natural frequencies [Hz], shape (n,), lowest first."""
         # Without the shapes, a fifth of the time of all modes.
-        squares = eigh(self.stiffness, self.mass, eigvals_only=True)
+        squares = scipy.linalg.eigh(self.stiffness, self.mass, eigvals_only=True)
         return np.asarray(np.sqrt(np.maximum(squares, 0.0)) / (2.0 * np.pi))
 
     @property

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.linalg import eigh
 
 from mrwork.values import Floats, holds_arrays
 
@@ -50,7 +50,7 @@ def modes_of(mass: Floats, stiffness: Floats) -> tuple[Floats, Floats]:
 
     The largest entry of each shape is positive.
     """
-    squares, modes = eigh(stiffness, mass)
+    squares, modes = scipy.linalg.eigh(stiffness, mass)
     largest = np.take_along_axis(modes, np.abs(modes).argmax(axis=0)[None, :], axis=0)
     # A free coordinate has frequency zero; rounding may make its square negative.
     return np.sqrt(np.maximum(squares, 0.0)), modes * np.where(largest < 0.0, -1.0, 1.0)

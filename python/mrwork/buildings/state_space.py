@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Final, Literal
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.linalg import solve_continuous_lyapunov, svd
 
 from mrwork.arguments import checked
 from mrwork.buildings.from_file import read_matrices
@@ -439,9 +439,9 @@ def balanced_truncation(system: LinearSystem, *, order: int) -> BalancedReductio
             f"balanced truncation: a pole of the system has the real part {slowest:g} 1/s; it must be stable, so give "
             "each mode some damping"
         )
-    controllability = _root(solve_continuous_lyapunov(system.A, -system.B @ system.B.T))
-    observability = _root(solve_continuous_lyapunov(system.A.T, -system.C.T @ system.C))
-    left, hankel, right = svd(observability.T @ controllability)
+    controllability = _root(scipy.linalg.solve_continuous_lyapunov(system.A, -system.B @ system.B.T))
+    observability = _root(scipy.linalg.solve_continuous_lyapunov(system.A.T, -system.C.T @ system.C))
+    left, hankel, right = scipy.linalg.svd(observability.T @ controllability)
     n_clear = int((hankel > _NOISE * hankel[0]).sum())
     if not 1 <= order <= n_clear:
         raise SettingError(

@@ -34,7 +34,7 @@ from mrwork.cli.options import (
 from mrwork.cli.output import as_plain
 from mrwork.cli.progress import IdentificationInWords, choice_described, laws_described
 from mrwork.cli.terminal import note
-from mrwork.dampers.spec import DamperSpec, damper
+from mrwork.dampers.spec import ALL, DamperSpec, damper
 from mrwork.errors import SettingError
 from mrwork.identification.fit_file import read_fit
 from mrwork.identification.identify import identify_with
@@ -55,7 +55,6 @@ from mrwork.store.run_folder import FIT, LAWS, MODELS, RANKING
 from mrwork.store.unfinished import StepJournals, discard_journal, run_journal
 from mrwork.table import Table
 from mrwork.uncertainty.bands.prediction import Fold
-from mrwork.uncertainty.choice.choose import ALL
 from mrwork.units import COMMAND_SCALES
 
 if TYPE_CHECKING:

@@ -5,20 +5,20 @@ from __future__ import annotations
 import argparse
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mrwork.cli.numbers import named_path
 from mrwork.cli.options import add_out, add_seed, add_threads, end_parser, is_quiet
 from mrwork.cli.progress import progress_line, study_described
-from mrwork.cli.study_text import StudyVerb, command_line, run_on_study, study_text
 from mrwork.cli.terminal import keep_stdout, show
 from mrwork.errors import SettingError
-from mrwork.store.journal import Journal
 from mrwork.store.run_folder import STUDY_RUN
-from mrwork.study.folder import study_document, write_study
-from mrwork.study.results import StudyResults
-from mrwork.study.run_result import Histories
-from mrwork.study.study import Study
+
+if TYPE_CHECKING:
+    from mrwork.cli.study_text import StudyVerb
+    from mrwork.store.journal import Journal
+    from mrwork.study.results import StudyResults
+    from mrwork.study.study import Study
 
 
 def add_parser(verbs: Any) -> None:
@@ -64,12 +64,19 @@ def run(options: argparse.Namespace) -> int:
         return 0
     if options.study is None:
         raise SettingError("no study is given; give a STUDY.toml, or --schema to print its keys")
+    # Results and simulation are slow to load.
+    from mrwork.cli.study_text import run_on_study
+
     verb_of = partial(_verb, options)
     return run_on_study(options, STUDY_RUN, options.study.stem, verb_of, use=options.motions)
 
 
 def _verb(options: argparse.Namespace, study: Study, place: Path) -> StudyVerb[StudyResults]:
     """The responses of a study, with the histories that it stores."""
+    from mrwork.cli.study_text import StudyVerb, command_line, study_text
+    from mrwork.study.folder import study_document, write_study
+    from mrwork.study.run_result import Histories
+
     histories = Histories(place, study, resume=options.resume)
 
     def compute(journal: Journal) -> StudyResults:

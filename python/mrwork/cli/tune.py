@@ -6,25 +6,21 @@ import argparse
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mrwork.cli.numbers import named_path
 from mrwork.cli.options import add_out, add_seed, add_threads, end_parser, is_quiet
 from mrwork.cli.output import table_lines
 from mrwork.cli.progress import progress_line, tuning_described
-from mrwork.cli.study_text import StudyVerb, command_line, run_on_study
 from mrwork.numbers import with_decimals
-from mrwork.store.journal import Journal
 from mrwork.store.run_folder import CHOSEN, REPORT, TUNING_RUN
-from mrwork.study.schema import TuneTable
-from mrwork.study.study import Study
-from mrwork.tuning.results import (
-    LawResult,
-    TuningResults,
-    settings_in_words,
-    tuning_document,
-    write_tuning,
-)
+
+if TYPE_CHECKING:
+    from mrwork.cli.study_text import StudyVerb
+    from mrwork.store.journal import Journal
+    from mrwork.study.schema import TuneTable
+    from mrwork.study.study import Study
+    from mrwork.tuning.results import LawResult, TuningResults
 
 _QUICK = (48, 12)
 
@@ -64,11 +60,17 @@ def add_parser(verbs: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Tune, write the folder, print the result."""
+    # Results and simulation are slow to load.
+    from mrwork.cli.study_text import run_on_study
+
     return run_on_study(options, TUNING_RUN, f"{options.study.stem}-tuned", partial(_verb, options))
 
 
 def _verb(options: argparse.Namespace, study: Study, place: Path) -> StudyVerb[TuningResults]:
     """The tuning of the tables of a study, or of the command line."""
+    from mrwork.cli.study_text import StudyVerb, command_line
+    from mrwork.tuning.results import tuning_document, write_tuning
+
     tables = _tables(study, options)
 
     def compute(journal: Journal) -> TuningResults:
@@ -101,6 +103,8 @@ def _verb(options: argparse.Namespace, study: Study, place: Path) -> StudyVerb[T
 
 def _tables(study: Study, options: argparse.Namespace) -> tuple[TuneTable, ...]:
     """The tables of the command line or of the study; smaller ones for a quick look."""
+    from mrwork.study.schema import TuneTable
+
     tables = (TuneTable(laws=tuple(options.law)),) if options.law else study.tunes
     if not options.quick:
         return tables
@@ -113,6 +117,8 @@ def _tables(study: Study, options: argparse.Namespace) -> tuple[TuneTable, ...]:
 
 def _text(results: TuningResults, place: Path, *, drawn: bool) -> str:
     """Scores on training and test motions, the settings, warnings, and where everything is."""
+    from mrwork.tuning.results import settings_in_words
+
     head = ("", "training", "test", "drift", "acc.", "better", "settings")
     rows = [_row(each, settings_in_words(each.settings, results.command_unit)) for each in results.ranked]
     lines = [

@@ -10,7 +10,7 @@ from dataclasses import dataclass, fields
 from typing import Any, Literal
 
 import numpy as np
-import scipy.linalg
+import scipy
 
 from mrwork.arguments import checked
 from mrwork.control.design.designed import SCAN, DesignedWeights

@@ -27,6 +27,9 @@ from mrwork.numbers import of_unit, rounded
 from mrwork.summary import Summarised, Summary
 from mrwork.units import CommandUnit
 
+# In place of the name of one model: every model.
+ALL = "all"
+
 _Value = float | tuple[float, ...]
 
 

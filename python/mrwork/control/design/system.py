@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.linalg
+import scipy
 
 from mrwork.control.design.limits import LimitedOutputs, LoopTiming
 from mrwork.control.plant import Plant, deformation_rates

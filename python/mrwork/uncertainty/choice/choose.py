@@ -14,7 +14,7 @@ from warnings import warn
 
 from mrwork.arguments import Threads, checked
 from mrwork.dampers.parameters import LawName
-from mrwork.dampers.spec import DamperSpec, damper, damper_models
+from mrwork.dampers.spec import ALL, DamperSpec, damper, damper_models
 from mrwork.errors import (
     Interrupted,
     JournalError,
@@ -48,8 +48,6 @@ from mrwork.uncertainty.choice.leave_one_out import Likelihood, free_parameters,
 from mrwork.uncertainty.choice.ranking import Evidence, Ranking, cost_remark, find_collapses, rank, ranking_of
 from mrwork.uncertainty.noise import noise_model
 from mrwork.units import CommandUnit
-
-ALL = "all"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
