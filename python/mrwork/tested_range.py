@@ -318,7 +318,7 @@ def _exceedance(
 _LEAST_HALF_CYCLE = 0.01
 
 
-def half_cycle_ends(displacement: NDArray[np.float64]) -> NDArray[np.intp]:
+def half_cycle_ends(displacement: Floats) -> NDArray[np.intp]:
     """Samples between which the half cycles of a motion lie, from reversal to reversal, shape (n_half_cycles + 1,).
 
     What lies before the first reversal and after the last is no half cycle; a motion with fewer than two reversals
@@ -344,12 +344,12 @@ def half_cycle_ends(displacement: NDArray[np.float64]) -> NDArray[np.intp]:
     return np.sort([np.argmin(displacement), np.argmax(displacement)])
 
 
-def half_cycles(displacement: NDArray[np.float64]) -> NDArray[np.float64]:
+def half_cycles(displacement: Floats) -> Floats:
     """Peak-to-peak displacement of each half cycle, see `half_cycle_ends`, shape (n_half_cycles,)."""
     return np.asarray(np.abs(np.diff(displacement[half_cycle_ends(displacement)])))
 
 
-def least_stroke(displacement: NDArray[np.float64]) -> float:
+def least_stroke(displacement: Floats) -> float:
     """Amplitude [m] of half cycles that make, with all smaller ones, a fifth of the travel of a displacement [m]."""
     ranges = np.sort(half_cycles(displacement))
     travelled = np.cumsum(ranges)

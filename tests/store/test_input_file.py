@@ -58,6 +58,7 @@ ELSEWHERE = {
     "store/child_formats.py": "bytes in memory",
     "store/child_program.py": "how much memory the process has",
     "store/output_file.py": "files that are written",
+    "store/parse.py": "texts in memory",
     "store/output_folder.py": "folders, to flush them",
 }
 

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.errors import LibraryError
-from mrwork.store.child_program import NO_MEMORY
+from mrwork.store.child_program import NO_MEMORY, limit_of
 from mrwork.store.input_file import allowed
 from mrwork.values import holds_arrays
 
@@ -160,19 +160,8 @@ def _reason(child: subprocess.Popen[bytes], seconds: float) -> str:
         raise LibraryError(_OUTSIDE.format(limit="memory", option="-v"))
     if status == 1 and lines:
         return lines[-1]
-    if status in _ENDED_BY_TIME and _seconds_before() <= seconds:
+    if status in _ENDED_BY_TIME and limit_of("RLIMIT_CPU") <= seconds:
         raise LibraryError(_OUTSIDE.format(limit="processor time", option="-t"))
     if status < 0:
         return f"the library that reads it fails on it, or takes more than {seconds:.0f} s"
     return f"the process that reads it ended with status {status}"
-
-
-def _seconds_before() -> float:
-    try:
-        import resource
-    except ImportError:
-        return math.inf
-    return min(
-        (each for each in resource.getrlimit(resource.RLIMIT_CPU) if each != resource.RLIM_INFINITY),
-        default=math.inf,
-    )

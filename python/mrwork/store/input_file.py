@@ -3,9 +3,6 @@
 A named pipe waits for a writer without end, a device such as /dev/zero has no end, and opening one may already act on
 it. Every reader of the package asks this module for the bytes of a file; `tests/store/test_input_file.py` checks it.
 
-JSON and TOML texts may be damaged or hostile: too deep, with numbers that nothing can hold, or ambiguous; `json_value`
-and `toml_table` refuse these.
-
 Files of named arrays (.npz) may be damaged: sizes are counted before anything is allocated.
 """
 
