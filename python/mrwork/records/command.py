@@ -25,6 +25,7 @@ from mrwork.errors import RecordError
 from mrwork.files.named_columns import column_option
 from mrwork.records.damper_test import DamperTest, Finding, Measured
 from mrwork.units import CommandUnit
+from mrwork.values import Floats
 
 # Fewest samples of a pulse that noise does not explain.
 _PULSE: Final = 3
@@ -34,7 +35,7 @@ _FREQUENCY: Final = 0.20
 
 
 def command_of(
-    samples: NDArray[np.float64], quantity: str, unit: CommandUnit, *, source: str
+    samples: Floats, quantity: str, unit: CommandUnit, *, source: str
 ) -> tuple[Command, tuple[Finding, ...]]:
     """Return a command as a number, its median, if it varies no more than a measured constant does; else as it varies.
 
@@ -70,7 +71,7 @@ def command_of(
     return samples, (varies, *rings, *negative)
 
 
-def _rings(present: NDArray[np.float64], quantity: str, unit: CommandUnit) -> tuple[Finding, ...]:
+def _rings(present: Floats, quantity: str, unit: CommandUnit) -> tuple[Finding, ...]:
     """A note on a command that rings below zero."""
     if not rings_below_zero(present, unit):
         return ()
@@ -93,7 +94,7 @@ def _has_pulse(outside: NDArray[np.bool_]) -> bool:
 
 
 def motion_matches_name(
-    displacement: NDArray[np.float64],
+    displacement: Floats,
     dominant: float,
     duration: float,
     amplitude: float | None,

@@ -172,10 +172,8 @@ def _velocity(test: DamperTest, _: float | None) -> tuple[DamperTest, Finding]:
     message = (
         f"the velocity was derived from the displacement anew; it changed by {100 * changed:.2g} % (rms)"
     )
-    return (
-        replace(test, velocity=frozen(derived), velocity_source="derived"),
-        _done("velocity", message, changed, ""),
-    )
+    repaired = replace(test, velocity=frozen(derived), velocity_source="derived")
+    return repaired, _done("velocity", message, changed, "")
 
 
 _STEPS: Final[dict[RepairKind, Callable[[DamperTest, float | None], tuple[DamperTest, Finding]]]] = {
@@ -194,7 +192,7 @@ def _done(kind: RepairKind, message: str, value: float, unit: str, seen: Measure
 
 
 def _no_cause(kind: RepairKind, reason: str) -> Finding:
-    return Finding(code=f"no_{kind}", severity="note", message=f"no {kind} to repair: {reason}")
+    return Finding.note(f"no_{kind}", f"no {kind} to repair: {reason}")
 
 
 def _error(seen: Measured, factor: float) -> str:

@@ -16,7 +16,7 @@ from mrwork.errors import RecordError, SettingError
 from mrwork.files.named_columns import rounded_grid
 from mrwork.records.damper_test import DamperTest, Finding
 from mrwork.records.motion import spectrum
-from mrwork.values import holds_arrays
+from mrwork.values import Floats, holds_arrays
 
 FEWEST_SAMPLES: Final = 10
 # Limits far beyond any damper test; arithmetic on larger values could overflow.
@@ -36,15 +36,15 @@ class Signals:
     `current`, `voltage` and `command`, of another unit, are the commands that vary.
     """
 
-    time: NDArray[np.float64]
-    displacement: NDArray[np.float64]
-    force: NDArray[np.float64]
-    velocity: NDArray[np.float64] | None = None
-    current: NDArray[np.float64] | None = None
-    voltage: NDArray[np.float64] | None = None
-    command: NDArray[np.float64] | None = None
+    time: Floats
+    displacement: Floats
+    force: Floats
+    velocity: Floats | None = None
+    current: Floats | None = None
+    voltage: Floats | None = None
+    command: Floats | None = None
 
-    def channels(self) -> tuple[tuple[str, NDArray[np.float64]], ...]:
+    def channels(self) -> tuple[tuple[str, Floats], ...]:
         """Name and samples of every channel that exists."""
         named = ((each.name, getattr(self, each.name)) for each in fields(self))
         return tuple((name, channel) for name, channel in named if channel is not None)
@@ -54,7 +54,7 @@ class Signals:
         """Whether a command varies."""
         return any(sent is not None for sent in (self.current, self.voltage, self.command))
 
-    def through(self, change: Callable[[NDArray[np.float64]], NDArray[np.float64]]) -> Signals:
+    def through(self, change: Callable[[Floats], Floats]) -> Signals:
         """Signals with the same change applied to every channel."""
         return replace(self, **{name: change(channel) for name, channel in self.channels()})
 
@@ -93,15 +93,12 @@ def complete_rows(
         )
     if last - first == complete.size:
         return signals, first, ()
-    finding = Finding(
-        code="nan_rows_dropped",
-        severity="note",
-        message=f"dropped incomplete rows: {first} at the start, {complete.size - last} at the end",
-    )
-    return signals.through(lambda channel: channel[first:last]), first, (finding,)
+    message = f"dropped incomplete rows: {first} at the start, {complete.size - last} at the end"
+    dropped = Finding.note("nan_rows_dropped", message)
+    return signals.through(lambda channel: channel[first:last]), first, (dropped,)
 
 
-def check_time(time: NDArray[np.float64], *, source: str, locate: Callable[[int], str]) -> None:
+def check_time(time: Floats, *, source: str, locate: Callable[[int], str]) -> None:
     """Check that time increases."""
     wrong = np.flatnonzero(np.diff(time) <= _SAME)
     if wrong.size == 0:
@@ -151,26 +148,20 @@ def uniform_step(signals: Signals, spiky: NDArray[np.bool_], *, source: str) -> 
         raise RecordError(
             f"{source}: the time step is {median:.3g} s, below any rig's; check the unit of the time"
         )
-    mean = duration / (time.size - 1)
+    mean, none = duration / (time.size - 1), np.zeros_like(spiky)
     deviation = float(np.max(np.abs(steps - median)))
     if deviation <= _JITTER * median + 2.0 * np.spacing(np.max(np.abs(time))):
-        return UniformSamples(signals=signals, dt=mean, spiky=spiky, missing=np.zeros_like(spiky))
+        return UniformSamples(signals=signals, dt=mean, spiky=spiky, missing=none)
     uniform = rounded_grid(time)
     if uniform is not None:
         dt = float(uniform[-1] - uniform[0]) / (time.size - 1)
-        rounded = Finding(
-            code="time_rounded",
-            severity="note",
-            message=f"times are rounded, with steps of {1e3 * steps.min():.4g} to {1e3 * steps.max():.4g} ms; taken "
+        rounded = Finding.note(
+            "time_rounded",
+            f"times are rounded, with steps of {1e3 * steps.min():.4g} to {1e3 * steps.max():.4g} ms; taken "
             f"as uniform every {1e3 * dt:.6g} ms ({1.0 / dt:.6g} Hz), by regression on the number of the sample",
         )
-        return UniformSamples(
-            signals=replace(signals, time=uniform),
-            dt=dt,
-            spiky=spiky,
-            missing=np.zeros_like(spiky),
-            findings=(rounded,),
-        )
+        given = replace(signals, time=uniform)
+        return UniformSamples(signals=given, dt=dt, spiky=spiky, missing=none, findings=(rounded,))
 
     n_uniform = round(duration / median) + 1
     gaps = np.flatnonzero(steps > _GAP_STEPS * median)
@@ -196,10 +187,9 @@ def uniform_step(signals: Signals, spiky: NDArray[np.bool_], *, source: str) -> 
     dt = duration / (n_uniform - 1)
     rule = "PCHIP" if gaps.size else "cubic spline"
     findings.append(
-        Finding(
-            code="resampled",
-            severity="note",
-            message=f"time steps differ from their median of {1e3 * median:.4g} ms by up to "
+        Finding.note(
+            "resampled",
+            f"time steps differ from their median of {1e3 * median:.4g} ms by up to "
             f"{100 * deviation / median:.3g} %; resampled every {1e3 * dt:.6g} ms by {rule} interpolation",
         )
     )
@@ -229,7 +219,7 @@ def uniform_step(signals: Signals, spiky: NDArray[np.bool_], *, source: str) -> 
 _FEWEST = 10
 
 
-def settling_samples(displacement: NDArray[np.float64]) -> int:
+def settling_samples(displacement: Floats) -> int:
     """Number of samples until the damper has travelled half its peak-to-peak stroke.
 
     The hysteresis of a damper loses the memory of its initial state within a yield displacement, a small part of the
@@ -240,8 +230,8 @@ def settling_samples(displacement: NDArray[np.float64]) -> int:
 
 
 def uncompared_spans(
-    displacement: NDArray[np.float64],
-    velocity: NDArray[np.float64],
+    displacement: Floats,
+    velocity: Floats,
     spiky: NDArray[np.bool_],
     missing: NDArray[np.bool_],
     dt: float,
@@ -366,7 +356,7 @@ def varied_excerpt(test: DamperTest) -> DamperTest:
     return whole
 
 
-def _at_levels(command: NDArray[np.float64]) -> NDArray[np.intp]:
+def _at_levels(command: Floats) -> NDArray[np.intp]:
     """Number of the level that is nearest to each sample of a command, shape (n_time,)."""
     levels = np.array(levels_of_command(command))
     return np.searchsorted(0.5 * (levels[:-1] + levels[1:]), command)
@@ -378,10 +368,8 @@ def _shows_levels(at_level: NDArray[np.intp], part: slice) -> bool:
 
 
 def _shows_motion(test: DamperTest, part: slice) -> bool:
-    return all(
-        float(np.ptp(signal[part])) >= _MOTION_SHARE * float(np.ptp(signal))
-        for signal in (test.displacement, test.velocity)
-    )
+    motion = (test.displacement, test.velocity)
+    return all(float(np.ptp(each[part])) >= _MOTION_SHARE * float(np.ptp(each)) for each in motion)
 
 
 def _excerpt_seconds(test: DamperTest, frequency: float) -> float:
