@@ -95,18 +95,12 @@ def rings_below_zero(command: Floats, unit: CommandUnit) -> bool:
 
 
 def without_ringing(command: Floats, unit: CommandUnit) -> Floats:
-    """A command that rings below zero with zero there, the least force; any other as it is.
-
-    A driver that takes current out of the coil lowers it no further than to zero, or reverses it for a moment.
-    """
+    """A command that rings below zero with zero there, to which a driver lowers it; any other as it is."""
     return np.maximum(command, 0.0) if rings_below_zero(command, unit) else command
 
 
 def ringing_samples(command: Floats, unit: CommandUnit) -> NDArray[np.bool_]:
-    """Samples while a driver rings below zero and as long after that, shape (n_time,).
-
-    Whether it reverses the current there, or only ends it, is not known, nor is then the force.
-    """
+    """Samples, (n_time,), while a driver rings below zero and as long after, where current and force are not known."""
     left_out = np.zeros(command.size, dtype=np.bool_)
     if rings_below_zero(command, unit):
         below = command < -command_noise(float(command.max()), unit)
@@ -151,10 +145,7 @@ def variation_in_words(command: Floats) -> str:
 
 
 def is_stepped(command: Floats) -> bool:
-    """Whether a command changes in steps, shape (n_time,): it must then be held, not interpolated, between samples.
-
-    It switches between two levels, or jumps from one sample to the next make up nearly all of its squared changes.
-    """
+    """Whether a command, shape (n_time,), switches or jumps, and must be held, not interpolated, between samples."""
     return _switches(command) or _jumps(command)
 
 
@@ -215,11 +206,7 @@ def resampled_command(time: Floats, command: Floats, grid: Floats) -> Floats:
 
 
 def part_of_command(command: Command | None, first: int, last: int, every: int = 1) -> Command | None:
-    """Command of every `every`-th sample from `first` up to `last`, each held for `every` samples.
-
-    The value is that in the middle of the samples for which it is held, so that switching is not late on average. A
-    command that is constant over the part is a number.
-    """
+    """Command of every `every`-th sample from `first` up to `last`, that of the middle of those it stands for."""
     if not isinstance(command, np.ndarray):
         return command
     part = command[np.minimum(np.arange(first, last, every) + every // 2, last - 1)]

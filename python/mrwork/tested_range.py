@@ -142,41 +142,19 @@ class OperatingRange(Summarised, Related):
 
         Half cycles below the least tested stroke count where they make a fifth of the travel of the demand.
         """
-        found = []
-        if self.least_stroke is not None and demand.least_stroke is not None:
-            smaller = demand.least_stroke, demand.least_stroke
-            found.append(
-                _exceedance(
-                    "stroke",
-                    "m",
-                    (self.least_stroke, max(self.stroke, *smaller)),
-                    smaller,
-                    relative=_CYCLE_TOLERANCE,
-                )
-            )
-        for quantity, unit in _PEAKS:
-            found.append(
-                _exceedance(quantity, unit, (0.0, getattr(self, quantity)), (0.0, getattr(demand, quantity)))
-            )
+        found = [
+            _exceedance(quantity, unit, (0.0, getattr(self, quantity)), (0.0, getattr(demand, quantity)))
+            for quantity, unit in _PEAKS
+        ]
+        if self.least_stroke is not None and (least := demand.least_stroke) is not None:
+            tested = self.least_stroke, max(self.stroke, least)
+            found.insert(0, _exceedance("stroke", "m", tested, (least, least), relative=_CYCLE_TOLERANCE))
         if self.frequency is not None and demand.frequency is not None:
-            found.append(
-                _exceedance("frequency", "Hz", self.frequency, demand.frequency, relative=_CYCLE_TOLERANCE)
-            )
-        if (
-            self.command is not None
-            and demand.command is not None
-            and self.command_unit is not None
-            and self.command_unit == demand.command_unit
-        ):
-            found.append(
-                _exceedance(
-                    "command",
-                    self.command_unit,
-                    self.command,
-                    demand.command,
-                    command_noise(0.0, self.command_unit),
-                )
-            )
+            ranges = self.frequency, demand.frequency
+            found.append(_exceedance("frequency", "Hz", *ranges, relative=_CYCLE_TOLERANCE))
+        unit = self.command_unit
+        if self.command and demand.command and unit is not None and unit == demand.command_unit:
+            found.append(_exceedance("command", unit, self.command, demand.command, command_noise(0.0, unit)))
         return tuple(sorted(filter(None, found), key=lambda each: _ORDER.index(each.quantity)))
 
     @property

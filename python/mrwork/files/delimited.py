@@ -51,10 +51,7 @@ def stamps_of(names: Sequence[str], row: Sequence[str]) -> frozenset[str]:
 
 
 def nanoseconds(text: str) -> int | None:
-    """Time of a stamp [ns], of one with a date since 1970; `None` of another text.
-
-    A date by itself is its midnight, as spreadsheets write that.
-    """
+    """Time of a stamp [ns], since 1970 if it has a date, which alone is its midnight; `None` of another text."""
     match = _STAMP.fullmatch(text.strip()) if 0 < len(text) <= _LONGEST else None
     if match is None or not match[0]:
         return None
@@ -106,9 +103,8 @@ _WINDOW: Final = 20
 class RegularTable(ColumnTable):
     """A text table whose rows have been read.
 
-    `sure` are the columns in whose sampled rows commas can only be decimal ones. Requests without any of them, and for
-    columns that have not been read, among them `stamps`, are left to the table that `careful` opens; it is `None` where
-    there can be no such request. `lines` gives the index of the line of a row.
+    In the columns `sure` commas can only be decimal ones. Requests without any of them, and for columns that have not
+    been read, are left to the table that `careful` opens, if any. `lines` gives the index of the line of a row.
     """
 
     def __init__(
@@ -282,10 +278,7 @@ def table_of_text(data: bytes, *, source: str, sha256: str) -> ColumnTable:
 
 
 class DelimitedTable(ColumnTable):
-    """A text table stored as lines; numbers are parsed on request.
-
-    `names` are the column names of a table without a header line; the `layout` is that of the lines where it is known.
-    """
+    """A text table stored as lines, parsed on request; with `names` for one without a header, or its known `layout`."""
 
     def __init__(
         self,

@@ -25,10 +25,7 @@ from mrwork.values import Floats
 
 
 def hdf5_variables(data: bytes, path: Path) -> dict[str, NDArray[np.generic] | None]:
-    """Variables of a version 7.3 file, or the fields of its only struct; `None` for other contents than real numbers.
-
-    Links to other files are not followed.
-    """
+    """Variables of a version 7.3 file, or the fields of its only struct; `None` for others than real numbers."""
     try:
         members = read_members(data, "hdf5")
     except TooLargeError as error:
@@ -251,10 +248,7 @@ def _text(name: Block) -> str:
 def _matrix(
     block: Block, order: str, allowance: Allowance, *, fields: bool
 ) -> tuple[str, NDArray[np.generic] | Variables | None]:
-    """Name and content of a matrix element: an array, `None` for other contents, or the `fields` of a single struct.
-
-    Structs within structs are not entered.
-    """
+    """Name and content of a matrix element: an array, `None` for other contents, or the `fields` of a single struct."""
     elements = _elements(block, order)
     parts = [next(elements, (0, b""))[1] for _ in range(3)]
     flags = struct.unpack_from(f"{order}I", parts[0])[0]

@@ -82,10 +82,7 @@ _WORD: Final = re.compile(r"[A-ZÄÖÜ]?[a-zäöüßéèóñ]+|[A-ZÄÖÜ]+(?![a
 
 
 def unit_in_name(quantity: TestQuantity, name: str) -> str | None:
-    """Return the unit text of a column whose name means the quantity, empty if it has none; else `None`.
-
-    A name of one word and its unit, such as ``force_kN``, or of several words among which is that of the quantity.
-    """
+    """Unit text of a column whose name means the quantity, alone or among words, empty if none; else `None`."""
     if len(name) > LONGEST_NAME:
         return None
     words, at_end = _words_and_unit(name)
@@ -217,10 +214,7 @@ def column_option(key: str, column: str, unit: str) -> str:
 def suggested_options(
     missing: Sequence[Missing], free: Sequence[str], units: Mapping[str, str], read: ReadColumn
 ) -> str:
-    """Options for all that is missing, with the likeliest of the `free` columns; empty where one has none.
-
-    They follow "likely" where a column or a unit is judged by its numbers.
-    """
+    """Options for all that is missing, with the likeliest of the `free` columns; empty where one has none."""
     left = [name for name in free if name not in {each.column for each in missing}]
     numbers = {name: samples for name in free for samples in [read(name)] if samples is not None}
     options: list[str] = []

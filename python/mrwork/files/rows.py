@@ -93,9 +93,8 @@ _LIKE_ASCII: Final = re.compile(r"[\s\d]")
 class RowForm:
     """Form of the rows of a table.
 
-    `texts` are the columns that are not read by place, each with the first row, and its text, that is no number.
-    `n_empty` fields that have no name end every row. `header` is the line of the names without blanks around it, `None`
-    where it cannot be repeated among the rows.
+    `texts` are the columns that are not read, each with the first row, and its text, that is no number; `n_empty`
+    nameless fields end every row; `header` is the stripped line of the names, `None` where it cannot be repeated.
     """
 
     cells: Cells

@@ -64,9 +64,8 @@ _OVERSHOOT_STEPS: Final = 4.0
 def clipped_share(samples: Floats) -> float:
     """Fraction of the samples of a channel, shape (n_time,), in clipped peaks.
 
-    A clipped peak is a run of three or more samples at the extreme value of the channel, with slopes beside it so steep
-    that the curve would have continued by more than four steps of its resolution. A single one does not count, because
-    it may be rest.
+    Such a peak is a run of three or more samples at the extreme value, with slopes beside it so steep that the curve
+    would have continued by four steps of its resolution. A single one may be rest.
     """
     levels = np.unique(samples)
     if levels.size < 2 * _SHORTEST_RUN:
@@ -125,10 +124,7 @@ def samples_per_cycle(frequency: float, dt: float) -> tuple[Finding, ...]:
 
 
 def samples_at_rest(displacement: Floats) -> int:
-    """Number of samples before the displacement has moved by 1 % of its peak-to-peak value.
-
-    A harmonic motion that starts at its peak takes 0.03 periods for this.
-    """
+    """Number of samples until 1 % of the stroke; a harmonic motion from its peak takes 0.03 periods."""
     left = np.abs(displacement - np.median(displacement[:3])) > _REST_EXCURSION * np.ptp(displacement)
     return int(np.argmax(left))
 
@@ -151,10 +147,7 @@ _BREAKAWAY_ERRORS: Final = 4.0
 
 
 def breakaway_overshoot(test: DamperTest, motion: SmoothMotion) -> Measured | None:
-    """Excess of the force at the first movement over all later forces [N]; `None` if there is no rest before.
-
-    Forces are relative to their mean over the distance travelled. The standard error is the noise of the force.
-    """
+    """Excess of the force at the first movement over all later ones [N], about the mean; `None` without rest before."""
     rest = samples_at_rest(test.displacement)
     if rest * test.dt * motion.frequency < _REST_CYCLES:
         return None
@@ -202,12 +195,10 @@ def half_range(force: Floats) -> float:
 
 
 def force_sign(force: Floats, velocity: Floats) -> tuple[Floats, tuple[Finding, ...]]:
-    """Return the force with the sign that dissipates energy, and a note if the sign was changed.
+    """The force [N] with the sign that dissipates energy, and a note if it was changed.
 
-    The sign is that of int F v dt / int |F v| dt over the whole record. F is relative to its mean over the distance
-    travelled, so that a static offset has no effect.
-
-    `force`, `velocity`: shape (n_time,) [N, m/s]; the velocity is the derivative of the displacement.
+    The sign is that of int F v dt / int |F v| dt, with the derivative v of the displacement, and F about its mean over
+    the distance travelled.
     """
     power = (force - mean_over_travel(force, velocity)) * velocity
     whole = float(np.abs(power).sum())

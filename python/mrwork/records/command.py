@@ -37,10 +37,7 @@ _FREQUENCY: Final = 0.20
 def command_of(
     samples: Floats, quantity: str, unit: CommandUnit, *, source: str
 ) -> tuple[Command, tuple[Finding, ...]]:
-    """Return a command as a number, its median, if it varies no more than a measured constant does; else as it varies.
-
-    A varying command comes with a note on its range and one where it rings below zero, a negative one with a warning.
-    """
+    """A command: its median, if it varies no more than a measured constant does; else as it varies, with findings."""
     present = samples[~np.isnan(samples)]
     if present.size == 0 or np.isinf(present).any():
         problem = "has no value" if present.size == 0 else "has infinite values"
@@ -185,10 +182,7 @@ class Nominal:
 
 
 def nominal_from_name(stem: str) -> Nominal:
-    """Read amplitude, frequency and command from a file name without extension.
-
-    The decimal point may be written ``x``. Underscores between the parts and a prefix are allowed. The command may be
-    missing or in volts.
+    """Read amplitude, frequency and command, in A or V, from a file name; the decimal point may be written ``x``.
 
     Examples
     --------

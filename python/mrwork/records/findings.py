@@ -148,8 +148,7 @@ _NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 class SharedFinding:
     """A finding in one or several of `n_tests` tests, whose messages differ in their numbers at most.
 
-    `message` is that of the first of `tests`, names in their order; it is of every test where `equal`. `lowest` and
-    `highest` are the measured sizes [unit], `None` where nothing was measured.
+    `message` is that of the first of `tests`, and of all where `equal`; `lowest` and `highest` are measured sizes.
     """
 
     code: str

@@ -357,9 +357,8 @@ def _at(channels: Floats, step: float, wanted: float) -> Floats:
 def _contained(pattern: Floats, record: Floats, *, least: float, limit: float) -> _Alignment | None:
     """A pattern where it correlates best with a record, over all shifts; `None` below the limit.
 
-    Both have a displacement, a force and any commands, shape (n, n_samples), of which the force does not count, and the
-    least correlation of the others does. A share `least` of the pattern must lie within the record, with the same
-    amplitude.
+    Both have displacement, force and any commands, shape (n, n_samples); the least correlation counts, not the force's.
+    A share `least` of the pattern must lie within the record, with the same amplitude.
     """
     n_pattern, n_record = pattern.shape[1], record.shape[1]
     n_least = max(3, int(np.ceil(least * n_pattern)))

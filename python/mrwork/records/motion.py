@@ -36,9 +36,8 @@ def savitzky_golay(
 ) -> Floats:
     """Savitzky-Golay derivative of a signal, shape (n_time,): polynomials of `order` fitted to `window` samples each.
 
-    Within half a window of either end, the polynomial of the outermost window is used. `window` is odd, above `order`
-    and at most n_time. Implemented in NumPy because `scipy.signal` takes a second to load; the sums run in the order of
-    SciPy, so that both give the same bits.
+    Near the ends, the polynomial of the outermost window is used. In NumPy because `scipy.signal` takes a second to
+    load; the sums run in the order of SciPy, so that both give the same bits.
     """
     half = window // 2
     result = np.empty_like(signal)
@@ -230,12 +229,9 @@ def regular_cycles(displacement: Floats) -> tuple[slice, ...]:
 
 
 def turning_points(displacement: Floats, velocity: Floats) -> tuple[Floats, Floats]:
-    """Turning points between two strokes of at least half the peak-to-peak displacement each.
+    """Turning points between strokes of at least half the peak-to-peak displacement, shape (n_turns,).
 
-    `displacement`, `velocity`: smoothed signals, shape (n_time,) [m, m/s].
-
-    Returns `place`, `direction`: shape (n_turns,): position of zero velocity in (fractional) samples, and sign of the
-    velocity before it.
+    Returned are the places of zero velocity, in fractional samples, and the signs of the velocity before.
     """
     # Of the signs, because a product of tiny numbers is zero.
     side = np.sign(velocity)

@@ -48,7 +48,8 @@ def range_of_tests(tests: Sequence[DamperTest], unit: CommandUnit | None = None)
         # Of several units with as many commands a current, then a voltage.
         units = [own for test in tests for _, own in test.commands]
         known: list[CommandUnit] = [each for each in COMMAND_SCALES if each in units]
-        unit = max(known, key=units.count) if known else None
+        most = max(known, key=units.count) if known else None
+        unit = most
     return covering([range_of_test(test, unit) for test in tests])
 
 

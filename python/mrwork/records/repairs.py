@@ -254,7 +254,10 @@ def observed(test: DamperTest, observe: Sequence[str]) -> DamperTest:
             if test.smoothing is not None and "force" in test.smoothing.channels:
                 values["average_seconds"] = test.smoothing.window_seconds
         elif word != NONE:
-            name, value = _value(word, period=_period(test) if word.endswith("T") else 1.0)
+            period = 1.0
+            if word.endswith("T"):
+                period = 1.0 / (test.frequency or spectrum(test.displacement, test.dt).dominant)
+            name, value = _value(word, period=period)
             if _FIELDS[name] in values:
                 raise SettingError(f"--observe gives {name} twice, the second time as {word!r}; give it once")
             values[_FIELDS[name]] = value
@@ -279,10 +282,6 @@ def _check_fits(test: DamperTest, observation: Observation, said: Mapping[str, s
             f"{test.label}: {given}, and samples every {test.dt:.4g} s hold nothing above {nyquist:.4g} Hz; "
             "give less, or leave it out"
         )
-
-
-def _period(test: DamperTest) -> float:
-    return 1.0 / (test.frequency or spectrum(test.displacement, test.dt).dominant)
 
 
 def _value(word: str, *, period: float) -> tuple[str, float]:

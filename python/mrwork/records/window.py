@@ -62,10 +62,7 @@ class Signals:
 def complete_rows(
     signals: Signals, *, source: str, locate: Callable[[int], str]
 ) -> tuple[Signals, int, tuple[Finding, ...]]:
-    """Drop rows at either end in which a channel is missing (NaN).
-
-    Return the complete signals, the file row at which they start, and findings on dropped rows.
-    """
+    """Drop incomplete rows (NaN) at either end: the signals, the file row at which they start, and findings."""
     for name, channel in signals.channels():
         absurd = np.abs(channel) > _LARGEST
         if absurd.any():
@@ -135,10 +132,9 @@ class UniformSamples:
 def uniform_step(signals: Signals, spiky: NDArray[np.bool_], *, source: str) -> UniformSamples:
     """Put signals, of which the `spiky` samples were bridged, shape (n_time,), on a uniform grid.
 
-    If a step differs from the median by more than 1e-3 of it, the record is resampled to about the median step,
-    keeping the first and the last sample: by a cubic spline, or by PCHIP, which does not overshoot, if there are
-    gaps. A command that changes in steps is held between its samples, another one is interpolated linearly. Times that
-    are uniform except for rounding to few digits are not resampled, because their samples were taken uniformly.
+    Steps that differ from the median by more than 1e-3 of it are resampled to about that step: by a cubic spline, or by
+    PCHIP, which does not overshoot, if there are gaps; stepped commands are held, others linear. Times that are uniform
+    but for rounding are not resampled, because their samples were taken uniformly.
     """
     time = signals.time
     steps = np.diff(time)
@@ -222,8 +218,7 @@ _FEWEST = 10
 def settling_samples(displacement: Floats) -> int:
     """Number of samples until the damper has travelled half its peak-to-peak stroke.
 
-    The hysteresis of a damper loses the memory of its initial state within a yield displacement, a small part of the
-    stroke of any useful test. Before that, the force depends on the motion before the record.
+    By then its hysteresis has lost the memory of the motion before the record.
     """
     travel = np.cumsum(np.abs(np.diff(displacement, prepend=displacement[0])))
     return int(np.searchsorted(travel, np.ptp(displacement) / 2))
@@ -238,11 +233,8 @@ def uncompared_spans(
 ) -> tuple[tuple[int, int], ...]:
     """Spans of samples, first and beyond the last, that are not compared: in spikes, in gaps and after these.
 
-    After a gap the damper must travel as far as it could have in the gap, at most half its peak-to-peak stroke, until
-    its force no longer depends on the motion that is not known.
-
-    `displacement`, `velocity`, `spiky`, `missing`: shape (n_time,): motion [m, m/s], and samples that were interpolated
-    in spikes and in gaps. `dt`: time step [s].
+    After a gap the damper must travel as far as it could have in it, at most half its peak-to-peak stroke, until its
+    force no longer depends on the unknown motion. Arrays have shape (n_time,).
     """
     left_out = spiky | missing
     travel = np.cumsum(np.abs(np.diff(displacement, prepend=displacement[0])))
@@ -318,10 +310,9 @@ _LEVEL_SHARE = 0.5
 
 
 def excerpt(test: DamperTest) -> DamperTest:
-    """Return the first cycles of a cyclic test, decimated to a resolution that shows the loop.
+    """The first cycles of a cyclic test, decimated to a resolution that shows the loop, sufficient for a search.
 
-    This is sufficient for a search, since further cycles add little information. A motion whose band extends beyond a
-    few times its dominant frequency keeps its length, and so does a test whose command varies.
+    A motion of a wide band keeps its length, and so does a test whose command varies.
     """
     motion = spectrum(test.displacement, test.dt)
     if motion.dominant <= 0.0:
@@ -335,10 +326,9 @@ def excerpt(test: DamperTest) -> DamperTest:
 
 
 def varied_excerpt(test: DamperTest) -> DamperTest:
-    """Return the shortest part of an `excerpt` that shows what the whole record of a varying command does.
+    """The shortest part of an `excerpt`, or the whole, that shows what the whole record of a varying command does.
 
-    It has every level of the command, for half of its share of the time or more, and most of the largest displacement
-    and velocity. It is at most half of the record, else the whole one.
+    It has every level of the command, for half of its share of the time, and most of the range of the motion.
     """
     whole = excerpt(test)
     levels = [_at_levels(command) for command, _ in whole.commands if isinstance(command, np.ndarray)]
@@ -377,10 +367,9 @@ def _excerpt_seconds(test: DamperTest, frequency: float) -> float:
 
 
 def middle_excerpt(test: DamperTest, *, per_cycle: int) -> DamperTest:
-    """Return as many cycles from the middle of a cyclic test, decimated to `per_cycle` samples, slow ones to 0.04 s.
+    """As many cycles from the middle of a cyclic test, with `per_cycle` samples, slow ones in steps of 0.04 s.
 
-    They represent a record whose force drifts better than the first ones, which contain the start-up. Another motion
-    is treated as by `excerpt`.
+    They represent a drifting force better than the first ones. Another motion is treated as by `excerpt`.
     """
     motion = spectrum(test.displacement, test.dt)
     if motion.dominant <= 0.0 or motion.band_edge > _CYCLIC_BAND * motion.dominant:

@@ -76,10 +76,9 @@ class Member:
 def read_members(data: bytes, form: Format) -> dict[str, Member]:
     """Members of a file, by name.
 
-    Of HDF5 these are what is down to the second level, by path, and the file itself as ""; links to other files and
-    names that begin with `#` are left out. Of Parquet they are the columns, with float64 numbers. Of
-    .xlsx they are the sheets in their order, by number, with their `name`; the array has the bytes of a text, in which
-    tabs are between cells.
+    Of HDF5 down to the second level, by path, and the file itself as "", without links to other files and names with
+    `#`; of Parquet the columns, as float64; of .xlsx the sheets, by number, with their `name`, as bytes of a text with
+    tabs between cells.
     """
     seconds = _SECONDS + _SECONDS_PER_BYTE * len(data)
     child = subprocess.Popen(

@@ -77,10 +77,7 @@ _FLAGS: Final = os.O_RDONLY | sum(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FileKind:
-    """What a file is read as: its `name` in messages, its `largest` size [bytes], and what to do about another file.
-
-    `smaller` is what to do about a larger file, where that is not the `remedy`.
-    """
+    """What a file is read as: its name, `largest` size [bytes], `remedy` for others, `smaller` for larger ones."""
 
     name: str
     largest: int

@@ -83,10 +83,7 @@ def replacing(path: Path) -> Iterator[BinaryIO]:
 def write_files(
     folder: Path, contents: Mapping[str, bytes], *, then: Callable[[], None] = lambda: None
 ) -> None:
-    """Write files into a run folder; keys are paths inside the folder.
-
-    When all are written, under temporary names, `then` is called; after that none can lack space, and they are renamed.
-    """
+    """Write files into a run folder, by path inside; when all are written, `then` is called, and they are renamed."""
     with ExitStack() as renamed:
         for name, content in contents.items():
             for above in PurePath(name).parents[:-1]:

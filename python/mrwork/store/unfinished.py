@@ -15,12 +15,11 @@ from pathlib import Path
 from types import TracebackType
 
 from mrwork.errors import JournalError, LibraryError, MrworkError, OutputError
-from mrwork.store.input_file import bytes_of, stored, text_of
+from mrwork.store.input_file import bytes_of
 from mrwork.store.journal import Journal
 from mrwork.store.journal_file import JOURNAL_FILE
 from mrwork.store.output_file import Lock, explain_failure, is_lock, new_file, refuse_link
 from mrwork.store.output_folder import Destination, adding, replacing_run
-from mrwork.store.parse import json_value
 from mrwork.store.run_folder import (
     HISTORIES,
     JOURNAL,
@@ -30,6 +29,7 @@ from mrwork.store.run_folder import (
     is_part,
     part_of,
     real_place,
+    stated_in,
 )
 
 _STEP_SUFFIX = ".jsonl"
@@ -42,13 +42,7 @@ INTERRUPTED = "interrupted"
 def is_complete(path: str | Path) -> bool:
     """Whether the folder at `path` has a run that was not interrupted; one with a damaged manifest counts."""
     manifest = real_place(path) / MANIFEST
-    if not manifest.exists():
-        return False
-    try:
-        document = json_value(text_of(manifest, stored("identify", name="the manifest")))
-        return bool(document["status"] != INTERRUPTED)
-    except (MrworkError, LookupError, TypeError, ValueError):
-        return True
+    return manifest.exists() and stated_in(manifest).get("status") != INTERRUPTED
 
 
 @contextmanager
@@ -97,9 +91,7 @@ def begin_journal(path: str | Path) -> Journal:
 
 
 def resume_journal(path: str | Path, *, note: Callable[[str], None]) -> Journal:
-    """Resume the journal of an unfinished run to `path`, or that of the run at `path`, which may have been interrupted.
-
-    It is locked until it is closed.
+    """Resume, locked, the journal of an unfinished run to `path`, or of the run there, which may be interrupted.
 
     `note`: called with a sentence if the end of the journal is damaged and ignored.
     """
@@ -187,10 +179,8 @@ def _copy(kept: Path, begun: Path, copying: Path) -> None:
 class StepJournals:
     """Journals of the steps of a comparison of models, such as `dahl/fit`; locked together until `close`.
 
-    At the end of a `with` block they are closed, and removed after an error of the inputs.
-
-    `resume`: whether to continue existing journals; otherwise they are removed. `note`: called with a sentence if the
-    end of a journal is damaged and ignored.
+    Leaving a `with` block closes them, and removes them after an error of the inputs. Existing ones are continued with
+    `resume`, else removed.
     """
 
     def __init__(

@@ -246,10 +246,7 @@ def _folded(
 
 
 def _corner(time: Floats, force: Floats, count: Floats, before: float) -> tuple[float, float] | None:
-    """Delay of the corner [periods], and its mean square residual relative to that of a smooth curve.
-
-    `None` where the best corner does not describe the force, or is the first or the last that is tried.
-    """
+    """Delay of the corner [periods], and its mean square residual relative to a smooth curve; `None` without."""
     delays = np.arange(-_LONGEST, _LONGEST + 0.5 * _STEP, _STEP)
     first, end = _until_fallen(time, force, count, delays, before)
     rows, weight = _windows(first, end, count)
@@ -275,10 +272,7 @@ def _until_fallen(
     delays: Floats,
     before: float,
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Windows from `before` each corner until the force has fallen enough from its branch, a parabola.
-
-    First sample and the one beyond the last, shape (n_delays,); windows without a branch are empty.
-    """
+    """Windows, first sample and beyond the last, from `before` each corner until the force has fallen enough."""
     first = np.searchsorted(time, delays - before, side="right")
     turned = np.searchsorted(time, delays, side="right")
     rows, weight = _windows(first, turned, count)

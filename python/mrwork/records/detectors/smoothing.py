@@ -49,10 +49,7 @@ def spikes_of(samples: Floats) -> NDArray[np.bool_]:
 
 
 def without_spikes(signals: Signals) -> tuple[Signals, NDArray[np.bool_], tuple[Finding, ...]]:
-    """Signals with straight lines across the spikes of displacement, velocity and force, and which samples these are.
-
-    The commands keep theirs, which may be meant.
-    """
+    """Signals with straight lines across the spikes, except in commands, and which samples these are."""
     bridged = np.zeros(signals.time.size, dtype=np.bool_)
     findings = []
     for name, samples in signals.channels():

@@ -45,12 +45,10 @@ def refuse_velocity(test: DamperTest) -> None:
 
 
 def noisy_velocity(own: float, noise: float, motion: SmoothMotion) -> tuple[Finding, ...]:
-    """Note that a velocity is noisier than the derivative of the displacement, which replaces it then.
+    """Note a velocity that is noisier than the derivative of the displacement, which replaces it then.
 
-    Differences of quantised readings are: their noise biases the parameters, while a derivative over many samples has
-    little of it.
-
-    `own`, `noise`: standard deviations of the noise of velocity [m/s] and displacement [m].
+    Differences of quantised readings are, and bias the parameters. Noise: `own` [m/s], and `noise` of the displacement
+    [m].
     """
     derived = noise * motion.smoother.noise_gain(1)
     spread = float(np.std(motion.velocity))
@@ -162,10 +160,7 @@ class _VelocityMisfit:
         return float(np.mean(self.measured * self.derivative)) / self.power
 
     def delay(self, acceleration: Floats, smoother: Smoother) -> Measured:
-        """Delay [s] from a regression on the acceleration, to first order.
-
-        The standard error counts one independent sample per window of the smoother.
-        """
+        """Delay [s] by regression on the acceleration, to first order; a window counts as one sample."""
         power = float(np.mean(acceleration**2))
         late = -float(np.mean((self.measured - self.derivative) * acceleration)) / power
         left = float(np.mean((self.measured - self.derivative + late * acceleration) ** 2))
