@@ -27,7 +27,7 @@ from mrwork.identification.objective import Objective
 from mrwork.identification.settings import Multistart
 from mrwork.records import DamperTest
 from mrwork.search.unit_cube import Streams, latin_hypercube
-from mrwork.summary import Summarised
+from mrwork.summary import Summarised, listed
 from mrwork.values import Floats, holds_arrays
 
 # A fit whose misfit is not below this share of that of a linear spring and dashpot has lost its non-linear part.
@@ -104,14 +104,12 @@ def far_worse_sentence(
     found_again: bool,
 ) -> str:
     """A sentence on tests that are far worse jointly than alone."""
-    shown = ", ".join(
+    both = [
         f"{tests[index].name} ({100.0 * (1.0 - joint[index]):.1f} % for {100.0 * (1.0 - alone[index]):.1f} %)"
-        for index in worse[:_SHOWN]
-    )
-    further = f" and {len(worse) - _SHOWN} more" if len(worse) > _SHOWN else ""
-    tests_shown = (
-        f"{len(worse)} of {len(tests)} tests are described far worse together than alone: {shown}{further}"
-    )
+        for index in worse
+    ]
+    shown = listed(both, _SHOWN)
+    tests_shown = f"{len(worse)} of {len(tests)} tests are described far worse together than alone: {shown}"
     if found_again:
         return (
             f"{tests_shown}; several starts end in this minimum, so these laws cannot follow the tests: let more "

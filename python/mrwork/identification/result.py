@@ -13,7 +13,6 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from math import isfinite
-from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -29,6 +28,7 @@ from mrwork.identification.fit import (
     Fit,
     FitQuality,
     FitStatus,
+    Remark,
     SearchTrace,
 )
 from mrwork.identification.nuisance import NONE, Nuisance, NuisanceName
@@ -138,9 +138,6 @@ class FitSpread:
             f"{self.n_tests} tests: fit median {self.median_percent:.2f} %, worst {self.worst_percent:.2f} % "
             f"({self.worst_test})"
         )
-
-
-Remark = Literal["", "fixed", "at lower bound", "at upper bound", "not identifiable"]
 
 
 def _estimates_of(

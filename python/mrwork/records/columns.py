@@ -354,9 +354,8 @@ class _Names:
                 "add a header line such as t_s,displacement_m,force_n, or give the columns by their numbers"
             )
         else:
-            shown = [f"'{name}'" for name in self.names[:_MOST_SHOWN]]
-            more = f" and {len(self.names) - _MOST_SHOWN} more" if len(self.names) > _MOST_SHOWN else ""
-            problem = f"no column for the {quantity} among {', '.join(shown)}{more}"
+            shown = listed([f"'{name}'" for name in self.names], _MOST_SHOWN)
+            problem = f"no column for the {quantity} among {shown}"
             remedy = f"rename one, for example to '{_EXAMPLE[quantity]}', or say which it is"
         return _UnclearError(problem, remedy, kind=RecordError, quantity=quantity)
 

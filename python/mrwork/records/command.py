@@ -116,19 +116,12 @@ def with_nominal_command(test: DamperTest, nominal: Nominal, unclear: Sequence[s
 
     `unclear` are columns that may be the command and do not say their unit: the name is no evidence beside them.
     """
-    stated: tuple[tuple[float | None, CommandUnit, str], ...] = (
-        (nominal.current, "A", "current"),
-        (nominal.voltage, "V", "voltage"),
-    )
-    for value, unit, quantity in stated:
-        if value is not None:
-            return _with_command(test, value, unit, quantity, unclear)
-    return test
-
-
-def _with_command(
-    test: DamperTest, value: float, unit: CommandUnit, quantity: str, unclear: Sequence[str]
-) -> DamperTest:
+    stated: tuple[float | None, CommandUnit, str] = (nominal.current, "A", "current")
+    if nominal.current is None:
+        stated = (nominal.voltage, "V", "voltage")
+    value, unit, quantity = stated
+    if value is None:
+        return test
     recorded = {of_unit: command for command, of_unit in test.commands}
     named = f"{value:g} {unit}"
     found: tuple[Finding, ...] = ()

@@ -175,9 +175,7 @@ class SharedFinding:
             return self.tests[0]
         if count == self.n_tests:
             return f"all {count} tests"
-        named = ", ".join(self.tests[:_NAMED])
-        more = f" and {count - _NAMED} more" if count > _NAMED else ""
-        return f"{count} of {self.n_tests} tests ({named}{more})"
+        return f"{count} of {self.n_tests} tests ({listed(self.tests, _NAMED)})"
 
     @property
     def _numbers(self) -> str:

@@ -46,10 +46,9 @@ def range_of_tests(tests: Sequence[DamperTest], unit: CommandUnit | None = None)
         raise SettingError("the range of no test was asked for; give at least one test")
     if unit is None:
         # Of several units with as many commands a current, then a voltage.
-        units = [own for test in tests for _, own in test.commands]
+        units: Sequence[CommandUnit] = [own for test in tests for _, own in test.commands]
         known: list[CommandUnit] = [each for each in COMMAND_SCALES if each in units]
-        most = max(known, key=units.count) if known else None
-        unit = most
+        unit = max(known, key=units.count) if known else None
     return covering([range_of_test(test, unit) for test in tests])
 
 

@@ -43,6 +43,7 @@ from mrwork.store.run_folder import (
     real_place,
     stated_in,
 )
+from mrwork.summary import listed
 
 _FILES: Final = "files"
 # Bytes up to which a file is read, whatever its time says.
@@ -82,15 +83,17 @@ class Destination:
         if run is None or self.replace:
             return
         if run.kind != self.kind:
-            lost = f"the results of `mrwork {run.kind.verb}`, {_in_words(_entries_of(run.files()))}"
+            lost = f"the results of `mrwork {run.kind.verb}`, {listed(_entries_of(run.files()), _NAMED)}"
         else:
             added = run.additions()
             changed = [] if self.continues else run.changes()
             if not added and not changed:
                 return
-            parts = [f"{_in_words(_entries_of(added))}, which other verbs or you have added"] if added else []
-            parts += [f"{_in_words(changed)}, changed since the run was written"] if changed else []
-            lost = "; and ".join(parts)
+            parts = {
+                ", which other verbs or you have added": _entries_of(added),
+                ", changed since the run was written": changed,
+            }
+            lost = "; and ".join(f"{listed(names, _NAMED)}{why}" for why, names in parts.items() if names)
         raise OutputError(
             f"{self.path} has a run; `mrwork {self.kind.verb}` in its place would lose {lost}; "
             "choose another folder, or give --replace"
@@ -210,11 +213,6 @@ def _names_in(entry: Path, name: str) -> Iterator[str]:
 def _entries_of(names: Sequence[str]) -> list[str]:
     """Files, and folders in the place of the files in them."""
     return list(dict.fromkeys(first + slash for first, slash, _ in (name.partition("/") for name in names)))
-
-
-def _in_words(names: Sequence[str]) -> str:
-    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
-    return ", ".join(names[:_NAMED]) + more
 
 
 _ADDITIONS = (CHAIN, CALIBRATION, PROFILES, PLAN)
