@@ -72,12 +72,8 @@ TargetT = TypeVar("TargetT", bound=Callable[..., Any])
 def checked(target: TargetT) -> TargetT:
     """Check the arguments of a function, or of the constructor of a dataclass, before it runs.
 
-    Raises
-    ------
-    ArgumentError
-        From the function: an argument is of another kind than its annotation.
-    SettingError
-        From the function: a number is not finite or out of its range, or a name is none of those to choose from.
+    The function raises an `ArgumentError` for an argument of another kind than its annotation, and a `SettingError` for
+    a number that is not finite or out of its range, or a name that is none of those to choose from.
     """
     if isinstance(target, type):
         if not is_dataclass(target):

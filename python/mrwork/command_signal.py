@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from mrwork.numbers import of_unit
 from mrwork.units import COMMAND_SCALES, CommandUnit
+from mrwork.values import Floats
 
-Command = float | NDArray[np.float64]
+Command = float | Floats
 """Command: a number if it is constant, else shape (n_time,)."""
 
 LARGEST_COMMAND: Final = COMMAND_SCALES["A"].largest
@@ -74,7 +75,7 @@ def beyond_any_driver(command: Command, unit: CommandUnit) -> str:
     return f"reaches {low if -low > high else high:g}, and no driver gives more than {largest:g} {shared}"
 
 
-def rings_below_zero(command: NDArray[np.float64], unit: CommandUnit) -> bool:
+def rings_below_zero(command: Floats, unit: CommandUnit) -> bool:
     """Whether a command is below zero, beyond noise, only in passing, as that of an underdamped driver after a step.
 
     It stays at no level below zero, is there for at most a tenth of the time, and goes no further than three quarters
@@ -93,19 +94,13 @@ def rings_below_zero(command: NDArray[np.float64], unit: CommandUnit) -> bool:
     return bool(highest.min() >= -_RINGING_DEPTH * levels[-1])
 
 
-def without_ringing(command: NDArray[np.float64], unit: CommandUnit) -> NDArray[np.float64]:
-    """A command that rings below zero with zero there, the least force; any other as it is.
-
-    A driver that takes current out of the coil lowers it no further than to zero, or reverses it for a moment.
-    """
+def without_ringing(command: Floats, unit: CommandUnit) -> Floats:
+    """A command that rings below zero with zero there, to which a driver lowers it; any other as it is."""
     return np.maximum(command, 0.0) if rings_below_zero(command, unit) else command
 
 
-def ringing_samples(command: NDArray[np.float64], unit: CommandUnit) -> NDArray[np.bool_]:
-    """Samples while a driver rings below zero and as long after that, shape (n_time,).
-
-    Whether it reverses the current there, or only ends it, is not known, nor is then the force.
-    """
+def ringing_samples(command: Floats, unit: CommandUnit) -> NDArray[np.bool_]:
+    """Samples, (n_time,), while a driver rings below zero and as long after, where current and force are not known."""
     left_out = np.zeros(command.size, dtype=np.bool_)
     if rings_below_zero(command, unit):
         below = command < -command_noise(float(command.max()), unit)
@@ -133,14 +128,14 @@ def command_in_words(command: Command, unit: str) -> str:
     return f"{low} to {high} {unit}, {'stepped' if is_stepped(command) else 'varying'}"
 
 
-def range_in_words(command: NDArray[np.float64]) -> tuple[str, str]:
+def range_in_words(command: Floats) -> tuple[str, str]:
     """Lowest and highest value of a varying command, to a hundredth of its range or finer."""
     low, high = command_range(command)
     step = 10.0 ** np.floor(np.log10((high - low) / 100.0))
     return f"{step * round(low / step) + 0.0:.6g}", f"{step * round(high / step) + 0.0:.6g}"
 
 
-def variation_in_words(command: NDArray[np.float64]) -> str:
+def variation_in_words(command: Floats) -> str:
     """Verb for how a command changes: a ramp has half of its samples in the middle half of its range, switching few."""
     if _switches(command):
         return "switches between"
@@ -149,21 +144,18 @@ def variation_in_words(command: NDArray[np.float64]) -> str:
     return "steps between" if is_stepped(command) else "varies between"
 
 
-def is_stepped(command: NDArray[np.float64]) -> bool:
-    """Whether a command changes in steps, shape (n_time,): it must then be held, not interpolated, between samples.
-
-    It switches between two levels, or jumps from one sample to the next make up nearly all of its squared changes.
-    """
+def is_stepped(command: Floats) -> bool:
+    """Whether a command, shape (n_time,), switches or jumps, and must be held, not interpolated, between samples."""
     return _switches(command) or _jumps(command)
 
 
-def _switches(command: NDArray[np.float64]) -> bool:
+def _switches(command: Floats) -> bool:
     low, high = np.percentile(command, [1.0, 99.0])
     quarter = 0.25 * (high - low)
     return bool(np.mean((command > low + quarter) & (command < high - quarter)) < _BETWEEN)
 
 
-def _jumps(command: NDArray[np.float64]) -> bool:
+def _jumps(command: Floats) -> bool:
     change = np.abs(np.diff(command))
     beside = np.pad(change, 1)
     largest_beside = np.maximum(beside[:-2], beside[2:])
@@ -204,9 +196,7 @@ def levels_of_command(command: Command) -> tuple[float, ...]:
     return tuple(sorted(levels))
 
 
-def resampled_command(
-    time: NDArray[np.float64], command: NDArray[np.float64], grid: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def resampled_command(time: Floats, command: Floats, grid: Floats) -> Floats:
     """A command at other times [s], shape (n_grid,): the last value before each if it is stepped, else linear."""
     if not is_stepped(command):
         return np.asarray(np.interp(grid, time, command))
@@ -216,11 +206,7 @@ def resampled_command(
 
 
 def part_of_command(command: Command | None, first: int, last: int, every: int = 1) -> Command | None:
-    """Command of every `every`-th sample from `first` up to `last`, each held for `every` samples.
-
-    The value is that in the middle of the samples for which it is held, so that switching is not late on average. A
-    command that is constant over the part is a number.
-    """
+    """Command of every `every`-th sample from `first` up to `last`, that of the middle of those it stands for."""
     if not isinstance(command, np.ndarray):
         return command
     part = command[np.minimum(np.arange(first, last, every) + every // 2, last - 1)]

@@ -18,7 +18,7 @@ from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import MrworkError, SettingError, SimulationError
 from mrwork.summary import Summarised
 from mrwork.units import CommandUnit
-from mrwork.values import holds_arrays, keep_arrays
+from mrwork.values import Floats, holds_arrays, keep_arrays
 
 
 class Outcome(IntEnum):
@@ -99,7 +99,7 @@ class Misfits:
     `steps` is the number of time steps simulated for each candidate.
     """
 
-    squared_error: NDArray[np.float64]
+    squared_error: Floats
     outcome: NDArray[np.uint8]
     substeps: NDArray[np.uint32]
     steps: NDArray[np.uint64]
@@ -110,7 +110,7 @@ class Misfits:
 class ForceHistories:
     """Forces [N] of a batch, shape (n_batch, n_time); rows that did not finish are infinite."""
 
-    force: NDArray[np.float64]
+    force: Floats
     outcome: NDArray[np.uint8]
     substeps: NDArray[np.uint32]
 
@@ -124,16 +124,14 @@ class Sensitivities:
     that did not finish are infinite; a row whose derivatives are not finite counts as diverged.
     """
 
-    force: NDArray[np.float64]
-    jacobian: NDArray[np.float64]
+    force: Floats
+    jacobian: Floats
     outcome: NDArray[np.uint8]
     substeps: NDArray[np.uint32]
 
 
 @checked
-def stiffness_shares(
-    spec: DamperSpec, theta: AnyArrayLike, history: _rust.LoadingHistory
-) -> NDArray[np.float64]:
+def stiffness_shares(spec: DamperSpec, theta: AnyArrayLike, history: _rust.LoadingHistory) -> Floats:
     """Stiffness of a batch, shape (n_batch,), as a share of the largest that is simulated at the step of this loading.
 
     A candidate above 1 ends as unresolved; so does one whose stiffness is not a number. Parameters as in
@@ -269,7 +267,7 @@ def simulate_force(
     outcome = Outcome(histories.outcome[0])
     if outcome is not Outcome.FINISHED:
         raise SimulationError(f"{spec.name} ended as {outcome.name.lower()}: {outcome.remedy}")
-    force: NDArray[np.float64] = histories.force[0]
+    force: Floats = histories.force[0]
     return force
 
 
@@ -288,7 +286,7 @@ def _laws(spec: DamperSpec) -> tuple[list[str] | None, bool]:
     return (None, False) if spec.current is None else (list(spec.current.laws), spec.current.lagged)
 
 
-def _rows(spec: DamperSpec, theta: ArrayLike) -> NDArray[np.float64]:
+def _rows(spec: DamperSpec, theta: ArrayLike) -> Floats:
     rows = np.ascontiguousarray(theta, dtype=np.float64)
     if rows.ndim != 2 or rows.shape[1] != len(spec.parameters):
         raise SettingError(

@@ -142,41 +142,19 @@ class OperatingRange(Summarised, Related):
 
         Half cycles below the least tested stroke count where they make a fifth of the travel of the demand.
         """
-        found = []
-        if self.least_stroke is not None and demand.least_stroke is not None:
-            smaller = demand.least_stroke, demand.least_stroke
-            found.append(
-                _exceedance(
-                    "stroke",
-                    "m",
-                    (self.least_stroke, max(self.stroke, *smaller)),
-                    smaller,
-                    relative=_CYCLE_TOLERANCE,
-                )
-            )
-        for quantity, unit in _PEAKS:
-            found.append(
-                _exceedance(quantity, unit, (0.0, getattr(self, quantity)), (0.0, getattr(demand, quantity)))
-            )
+        found = [
+            _exceedance(quantity, unit, (0.0, getattr(self, quantity)), (0.0, getattr(demand, quantity)))
+            for quantity, unit in _PEAKS
+        ]
+        if self.least_stroke is not None and (least := demand.least_stroke) is not None:
+            tested = self.least_stroke, max(self.stroke, least)
+            found.insert(0, _exceedance("stroke", "m", tested, (least, least), relative=_CYCLE_TOLERANCE))
         if self.frequency is not None and demand.frequency is not None:
-            found.append(
-                _exceedance("frequency", "Hz", self.frequency, demand.frequency, relative=_CYCLE_TOLERANCE)
-            )
-        if (
-            self.command is not None
-            and demand.command is not None
-            and self.command_unit is not None
-            and self.command_unit == demand.command_unit
-        ):
-            found.append(
-                _exceedance(
-                    "command",
-                    self.command_unit,
-                    self.command,
-                    demand.command,
-                    command_noise(0.0, self.command_unit),
-                )
-            )
+            ranges = self.frequency, demand.frequency
+            found.append(_exceedance("frequency", "Hz", *ranges, relative=_CYCLE_TOLERANCE))
+        unit = self.command_unit
+        if self.command and demand.command and unit is not None and unit == demand.command_unit:
+            found.append(_exceedance("command", unit, self.command, demand.command, command_noise(0.0, unit)))
         return tuple(sorted(filter(None, found), key=lambda each: _ORDER.index(each.quantity)))
 
     @property
@@ -318,7 +296,7 @@ def _exceedance(
 _LEAST_HALF_CYCLE = 0.01
 
 
-def half_cycle_ends(displacement: NDArray[np.float64]) -> NDArray[np.intp]:
+def half_cycle_ends(displacement: Floats) -> NDArray[np.intp]:
     """Samples between which the half cycles of a motion lie, from reversal to reversal, shape (n_half_cycles + 1,).
 
     What lies before the first reversal and after the last is no half cycle; a motion with fewer than two reversals
@@ -344,12 +322,12 @@ def half_cycle_ends(displacement: NDArray[np.float64]) -> NDArray[np.intp]:
     return np.sort([np.argmin(displacement), np.argmax(displacement)])
 
 
-def half_cycles(displacement: NDArray[np.float64]) -> NDArray[np.float64]:
+def half_cycles(displacement: Floats) -> Floats:
     """Peak-to-peak displacement of each half cycle, see `half_cycle_ends`, shape (n_half_cycles,)."""
     return np.asarray(np.abs(np.diff(displacement[half_cycle_ends(displacement)])))
 
 
-def least_stroke(displacement: NDArray[np.float64]) -> float:
+def least_stroke(displacement: Floats) -> float:
     """Amplitude [m] of half cycles that make, with all smaller ones, a fifth of the travel of a displacement [m]."""
     ranges = np.sort(half_cycles(displacement))
     travelled = np.cumsum(ranges)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final, Literal, get_args
@@ -242,7 +242,11 @@ def number_in(text: str, unit: str) -> float | str:
     The text may have any unit of the dimension of `unit`, which may be several with "or" between.
     """
     number, _, given = (part.strip() for part in text.strip().partition(" "))
-    known = ", ".join(name for each in unit.split(" or ") for name in _units_like(each))
+    # Usual units of the dimension of each, that one first.
+    like = (
+        next((units for units in FACTORS.values() if each in units), (each,)) for each in unit.split(" or ")
+    )
+    known = ", ".join(name for units in like for name in units)
     example = f'"1 {known.split(", ")[:2][-1]}"'
     try:
         value = float(number)
@@ -257,14 +261,9 @@ def number_in(text: str, unit: str) -> float | str:
     found = _unit_of(given) if len(given) <= _LONGEST else None
     if found is None:
         return f"is {text!r}, whose unit is not known; its unit may be {known}"
-    if found.powers not in [like.powers for each in unit.split(" or ") if (like := _unit_of(each))]:
+    if found.powers not in [own.powers for each in unit.split(" or ") if (own := _unit_of(each))]:
         return f"is {text!r}, where a number [{unit}] is expected; its unit may be {known}"
     return value * found.factor
-
-
-def _units_like(unit: str) -> Iterable[str]:
-    """Usual units of the dimension of a unit, this one first."""
-    return next((units for units in FACTORS.values() if unit in units), (unit,))
 
 
 def factor_of(unit: str, quantity: MeasuredQuantity) -> float | None:
@@ -277,14 +276,10 @@ def factor_of(unit: str, quantity: MeasuredQuantity) -> float | None:
 def quantity_of(unit: str) -> MeasuredQuantity | None:
     """Quantity that a unit measures, `None` for an unknown unit."""
     symbol, spelled = _symbol_of(unit)
-    return next(
-        (
-            quantity
-            for quantity, factors in FACTORS.items()
-            if symbol in factors or (quantity, spelled) in _IN_ANY_CASE
-        ),
-        None,
-    )
+    for quantity, factors in FACTORS.items():
+        if symbol in factors or (quantity, spelled) in _IN_ANY_CASE:
+            return quantity
+    return None
 
 
 def command_unit_of(unit: str) -> CommandUnit | None:
@@ -298,16 +293,9 @@ def known_units(quantity: MeasuredQuantity) -> str:
 
 
 def factor_to_si(unit: str, quantity: MeasuredQuantity, *, context: str) -> float:
-    """Factor by which values in `unit` are multiplied to be in SI.
+    """Factor by which values in `unit`, as in `factor_of`, are multiplied to be in SI.
 
-    Parameters
-    ----------
-    unit
-        Symbol in any case, such as ``"kN"``, ``"mm/s"`` or its spelling in a column name, ``"mmps"``.
-    quantity
-        What the values measure.
-    context
-        Start of the error's sentence: the file and column, or the option.
+    `context` is the start of the error's sentence: the file and column, or the option.
     """
     factor = factor_of(unit, quantity)
     if factor is not None:

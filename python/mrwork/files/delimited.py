@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.errors import RecordError
 from mrwork.files.layout import (
@@ -31,6 +30,7 @@ from mrwork.files.layout import (
 from mrwork.files.named_columns import ColumnTable
 from mrwork.files.rows import Cells, RowForm, Rows, number_in, read_rows, without_empty_lines
 from mrwork.store.input_file import RECORD, bytes_of, start_of
+from mrwork.values import Floats
 
 # 2024-05-01 12:00:00.010, with T, / or a zone; 01.05.2024 12:00:00; 12:00:00,010.
 _STAMP: Final = re.compile(
@@ -44,21 +44,14 @@ _DAY: Final = 86_400 * 10**9
 _HOUR: Final = 3600 * 10**9
 
 
-def is_stamp(text: str) -> bool:
-    """Whether a cell is a time of the day, by itself or with its date."""
-    return ":" in text and nanoseconds(text) is not None
-
-
 def stamps_of(names: Sequence[str], row: Sequence[str]) -> frozenset[str]:
-    """The columns that have times of the day, of which the first row is given."""
-    return frozenset(name for name, text in zip(names, row, strict=False) if is_stamp(text))
+    """The columns that have times of the day, by themselves or with dates, of which the first row is given."""
+    pairs = zip(names, row, strict=False)
+    return frozenset(name for name, text in pairs if ":" in text and nanoseconds(text) is not None)
 
 
 def nanoseconds(text: str) -> int | None:
-    """Time of a stamp [ns], of one with a date since 1970; `None` of another text.
-
-    A date by itself is its midnight, as spreadsheets write that.
-    """
+    """Time of a stamp [ns], since 1970 if it has a date, which alone is its midnight; `None` of another text."""
     match = _STAMP.fullmatch(text.strip()) if 0 < len(text) <= _LONGEST else None
     if match is None or not match[0]:
         return None
@@ -79,7 +72,7 @@ def nanoseconds(text: str) -> int | None:
     return int(days) * _DAY + time
 
 
-def seconds_since_first(times: Sequence[int | None], *, with_dates: bool) -> NDArray[np.float64]:
+def seconds_since_first(times: Sequence[int | None], *, with_dates: bool) -> Floats:
     """Seconds since the first of times [ns], NaN where one is missing; without dates, a new day begins at midnight."""
     found = np.full(len(times), np.nan)
     first: int | None = None
@@ -110,9 +103,8 @@ _WINDOW: Final = 20
 class RegularTable(ColumnTable):
     """A text table whose rows have been read.
 
-    `sure` are the columns in whose sampled rows commas can only be decimal ones. Requests without any of them, and for
-    columns that have not been read, among them `stamps`, are left to the table that `careful` opens; it is `None` where
-    there can be no such request. `lines` gives the index of the line of a row.
+    In the columns `sure` commas can only be decimal ones. Requests without any of them, and for columns that have not
+    been read, are left to the table that `careful` opens, if any. `lines` gives the index of the line of a row.
     """
 
     def __init__(
@@ -128,17 +120,16 @@ class RegularTable(ColumnTable):
         careful: Callable[[], ColumnTable] | None,
     ) -> None:
         self.names = layout.names
-        self.units = dict(zip(layout.names, layout.units, strict=False))
+        self.units = dict(zip(layout.names, layout.units, strict=False)) | dict.fromkeys(stamps, "s")
         self.sha256 = sha256
+        self.stamps = stamps
         self._cells = cells
         self._rows = rows
         self._lines = lines
         self._sure = sure
         self._careful = careful
-        self.stamps = stamps
-        self.units = {**self.units, **dict.fromkeys(self.stamps, "s")}
 
-    def read(self, wanted: Sequence[str]) -> dict[str, NDArray[np.float64]]:
+    def read(self, wanted: Sequence[str]) -> dict[str, Floats]:
         """The requested columns, each of shape (n_time,)."""
         places = [self.names.index(name) for name in wanted]
         rows = self._rows
@@ -287,10 +278,7 @@ def table_of_text(data: bytes, *, source: str, sha256: str) -> ColumnTable:
 
 
 class DelimitedTable(ColumnTable):
-    """A text table stored as lines; numbers are parsed on request.
-
-    `names` are the column names of a table without a header line; the `layout` is that of the lines where it is known.
-    """
+    """A text table stored as lines, parsed on request; with `names` for one without a header, or its known `layout`."""
 
     def __init__(
         self,
@@ -307,7 +295,6 @@ class DelimitedTable(ColumnTable):
         if layout is None:
             layout = layout_of(lines, source) if names is None else _without_header(lines, names)
         self.names = layout.names
-        self.units = dict(zip(layout.names, layout.units, strict=False))
         self._delimiter = layout.delimiter
         self._cells = Cells(source=source, names=layout.names, delimiter=layout.delimiter)
         self._data = layout.data
@@ -315,9 +302,9 @@ class DelimitedTable(ColumnTable):
             raise RecordError(f"{source}: there is a header but no data line after it; check the export")
         self.stamps = stamps_of(layout.names, self._cells.of_line(lines[self._data[0]]))
         # Times of the day are read as seconds.
-        self.units = {**self.units, **dict.fromkeys(self.stamps, "s")}
+        self.units = dict(zip(layout.names, layout.units, strict=False)) | dict.fromkeys(self.stamps, "s")
 
-    def read(self, wanted: Sequence[str]) -> dict[str, NDArray[np.float64]]:
+    def read(self, wanted: Sequence[str]) -> dict[str, Floats]:
         """Parse the requested columns, each of shape (n_time,)."""
         columns = [self.names.index(name) for name in wanted]
         if self.stamps.intersection(wanted):
@@ -344,7 +331,7 @@ class DelimitedTable(ColumnTable):
         """Line of a row; blank lines, comments and headers count as lines but not as rows."""
         return f"line {self._data[row] + 1}" if row < len(self._data) else f"row {row + 1}"
 
-    def _parse_line_by_line(self, columns: Sequence[int]) -> NDArray[np.float64]:
+    def _parse_line_by_line(self, columns: Sequence[int]) -> Floats:
         texts: list[list[str]] = []
         for index in self._data:
             fields = self._cells.of_line(self._lines[index])
@@ -355,25 +342,23 @@ class DelimitedTable(ColumnTable):
         numbers = [[row[place] for place in of_numbers] for row in texts]
         numeric = [columns[place] for place in of_numbers]
         with_commas = self._has_decimal_commas(numbers, numeric)
-        rows = [
-            [
-                self._number(text, index + 1, column, with_commas)
-                for text, column in zip(row, numeric, strict=True)
-            ]
-            for index, row in zip(self._data, numbers, strict=True)
-        ]
         read = np.empty((len(columns), len(texts)))
-        read[of_numbers] = np.asarray(rows, dtype=np.float64).reshape(len(rows), len(numeric)).T
+        for row, (index, cells) in enumerate(zip(self._data, numbers, strict=True)):
+            for place, column, text in zip(of_numbers, numeric, cells, strict=True):
+                number = number_in(text, with_commas=with_commas)
+                if number is None:
+                    self._cells.refuse_text(index + 1, column, text)
+                read[place, row] = number
         for place, column in enumerate(columns):
             if place not in of_numbers:
                 read[place] = self._seconds([row[place] for row in texts], column)
         return read
 
-    def _seconds(self, cells: Sequence[str], column: int) -> NDArray[np.float64]:
+    def _seconds(self, cells: Sequence[str], column: int) -> Floats:
         times = [nanoseconds(text) for text in cells]
         for index, text, time in zip(self._data, cells, times, strict=True):
             if time is None and text.casefold() not in MISSING:
-                self._cells.refuse_time(index + 1, column, text)
+                self._cells.refuse_text(index + 1, column, text, "a time such as 2024-05-01 12:00:00.010")
         return seconds_since_first(times, with_dates=any(map(has_date, cells[:1])))
 
     def _has_decimal_commas(self, texts: Sequence[Sequence[str]], columns: Sequence[int]) -> bool:
@@ -402,12 +387,6 @@ class DelimitedTable(ColumnTable):
                 "export without commas in numbers"
             )
         return True
-
-    def _number(self, text: str, line: int, column: int, with_commas: bool) -> float:
-        number = number_in(text, with_commas=with_commas)
-        if number is None:
-            self._cells.refuse_text(line, column, text)
-        return number
 
 
 def _without_header(lines: Sequence[str], names: tuple[str, ...]) -> Layout:

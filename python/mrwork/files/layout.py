@@ -51,9 +51,8 @@ _BRACKETS: Final = "()[]{}<> \t"
 class Layout:
     """How the lines of a table are to be read.
 
-    `delimiter` is `None` for blanks. `units` are those of a row below the names, empty where there is none. `data` are
-    the indices of the lines with rows of numbers. Without names in the file they are the numbers of the columns.
-    `header` is the index of the line of the names where that may be repeated among the rows.
+    `delimiter` is `None` for blanks, `units` are of a row below the names, `data` are the lines with rows of numbers;
+    `header` is the line of the names where that may be repeated. Columns without names have numbers.
     """
 
     delimiter: str | None
@@ -160,10 +159,7 @@ def _reads_as_number(text: str) -> bool:
 
 
 def _first_rows(lines: Sequence[str], filled: Sequence[int]) -> _Run | None:
-    """The first rows of numbers that look like those in the middle of the file; `None` where there are none.
-
-    A list of limits or results above them has rows of numbers, too.
-    """
+    """The first rows of numbers that look like those in the middle, no list of limits; `None` without any."""
     middle = _run(lines, filled[len(filled) // 2 :])
     if middle is None or middle.length < _ENOUGH_ROWS:
         return _run(lines, filled)
@@ -199,10 +195,7 @@ def _run(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Run:
-    """Successive rows of numbers with as many fields: the first line, how many, and how wide they are.
-
-    `raw_width` counts empty fields at the end of the first row, too.
-    """
+    """Successive rows of numbers: first line, how many, how wide, and in `raw_width` with empty fields at the end."""
 
     delimiter: str | None
     first: int = 0
@@ -361,8 +354,7 @@ def is_labview(lines: Sequence[str]) -> bool:
 def labview_layout(lines: list[str], source: str) -> tuple[list[str], Layout]:
     """The lines with rows of equal form, and their layout.
 
-    Remarks behind the rows are cut off, decimal commas become points, and times are written into rows without them. The
-    first column is called Time where it is one.
+    Remarks are cut off, decimal commas become points, and times are written into rows without them.
     """
     settings = dict(_entries(lines, 0, _separator(lines)))
     separator = _separator(lines)

@@ -21,13 +21,11 @@ from mrwork.errors import RecordError
 from mrwork.files.named_columns import ColumnTable, VectorTable, unused_parts
 from mrwork.store.child_reader import Member, TooLargeError, UnreadableError, read_members
 from mrwork.store.input_file import LEAST, RECORD, Allowance, bytes_of
+from mrwork.values import Floats
 
 
 def hdf5_variables(data: bytes, path: Path) -> dict[str, NDArray[np.generic] | None]:
-    """Variables of a version 7.3 file, or the fields of its only struct; `None` for other contents than real numbers.
-
-    Links to other files are not followed.
-    """
+    """Variables of a version 7.3 file, or the fields of its only struct; `None` for others than real numbers."""
     try:
         members = read_members(data, "hdf5")
     except TooLargeError as error:
@@ -107,7 +105,7 @@ def open_matlab(path: Path) -> ColumnTable:
     )
 
 
-def read_matlab_matrices(path: Path) -> dict[str, NDArray[np.float64]]:
+def read_matlab_matrices(path: Path) -> dict[str, Floats]:
     """Read the real matrices of a .mat file by name, or those of its only struct; sparse ones become dense."""
     _, variables = _variables(path, least=_LEAST_FOR_MATRICES)
     return {
@@ -250,10 +248,7 @@ def _text(name: Block) -> str:
 def _matrix(
     block: Block, order: str, allowance: Allowance, *, fields: bool
 ) -> tuple[str, NDArray[np.generic] | Variables | None]:
-    """Name and content of a matrix element: an array, `None` for other contents, or the `fields` of a single struct.
-
-    Structs within structs are not entered.
-    """
+    """Name and content of a matrix element: an array, `None` for other contents, or the `fields` of a single struct."""
     elements = _elements(block, order)
     parts = [next(elements, (0, b""))[1] for _ in range(3)]
     flags = struct.unpack_from(f"{order}I", parts[0])[0]
@@ -324,7 +319,7 @@ class DamagedError(Exception):
     """Damage inside a .mat file; the caller adds the name of the file."""
 
 
-def sparse_version_4(triplets: NDArray[np.generic], name: str, allowance: Allowance) -> NDArray[np.float64]:
+def sparse_version_4(triplets: NDArray[np.generic], name: str, allowance: Allowance) -> Floats:
     """Dense matrix from rows of row, column (from 1) and value, shape (n_items + 1, 3); the last row has the size."""
     if triplets.ndim != 2 or triplets.shape[1] != 3 or not len(triplets):
         raise DamagedError(f"sparse variable '{name}' is not a list of row, column, value")
@@ -349,7 +344,7 @@ def sparse_version_5(
     shape: tuple[int, int],
     name: str,
     allowance: Allowance,
-) -> NDArray[np.float64]:
+) -> Floats:
     """Dense matrix from compressed columns: column j has the items `starts[j]` to `starts[j + 1]`, in `rows` from 0."""
     counts = np.diff(starts)
     if len(starts) != shape[1] + 1 or starts[0] != 0 or (counts < 0).any():
@@ -370,7 +365,7 @@ def _fill_matrix(
     shape: tuple[int, int],
     name: str,
     allowance: Allowance,
-) -> NDArray[np.float64]:
+) -> Floats:
     if min(shape) < 0:
         raise DamagedError(f"sparse variable '{name}' claims to be {shape[0]} x {shape[1]}")
     allowance.take(_NUMBER * shape[0] * shape[1], f"sparse variable '{name}', of {shape[0]} x {shape[1]},")

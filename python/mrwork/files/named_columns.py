@@ -25,6 +25,7 @@ from mrwork.store.child_reader import TooLargeError, UnreadableError, read_membe
 from mrwork.store.input_file import RECORD, bytes_of, exists
 from mrwork.summary import listed
 from mrwork.units import FACTORS, CommandUnit, command_unit_of, quantity_of
+from mrwork.values import Floats
 
 TestQuantity = Literal["time", "displacement", "velocity", "force", "current", "voltage"]
 
@@ -81,10 +82,7 @@ _WORD: Final = re.compile(r"[A-ZÄÖÜ]?[a-zäöüßéèóñ]+|[A-ZÄÖÜ]+(?![a
 
 
 def unit_in_name(quantity: TestQuantity, name: str) -> str | None:
-    """Return the unit text of a column whose name means the quantity, empty if it has none; else `None`.
-
-    A name of one word and its unit, such as ``force_kN``, or of several words among which is that of the quantity.
-    """
+    """Unit text of a column whose name means the quantity, alone or among words, empty if none; else `None`."""
     if len(name) > LONGEST_NAME:
         return None
     words, at_end = _words_and_unit(name)
@@ -177,7 +175,7 @@ def is_plain(quantity: TestQuantity, name: str) -> bool:
     return not (" " in rest or _words(rest) & _NOT_MEASURED or quantity_of(unit_at_end(name)) is not None)
 
 
-ReadColumn = Callable[[str], NDArray[np.float64] | None]
+ReadColumn = Callable[[str], Floats | None]
 """Reads a column by its name; `None` where it does not have numbers."""
 
 # Units from the smallest numbers to the largest, each up to a size in it: half the peak to peak of a motion and of a
@@ -216,10 +214,7 @@ def column_option(key: str, column: str, unit: str) -> str:
 def suggested_options(
     missing: Sequence[Missing], free: Sequence[str], units: Mapping[str, str], read: ReadColumn
 ) -> str:
-    """Options for all that is missing, with the likeliest of the `free` columns; empty where one has none.
-
-    They follow "likely" where a column or a unit is judged by its numbers.
-    """
+    """Options for all that is missing, with the likeliest of the `free` columns; empty where one has none."""
     left = [name for name in free if name not in {each.column for each in missing}]
     numbers = {name: samples for name in free for samples in [read(name)] if samples is not None}
     options: list[str] = []
@@ -243,7 +238,7 @@ def suggested_options(
     return f"{'as in' if is_sure else 'likely'} {' '.join(options)}"
 
 
-def likely_unit(quantity: TestQuantity, name: str, samples: NDArray[np.float64] | None) -> str:
+def likely_unit(quantity: TestQuantity, name: str, samples: Floats | None) -> str:
     """The unit that a word of the heading is, or else that with which the numbers have the size of a test."""
     for word in _BETWEEN_WORDS.split(name):
         if len(word) > 1 and quantity_of(word) == quantity:
@@ -254,7 +249,7 @@ def likely_unit(quantity: TestQuantity, name: str, samples: NDArray[np.float64] 
     return next(unit for unit, limit in _UP_TO[quantity] if size <= limit)
 
 
-def _size(quantity: TestQuantity, samples: NDArray[np.float64]) -> float | None:
+def _size(quantity: TestQuantity, samples: Floats) -> float | None:
     known = samples[np.isfinite(samples)]
     if known.size < 2:
         return None
@@ -269,7 +264,7 @@ def _likely_column(
     quantity: TestQuantity,
     left: Sequence[str],
     units: Mapping[str, str],
-    numbers: Mapping[str, NDArray[np.float64]],
+    numbers: Mapping[str, Floats],
 ) -> str:
     """A column of its unit, or else without any unit: for the time one that increases, otherwise one that varies."""
     of_unit = [name for name in left if quantity_of(units.get(name, "")) == quantity]
@@ -301,7 +296,7 @@ class ColumnTable(ABC):
     further: tuple[str, ...] = ()
 
     @abstractmethod
-    def read(self, wanted: Sequence[str]) -> dict[str, NDArray[np.float64]]:
+    def read(self, wanted: Sequence[str]) -> dict[str, Floats]:
         """Columns by name, each of shape (n_time,); an empty cell is NaN.
 
         A constant may have shape (1,) if the format stores scalars.
@@ -331,7 +326,7 @@ class VectorTable(ColumnTable):
         self._source = source
         self._vectors = vectors
 
-    def read(self, wanted: Sequence[str]) -> dict[str, NDArray[np.float64]]:
+    def read(self, wanted: Sequence[str]) -> dict[str, Floats]:
         """Convert the requested vectors, each of shape (n_time,) or (1,)."""
         lengths = {name: self._vectors[name].size for name in wanted if self._vectors[name].size != 1}
         if len(set(lengths.values())) > 1:
@@ -345,7 +340,7 @@ class VectorTable(ColumnTable):
         """Row number from 1."""
         return f"row {row + 1}"
 
-    def _numbers(self, name: str) -> NDArray[np.float64]:
+    def _numbers(self, name: str) -> Floats:
         vector = self._vectors[name]
         if not (np.issubdtype(vector.dtype, np.integer) or np.issubdtype(vector.dtype, np.floating)):
             raise RecordError(
@@ -406,7 +401,7 @@ def _refuse_nameless(file: str) -> None:
         raise RecordError(f"{file!r} is no path of a file; check the name")
 
 
-def rounded_grid(time: NDArray[np.float64]) -> NDArray[np.float64] | None:
+def rounded_grid(time: Floats) -> Floats | None:
     """The uniform grid of which these times are rounded values, shape (n_time,); `None` if they are not.
 
     The grid is the regression of the time on the number of the sample, which rounding does not bias, unlike the
@@ -426,7 +421,7 @@ def rounded_grid(time: NDArray[np.float64]) -> NDArray[np.float64] | None:
     return grid if np.all(np.abs(time - grid) <= allowed) else None
 
 
-def last_digit(values: NDArray[np.float64]) -> NDArray[np.float64]:
+def last_digit(values: Floats) -> Floats:
     """Power of ten of the last decimal with which each value can be written, shape of `values`, 1 to 1e-12."""
     digit = np.full(values.shape, 1e-12)
     for power in range(12, -1, -1):

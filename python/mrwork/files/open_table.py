@@ -8,8 +8,7 @@ import io
 import logging
 from collections import Counter
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, Final
 from warnings import warn
@@ -22,16 +21,6 @@ from mrwork.files.matlab import open_matlab
 from mrwork.files.named_columns import ColumnTable, VectorTable, open_parquet, unit_in_name, unused_parts
 from mrwork.store.child_reader import TooLargeError, UnreadableError, read_members
 from mrwork.store.input_file import RECORD, bytes_of, check_file
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Sheet:
-    """A sheet that has a table: its name, the length of its text, and whether it is what the caller looks for."""
-
-    name: str
-    length: int
-    table: ColumnTable
-    is_record: bool
 
 
 def open_workbook(path: Path, is_record: Callable[[ColumnTable], bool]) -> ColumnTable:
@@ -57,30 +46,21 @@ def open_workbook(path: Path, is_record: Callable[[ColumnTable], bool]) -> Colum
         for member in members.values()
         if member.array is not None and member.array.size
     }
-    sheets = [
-        sheet for name, text in texts.items() for sheet in _open_sheet(path, name, text, digest, is_record)
-    ]
-    if not sheets:
+    tables: dict[str, ColumnTable] = {}
+    for name, text in texts.items():
+        with suppress(RecordError):
+            tables[name] = table_of_text(text, source=f"{path}, sheet '{name}'", sha256=digest)
+    if not tables:
         listed = ", ".join(f"'{name}'" for name in texts) or "it has none with cells"
         raise RecordError(f"{path}: no sheet has a table of numbers ({listed}); put one test into a sheet")
-    records = [sheet for sheet in sheets if sheet.is_record]
-    read = next(iter(records), max(sheets, key=lambda sheet: sheet.length))
-    others = [name for name in texts if name != read.name]
-    read.table.further = tuple(sheet.name for sheet in records if sheet is not read)
-    unused = [f"'{name}'" for name in others if name not in read.table.further]
+    records = [name for name, table in tables.items() if is_record(table)]
+    chosen = next(iter(records), max(tables, key=lambda name: len(texts[name])))
+    table = tables[chosen]
+    table.further = tuple(name for name in records if name != chosen)
+    unused = [f"'{name}'" for name in texts if name != chosen and name not in table.further]
     if unused:
-        read.table.unused = (f"sheet{'s' if len(unused) > 1 else ''} {', '.join(unused)}",)
-    return read.table
-
-
-def _open_sheet(
-    path: Path, name: str, text: bytes, digest: str, is_record: Callable[[ColumnTable], bool]
-) -> tuple[_Sheet, ...]:
-    try:
-        table = table_of_text(text, source=f"{path}, sheet '{name}'", sha256=digest)
-    except RecordError:
-        return ()
-    return (_Sheet(name=name, length=len(text), table=table, is_record=is_record(table)),)
+        table.unused = (f"sheet{'s' if len(unused) > 1 else ''} {', '.join(unused)}",)
+    return table
 
 
 _UNIT_PROPERTIES: Final = ("unit_string", "NI_UnitDescription", "Unit", "unit")

@@ -47,19 +47,12 @@ class Cells:
             f"names {_count(len(self.names), 'column')}; {hint}"
         )
 
-    def refuse_text(self, line: int, column: int, text: str) -> NoReturn:
-        """Refuse a cell that is no number, in a line counted from 1 and a column counted from 0."""
-        where = f"{self.source}: line {line}, column '{self.names[column]}'"
-        shown = text if len(text) <= 40 else text[:40] + "..."
-        raise RecordError(f"{where} holds '{shown}' where a number was expected; correct or delete the line")
-
-    def refuse_time(self, line: int, column: int, text: str) -> NoReturn:
-        """Refuse a cell that is no time of the day in a column of these."""
+    def refuse_text(self, line: int, column: int, text: str, expected: str = "a number") -> NoReturn:
+        """Refuse a cell that is not as `expected`, in a line counted from 1 and a column counted from 0."""
         where = f"{self.source}: line {line}, column '{self.names[column]}'"
         shown = text if len(text) <= 40 else text[:40] + "..."
         raise RecordError(
-            f"{where} holds '{shown}' where a time such as 2024-05-01 12:00:00.010 was expected; correct or delete the "
-            "line"
+            f"{where} holds '{shown}' where {expected} was expected; correct or delete the line"
         )
 
 
@@ -100,9 +93,8 @@ _LIKE_ASCII: Final = re.compile(r"[\s\d]")
 class RowForm:
     """Form of the rows of a table.
 
-    `texts` are the columns that are not read by place, each with the first row, and its text, that is no number.
-    `n_empty` fields that have no name end every row. `header` is the line of the names without blanks around it, `None`
-    where it cannot be repeated among the rows.
+    `texts` are the columns that are not read, each with the first row, and its text, that is no number; `n_empty`
+    nameless fields end every row; `header` is the stripped line of the names, `None` where it cannot be repeated.
     """
 
     cells: Cells

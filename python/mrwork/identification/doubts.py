@@ -9,13 +9,12 @@ the motion makes errors of the parameters that residuals of the force do not sho
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 from math import erf, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.parameters import LawName, law_at, law_named, polynomial_laws
@@ -31,7 +30,7 @@ from mrwork.identification.progress import on_every_test
 from mrwork.identification.result import Slopes, autocorrelation_time
 from mrwork.records import DamperTest
 from mrwork.records.motion import Smoother, spectrum
-from mrwork.values import frozen
+from mrwork.values import Floats, frozen
 
 
 def doubts_on_fit(problem: Problem, points: StartingPoints, polished: Polished, fit: Fit) -> tuple[str, ...]:
@@ -58,11 +57,10 @@ _MOST_ITERATIONS = 30
 _FEW_SAMPLES = 6.0
 
 
-def needless_average_warnings(objective: Objective, box: Box, theta: NDArray[np.float64]) -> tuple[str, ...]:
+def needless_average_warnings(objective: Objective, box: Box, theta: Floats) -> tuple[str, ...]:
     """A sentence for each test with a detected average whose fit would be better without it, by more than chance.
 
-    A single test is fitted again without its average, from the fit `theta`, shape (n_params,). Several tests are
-    compared at `theta`, which the others determine.
+    A single test is fitted again from the fit `theta`, shape (n_params,); several are compared there.
     """
     found = [index for index, test in enumerate(objective.tests) if _has_detected_average(test)]
     if not found:
@@ -100,7 +98,7 @@ def _has_detected_average(test: DamperTest) -> bool:
     )
 
 
-def _is_better(plain: NDArray[np.float64], averaged: NDArray[np.float64]) -> bool:
+def _is_better(plain: Floats, averaged: Floats) -> bool:
     if np.linalg.norm(plain) >= _BETTER * np.linalg.norm(averaged):
         return False
     gain = averaged**2 - plain**2
@@ -108,7 +106,7 @@ def _is_better(plain: NDArray[np.float64], averaged: NDArray[np.float64]) -> boo
     return bool(gain.mean() > _SIGNIFICANT * gain.std() / np.sqrt(n_effective))
 
 
-def _fit_percent(test: DamperTest, residual: NDArray[np.float64]) -> float:
+def _fit_percent(test: DamperTest, residual: Floats) -> float:
     return 100.0 * (1.0 - float(np.sqrt(np.mean(residual**2)) / np.std(test.force[test.counted])))
 
 
@@ -135,7 +133,7 @@ def _sentence(test: DamperTest, averaged: float, plain: float) -> str:
 _FAR_BETTER = 0.8
 
 
-def law_shape_warnings(objective: Objective, box: Box, theta: NDArray[np.float64]) -> tuple[str, ...]:
+def law_shape_warnings(objective: Objective, box: Box, theta: Floats) -> tuple[str, ...]:
     """A sentence where the laws through values themselves, fitted from `theta`, shape (n_params,), are far better."""
     spec = objective.spec
     through = _laws_through_values(spec)
@@ -143,10 +141,9 @@ def law_shape_warnings(objective: Objective, box: Box, theta: NDArray[np.float64
         return ()
     plain = damper(spec.name)
     laws = dict(zip(plain.names, spec.current.laws, strict=True)) | through
+    by_values = plain.with_current_laws(laws, unit=spec.current.unit, lagged=spec.current.lagged)
     # Their coefficients have the same names and ranges, because they are the values at the same commands.
-    other = objective.on(
-        plain.with_current_laws(laws, unit=spec.current.unit, lagged=spec.current.lagged), objective.tests
-    )
+    other = objective.on(by_values, objective.tests)
     minimum = find_minima(other, box, theta[None], max_iterations=_MOST_ITERATIONS)
     own, found = float(objective.plain(theta[None])[0]), float(other.plain(minimum.theta)[0])
     if not found < _FAR_BETTER * own:
@@ -170,8 +167,6 @@ def _laws_through_values(spec: DamperSpec) -> dict[str, LawName]:
     }
 
 
-Array = NDArray[np.float64]
-
 # Number of motions with more noise that are simulated at most, and in a round.
 _DRAWS = 24
 _ROUND = 4
@@ -183,19 +178,16 @@ _QUANTILE = 1.96
 _SURELY = 2.0
 
 
-def motion_noise_warning(slopes: Slopes, standard_errors: Array, names: Sequence[str]) -> tuple[str, ...]:
+def motion_noise_warning(slopes: Slopes, standard_errors: Floats, names: Sequence[str]) -> tuple[str, ...]:
     """A sentence where hardly 90 % of the 95 % intervals are expected to hold, for the noise of the motion.
 
-    A model is driven by the recorded motion, whose noise it integrates: its force is wrong at reversals, where the
-    hysteresis depends on it, by errors that the few samples there hardly show. The noise of displacement and velocity,
-    estimated from the records, is added once more, and the change of the force is projected on the parameters,
+    The model integrates the noise of the recorded motion: its force is wrong at reversals, by errors that the few
+    samples there hardly show. That noise, estimated from the records, is added once more, and the change of the force
+    is projected,
 
-        change of theta = (J'J)^-1 J' (change of the force),
+        change of theta = (J'J)^-1 J' (change of the force);
 
-    as its own errors are. Its mean square over draws has the bias and the scatter.
-
-    `slopes`: of the sum of squares at the minimum. `standard_errors`: of the parameters of the requested model, shape
-    (n_params,).
+    its mean square over draws has the bias and the scatter. `standard_errors` are of the requested model, (n_params,).
     """
     errors = standard_errors
     known = np.isfinite(errors) & (errors > 0.0)
@@ -219,12 +211,12 @@ def motion_noise_warning(slopes: Slopes, standard_errors: Array, names: Sequence
     )
 
 
-def _held(shares: Array) -> float:
+def _held(shares: Floats) -> float:
     """Expected share of the 95 % intervals that hold, where noise moves parameters by these shares of their errors."""
     return float(np.mean([erf(_QUANTILE / sqrt(2.0 * (1.0 + each**2))) for each in shares]))
 
 
-def _changes_by_noise(slopes: Slopes) -> Iterator[Array]:
+def _changes_by_noise(slopes: Slopes) -> Iterator[Floats]:
     """Changes of the parameters of the requested model by noise of the motion, more and more, (n_draws, n_params).
 
     Draws under which the model cannot be simulated are left out.
@@ -234,12 +226,12 @@ def _changes_by_noise(slopes: Slopes) -> Iterator[Array]:
     if not interior:
         return
     inverse = np.linalg.pinv(slopes.by_interior().T)
-    noises = [_MotionNoise.of(test) for test in objective.tests]
+    noises = [_noise_of_motion(test) for test in objective.tests]
 
-    def moved(first: int, index: int, threads: int) -> Array | None:
+    def moved(first: int, index: int, threads: int) -> Floats | None:
         parts = []
         for number, each in enumerate(noises):
-            observed = objective.compared[number].of_test(each.again([first + index, number]))
+            observed = objective.compared[number].of_test(each([first + index, number]))
             (part,), (failed,) = observed.residuals(theta[None], threads=threads)
             if failed:
                 return None
@@ -248,7 +240,7 @@ def _changes_by_noise(slopes: Slopes) -> Iterator[Array]:
         change[interior] = inverse @ (np.concatenate(parts) - slopes.residuals)
         return form.to_model.jacobian(theta) @ change
 
-    changes = list[Array]()
+    changes = list[Floats]()
     for first in range(0, _DRAWS, _ROUND):
         draws = on_every_test(_ROUND, objective.threads, partial(moved, first))
         changes += [change for change in draws if change is not None]
@@ -256,42 +248,27 @@ def _changes_by_noise(slopes: Slopes) -> Iterator[Array]:
             yield np.array(changes)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _MotionNoise:
-    """A test with the standard deviations of the noise of its displacement [m] and of a measured velocity [m/s].
+def _noise_of_motion(test: DamperTest) -> Callable[[list[int]], DamperTest]:
+    """A function that adds noise to the motion of the test, by a seed, as large as its smoother removes.
 
-    The `velocity` is `None` where it is derived from the displacement.
+    The noise of a velocity that was derived is that of its derivation.
     """
+    band = spectrum(test.displacement, test.dt)
+    smoother = Smoother.for_band(band.band_edge, test.dt, test.n_time)
+    is_measured = test.velocity_source == "measured"
+    of_displacement = smoother.noise(test.displacement - smoother.smooth(test.displacement))
+    of_velocity = smoother.noise(test.velocity - smoother.smooth(test.velocity)) if is_measured else 0.0
 
-    test: DamperTest
-    smoother: Smoother
-    displacement: float
-    velocity: float | None
-
-    @classmethod
-    def of(cls, test: DamperTest) -> _MotionNoise:
-        """The noise that the smoother of the test removes."""
-        band = spectrum(test.displacement, test.dt)
-        smoother = Smoother.for_band(band.band_edge, test.dt, test.n_time)
-        measured = test.velocity_source == "measured"
-        return cls(
-            test=test,
-            smoother=smoother,
-            displacement=smoother.noise(test.displacement - smoother.smooth(test.displacement)),
-            velocity=smoother.noise(test.velocity - smoother.smooth(test.velocity)) if measured else None,
-        )
-
-    def again(self, seed: list[int]) -> DamperTest:
-        """The test with such a noise added; that of a derived velocity is the noise of its derivation."""
-        test = self.test
+    def add_noise(seed: list[int]) -> DamperTest:
         rng = np.random.default_rng(seed)
-        displacement = self.displacement * rng.standard_normal(test.n_time)
-        if self.velocity is None:
-            velocity = self.smoother.derivative(displacement)
-        else:
-            velocity = self.velocity * rng.standard_normal(test.n_time)
+        displacement = of_displacement * rng.standard_normal(test.n_time)
+        velocity = smoother.derivative(displacement)
+        if is_measured:
+            velocity = of_velocity * rng.standard_normal(test.n_time)
         return replace(
             test,
             displacement=frozen(test.displacement + displacement),
             velocity=frozen(test.velocity + velocity),
         )
+
+    return add_noise

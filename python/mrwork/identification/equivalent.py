@@ -7,11 +7,10 @@ of the plain model at several commands, and have ranges that follow from its own
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.arguments import checked
 from mrwork.dampers.conversions import (
@@ -31,6 +30,7 @@ from mrwork.dampers.parameters import CurrentLaw, LawName, ParamSpec, law_named
 from mrwork.dampers.spec import DamperSpec, damper, law_limits
 from mrwork.errors import SettingError
 from mrwork.records import DamperTest
+from mrwork.values import Floats
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,12 +62,10 @@ def identifiable_form(spec: DamperSpec, bounds: Mapping[str, tuple[float, float]
             f"{spec.name} with current laws is identified as {equivalent.name}, whose parameters the data settle; "
             "give the laws to that model"
         )
-    if equivalent is None:
-        box = Box.of(spec).with_bounds(bounds)
-        return Form(
-            spec=spec, box=box, to_model=_IDENTITY, from_model=_IDENTITY, mirrored=_find_mirrored(spec, box)
-        )
     bounded = Box.of(spec).with_bounds(bounds)
+    if equivalent is None:
+        mirrored = _find_mirrored(spec, bounded)
+        return Form(spec=spec, box=bounded, to_model=_IDENTITY, from_model=_IDENTITY, mirrored=mirrored)
     index = spec.names.index("A")
     scale = spec.parameters[index].nominal
     translated: dict[str, tuple[float, float]] = {}
@@ -182,7 +180,7 @@ def search_box(spec: DamperSpec, bounds: Box, tests: tuple[DamperTest, ...]) -> 
     }
     narrowed: dict[str, tuple[float, float]] = {}
     for index, parameter in enumerate(spec.parameters):
-        multiples = _multiples(parameter)
+        multiples = (_POSITIVE if parameter.scale == "log" else _SIGNED).get(parameter.unit)
         scale = scales.get(parameter.unit)
         if multiples is None or scale is None:
             continue
@@ -193,11 +191,6 @@ def search_box(spec: DamperSpec, bounds: Box, tests: tuple[DamperTest, ...]) -> 
     return bounds.with_bounds(narrowed)
 
 
-def _multiples(parameter: ParamSpec) -> tuple[float, float] | None:
-    table = _POSITIVE if parameter.scale == "log" else _SIGNED
-    return table.get(parameter.unit)
-
-
 # Largest exponent of a law [1/A or 1/V], either sign.
 _EXPONENT = 5.0
 # Coefficients may reach this multiple of the range that is searched.
@@ -206,9 +199,7 @@ _MARGIN = 10.0
 _LEAST_SHARE = 1e-3
 
 
-def fitted_laws(
-    spec: DamperSpec, commands: NDArray[np.float64], values: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def fitted_laws(spec: DamperSpec, commands: Floats, values: Floats) -> Floats:
     """Coefficients of the laws, shape (n_params,), by least squares from `values`, shape (n_levels, n_plain)."""
     if spec.current is None:
         return np.asarray(values[0])
@@ -221,9 +212,7 @@ def fitted_laws(
     return np.clip(theta, box.lower, box.upper)
 
 
-def fitted_law(
-    law: LawName, parameter: ParamSpec, commands: NDArray[np.float64], column: NDArray[np.float64]
-) -> list[float]:
+def fitted_law(law: LawName, parameter: ParamSpec, commands: Floats, column: Floats) -> list[float]:
     """Coefficients of the law of a parameter by least squares from its values at these commands."""
     kind = law_named(law)
     if kind.degree == 0:
@@ -243,9 +232,7 @@ def fitted_law(
     return polynomial
 
 
-def _values_at_nodes(
-    law: CurrentLaw, parameter: ParamSpec, commands: NDArray[np.float64], column: NDArray[np.float64]
-) -> list[float]:
+def _values_at_nodes(law: CurrentLaw, parameter: ParamSpec, commands: Floats, column: Floats) -> list[float]:
     """Values at the nodes of the curve that is nearest to the values at the commands, logarithms to logarithms."""
     log = parameter.scale == "log" and law.takes_logarithms
     given = np.log(np.maximum(column, parameter.lower)) if log else column
@@ -257,9 +244,7 @@ def _values_at_nodes(
     return [max(float(value), least) for value in (np.exp(values) if log else values)]
 
 
-def with_other_laws(
-    earlier: DamperSpec, theta: NDArray[np.float64], spec: DamperSpec, commands: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def with_other_laws(earlier: DamperSpec, theta: Floats, spec: DamperSpec, commands: Floats) -> Floats:
     """Coefficients of other laws of the same model, shape (n_params,), for values `theta` of the earlier ones.
 
     A law that is the same keeps its coefficients; another one is fitted to the values of the earlier one at these
@@ -279,20 +264,13 @@ def with_other_laws(
     return np.asarray(np.clip([*values, *theta[place:]], box.lower, box.upper))
 
 
-def leaves_range(
-    spec: DamperSpec, theta: NDArray[np.float64], commands: NDArray[np.float64]
-) -> tuple[str, ...]:
-    """Parameters whose law leaves the admissible range at these commands, in rising order, or between them.
-
-    There the parameter is limited to its range, and does not change with the coefficients.
-    """
+def leaves_range(spec: DamperSpec, theta: Floats, commands: Floats) -> tuple[str, ...]:
+    """Parameters whose law leaves the admissible range, and is limited to it, at or between these rising commands."""
     limits = law_limits(spec, theta, (float(commands[0]), float(commands[-1])))
     return tuple(each.parameter for each in limits if each.value != each.used)
 
 
-def within_range(
-    spec: DamperSpec, theta: NDArray[np.float64], commands: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def within_range(spec: DamperSpec, theta: Floats, commands: Floats) -> Floats:
     """Coefficients, shape (n_params,), of laws that do not leave their ranges at these commands and between them.
 
     A law that leaves its range becomes the straight line between its values at the first and the last command.
@@ -316,22 +294,33 @@ def within_range(
 def plain_of(form: Form) -> tuple[DamperSpec, Box]:
     """The plain model of a form with current laws, with the bounds of the parameters that are constant."""
     plain = damper(form.spec.name)
-    bounds = {
-        name: (form.box.lower[index], form.box.upper[index])
-        for index, name in enumerate(form.box.names)
-        if name in plain.names
-    }
-    return plain, Box.of(plain).with_bounds(bounds)
+    return plain, Box.of(plain).with_bounds(bounds_of(form.box, plain.names))
 
 
-def joint_box(form: Form, tests: tuple[DamperTest, ...], commands: NDArray[np.float64]) -> Box:
+def bounds_of(box: Box, names: Collection[str]) -> dict[str, tuple[float, float]]:
+    """Bounds of the parameters of a box that have one of these names."""
+    ranges = zip(box.names, box.lower, box.upper, strict=True)
+    return {name: (lower, upper) for name, lower, upper in ranges if name in names}
+
+
+def change_laws(
+    spec: DamperSpec, change: Callable[[LawName], LawName] = lambda law: law, *, lagged: bool | None = None
+) -> DamperSpec:
+    """A model with current laws, each of them changed, and with the driver's lag or without where that is given."""
+    assert spec.current is not None
+    plain, lag = damper(spec.name), spec.current.lagged if lagged is None else lagged
+    laws = {name: change(law) for name, law in zip(plain.names, spec.current.laws, strict=True)}
+    return plain.with_current_laws(laws, unit=spec.current.unit, lagged=lag)
+
+
+def joint_box(form: Form, tests: tuple[DamperTest, ...], commands: Floats) -> Box:
     """The box of a joint fit: ranges of coefficients follow from the stroke, speed, force and commands of the tests."""
     searched = search_box(*plain_of(form), tests)
-    return _limit_box(form, _law_box(form.spec, searched, commands, margin=_MARGIN))
+    return _limit_box(form, _law_box(form.spec, searched, commands))
 
 
-def _law_box(spec: DamperSpec, searched: Box, commands: NDArray[np.float64], *, margin: float = 1.0) -> Box:
-    """Ranges of the coefficients of the laws, `margin` times as wide as the searched ranges of the plain model imply.
+def _law_box(spec: DamperSpec, searched: Box, commands: Floats) -> Box:
+    """Ranges of the coefficients of the laws, `_MARGIN` times as wide as the searched ranges of the plain model imply.
 
     A coefficient may have either sign, and at the largest command its term reaches the end of the parameter's range.
     """
@@ -343,7 +332,7 @@ def _law_box(spec: DamperSpec, searched: Box, commands: NDArray[np.float64], *, 
         if coefficient is None:
             continue
         plain = searched.names.index(coefficient.parameter)
-        reach = margin * max(abs(searched.lower[plain]), abs(searched.upper[plain]))
+        reach = _MARGIN * max(abs(searched.lower[plain]), abs(searched.upper[plain]))
         if coefficient.command is not None and parameter.scale == "log":
             # Its logarithm resolves the admissible range, as that of a constant parameter does.
             continue
@@ -361,12 +350,8 @@ def _limit_box(form: Form, limits: Box) -> Box:
     Local minimisations run in the logit of the range; for a range of +-1e9 the logit resolves useful values poorly.
     """
     admissible = Box.of(form.spec)
-    narrowed = {}
-    for index, name in enumerate(admissible.names):
-        own = (form.box.lower[index], form.box.upper[index])
-        if own == (admissible.lower[index], admissible.upper[index]):
-            narrowed[name] = (limits.lower[index], limits.upper[index])
-    return form.box.with_bounds(narrowed)
+    own, widest, narrowed = (bounds_of(box, admissible.names) for box in (form.box, admissible, limits))
+    return form.box.with_bounds({name: narrowed[name] for name in widest if own[name] == widest[name]})
 
 
 def levels_needed(spec: DamperSpec) -> int:

@@ -191,6 +191,7 @@ NEGLIGIBLE = 0.1
 """Negligible difference in fit [percentage points]: the cycles of a real test repeat to 97-99 %."""
 
 FitStatus = Literal["converged", "not_converged", "interrupted", "stopped"]
+Remark = Literal["", "fixed", "at lower bound", "at upper bound", "not identifiable"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -210,7 +211,7 @@ class Estimate:
     standard_error: NotNegative | None
     lower: LowerBound
     upper: UpperBound
-    remark: Literal["", "fixed", "at lower bound", "at upper bound", "not identifiable"] = ""
+    remark: Remark = ""
 
     def judge(self, verdict: Verdict | None) -> Estimate:
         """The estimate with the standard error that its verdict is by; as it is where it has no verdict."""

@@ -44,15 +44,11 @@ def write_run(
     documents: Mapping[str, object] | None = None,
     flush: bool = True,
 ) -> None:
-    """Write the run folder of a fit; it replaces an earlier run of the same name.
+    """Write the run folder of a fit; it replaces an earlier run of the same name, and keeps files of the user.
 
-    The folder contains `manifest.json`, `fit.json`, `journal.jsonl`, `report.html` and the documents. Files that the
-    user has added to the earlier run are kept.
-
-    `report_html`: what `report.html` says until the page is drawn. `manifest`: facts about the run. All JSON documents
-    may contain numpy numbers and paths; numbers that are not finite become `null`. `journal`: file with the steps of
-    the run; it is copied. `documents`: further JSON documents, by path inside the folder. `flush`: wait until the files
-    are on the disk, unless the fit was interrupted.
+    `report_html` stands in `report.html` until the page is drawn, `manifest` are facts about the run, `journal` is
+    copied, `documents` are further JSON documents by path inside the folder. `flush`: wait until the files are on the
+    disk, unless the fit was interrupted.
     """
     contents = {name: json_document(document).encode() for name, document in (documents or {}).items()}
     write_folder(
@@ -162,13 +158,11 @@ def reopen(path: str | Path, *, on_read: OnRead | None = None) -> OpenedRun:
             f"{place / FIT} compares {len(fit.quality)} tests where {len(tests)} were read; "
             "run `mrwork identify` again"
         )
-    tests = tuple(
-        replace(test, observation=quality.observation)
-        for test, quality in zip(tests, fit.quality, strict=True)
-    )
-    known = set(fit.provenance.inputs.values())
-    for test, quality in zip(tests, fit.quality, strict=True):
-        if test.sha256 not in known:
+    opened = []
+    for read, quality in zip(tests, fit.quality, strict=True):
+        test = replace(read, observation=quality.observation)
+        opened.append(test)
+        if test.sha256 not in fit.provenance.inputs.values():
             raise RecordError(
                 f"{test.label} has changed since {place} was identified from it; "
                 "restore the file, or run `mrwork identify` again"
@@ -178,4 +172,4 @@ def reopen(path: str | Path, *, on_read: OnRead | None = None) -> OpenedRun:
                 f"{test.label}: {test.n_counted} samples count where {quality.n_time} did "
                 f"when {place} was identified; run `mrwork identify` again with this version"
             )
-    return OpenedRun(place=place, fit=fit, tests=tests)
+    return OpenedRun(place=place, fit=fit, tests=tuple(opened))

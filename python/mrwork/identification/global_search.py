@@ -11,13 +11,12 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.dampers.conversions import nesting_of
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import Interrupted, SimulationError
-from mrwork.identification.equivalent import Form, half_ranges, identifiable_form, search_box
+from mrwork.identification.equivalent import Form, bounds_of, half_ranges, identifiable_form, search_box
 from mrwork.identification.fit import SearchTrace
 from mrwork.identification.multistart import (
     LINEAR_SHARE,
@@ -30,7 +29,7 @@ from mrwork.identification.objective import Objective
 from mrwork.identification.problem import Problem
 from mrwork.identification.settings import Multistart, Start
 from mrwork.records.window import excerpt
-from mrwork.values import holds_arrays
+from mrwork.values import Floats, holds_arrays
 
 if TYPE_CHECKING:
     from mrwork.search import Optimiser, SearchResult
@@ -59,7 +58,7 @@ class NestedFit:
     """
 
     model: str
-    starts: NDArray[np.float64]
+    starts: Floats
     misfit: float
 
 
@@ -71,17 +70,13 @@ def nested_fit(
     rng: int,
     on_iteration: OnIteration,
 ) -> NestedFit | None:
-    """Search the simpler model that the searched one contains; `None` where there is none.
-
-    It is searched in the same way, with the bounds of the parameters that both models share.
-    """
+    """Fit of the simpler model that the searched one contains, within shared bounds; `None` without one."""
     nesting = nesting_of(objective.spec)
     if nesting is None:
         return None
     simpler = damper(nesting.model)
     names = objective.spec.names
-    bounds = {name: (box.lower[names.index(name)], box.upper[names.index(name)]) for name in nesting.shared}
-    form = identifiable_form(simpler, bounds)
+    form = identifiable_form(simpler, bounds_of(box, nesting.shared))
     rough = objective.on(simpler, objective.tests)
     search = replace(
         search,
@@ -90,7 +85,7 @@ def nested_fit(
         most_iterations=min(search.most_iterations, _NESTED_ITERATIONS),
     )
 
-    def lifted(theta: NDArray[np.float64]) -> NDArray[np.float64]:
+    def lifted(theta: Floats) -> Floats:
         values = dict(zip(simpler.names, theta.tolist(), strict=True))
         points = nesting.points(values, half_ranges(objective.tests))
         whole = np.array([[point[name] for name in names] for point in points])
@@ -150,17 +145,16 @@ class StartingPoints:
 
     objective: Objective
     form: Form
-    theta: NDArray[np.float64]
+    theta: Floats
     trace: SearchTrace
     minima: bool = False
     warnings: tuple[str, ...] = ()
     is_suspected: bool = False
 
     def with_given(self, spec: DamperSpec, given: Sequence[Start]) -> StartingPoints:
-        """The same with the starts that the user gave, in parameters of the requested model `spec`, appended.
+        """The same with the user's starts, in parameters of the requested model, appended and moved inside the box.
 
-        A parameter that a start does not name has the value of the best point found; a value outside the bounds is
-        moved inside.
+        A parameter that a start does not name has the value of the best point.
         """
         box = self.form.box
         best = np.asarray(self.form.to_model(self.theta[0]))
@@ -255,7 +249,7 @@ def points_from_optimiser(problem: Problem, search: Optimiser[Any], *, on_search
     objective, form = problem.objective, problem.form
     box = search_box(form.spec, form.box, objective.tests)
 
-    def theta_of(unit: NDArray[np.float64]) -> NDArray[np.float64]:
+    def theta_of(unit: Floats) -> Floats:
         return np.asarray(box.theta_from_unit(unit))
 
     found = search_elite(
@@ -274,7 +268,7 @@ def search_elite(
     search: Optimiser[Any],
     objective: Objective,
     form: Form,
-    theta_of: Callable[[NDArray[np.float64]], NDArray[np.float64]],
+    theta_of: Callable[[Floats], Floats],
     *,
     n_params: int,
     on_search: OnSearch,
@@ -298,7 +292,7 @@ def search_elite(
 def optimise(
     search: Optimiser[Any],
     objective: Objective,
-    theta_of: Callable[[NDArray[np.float64]], NDArray[np.float64]],
+    theta_of: Callable[[Floats], Floats],
     *,
     n_params: int,
     rng: int,
@@ -325,7 +319,7 @@ def optimise(
 
 
 def interrupted_at(
-    theta: NDArray[np.float64], objective: Objective, form: Form, trace: SearchTrace
+    theta: Floats, objective: Objective, form: Form, trace: SearchTrace
 ) -> Interrupted[StartingPoints]:
     """An interrupt that carries the best point so far, shape (n_params,)."""
     best = StartingPoints(objective=objective, form=form, theta=theta[None], trace=trace)

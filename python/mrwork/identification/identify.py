@@ -209,10 +209,7 @@ def identify_from(
     on_progress: Callable[[Progress], bool | None] | None = None,
     journal: Journal | None = None,
 ) -> Fit:
-    """The final fit of `identify` from the first of the starts in the settings, without a global search.
-
-    Coefficients stay in `box`; `trace` is that of the search which led to the start.
-    """
+    """The final fit of `identify` inside `box` from the first start of the settings; `trace` has led to it."""
     began = time.perf_counter() - (0.0 if journal is None else journal.seconds_before)
     problem = Problem.of(model, as_tests(tests), settings, threads=threads, journal=journal)
     reporter = _begin(problem, began, on_progress, journal)
@@ -242,8 +239,7 @@ def _begin(
 class _Ending:
     """The end of an identification: the final fit, or the fit so far after an interrupt.
 
-    With `examines` doubts about the fit are looked for; with `compares` too, a fit that is costly in a building is
-    compared with models without states.
+    With `examines` doubts about the fit are looked for; with `compares` a costly fit is compared with stateless models.
     """
 
     problem: Problem
@@ -368,9 +364,6 @@ def identify_again(
     threads: int = 0,
     on_progress: Callable[[Progress], bool | None] | None = None,
 ) -> Fit:
-    """Identify from other tests with the model and the settings of an earlier fit, in lanes.
-
-    The earlier fit and its starts are not used as starts, because they depend on tests that may have been left out.
-    """
+    """Identify from other tests with the model and settings of an earlier fit, but not its starts, in lanes."""
     settings = replace(fit.settings, starts=(), engine="lanes")
     return identify_with(fit.spec, tests, settings, threads=threads, on_progress=on_progress, warns=False)

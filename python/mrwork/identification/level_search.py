@@ -16,11 +16,13 @@ from numpy.typing import NDArray
 from mrwork.arguments import Seed, Shape, checked
 from mrwork.command_signal import command_level, levels_of_command
 from mrwork.dampers.coordinates import Box
-from mrwork.dampers.parameters import LawName, law_by_values, law_through
-from mrwork.dampers.spec import DamperSpec, damper
+from mrwork.dampers.parameters import law_by_values, law_through
+from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import Interrupted, SettingError
 from mrwork.identification.equivalent import (
     Form,
+    bounds_of,
+    change_laws,
     fitted_laws,
     identifiable_form,
     joint_box,
@@ -58,9 +60,7 @@ from mrwork.records.damper_test import loading_of
 from mrwork.records.window import middle_excerpt
 from mrwork.search import Optimiser
 from mrwork.summary import Summarised
-from mrwork.values import holds_arrays
-
-Array = NDArray[np.float64]
+from mrwork.values import Floats, holds_arrays
 
 # Samples of a cycle in the excerpts on which laws are searched: fits differ by 0.02 points from those with 400.
 PER_CYCLE = 100
@@ -92,7 +92,7 @@ class LevelFit(Summarised):
     """Minima of the plain model at one command [A or V], shape (n_minima, n_plain), best first."""
 
     command: float
-    minima: Annotated[Array, Shape(("n_minima", "n_plain"))]
+    minima: Annotated[Floats, Shape(("n_minima", "n_plain"))]
 
 
 def points_from_levels(
@@ -104,9 +104,8 @@ def points_from_levels(
 ) -> StartingPoints:
     """Fit the plain model at each constant command, then laws to all tests, from the minima at single commands.
 
-    Laws that are no polynomials are searched as they are; polynomials by as many values at tested commands, and fitted
-    to the tests from there. Of each command at most `per_command` tests find the minima; all of them where the others
-    cannot be simulated at these.
+    Polynomials are searched by as many values at tested commands, other laws as they are. At most `per_command` tests
+    of a command find the minima; all of them where the others cannot be simulated at these.
     """
     objective, form, rng = problem.objective, problem.form, problem.settings.rng
     excerpts = tuple(middle_excerpt(test, per_cycle=PER_CYCLE) for test in objective.tests)
@@ -130,14 +129,14 @@ def points_from_levels(
         done = (len(fits) + share) / (len(levels) + 1)
         on_search(len(found.best) - 1, found.best[-1], found.median[-1], done)
 
-    def in_own_laws(theta: Array) -> Array:
+    def in_own_laws(theta: Floats) -> Floats:
         rows = [with_other_laws(joint.spec, row, form.spec, commands) for row in theta]
         return _move_inside(own_form.box, np.array(rows))
 
     on_tests = objective.on(joint.spec, excerpts)
     on_searched = objective.on(joint.spec, searched) if left_out else on_tests
 
-    def search_joint(starts: Array, seed: int) -> MultistartResult:
+    def search_joint(starts: Floats, seed: int) -> MultistartResult:
         return search_starts(
             on_searched,
             joint.box,
@@ -149,7 +148,7 @@ def points_from_levels(
             on_iteration=on_iteration,
         )
 
-    def on_all_tests(found: MultistartResult) -> tuple[Array, Array]:
+    def on_all_tests(found: MultistartResult) -> tuple[Floats, Floats]:
         """Minima and their misfits, best first: of the search, or refined where it was on some of the tests."""
         if not left_out or not len(found.theta):
             return found.theta, found.misfit
@@ -158,7 +157,7 @@ def points_from_levels(
         order = np.argsort(minima.misfit, kind="stable")
         return minima.theta[order], minima.misfit[order]
 
-    best: Array | None = None
+    best: Floats | None = None
     doubts: tuple[str, ...] = ()
     suspected = False
     try:
@@ -231,16 +230,13 @@ def points_from_levels(
 @holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _OwnFits:
-    """Fits of the plain model to each test alone: command, parameters (n_tests, n_plain), NRMSE (n_tests,).
+    """Fits of the plain model to each test alone: command, parameters (n_tests, n_plain), NRMSE; NaN if it varies."""
 
-    All NaN for a test whose command varies.
-    """
+    command: Floats
+    theta: Floats
+    nrmse: Floats
 
-    command: Array
-    theta: Array
-    nrmse: Array
-
-    def worse_in(self, objective: Objective, theta: Array) -> NDArray[np.intp]:
+    def worse_in(self, objective: Objective, theta: Floats) -> NDArray[np.intp]:
         """The tests that the first of these minima describes far worse than their own fits do."""
         if not len(theta):
             return np.empty(0, dtype=np.intp)
@@ -266,7 +262,7 @@ def _fit_each(problem: Problem, tests: tuple[DamperTest, ...], fits: Sequence[Le
         own = float(np.mean(np.asarray(loading_of(test, problem.form.spec).command)))
         fit = min(fits, key=lambda fit: abs(fit.command - own))
         searched = search_box(plain, box, (test,))
-        near = box.with_bounds(_widen_ranges(searched, box))
+        near = _widened(searched, box)
         minima = find_minima(
             problem.objective.on(plain, (test,)),
             near,
@@ -282,8 +278,7 @@ def _fit_each(problem: Problem, tests: tuple[DamperTest, ...], fits: Sequence[Le
 def unlike_tests(tests: Sequence[DamperTest], most: int) -> tuple[DamperTest, ...]:
     """At most this number of the tests, in their order, with strokes and velocities as far apart as can be.
 
-    The first is that of the largest velocity; each further one is that whose stroke and largest velocity, in their
-    logarithms, are farthest from those of all that were taken.
+    The first has the largest velocity, each further one is the farthest from all before in the logarithms of both.
     """
     if len(tests) <= most:
         return tuple(tests)
@@ -311,28 +306,17 @@ def _merge_searches(first: MultistartResult, second: MultistartResult) -> Multis
     )
 
 
-def spec_by_values(spec: DamperSpec, commands: Array) -> DamperSpec:
+def spec_by_values(spec: DamperSpec, commands: Floats) -> DamperSpec:
     """The model with polynomial laws replaced by laws by as many values at tested commands; other laws stay.
 
     Positive parameters are then interpolated in their logarithms: on measured tests the force at commands between those
     that were fitted is predicted better, by up to four points in the mean and ten in the worst test.
     """
-    return _with_laws(spec, lambda law: law_by_values(law, commands.tolist()))
+    return change_laws(spec, lambda law: law_by_values(law, commands.tolist()))
 
 
-def _with_laws(spec: DamperSpec, changed: Callable[[LawName], LawName]) -> DamperSpec:
-    current = spec.current
-    assert current is not None
-    plain = damper(spec.name)
-    laws = {name: changed(law) for name, law in zip(plain.names, current.laws, strict=True)}
-    return plain.with_current_laws(laws, unit=current.unit, lagged=current.lagged)
-
-
-def tested_commands(spec: DamperSpec, tests: Sequence[DamperTest]) -> Array:
-    """Commands of all tests in the unit of the laws, shape (n_commands,), lowest first.
-
-    Each command at which a varying one stays counts.
-    """
+def tested_commands(spec: DamperSpec, tests: Sequence[DamperTest]) -> Floats:
+    """Commands of all tests in the unit of the laws, and levels of varying ones, shape (n_commands,), lowest first."""
     unit = "A" if spec.current is None else spec.current.unit
     commands = (loading_of(test, spec).command for test in tests)
     known = [command for command in commands if command is not None]
@@ -341,18 +325,13 @@ def tested_commands(spec: DamperSpec, tests: Sequence[DamperTest]) -> Array:
     )
 
 
-def form_through_values(form: Form, tests: tuple[DamperTest, ...], commands: Array) -> Form:
+def form_through_values(form: Form, tests: tuple[DamperTest, ...], commands: Floats) -> Form:
     """The form with the same polynomials through values at tested commands; bounds of shared parameters stay."""
-    spec = _with_laws(form.spec, lambda law: law_through(law, commands.tolist()))
+    spec = change_laws(form.spec, lambda law: law_through(law, commands.tolist()))
     if spec == form.spec:
         return form
-    bounds = {
-        name: (form.box.lower[index], form.box.upper[index])
-        for index, name in enumerate(form.box.names)
-        if name in spec.names
-    }
-    found = identifiable_form(spec, bounds)
-    return replace(found, box=joint_box(found, tests, commands))
+    through = identifiable_form(spec, bounds_of(form.box, spec.names))
+    return replace(through, box=joint_box(through, tests, commands))
 
 
 def has_levels(spec: DamperSpec, tests: Sequence[DamperTest]) -> bool:
@@ -411,7 +390,7 @@ def _fit_level(
     plain, box = plain_of(problem.form)
     objective = problem.objective.on(plain, tests)
     searched = search_box(plain, box, tests)
-    near = box.with_bounds(_widen_ranges(searched, box))
+    near = _widened(searched, box)
     starts = np.empty((0, len(plain.names)))
     if nearest is not None:
         # Each minimum gives two starts: unchanged, and with its forces scaled by the ratio of the measured ones.
@@ -419,50 +398,32 @@ def _fit_level(
         ratio = relative[command] / relative[nearest.command]
         scaled = np.where(is_force, ratio * nearest.minima, nearest.minima)
         starts = np.concatenate([nearest.minima, scaled])
+    rng = problem.settings.rng
+
+    def theta_of(unit: Floats) -> Floats:
+        return np.asarray(searched.theta_from_unit(unit))
+
     try:
-        theta = _minima_of(
-            objective, near, searched, starts, search, problem.settings.rng, on_search, on_iteration
-        )
+        if isinstance(search, Multistart):
+            settings = replace(search, least_rounds=1, most_rounds=min(search.most_rounds, _LEVEL_ROUNDS))
+            nested = None
+            if not len(starts):
+                nested = nested_fit(objective, near, settings, rng=rng, on_iteration=on_iteration)
+            starts = _move_inside(near, starts) if nested is None else nested.starts
+            theta = search_starts(
+                objective, near, searched, settings, rng=rng, nested=starts, on_iteration=on_iteration
+            ).theta
+        else:
+            n_params = len(searched.free)
+            ended = optimise(search, objective, theta_of, n_params=n_params, rng=rng, on_search=on_search)
+            starts = _move_inside(near, np.concatenate([starts, theta_of(ended.elite)]))
+            minima = find_minima(objective, near, starts, max_iterations=_ITERATIONS)
+            theta = minima.theta[np.argsort(minima.misfit, kind="stable")]
     except Interrupted as interrupt:
         raise _with_best(interrupt, command, searched) from interrupt
     if not len(theta):
         raise no_simulation(plain, objective.tally.simulations)
     return LevelFit(command=command, minima=theta[:_MINIMA])
-
-
-def _minima_of(
-    objective: Objective,
-    near: Box,
-    searched: Box,
-    starts: Array,
-    search: Multistart | Optimiser[Any],
-    rng: int,
-    on_search: OnSearch,
-    on_iteration: Callable[[MultistartResult, float], None],
-) -> Array:
-    if isinstance(search, Multistart):
-        settings = replace(search, least_rounds=1, most_rounds=min(search.most_rounds, _LEVEL_ROUNDS))
-        nested = None
-        if not len(starts):
-            nested = nested_fit(objective, near, settings, rng=rng, on_iteration=on_iteration)
-        found = search_starts(
-            objective,
-            near,
-            searched,
-            settings,
-            rng=rng,
-            nested=_move_inside(near, starts) if nested is None else nested.starts,
-            on_iteration=on_iteration,
-        )
-        return found.theta
-
-    def theta_of(unit: Array) -> Array:
-        return np.asarray(searched.theta_from_unit(unit))
-
-    ended = optimise(search, objective, theta_of, n_params=len(searched.free), rng=rng, on_search=on_search)
-    starts = np.concatenate([starts, theta_of(ended.elite)])
-    minima = find_minima(objective, near, _move_inside(near, starts), max_iterations=_ITERATIONS)
-    return np.asarray(minima.theta[np.argsort(minima.misfit, kind="stable")])
 
 
 def _with_best(interrupt: Interrupted[Any], command: float, searched: Box) -> Interrupted[LevelFit | None]:
@@ -475,11 +436,12 @@ def _with_best(interrupt: Interrupted[Any], command: float, searched: Box) -> In
     return Interrupted(None if best is None else LevelFit(command=command, minima=best), "search")
 
 
-def _move_inside(box: Box, theta: Array) -> Array:
+def _move_inside(box: Box, theta: Floats) -> Floats:
     return np.asarray(box.inside(np.clip(theta, box.lower, box.upper)))
 
 
-def _widen_ranges(searched: Box, box: Box) -> dict[str, tuple[float, float]]:
+def _widened(searched: Box, box: Box) -> Box:
+    """The range that is searched, widened within the box."""
     bounds = {}
     for index, name in enumerate(searched.names):
         lower, upper = searched.lower[index], searched.upper[index]
@@ -489,17 +451,16 @@ def _widen_ranges(searched: Box, box: Box) -> dict[str, tuple[float, float]]:
             middle, half = (lower + upper) / 2, (upper - lower) / 2
             lower, upper = middle - _RANGE_FACTOR * half, middle + _RANGE_FACTOR * half
         bounds[name] = (max(lower, box.lower[index]), min(upper, box.upper[index]))
-    return bounds
+    return box.with_bounds(bounds)
 
 
 def _starts_of_levels(
     spec: DamperSpec, fits: Sequence[LevelFit], relative: Mapping[float, float], rng: int
-) -> Array:
+) -> Floats:
     """Coefficients of laws from the minima at single commands, shape (n_starts, n_params).
 
-    The first start takes the best minimum at each command. Then one command after the other gives its minimum to all:
-    to every parameter, those that scale with the force following the measured one, and to the constant ones alone.
-    The last are those of `joint_starts`.
+    First of the best minimum at each command; then one command after the other gives its minimum to all, scaled with
+    the measured force, or only its constant parameters; last those of `joint_starts`.
     """
     commands = np.array([fit.command for fit in fits])
     best = np.array([fit.minima[0] for fit in fits])
@@ -522,7 +483,7 @@ def joint_starts(
     n_starts: int,
     *,
     rng: Seed,
-) -> Array:
+) -> Floats:
     """Coefficients of laws that are fitted to minima at several commands, shape (n_starts, n_params).
 
     The laws of the first start are fitted to the best minimum at each command, those of the others to a random one,

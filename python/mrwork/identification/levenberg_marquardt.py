@@ -13,7 +13,7 @@ it meets that limit, far from the minimum of all its other parameters.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,9 +24,7 @@ from mrwork.errors import JournalError
 from mrwork.identification.objective import Objective, linearised
 from mrwork.identification.residual import ObservedTest
 from mrwork.simulate import stiffness_shares
-from mrwork.values import holds_arrays
-
-Array = NDArray[np.float64]
+from mrwork.values import Floats, holds_arrays
 
 # Distance from the limit that a step along it keeps, in the logarithm of the stiffness: the limit is curved.
 _MARGIN = 0.02
@@ -42,16 +40,15 @@ _NOT_FAR_ABOVE = 0.7
 def within_stiffness(
     tests: Sequence[ObservedTest],
     box: Box,
-    latent: Array,
-    step: Array,
-    damped: Array,
-    gradient: Array,
-) -> Array:
+    latent: Floats,
+    step: Floats,
+    damped: Floats,
+    gradient: Floats,
+) -> Floats:
     """Damped least-squares steps, those that end above the limit of stiffness replaced by the best ones below it.
 
-    `latent`: points, shape (n_rows, n_free). `step`: steps from them, shape (n_rows, n_dampings, n_free), that minimise
-    the quadratic functions of `damped`, shape (n_rows, n_dampings, n_free, n_free), and `gradient`, shape (n_rows,
-    n_free).
+    `step`, shape (n_rows, n_dampings, n_free), from `latent`, (n_rows, n_free), minimises the quadratic functions of
+    `damped`, (n_rows, n_dampings, n_free, n_free), and `gradient`, (n_rows, n_free).
     """
     ends = np.asarray(box.theta_from_latent(latent[:, None] + step))
     stiffness = _log_stiffness(tests, ends.reshape(-1, ends.shape[-1])).reshape(*ends.shape[:2], -1)
@@ -69,11 +66,10 @@ def within_stiffness(
     return step
 
 
-def nearest_below_stiffness(tests: Sequence[ObservedTest], box: Box, theta: Array) -> Array:
-    """Points, shape (n_points, n_params), those little above the limit of stiffness moved below it.
+def nearest_below_stiffness(tests: Sequence[ObservedTest], box: Box, theta: Floats) -> Floats:
+    """Points, shape (n_points, n_params), those little above the limit of stiffness moved below it by the shortest way.
 
-    A minimum on some tests, or on parts of them, may lie where others are not simulated. The move is the shortest in
-    latent coordinates.
+    A minimum on some tests, or on parts of them, may lie where others are not simulated.
     """
     found = theta.copy()
     excess = _log_stiffness(tests, theta).max(axis=1)
@@ -90,14 +86,14 @@ def nearest_below_stiffness(tests: Sequence[ObservedTest], box: Box, theta: Arra
     return found
 
 
-def _stiffness_and_slope(tests: Sequence[ObservedTest], box: Box, latent: Array) -> tuple[Array, Array]:
+def _stiffness_and_slope(tests: Sequence[ObservedTest], box: Box, latent: Floats) -> tuple[Floats, Floats]:
     """Logarithm of the stiffness at a point, shape (n_tests,), and its derivative, shape (n_tests, n_free)."""
     nearby = np.concatenate([latent[None], latent + _SMALL * np.eye(latent.size)])
     value, *moved = _log_stiffness(tests, np.asarray(box.theta_from_latent(nearby)))
     return value, (np.array(moved) - value).T / _SMALL
 
 
-def _log_stiffness(tests: Sequence[ObservedTest], theta: Array) -> Array:
+def _log_stiffness(tests: Sequence[ObservedTest], theta: Floats) -> Floats:
     """Logarithm of the stiffness as a share of the limit, shape (n_batch, n_tests); infinite where it has none."""
     with np.errstate(divide="ignore", invalid="ignore"):
         shares = [stiffness_shares(each.spec, theta, each.history) for each in tests]
@@ -105,7 +101,7 @@ def _log_stiffness(tests: Sequence[ObservedTest], theta: Array) -> Array:
     return np.where(np.isnan(stiffness), np.inf, stiffness)
 
 
-def _minimise_within(matrix: Array, gradient: Array, slope: Array, room: Array) -> Array:
+def _minimise_within(matrix: Floats, gradient: Floats, slope: Floats, room: Floats) -> Floats:
     """Minimum of gradient @ s + s @ matrix @ s / 2 with slope @ s <= room, shape (n_free,), by an active set."""
     free = -np.linalg.solve(matrix, gradient)
     towards = np.linalg.solve(matrix, slope.T)
@@ -151,7 +147,7 @@ _PACED = 5
 class LocalMinimum:
     """Result of a local minimisation: parameters (n_params,), misfit, number of evaluations, whether it converged."""
 
-    theta: NDArray[np.float64]
+    theta: Floats
     misfit: float
     evaluations: int
     converged: bool
@@ -160,7 +156,7 @@ class LocalMinimum:
 def find_minimum(
     objective: Objective,
     box: Box,
-    start: NDArray[np.float64],
+    start: Floats,
     *,
     max_evaluations: int,
     on_step: Callable[[int, float], None] | None = None,
@@ -182,7 +178,7 @@ def find_minimum(
     return found
 
 
-def check_recalled_minimum(theta: NDArray[np.float64], box: Box, start: NDArray[np.float64]) -> None:
+def check_recalled_minimum(theta: Floats, box: Box, start: Floats) -> None:
     """Refuse a minimum of a journal that no search from `start` inside `box` ends at."""
     _check_recalled(theta, start)
     if not (np.array_equal(theta, start) or box.contains(theta)):
@@ -194,7 +190,7 @@ def check_recalled_minimum(theta: NDArray[np.float64], box: Box, start: NDArray[
 def _minimise_from(
     objective: Objective,
     box: Box,
-    start: NDArray[np.float64],
+    start: Floats,
     max_evaluations: int,
     on_step: Callable[[int, float], None] | None,
 ) -> LocalMinimum:
@@ -207,10 +203,10 @@ def _minimise_from(
     sensitivity = np.linalg.norm(at(origin)[1], axis=1)
     scale = 1.0 / np.maximum(sensitivity, 1e-9 * max(float(np.max(sensitivity)), 1e-300))
 
-    def residuals_at(position: NDArray[np.float64]) -> NDArray[np.float64]:
+    def residuals_at(position: Floats) -> Floats:
         return at(origin + scale * position)[0]
 
-    def jacobian_at(position: NDArray[np.float64]) -> NDArray[np.float64]:
+    def jacobian_at(position: Floats) -> Floats:
         return np.asarray(at(origin + scale * position)[1].T * scale)
 
     solution = least_squares(
@@ -242,9 +238,9 @@ class _Linearisations:
         self.box = box
         self.on_step = on_step
         self.evaluations = 0
-        self._cache: list[tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]] = []
+        self._cache: list[tuple[Floats, Floats, Floats]] = []
 
-    def __call__(self, latent: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def __call__(self, latent: Floats) -> tuple[Floats, Floats]:
         """Residuals (n_residuals,) and derivative (n_free, n_residuals)."""
         for cached, residuals, jacobian in self._cache:
             if np.array_equal(cached, latent):
@@ -265,8 +261,8 @@ class _Linearisations:
 class LocalMinima:
     """Results of a batch: parameters (n_starts, n_params), misfits (n_starts,), which converged, iterations."""
 
-    theta: NDArray[np.float64]
-    misfit: NDArray[np.float64]
+    theta: Floats
+    misfit: Floats
     converged: NDArray[np.bool_]
     iterations: int
 
@@ -286,9 +282,7 @@ class Hopeless:
     closeness: float
     earlier: tuple[float, ...] = ()
 
-    def of(
-        self, courses: Sequence[NDArray[np.float64]], converged: NDArray[np.bool_], left: int
-    ) -> NDArray[np.bool_]:
+    def of(self, courses: Sequence[Floats], converged: NDArray[np.bool_], left: int) -> NDArray[np.bool_]:
         """Whether each start is hopeless, from the misfits (n_starts,) of all iterations, with this number left."""
         misfit = courses[-1]
         if len(courses) <= max(self.after, _PACED):
@@ -308,7 +302,7 @@ class Hopeless:
 def find_minima(
     objective: Objective,
     box: Box,
-    starts: NDArray[np.float64],
+    starts: Floats,
     *,
     max_iterations: Count,
     tolerance: float = TOLERANCE,
@@ -343,22 +337,21 @@ def find_minima(
 class _State:
     """State of the batch, one row for each start, as it is recorded in the journal.
 
-    `normal` (matrix) and `gradient` are those of the last linearisation; `moved` starts have accepted a step since,
-    `arrived` starts have converged.
+    `normal` (matrix) and `gradient` are of the last linearisation; `moved` starts have accepted a step since.
     """
 
-    latent: NDArray[np.float64]
-    misfit: NDArray[np.float64]
-    damping: NDArray[np.float64]
-    sensitivity: NDArray[np.float64]
-    normal: NDArray[np.float64]
-    gradient: NDArray[np.float64]
+    latent: Floats
+    misfit: Floats
+    damping: Floats
+    sensitivity: Floats
+    normal: Floats
+    gradient: Floats
     moved: NDArray[np.bool_]
     arrived: NDArray[np.bool_]
     running: NDArray[np.bool_]
 
 
-def _initial(objective: Objective, box: Box, starts: NDArray[np.float64]) -> _State:
+def _initial(objective: Objective, box: Box, starts: Floats) -> _State:
     latent = np.asarray(box.latent_from_theta(box.inside(starts)))
     misfit = objective(np.asarray(box.theta_from_latent(latent)))
     n_starts, n_free = latent.shape
@@ -391,7 +384,7 @@ def _iteration(objective: Objective, box: Box, state: _State, tolerance: float) 
     return found
 
 
-def _check_recalled(found: NDArray[np.float64], expected: NDArray[np.float64]) -> None:
+def _check_recalled(found: Floats, expected: Floats) -> None:
     """Refuse a result of a journal that another one has been put in the place of."""
     if found.shape != expected.shape:
         raise JournalError(
@@ -402,9 +395,9 @@ def _check_recalled(found: NDArray[np.float64], expected: NDArray[np.float64]) -
 
 def _iterate_once(objective: Objective, box: Box, state: _State, tolerance: float) -> _State:
     """Linearise at the points that have moved, then try several dampings for every running start."""
-    latent, misfit, damping = state.latent.copy(), state.misfit.copy(), state.damping.copy()
-    sensitivity, normal, gradient = state.sensitivity.copy(), state.normal.copy(), state.gradient.copy()
-    moved, arrived, running = state.moved.copy(), state.arrived.copy(), state.running.copy()
+    new = replace(state, **{each.name: getattr(state, each.name).copy() for each in fields(state)})
+    latent, misfit, damping, normal, gradient = new.latent, new.misfit, new.damping, new.normal, new.gradient
+    sensitivity, moved, arrived, running = new.sensitivity, new.moved, new.arrived, new.running
     fresh = np.flatnonzero(running & moved)
     for index, residuals, jacobian in _linearise_rows(objective, box, latent, fresh):
         # The derivatives of a force that is nearly unstable overflow; no step can be computed from them.
@@ -443,17 +436,7 @@ def _iterate_once(objective: Objective, box: Box, state: _State, tolerance: floa
     decrease = 1.0 - (misfit[active] / before) ** 2
     arrived[active] = np.where(better, decrease < tolerance, damping[active] > _MOST_DAMPING)
     running[active] = ~arrived[active]
-    return _State(
-        latent=latent,
-        misfit=misfit,
-        damping=damping,
-        sensitivity=sensitivity,
-        normal=normal,
-        gradient=gradient,
-        moved=moved,
-        arrived=arrived,
-        running=running,
-    )
+    return new
 
 
 def _minima(box: Box, state: _State, iterations: int) -> LocalMinima:
@@ -466,8 +449,8 @@ def _minima(box: Box, state: _State, iterations: int) -> LocalMinima:
 
 
 def _linearise_rows(
-    objective: Objective, box: Box, latent: NDArray[np.float64], rows: NDArray[np.intp]
-) -> Iterator[tuple[int, NDArray[np.float64], NDArray[np.float64]]]:
+    objective: Objective, box: Box, latent: Floats, rows: NDArray[np.intp]
+) -> Iterator[tuple[int, Floats, Floats]]:
     """Residuals (n_residuals,) and their derivative (n_free, n_residuals) at these rows of `latent`, one at a time."""
     for at in range(0, len(rows), _ROWS):
         some = rows[at : at + _ROWS]

@@ -12,7 +12,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import optimistix as optx
-from numpy.typing import NDArray
 
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec
@@ -22,7 +21,7 @@ from mrwork.identification.objective import Objective
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import loading_of
 from mrwork.twins.models import begin, simulate
-from mrwork.values import holds_arrays
+from mrwork.values import Floats, holds_arrays
 
 
 class RecordArrays(NamedTuple):
@@ -85,10 +84,7 @@ class TwinResiduals:
         ]
 
     def _forces(self, theta: jax.Array, tests: tuple[RecordArrays, ...]) -> list[jax.Array]:
-        """Force of each test, (n_time,).
-
-        Tests with equal numbers of sub-steps share one scan, because thirty scans take minutes to compile.
-        """
+        """Force of each test, (n_time,); equal sub-steps share one scan, because thirty take minutes to compile."""
         forces: dict[int, jax.Array] = {}
         for n_stages in sorted({test.motion.shape[1] for test in tests}):
             own = {index: test for index, test in enumerate(tests) if test.motion.shape[1] == n_stages}
@@ -163,14 +159,14 @@ _Data = tuple[RecordArrays, ...]
 class TwinMinimum:
     """Result of a local minimisation: parameters (n_params,), misfit, number of steps, whether it converged."""
 
-    theta: NDArray[np.float64]
+    theta: Floats
     misfit: float
     steps: int
     converged: bool
 
 
 def find_minimum_on_twin(
-    objective: Objective, box: Box, start: NDArray[np.float64], *, on_step: OnStep | None = None
+    objective: Objective, box: Box, start: Floats, *, on_step: OnStep | None = None
 ) -> TwinMinimum:
     """Minimise the misfit from `start`, shape (n_params,), inside `box`, on the twin.
 
@@ -187,9 +183,7 @@ def find_minimum_on_twin(
     return found
 
 
-def _minimise_on_twin(
-    objective: Objective, box: Box, start: NDArray[np.float64], on_step: OnStep | None
-) -> TwinMinimum:
+def _minimise_on_twin(objective: Objective, box: Box, start: Floats, on_step: OnStep | None) -> TwinMinimum:
     begin()
     minimum = TwinMinimum(theta=start, misfit=float(objective(start[None])[0]), steps=0, converged=False)
     for _ in range(_ROUNDS):
@@ -228,7 +222,7 @@ def _minimised_with(
     return TwinMinimum(theta=theta, misfit=misfit, steps=start.steps + len(squared), converged=converged)
 
 
-def _substeps(objective: Objective, theta: NDArray[np.float64]) -> tuple[int, ...]:
+def _substeps(objective: Objective, theta: Floats) -> tuple[int, ...]:
     return tuple(max(1, int(misfits.substeps[0])) for misfits in objective.misfits(theta[None]))
 
 

@@ -27,18 +27,17 @@ from mrwork.identification.objective import Objective
 from mrwork.identification.settings import Multistart
 from mrwork.records import DamperTest
 from mrwork.search.unit_cube import Streams, latin_hypercube
-from mrwork.summary import Summarised
-from mrwork.values import holds_arrays
+from mrwork.summary import Summarised, listed
+from mrwork.values import Floats, holds_arrays
 
 # A fit whose misfit is not below this share of that of a linear spring and dashpot has lost its non-linear part.
 LINEAR_SHARE = 0.98
 
 
 def linear_misfit(tests: Sequence[DamperTest], *, follows_command: bool = False) -> float:
-    """Misfit of a linear spring and dashpot with an offset: root mean square NRMSE.
+    """Root mean square NRMSE of a linear spring and dashpot with an offset, one for all tests.
 
-    All tests have one spring and dashpot, as they have one set of constant parameters; for a model that follows the
-    command, those at each command have their own.
+    For a model that follows the command, those at each command have their own.
     """
     groups: dict[object, list[DamperTest]] = {}
     for test in tests:
@@ -91,31 +90,26 @@ _RESOLVED = 0.02
 _SHOWN = 3
 
 
-def far_worse(joint: NDArray[np.float64], alone: NDArray[np.float64]) -> NDArray[np.intp]:
-    """Indices of the tests that a joint fit describes far worse than their own fits do.
-
-    Both are NRMSE, shape (n_tests,). NaN stands for a test without a fit of its own.
-    """
+def far_worse(joint: Floats, alone: Floats) -> NDArray[np.intp]:
+    """Indices of the tests whose `joint` NRMSE, shape (n_tests,), is far above their own; NaN where there is none."""
     return np.flatnonzero(joint > _FAR_WORSE * np.maximum(alone, _RESOLVED))
 
 
 def far_worse_sentence(
     tests: Sequence[DamperTest],
     worse: NDArray[np.intp],
-    joint: NDArray[np.float64],
-    alone: NDArray[np.float64],
+    joint: Floats,
+    alone: Floats,
     *,
     found_again: bool,
 ) -> str:
     """A sentence on tests that are far worse jointly than alone."""
-    shown = ", ".join(
+    both = [
         f"{tests[index].name} ({100.0 * (1.0 - joint[index]):.1f} % for {100.0 * (1.0 - alone[index]):.1f} %)"
-        for index in worse[:_SHOWN]
-    )
-    further = f" and {len(worse) - _SHOWN} more" if len(worse) > _SHOWN else ""
-    tests_shown = (
-        f"{len(worse)} of {len(tests)} tests are described far worse together than alone: {shown}{further}"
-    )
+        for index in worse
+    ]
+    shown = listed(both, _SHOWN)
+    tests_shown = f"{len(worse)} of {len(tests)} tests are described far worse together than alone: {shown}"
     if found_again:
         return (
             f"{tests_shown}; several starts end in this minimum, so these laws cannot follow the tests: let more "
@@ -148,8 +142,8 @@ class MultistartResult(Summarised):
     of the present round.
     """
 
-    theta: NDArray[np.float64]
-    misfit: NDArray[np.float64]
+    theta: Floats
+    misfit: Floats
     stop_reason: str
     evaluations: tuple[int, ...]
     best: tuple[float, ...]
@@ -164,7 +158,7 @@ def search_starts(
     *,
     rng: Seed,
     mirrored: tuple[int, ...] = (),
-    nested: NDArray[np.float64] | None = None,
+    nested: Floats | None = None,
     suspicious: float = math.inf,
     on_iteration: Callable[[MultistartResult, float], None] | None = None,
 ) -> MultistartResult:
@@ -176,12 +170,10 @@ def search_starts(
     misfit is not `suspicious`, and it has been found again; a minimum on a bound takes one more round than others. Once
     enough minimisations agree, slow ones that are behind are given up, see `Hopeless`.
 
-    `rng`: seed; the same seed gives the same bits on any number of threads. `mirrored`: parameters whose signs can be
-    changed together with little effect, but across a barrier that no local minimisation crosses; a further one starts
-    from the mirror image of the best minimum. `nested`: further starts of the first round, shape (n_starts, n_params).
-    `suspicious`: least misfit above which the search does not end early, because a simpler description is as good.
-    `on_iteration`: called after every iteration with the result so far and the share of the allowed iterations that is
-    used up.
+    `mirrored`: parameters whose signs can be changed together with little effect, but across a barrier that no local
+    minimisation crosses; a further one starts from the mirror image of the best minimum. `nested`: further starts of
+    the first round, shape (n_starts, n_params). `suspicious`: least misfit above which a simpler description is as
+    good. `on_iteration`: called with the result so far and the share of the allowed iterations that is used up.
     """
     n_free = len(searched.free)
     streams = Streams(rng=rng, replicate=np.zeros(1, dtype=np.int64), generation=np.zeros(1, dtype=np.int64))
@@ -192,7 +184,7 @@ def search_starts(
     rounds = _Rounds(objective, samples[order], misfit[order])
     most = settings.most_rounds * settings.most_iterations
 
-    def run_round(starts: NDArray[np.float64]) -> None:
+    def run_round(starts: Floats) -> None:
         def advance(minima: LocalMinima) -> None:
             rounds.advance(minima)
             if on_iteration is not None:
@@ -231,12 +223,17 @@ def search_starts(
                 break
             number += 1
         if mirrored and rounds.ended:
-            image = rounds.found("").theta[:1].copy()
-            image[:, list(mirrored)] *= -1.0
-            run_round(image)
+            run_round(mirror(rounds.found("").theta[:1], mirrored))
     except KeyboardInterrupt as interrupt:
         raise Interrupted(rounds.found("interrupted"), "search") from interrupt
     return rounds.found(reason)
+
+
+def mirror(theta: Floats, mirrored: tuple[int, ...]) -> Floats:
+    """Points, shape (..., n_params), with the signs of the `mirrored` parameters changed."""
+    image = theta.copy()
+    image[..., list(mirrored)] *= -1.0
+    return image
 
 
 def _take_samples(left: list[np.intp], count: int) -> list[np.intp]:
@@ -253,9 +250,7 @@ def _take_samples(left: list[np.intp], count: int) -> list[np.intp]:
 _SCALE = 1e3
 
 
-def scaled_to_force(
-    objective: Objective, box: Box, theta: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def scaled_to_force(objective: Objective, box: Box, theta: Floats) -> tuple[Floats, Floats]:
     """Samples with their forces multiplied by the factor that fits best, and their misfits, which may be infinite.
 
     To multiply all parameters whose unit contains the newton by a factor multiplies the force by it, as a change of the
@@ -288,11 +283,8 @@ def scaled_to_force(
     return np.clip(scaled, box.lower, box.upper), fitted
 
 
-def distinct_minima(box: Box, theta: NDArray[np.float64], misfit: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The best minimum, and up to two distant ones whose misfit is as good within 1 %; one to three rows.
-
-    `theta`, `misfit`: minima, best first, shape (n_minima, n_params) and (n_minima,).
-    """
+def distinct_minima(box: Box, theta: Floats, misfit: Floats) -> Floats:
+    """The best of the minima, best first, and up to two distant ones whose misfit is as good within 1 %, as rows."""
     unit = np.asarray(box.unit_from_theta(theta))
     chosen = [0]
     for index in np.flatnonzero(misfit <= (1.0 + _CLOSE) * misfit[0]):
@@ -304,7 +296,7 @@ def distinct_minima(box: Box, theta: NDArray[np.float64], misfit: NDArray[np.flo
 def _descend(
     objective: Objective,
     box: Box,
-    starts: NDArray[np.float64],
+    starts: Floats,
     settings: Multistart,
     *,
     earlier: tuple[float, ...] = (),
@@ -331,22 +323,20 @@ def _descend(
 def minima_from(
     objective: Objective,
     box: Box,
-    starts: NDArray[np.float64],
+    starts: Floats,
     *,
     mirrored: tuple[int, ...] = (),
     on_iteration: Callable[[LocalMinima], None] | None = None,
-) -> NDArray[np.float64]:
-    """The `distinct_minima` that local minimisations from these starts reach, in one batch; one to three rows.
+) -> Floats:
+    """The `distinct_minima` that local minimisations from starts, (n_starts, n_params), reach in one batch.
 
-    `starts`: shape (n_starts, n_params). `mirrored`: as in `search_starts`: a further minimisation starts from the
-    mirror image of the best minimum.
+    `mirrored` as in `search_starts`.
     """
     settings = Multistart()
     found = _descend(objective, box, starts, settings, on_iteration=on_iteration)
     theta, misfit = found.theta, found.misfit
     if mirrored:
-        image = theta[[int(np.argmin(misfit))]]
-        image[:, list(mirrored)] *= -1.0
+        image = mirror(theta[[int(np.argmin(misfit))]], mirrored)
         found = _descend(objective, box, image, settings, on_iteration=on_iteration)
         theta, misfit = np.concatenate([theta, found.theta]), np.concatenate([misfit, found.misfit])
     order = np.argsort(misfit, kind="stable")
@@ -356,7 +346,7 @@ def minima_from(
 class _Rounds:
     """State of the search: the best sample, the minima of the rounds that have ended, those of the present round."""
 
-    def __init__(self, objective: Objective, theta: NDArray[np.float64], misfit: NDArray[np.float64]) -> None:
+    def __init__(self, objective: Objective, theta: Floats, misfit: Floats) -> None:
         self.objective = objective
         self.sampled = (theta[:1], misfit[:1])
         self.ended: list[LocalMinima] = []
@@ -386,7 +376,7 @@ class _Rounds:
         return min(self.misfits, default=math.inf)
 
     @property
-    def best_minimum(self) -> NDArray[np.float64]:
+    def best_minimum(self) -> Floats:
         """Parameters of the least misfit of the local minimisations that ended, shape (n_params,)."""
         minima = min(self.ended, key=lambda minima: float(minima.misfit.min()))
         return np.asarray(minima.theta[int(np.argmin(minima.misfit))])
@@ -396,7 +386,7 @@ class _Rounds:
         unit = np.asarray(box.unit_from_theta(self.best_minimum))
         return bool(np.any((unit < ON_BOUND) | (unit > 1.0 - ON_BOUND)))
 
-    def crossed(self, samples: NDArray[np.float64], random: np.random.Generator) -> NDArray[np.float64]:
+    def crossed(self, samples: Floats, random: np.random.Generator) -> Floats:
         """The best minimum with some of its parameters replaced by those of samples, shape (n_crossed, n_params)."""
         chosen = samples[random.integers(len(samples), size=_CROSSED)]
         return np.where(random.random(chosen.shape) < _REPLACED, chosen, self.best_minimum)

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.dampers.spec import DamperSpec
 from mrwork.keys import SMALLEST
@@ -15,6 +14,7 @@ from mrwork.records import DamperTest
 from mrwork.records.checks import FORCE_OFFSET
 from mrwork.records.damper_test import delayed
 from mrwork.summary import listed
+from mrwork.values import Floats
 
 NuisanceName = Literal["offset", "level", "delay"]
 
@@ -37,23 +37,17 @@ class Nuisance:
         ]
         return ", ".join(text for value, text in parts if value != 0.0)
 
-    def applied(self, force: NDArray[np.float64], dt: float) -> NDArray[np.float64]:
+    def applied(self, force: Floats, dt: float) -> Floats:
         """Apply the estimates to `force` [N], shape (n_time,), which is sampled every `dt` [s]."""
         return np.asarray(self.level * delayed(force, self.delay / dt) + self.offset)
 
 
 NONE = Nuisance()
 
-_IN_WORDS: dict[NuisanceName, str] = {
-    "offset": "offset of the force",
-    "level": "level of the force",
-    "delay": "delay of the force",
-}
-
 
 def estimated_in_words(names: Sequence[NuisanceName]) -> str:
     """What is estimated from the measured force of each test."""
-    return " and ".join(_IN_WORDS[name] for name in names)
+    return " and ".join(f"{name} of the force" for name in names)
 
 
 def missing_warnings(fitted: Sequence[NuisanceName], used: Sequence[NuisanceName]) -> tuple[str, ...]:
@@ -103,9 +97,7 @@ def _shifts(spec: DamperSpec) -> tuple[str, ...]:
     return tuple(each.name for each in spec.parameters if each.plain_name in shifts)
 
 
-def without_nuisance(
-    force: NDArray[np.float64], measured: NDArray[np.float64], names: tuple[NuisanceName, ...]
-) -> NDArray[np.float64]:
+def without_nuisance(force: Floats, measured: Floats, names: tuple[NuisanceName, ...]) -> Floats:
     """Residuals [N] of `force`, shape (n_batch, n_time), with the nuisance parameters at their least-squares values.
 
     The residuals are linear in these parameters (in the delay to first order), so their values have a closed form.
@@ -118,11 +110,11 @@ def without_nuisance(
 
 
 def linearised_without_nuisance(
-    force: NDArray[np.float64],
-    slope: NDArray[np.float64],
-    measured: NDArray[np.float64],
+    force: Floats,
+    slope: Floats,
+    measured: Floats,
     names: tuple[NuisanceName, ...],
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[Floats, Floats]:
     """Residuals as in `without_nuisance`, with derivatives from those of the force, shape (n_batch, n_params, n_time).
 
     Residuals are r = y - C c with c = C^+ y. The columns C, except that of the offset, depend on the force, hence
@@ -150,9 +142,7 @@ def linearised_without_nuisance(
     return residuals, derivative
 
 
-def nuisance_of(
-    force: NDArray[np.float64], measured: NDArray[np.float64], dt: float, names: tuple[NuisanceName, ...]
-) -> Nuisance:
+def nuisance_of(force: Floats, measured: Floats, dt: float, names: tuple[NuisanceName, ...]) -> Nuisance:
     """Least-squares nuisance parameters for one `force` [N], shape (n_time,)."""
     if not names:
         return NONE
@@ -165,9 +155,7 @@ def nuisance_of(
     )
 
 
-def _best(
-    force: NDArray[np.float64], residuals: NDArray[np.float64], names: tuple[NuisanceName, ...]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _best(force: Floats, residuals: Floats, names: tuple[NuisanceName, ...]) -> tuple[Floats, Floats]:
     """Least-squares coefficients, shape (n_names, n_batch), of the columns, (n_names, n_batch, n_time)."""
     columns = columns_of(force, names)
     unit, length = scale_columns(columns)
@@ -205,6 +193,6 @@ def _column(name: NuisanceName, force: Any) -> Any:
     return force if name == "level" else xp.gradient(force, axis=-1)
 
 
-def _slope(name: NuisanceName, slope: NDArray[np.float64]) -> NDArray[np.float64]:
+def _slope(name: NuisanceName, slope: Floats) -> Floats:
     """Derivative of the column with respect to the parameters of the model, from that of the force."""
     return np.zeros_like(slope) if name == "offset" else np.asarray(_column(name, slope))

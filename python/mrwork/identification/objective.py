@@ -21,6 +21,7 @@ from mrwork.simulate import Misfits, Outcome, simulate_misfits
 from mrwork.store.codec import digest_of
 from mrwork.store.journal import Journal
 from mrwork.summary import Summarised
+from mrwork.values import Floats
 
 # Number of rows whose residuals are in memory at once where a misfit needs the whole history.
 _ROWS = 64
@@ -333,7 +334,7 @@ class Objective(Summarised):
         return residuals
 
 
-def _squares(residuals: NDArray[np.float64]) -> NDArray[np.float64]:
+def _squares(residuals: Floats) -> Floats:
     return np.asarray(np.einsum("bt,bt->b", residuals, residuals))
 
 
@@ -341,9 +342,7 @@ def _squares(residuals: NDArray[np.float64]) -> NDArray[np.float64]:
 _BLOCK_SIZE = 1 << 23
 
 
-def linearised(
-    objective: Objective, theta: NDArray[np.float64], columns: Sequence[int]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def linearised(objective: Objective, theta: Floats, columns: Sequence[int]) -> tuple[Floats, Floats]:
     """Residuals and their exact derivatives with respect to columns of `theta`, from one simulation of each row.
 
     Shapes (n_batch, n_residuals) and (n_batch, n_columns, n_residuals), per unit of the column; derivatives are zero
@@ -359,9 +358,7 @@ def linearised(
     return np.concatenate(residuals), np.concatenate(jacobians)
 
 
-def _block(
-    objective: Objective, theta: NDArray[np.float64], columns: Sequence[int]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _block(objective: Objective, theta: Floats, columns: Sequence[int]) -> tuple[Floats, Floats]:
     objective.tally.simulations += len(theta)
     residuals = np.empty((len(theta), objective.n_time))
     jacobian = np.empty((len(theta), len(columns), objective.n_time))
@@ -383,12 +380,7 @@ def _block(
     return residuals, jacobian
 
 
-def _apply_power(
-    objective: Objective,
-    residuals: NDArray[np.float64],
-    jacobian: NDArray[np.float64],
-    slices: Sequence[slice],
-) -> None:
+def _apply_power(objective: Objective, residuals: Floats, jacobian: Floats, slices: Sequence[slice]) -> None:
     """Multiply the residuals of each test by its factor s, and their derivatives by the product rule, in place.
 
     With e = NRMSE, M = misfit, q = power/2 - 1: ds/s = q (de/e - dM/M), dM/M = sum(e^power de/e)/sum(e^power).

@@ -10,11 +10,10 @@ from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.dampers.coordinates import Box
-from mrwork.dampers.spec import DamperSpec, damper
-from mrwork.identification.equivalent import Form, identifiable_form
+from mrwork.dampers.spec import DamperSpec
+from mrwork.identification.equivalent import Form, bounds_of, change_laws, identifiable_form
 from mrwork.identification.global_search import StartingPoints
 from mrwork.identification.levenberg_marquardt import (
     LocalMinimum,
@@ -22,11 +21,11 @@ from mrwork.identification.levenberg_marquardt import (
     find_minimum,
     nearest_below_stiffness,
 )
-from mrwork.identification.multistart import distinct_minima, minima_from
+from mrwork.identification.multistart import distinct_minima, minima_from, mirror
 from mrwork.identification.objective import Objective
 from mrwork.identification.problem import Problem, rate_is_shown
 from mrwork.identification.result import Slopes, covariance_at, standard_errors
-from mrwork.values import holds_arrays
+from mrwork.values import Floats, holds_arrays
 
 # Largest number of evaluations: of the final fit, of the screening of each start, and of the second screening, which
 # takes this number of the best.
@@ -44,13 +43,10 @@ OnStep = Callable[[int, float], None]
 @holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Polished:
-    """A minimum: parameters and standard errors, shape (n_params,), steps of the final fit, whether it converged.
+    """A minimum: parameters and standard errors for `n_effective` samples, (n_params,), steps, whether it converged."""
 
-    The standard errors count the residuals as `n_effective` samples.
-    """
-
-    theta: NDArray[np.float64]
-    standard_errors: NDArray[np.float64]
+    theta: Floats
+    standard_errors: Floats
     n_effective: float
     slopes: Slopes
     steps: int
@@ -66,8 +62,7 @@ def polish(
 ) -> Polished:
     """Screen the starting points by short local minimisations, then fit from the best to convergence.
 
-    Points that are minima already are not screened: there the final fit continues beyond the iterations of the search,
-    and includes the starts of the user. Standard errors are those of least squares at the minimum.
+    Points that are minima already are not screened. Standard errors are those of least squares at the minimum.
     """
     form = problem.form
     starts = points.theta
@@ -82,7 +77,7 @@ def polish(
     return _with_standard_errors(problem.objective, form, fitted(problem, starts, on_step))
 
 
-def _in_a_batch(problem: Problem, starts: NDArray[np.float64], on_step: OnStep) -> LocalMinimum:
+def _in_a_batch(problem: Problem, starts: Floats, on_step: OnStep) -> LocalMinimum:
     minima = find_minima(
         problem.objective,
         problem.form.box,
@@ -99,7 +94,7 @@ def _in_a_batch(problem: Problem, starts: NDArray[np.float64], on_step: OnStep) 
     )
 
 
-def _one_by_one(problem: Problem, starts: NDArray[np.float64], on_step: OnStep) -> LocalMinimum:
+def _one_by_one(problem: Problem, starts: Floats, on_step: OnStep) -> LocalMinimum:
     objective, box = problem.objective, problem.form.box
     minima = (
         find_minimum(objective, box, start, max_evaluations=_FINAL_EVALUATIONS, on_step=on_step)
@@ -108,7 +103,7 @@ def _one_by_one(problem: Problem, starts: NDArray[np.float64], on_step: OnStep) 
     return min(minima, key=_misfit)
 
 
-def _on_the_twin(problem: Problem, starts: NDArray[np.float64], on_step: OnStep) -> LocalMinimum:
+def _on_the_twin(problem: Problem, starts: Floats, on_step: OnStep) -> LocalMinimum:
     # The only import of JAX that pyproject.toml allows here: it takes a second to load.
     from mrwork.identification.levenberg_marquardt_twin import find_minimum_on_twin
 
@@ -140,24 +135,20 @@ def _with_standard_errors(objective: Objective, form: Form, ended: LocalMinimum)
 def screened(
     objective: Objective,
     box: Box,
-    starts: NDArray[np.float64],
+    starts: Floats,
     *,
     mirrored: tuple[int, ...],
     on_start: OnStart,
-) -> NDArray[np.float64]:
-    """Run a short local minimisation from every start, shape (n_starts, n_params), then longer ones from the best.
+) -> Floats:
+    """The `distinct_minima` of short local minimisations from every start, (n_starts, n_params), then longer ones.
 
-    Returns the `distinct_minima`, shape (1 or 2, n_params).
-
-    `mirrored`: parameters whose signs can be changed together with little effect, but across a barrier that no local
-    minimisation crosses; a further one starts from the mirror image of the best minimum. `on_start`: called after every
-    minimisation with the best so far and the share of the work that is done.
+    `mirrored` as in `search_starts`. `on_start`: called with the best so far and the share of the work that is done.
     """
     done = 0
     total = len(starts) + min(_SCREENED_TWICE, len(starts)) + bool(mirrored)
     found: list[LocalMinimum] = []
 
-    def minimised(start: NDArray[np.float64], max_evaluations: int) -> LocalMinimum:
+    def minimised(start: Floats, max_evaluations: int) -> LocalMinimum:
         nonlocal done
         minimum = find_minimum(objective, box, start, max_evaluations=max_evaluations)
         found.append(minimum)
@@ -168,9 +159,8 @@ def screened(
     first = sorted((minimised(start, _FIRST_SCREENING) for start in starts), key=_misfit)
     last = sorted((minimised(each.theta, _SECOND_SCREENING) for each in first[:_SCREENED_TWICE]), key=_misfit)
     if mirrored:
-        image = last[0].theta.copy()
-        image[list(mirrored)] *= -1.0
-        last = sorted([*last, minimised(image, _SECOND_SCREENING)], key=_misfit)
+        image = minimised(mirror(last[0].theta, mirrored), _SECOND_SCREENING)
+        last = sorted([*last, image], key=_misfit)
     return distinct_minima(
         box, np.array([each.theta for each in last]), np.array([each.misfit for each in last])
     )
@@ -184,13 +174,6 @@ def _misfit(minimum: LocalMinimum) -> float:
 _TRIED_RATES = (10.0, 20.0, 40.0, 80.0, 160.0, 320.0)
 # A lag is missing if one of these rates brings the misfit below this share of that without it, with no other change.
 _SHARE = 0.98
-
-
-def _with_lag(spec: DamperSpec, *, lagged: bool) -> DamperSpec:
-    """The model with its current laws, with the driver's lag or without; `spec` has current laws."""
-    assert spec.current is not None
-    laws = dict(zip(damper(spec.name).names, spec.current.laws, strict=True))
-    return damper(spec.name).with_current_laws(laws, unit=spec.current.unit, lagged=lagged)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -211,12 +194,12 @@ class MissingLag:
         )
 
 
-def missing_lag(spec: DamperSpec, objective: Objective, theta: NDArray[np.float64]) -> MissingLag | None:
+def missing_lag(spec: DamperSpec, objective: Objective, theta: Floats) -> MissingLag | None:
     """The lag with which the fit `theta` without one describes the tests better; `None` where there is none."""
     current = spec.current
     if current is None or current.lagged or not any(test.has_varying_command for test in objective.tests):
         return None
-    lagged = objective.on(_with_lag(spec, lagged=True), objective.tests)
+    lagged = objective.on(change_laws(spec, lagged=True), objective.tests)
     tried = lagged(np.array([[*theta, rate] for rate in _TRIED_RATES]))
     before = float(objective(theta[None])[0])
     best = int(np.argmin(tried))
@@ -254,9 +237,8 @@ def polish_with_wanted_lag(
 ) -> Ended:
     """Fit to convergence from the starting points, without the driver's lag where that is as good.
 
-    A lag whose rate is to be estimated must describe tests of varying commands better than the same model without it,
-    by more than chance. Else, also where the fit with the lag ended in a false minimum, the fit without it is returned
-    with a sentence that names both misfits. Both are fitted from the same starting points.
+    A lag whose rate is to be estimated must describe tests of varying commands better, by more than chance. Else, also
+    where the fit with it ended in a false minimum, the fit without it is returned with a sentence on both misfits.
     """
     lagged = Ended(problem=problem, polished=polish(problem, points, on_start=on_start, on_step=on_step))
     if not rate_is_shown(problem.form.spec, problem.form, problem.objective.tests):
@@ -287,7 +269,7 @@ def polish_with_wanted_lag(
 
 
 def _without_lag(problem: Problem) -> Problem:
-    spec = _with_lag(problem.spec, lagged=False)
+    spec = change_laws(problem.spec, lagged=False)
     rate = problem.spec.names[-1]
 
     def kept(values: Mapping[str, T]) -> dict[str, T]:
@@ -298,9 +280,7 @@ def _without_lag(problem: Problem) -> Problem:
         bounds=kept(problem.settings.bounds),
         starts=tuple(kept(start) for start in problem.settings.starts),
     )
-    box = problem.form.box
-    ranges = zip(box.lower, box.upper, strict=True)
-    form = identifiable_form(spec, kept(dict(zip(box.names, ranges, strict=True))))
+    form = identifiable_form(spec, kept(bounds_of(problem.form.box, problem.form.box.names)))
     return replace(
         problem,
         spec=spec,

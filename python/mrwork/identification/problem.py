@@ -10,7 +10,7 @@ from math import isfinite
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from mrwork import _rust
 from mrwork.arguments import checked
@@ -34,6 +34,7 @@ from mrwork.records import DamperTest, observed
 from mrwork.store.codec import digest_of, package_version
 from mrwork.store.journal import Journal
 from mrwork.summary import listed
+from mrwork.values import Floats
 
 _PACKAGES = ("mrwork", "numpy", "scipy", "jax", "optimistix")
 # Settings that are separate fields of a fit.
@@ -119,7 +120,7 @@ class Problem:
         """The search, which complete settings always have."""
         return _search_of(self.settings)
 
-    def inside(self, theta: ArrayLike) -> NDArray[np.float64]:
+    def inside(self, theta: ArrayLike) -> Floats:
         """Parameters of the requested model, (n_params,), converted to the form and moved inside its box."""
         box = self.form.box
         converted = np.asarray(self.form.from_model(np.asarray(theta, dtype=np.float64)))
@@ -292,7 +293,7 @@ def start_from(fit: Fit, model: DamperSpec) -> dict[str, float]:
 
 
 def _transfer_law(
-    own: Sequence[ParamSpec], law: CurrentLaw, values: NDArray[np.float64], earlier: CurrentLaw, *, log: bool
+    own: Sequence[ParamSpec], law: CurrentLaw, values: Floats, earlier: CurrentLaw, *, log: bool
 ) -> dict[str, float]:
     """Start of the coefficients `own` of a law from the values of an earlier law of the same parameter."""
     names = [parameter.name for parameter in own]

@@ -182,10 +182,7 @@ class Reporter:
 
 
 def interruptible(work: Callable[[], T]) -> T:
-    """Run `work` on a separate thread, so that Ctrl-C reaches the caller while compiled code is running.
-
-    After an interrupt the thread is abandoned; it ends with the process.
-    """
+    """Run `work` on a thread, so that Ctrl-C reaches the caller; an abandoned thread ends with the process."""
     outcome: list[T] = []
     failure: list[BaseException] = []
 

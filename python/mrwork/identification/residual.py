@@ -25,9 +25,7 @@ from mrwork.records import AS_IT_IS, DamperTest
 from mrwork.records.damper_test import loading_of
 from mrwork.records.detectors.velocity import refuse_velocity
 from mrwork.simulate import Outcome, simulate_forces, simulate_sensitivities
-from mrwork.values import holds_arrays
-
-Array = NDArray[np.float64]
+from mrwork.values import Floats, holds_arrays
 
 
 @holds_arrays
@@ -47,7 +45,7 @@ class ObservedTest:
     nuisances: tuple[NuisanceName, ...] = ()
     share: float = 1.0
     counted: slice | NDArray[np.intp] = field(init=False)
-    measured: Array = field(init=False)
+    measured: Floats = field(init=False)
     variance: float = field(init=False)
 
     def __post_init__(self) -> None:
@@ -88,7 +86,7 @@ class ObservedTest:
         """Factor on residuals [N] with which the sum of their squares over all tests is the squared misfit."""
         return float(np.sqrt(self.share) / np.sqrt(self.variance * self.measured.size * n_tests))
 
-    def forces(self, theta: Array, *, threads: int = 0) -> tuple[Array, NDArray[np.bool_]]:
+    def forces(self, theta: Floats, *, threads: int = 0) -> tuple[Floats, NDArray[np.bool_]]:
         """Force of each row of `theta` as recorded [N], shape (n_batch, n_time), and which rows failed.
 
         For a row that failed, the observation model is applied to a force of zero.
@@ -98,14 +96,14 @@ class ObservedTest:
         run.force[failed] = 0.0
         return self.test.observation.observe(run.force, self.test.dt), failed
 
-    def residuals(self, theta: Array, *, threads: int = 0) -> tuple[Array, NDArray[np.bool_]]:
+    def residuals(self, theta: Floats, *, threads: int = 0) -> tuple[Floats, NDArray[np.bool_]]:
         """Residuals of each row of `theta` [N], shape (n_batch, n_counted), and which rows failed."""
         force, failed = self.forces(theta, threads=threads)
         return without_nuisance(force[:, self.counted], self.measured, self.nuisances), failed
 
     def linearised(
-        self, theta: Array, columns: Sequence[int], *, threads: int = 0
-    ) -> tuple[Array, Array, NDArray[np.bool_]]:
+        self, theta: Floats, columns: Sequence[int], *, threads: int = 0
+    ) -> tuple[Floats, Floats, NDArray[np.bool_]]:
         """Residuals with their exact derivatives, from one simulation of each row, and which rows failed.
 
         Derivatives with respect to columns of `theta`, shape (n_batch, n_columns, n_counted), zero where a row failed.
@@ -124,12 +122,12 @@ class ObservedTest:
         )
         return residuals, derivative, failed
 
-    def with_nuisance(self, force: Array) -> tuple[Array, Nuisance]:
+    def with_nuisance(self, force: Floats) -> tuple[Floats, Nuisance]:
         """Apply the least-squares nuisance parameters to a recorded `force` [N], shape (n_time,); return them too."""
         nuisance = nuisance_of(force[self.counted], self.measured, self.test.dt, self.nuisances)
         return nuisance.applied(force, self.test.dt) if self.nuisances else force, nuisance
 
-    def predicted(self, theta: Array, *, substep_factor: int = 1) -> tuple[Array, Nuisance, int]:
+    def predicted(self, theta: Floats, *, substep_factor: int = 1) -> tuple[Floats, Nuisance, int]:
         """Force of one set of parameters as recorded [N], shape (n_time,), nuisance parameters, number of sub-steps."""
         run = simulate_forces(self.spec, theta[None], self.history, substep_factor=substep_factor)
         outcome = Outcome(run.outcome[0])

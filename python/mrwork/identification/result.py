@@ -13,10 +13,9 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from math import isfinite
-from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from mrwork.dampers.coordinates import ON_BOUND, Box
 from mrwork.dampers.spec import DamperSpec, law_limits
@@ -29,6 +28,7 @@ from mrwork.identification.fit import (
     Fit,
     FitQuality,
     FitStatus,
+    Remark,
     SearchTrace,
 )
 from mrwork.identification.nuisance import NONE, Nuisance, NuisanceName
@@ -41,17 +41,17 @@ from mrwork.records.operating_range import range_of_tests
 from mrwork.simulate import stiffness_shares
 from mrwork.summary import listed
 from mrwork.tested_range import OperatingRange
-from mrwork.values import holds_arrays
+from mrwork.values import Floats, holds_arrays
 
 
 def free_run(
     spec: DamperSpec,
-    theta: NDArray[np.float64],
+    theta: Floats,
     test: DamperTest,
     *,
     nuisances: tuple[NuisanceName, ...] = (),
     substep_factor: int = 1,
-) -> tuple[NDArray[np.float64], FitQuality]:
+) -> tuple[Floats, FitQuality]:
     """Free-run simulation of a model on a test: the force as recorded [N], shape (n_time,), and its quality.
 
     `nuisances`: parameters that are estimated from the test itself before the comparison.
@@ -73,9 +73,7 @@ def explained_by(fit: Fit, test: DamperTest) -> Iterator[None]:
         ) from error
 
 
-def fit_quality(
-    test: DamperTest, force: NDArray[np.float64], *, substeps: int, nuisance: Nuisance = NONE
-) -> FitQuality:
+def fit_quality(test: DamperTest, force: Floats, *, substeps: int, nuisance: Nuisance = NONE) -> FitQuality:
     """Compare a simulated force as recorded, that is after the observation model [N], shape (n_time,), with the test.
 
     `E_t = e_t/s_F` and likewise `E_x`, `E_v`, with `e_t^2 = int r^2 dt`, `e_x^2 = int r^2 |x'| dt`,
@@ -107,7 +105,7 @@ def fit_quality(
     )
 
 
-def _lag_one(residual: NDArray[np.float64]) -> float:
+def _lag_one(residual: Floats) -> float:
     centred = residual - residual.mean()
     power = float(centred @ centred)
     return float(centred[1:] @ centred[:-1]) / power if power > 0.0 else 0.0
@@ -142,14 +140,11 @@ class FitSpread:
         )
 
 
-Remark = Literal["", "fixed", "at lower bound", "at upper bound", "not identifiable"]
-
-
 def _estimates_of(
     spec: DamperSpec,
     form: Form,
-    theta: NDArray[np.float64],
-    errors: NDArray[np.float64] | None,
+    theta: Floats,
+    errors: Floats | None,
     bounds: Mapping[str, tuple[float, float]],
 ) -> tuple[Estimate, ...]:
     """Estimates in the parameters of the requested model; without `errors` they have no standard errors."""
@@ -173,12 +168,10 @@ def _estimates_of(
     return tuple(result)
 
 
-def remarks_of(form: Form, theta: NDArray[np.float64]) -> tuple[Remark, ...]:
+def remarks_of(form: Form, theta: Floats) -> tuple[Remark, ...]:
     """Remark on each parameter of the requested model that does not vary; empty for the others.
 
-    Such a parameter depends on parameters of the form that are fixed or on a bound, and on no others.
-
-    `theta`: parameters of the form, shape (n_params,).
+    Such a parameter depends only on parameters of the form, `theta`, (n_params,), that are fixed or on a bound.
     """
     own = [remark_of(form.box, index, float(value)) for index, value in enumerate(theta)]
     found: list[Remark] = []
@@ -204,19 +197,18 @@ def remark_of(box: Box, index: int, value: float) -> Remark:
 
 def fit_at(
     problem: Problem,
-    theta: NDArray[np.float64],
+    theta: Floats,
     *,
-    errors: NDArray[np.float64] | None,
+    errors: Floats | None,
     n_effective: float | None = None,
     trace: SearchTrace,
     steps: int,
     status: FitStatus,
     seconds: float,
 ) -> Fit:
-    """The fit at the parameters `theta` of the problem's form, shape (n_params,).
+    """The fit at the parameters `theta` of the problem's form, shape (n_params,), after this number of `steps`.
 
-    `errors`: standard errors, shape (n_params,), of the requested model, where they are known. `n_effective`: effective
-    number of samples that they assume. `steps`: number of steps of the final fit.
+    `errors`: standard errors, (n_params,), of the requested model, for `n_effective` samples, where they are known.
     """
     spec, objective = problem.spec, problem.objective
     values = np.asarray(problem.form.to_model(theta))
@@ -259,7 +251,7 @@ def fit_at(
 _NEAR = 1.25
 
 
-def _law_warnings(spec: DamperSpec, theta: NDArray[np.float64], tested: OperatingRange) -> tuple[str, ...]:
+def _law_warnings(spec: DamperSpec, theta: Floats, tested: OperatingRange) -> tuple[str, ...]:
     """A sentence for each law that leaves its admissible range, or vanishes, within or near the tested commands."""
     if tested.command is None:
         return ()
@@ -288,10 +280,7 @@ MANY = 16
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BuildingCost:
-    """Integration steps that a damper wants in a building, a sample of 1 ms, under the motion of its tests.
-
-    It is infinite where no number of steps resolves it. Damper and building are simulated with the same steps.
-    """
+    """Integration steps that a damper wants in a building, a sample of 1 ms, under its tests; may be infinite."""
 
     steps: float
 
@@ -356,20 +345,19 @@ INSENSITIVE = 1e-7
 @holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Slopes:
-    """Residuals of an objective at a minimum, shape (n_residuals,), and their derivatives, (n_free, n_residuals).
+    """Residuals of an objective at `theta`, (n_residuals,), and derivatives by what varies, (n_free, n_residuals).
 
-    The derivatives are those by the parameters that the form varies, at its parameters `theta`. Covariance,
-    identifiability and the noise of the motion follow from them.
+    Covariance, identifiability and the noise of the motion follow from them.
     """
 
     objective: Objective
     form: Form
-    theta: NDArray[np.float64]
-    residuals: NDArray[np.float64]
-    by_free: NDArray[np.float64]
+    theta: Floats
+    residuals: Floats
+    by_free: Floats
 
     @classmethod
-    def at(cls, objective: Objective, form: Form, theta: NDArray[np.float64]) -> Slopes:
+    def at(cls, objective: Objective, form: Form, theta: Floats) -> Slopes:
         """Simulate the tests once with derivatives; they give the residuals where no parameter is free."""
         (residuals,), (by_free,) = linearised(objective, theta[None], form.box.free)
         return cls(objective=objective, form=form, theta=theta, residuals=residuals, by_free=by_free)
@@ -379,27 +367,22 @@ class Slopes:
         """Parameters of the form that are free and not on a bound."""
         return [i for i in self.form.box.free if remark_of(self.form.box, i, float(self.theta[i])) == ""]
 
-    def by_interior(self) -> NDArray[np.float64]:
+    def by_interior(self) -> Floats:
         """Derivatives by the parameters that are not on a bound, shape (n_interior, n_residuals)."""
         interior, free = self.interior, list(self.form.box.free)
         return self.by_free if interior == free else self.by_free[[free.index(each) for each in interior]]
 
-    def by_model(self) -> NDArray[np.float64]:
-        """Derivatives by the parameters of the requested model, shape (n_residuals, n_params).
-
-        By the chain rule through the form; zero for parameters that the form does not vary.
-        """
+    def by_model(self) -> Floats:
+        """Derivatives by the requested model's parameters, (n_residuals, n_params); zero where the form is fixed."""
         mapped = self.form.from_model.jacobian(np.asarray(self.form.to_model(self.theta)))
         return np.asarray(self.by_free.T @ mapped[list(self.form.box.free)])
 
 
-def covariance_at(slopes: Slopes) -> tuple[NDArray[np.float64], float]:
-    """Covariance of the parameters of the requested model, and the number of samples that it assumes.
+def covariance_at(slopes: Slopes) -> tuple[Floats, float]:
+    """Covariance of the parameters of the requested model, and the effective number of samples that it assumes.
 
-    The covariance has shape (n_params, n_params), with zeros for parameters that do not vary and NaN for those that the
-    residuals do not determine. The residuals of a record are correlated, so they count as `effective_samples`, and the
-    covariance is that of independent residuals times `n_residuals/n_effective`. A parameter of the form on its bound is
-    treated as known.
+    Shape (n_params, n_params), with zeros for parameters that do not vary and NaN for those that the residuals do not
+    determine: that of independent residuals times `n_residuals/n_effective`. A parameter on its bound counts as known.
     """
     residuals, interior, n_params = slopes.residuals, slopes.interior, len(slopes.theta)
     n_effective = effective_samples(residuals_by_test(residuals, slopes.objective.tests))
@@ -410,12 +393,12 @@ def covariance_at(slopes: Slopes) -> tuple[NDArray[np.float64], float]:
     return covariance_through(slopes.form.to_model.jacobian(slopes.theta), cov), n_effective
 
 
-def standard_errors(cov: NDArray[np.float64]) -> NDArray[np.float64]:
+def standard_errors(cov: Floats) -> Floats:
     """Standard errors, shape (n_params,), of a covariance: 0 for what does not vary, NaN for what is undetermined."""
     return np.asarray(np.sqrt(np.diag(cov)))
 
 
-def covariance(jacobian: NDArray[np.float64], misfit: float) -> NDArray[np.float64]:
+def covariance(jacobian: Floats, misfit: float) -> Floats:
     """Covariance for independent residuals, shape (n_params, n_params); NaN where columns are not identifiable.
 
     `cov = s^2 (J'J)^-1` with `s^2 = misfit^2 / (n_residuals - n_params)`, for the Jacobian of residuals whose sum
@@ -440,11 +423,8 @@ def covariance(jacobian: NDArray[np.float64], misfit: float) -> NDArray[np.float
     return result
 
 
-def covariance_through(map_jacobian: NDArray[np.float64], cov: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Covariance of mapped parameters, shape (n_mapped, n_mapped), by the delta method.
-
-    NaN propagates to what depends on it, and no further.
-    """
+def covariance_through(map_jacobian: Floats, cov: Floats) -> Floats:
+    """Covariance of mapped parameters, (n_mapped, n_mapped), by the delta method; NaN goes no further than it must."""
     used = [np.flatnonzero(row) for row in map_jacobian]
     return np.array(
         [
@@ -487,9 +467,7 @@ def effective_samples(residuals: Iterable[ArrayLike]) -> float:
     return float(sum(np.size(each) / autocorrelation_time(each) for each in residuals))
 
 
-def residuals_by_test(
-    residuals: NDArray[np.float64], tests: Sequence[DamperTest]
-) -> tuple[NDArray[np.float64], ...]:
+def residuals_by_test(residuals: Floats, tests: Sequence[DamperTest]) -> tuple[Floats, ...]:
     """Residuals of an objective, shape (..., n_residuals), divided into those of its tests, shape (..., n_counted)."""
     ends = np.cumsum([test.n_counted for test in tests])
     return tuple(np.split(residuals, ends[:-1], axis=-1))

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec
@@ -26,7 +26,7 @@ from mrwork.records import DamperTest
 from mrwork.records.damper_test import loading_of
 from mrwork.records.window import varied_excerpt
 from mrwork.search import EfficientGA, Optimiser, StopRules
-from mrwork.values import holds_arrays
+from mrwork.values import Floats
 
 _STARTS = 8
 # Generations of the default search. Local minimisations from its elite reached the same minimum after 10 to 80 in all
@@ -38,50 +38,40 @@ _RATES = (1.0, 0.2, 5.0)
 _LEAST_FORCE = 0.1
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ScaledLaws:
-    """Laws that follow from the plain model at the mean command: each coefficient is a plain parameter times a factor.
+def scaled_laws(
+    spec: DamperSpec, tests: tuple[DamperTest, ...], commands: Floats
+) -> Callable[[Floats], Floats]:
+    """A function from plain parameters at the mean command, (n_batch, n_plain), to coefficients, (n_batch, n_params).
 
     Parameters that have a law and scale with the force follow the straight line of the measured force over the command;
-    others with a law start constant. `owner` is the plain parameter of each coefficient; -1 where there is none.
+    others with a law start constant. Each coefficient is a plain parameter times a factor, or the factor alone.
     """
+    assert spec.current is not None
+    force = relative_force(spec, tests, commands)
+    # The plain parameter of each coefficient; -1 where there is none.
+    owner: list[int] = []
+    factor: list[float] = []
+    for place, (parameter, law) in enumerate(zip(spec.plain, spec.current.laws, strict=True)):
+        column = force if parameter.scales_with_force else np.ones_like(force)
+        own = fitted_law(law, parameter, commands, column)
+        owner += [place] * len(own)
+        factor += own
+    if spec.current.lagged:
+        owner.append(-1)
+        factor.append(spec.parameters[-1].nominal)
+    for index, parameter in enumerate(spec.parameters):
+        if parameter.coefficient is not None and parameter.coefficient.is_exponent:
+            owner[index] = -1
+    owners, factors, box = np.array(owner), np.array(factor), Box.of(spec)
 
-    spec: DamperSpec
-    owner: NDArray[np.intp]
-    factor: NDArray[np.float64]
-
-    @classmethod
-    def of(cls, spec: DamperSpec, tests: tuple[DamperTest, ...], commands: NDArray[np.float64]) -> ScaledLaws:
-        """Laws through these commands for tests of a model with current laws."""
-        assert spec.current is not None
-        force = relative_force(spec, tests, commands)
-        owner: list[int] = []
-        factor: list[float] = []
-        for place, (parameter, law) in enumerate(zip(spec.plain, spec.current.laws, strict=True)):
-            own = fitted_law(
-                law, parameter, commands, force if parameter.scales_with_force else np.ones_like(force)
-            )
-            owner += [place] * len(own)
-            factor += own
-        if spec.current.lagged:
-            owner.append(-1)
-            factor.append(spec.parameters[-1].nominal)
-        for index, parameter in enumerate(spec.parameters):
-            if parameter.coefficient is not None and parameter.coefficient.is_exponent:
-                owner[index] = -1
-        return cls(spec=spec, owner=np.array(owner), factor=np.array(factor))
-
-    def theta(self, plain: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Coefficients, shape (n_batch, n_params), for parameters of the plain model, shape (n_batch, n_plain)."""
-        box = Box.of(self.spec)
-        scaled = np.where(self.owner < 0, 1.0, plain[:, self.owner]) * self.factor
+    def scale(plain: Floats) -> Floats:
+        scaled = np.where(owners < 0, 1.0, plain[:, owners]) * factors
         return np.asarray(np.clip(scaled, box.lower, box.upper))
 
+    return scale
 
-def relative_force(
-    spec: DamperSpec, tests: tuple[DamperTest, ...], commands: NDArray[np.float64]
-) -> NDArray[np.float64]:
+
+def relative_force(spec: DamperSpec, tests: tuple[DamperTest, ...], commands: Floats) -> Floats:
     """Magnitude of the force at these commands relative to its mean over them, from a straight line over the command.
 
     The line is fitted to the faster half of the samples: near reversals the force is small at any command.
@@ -118,11 +108,11 @@ def points_from_scaled_forces(
     refuse_few_levels(form.spec, len(commands))
     plain, bounds = plain_of(form)
     box = search_box(plain, bounds, tests)
-    laws = ScaledLaws.of(form.spec, tests, commands)
+    laws_of = scaled_laws(form.spec, tests, commands)
     joint_form = replace(form, box=joint_box(form, tests, commands))
 
-    def from_unit(unit: NDArray[np.float64]) -> NDArray[np.float64]:
-        theta = laws.theta(np.asarray(box.theta_from_unit(unit)))
+    def from_unit(unit: Floats) -> Floats:
+        theta = laws_of(np.asarray(box.theta_from_unit(unit)))
         return np.clip(theta, joint_form.box.lower, joint_form.box.upper)
 
     found = search_elite(

@@ -61,10 +61,7 @@ class Multistart:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class UnregisteredSearch:
-    """Record of a search that is not registered, read from a file: its class name and its settings.
-
-    It cannot run, because a file does not contain the code of the search.
-    """
+    """Record of a search that is not registered, read from a file without its code: its class name and settings."""
 
     kind: str
     settings: Mapping[str, Any]
@@ -103,8 +100,7 @@ def refuse_unregistered(search: Search) -> None:
 def searches() -> Mapping[str, Search]:
     """Every search with its default settings, by the name that users and records use.
 
-    The first call imports the optimisers, which takes a tenth of the time of a small fit; the default search of a plain
-    model does not need them.
+    The first call imports the optimisers, a tenth of the time of a small fit.
     """
     from mrwork.search.registry import ALL_OPTIMISERS
 
@@ -152,19 +148,13 @@ def _search_of_record(record: Mapping[str, Any]) -> Search:
     kind = record.get("kind")
     if not isinstance(kind, str):
         raise ValueError(f"the kind of search {kind!r} is no name")
-    if kind == _MULTISTART:
-        return _build_search(Multistart, record)  # type: ignore[no-any-return] # the type is the one given
-    if kind not in searches():
-        settings = {name: value for name, value in record.items() if name != "kind"}
-        return UnregisteredSearch(kind=kind, settings=settings)
-    return _build_search(type(searches()[kind]), record)  # type: ignore[no-any-return] # as above
-
-
-def _build_search(kind: type, record: Mapping[str, Any]) -> Any:
-    """The settings of a search of this class, checked as those of a caller; those that are missing have defaults."""
     settings = {name: value for name, value in record.items() if name != "kind"}
-    _refuse_unknown(kind, settings)
-    return built(kind, settings, "search")
+    # The default search is not looked up, because that would import all optimisers.
+    if kind != _MULTISTART and kind not in searches():
+        return UnregisteredSearch(kind=kind, settings=settings)
+    own = Multistart if kind == _MULTISTART else type(searches()[kind])
+    _refuse_unknown(own, settings)
+    return built(own, settings, "search")  # type: ignore[no-any-return] # the type is the one given
 
 
 def _refuse_unknown(kind: type, settings: Mapping[str, Any]) -> None:

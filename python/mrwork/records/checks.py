@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.errors import RecordError
 from mrwork.records.damper_test import DamperTest, Finding, Measured
 from mrwork.records.motion import Smoother, SmoothMotion
+from mrwork.values import Floats
 
 _SMALLEST_RANGE: Final = 1e-9
 _LARGEST: Final = 1e15
@@ -23,7 +23,7 @@ FORCE_OFFSET: Final = "force_offset"
 _SIGN_SHARE: Final = 0.05
 
 
-def check_possible(samples: NDArray[np.float64], quantity: str, *, source: str) -> None:
+def check_possible(samples: Floats, quantity: str, *, source: str) -> None:
     """Check that no sample is so large that its powers overflow."""
     peak = float(np.abs(samples).max(initial=0.0))
     if not peak <= _LARGEST:
@@ -32,14 +32,14 @@ def check_possible(samples: NDArray[np.float64], quantity: str, *, source: str) 
         )
 
 
-def check_varies(samples: NDArray[np.float64], quantity: str, unit: str, *, source: str) -> None:
+def check_varies(samples: Floats, quantity: str, unit: str, *, source: str) -> None:
     """Check that a channel is not constant."""
     if np.ptp(samples) < _SMALLEST_RANGE:
         value = "zero" if abs(samples[0]) < _SMALLEST_RANGE else f"constant at {samples[0]:g} {unit}"
         raise RecordError(f"{source}: the {quantity} is {value} throughout; check the channel and its wiring")
 
 
-def stroke_finding(displacement: NDArray[np.float64]) -> tuple[Finding, ...]:
+def stroke_finding(displacement: Floats) -> tuple[Finding, ...]:
     """Warn of a stroke that is longer than that of any damper, as of millimetres that are taken for metres."""
     stroke = float(np.ptp(displacement))
     if stroke <= _LONGEST_STROKE:
@@ -61,12 +61,11 @@ _FEWEST_RUNS: Final = 2
 _OVERSHOOT_STEPS: Final = 4.0
 
 
-def clipped_share(samples: NDArray[np.float64]) -> float:
+def clipped_share(samples: Floats) -> float:
     """Fraction of the samples of a channel, shape (n_time,), in clipped peaks.
 
-    A clipped peak is a run of three or more samples at the extreme value of the channel, with slopes beside it so steep
-    that the curve would have continued by more than four steps of its resolution. A single one does not count, because
-    it may be rest.
+    Such a peak is a run of three or more samples at the extreme value, with slopes beside it so steep that the curve
+    would have continued by four steps of its resolution. A single one may be rest.
     """
     levels = np.unique(samples)
     if levels.size < 2 * _SHORTEST_RUN:
@@ -95,7 +94,7 @@ def clipping_findings(test: DamperTest, _: SmoothMotion) -> tuple[Finding, ...]:
     )
 
 
-def _flat_samples(samples: NDArray[np.float64], resolution: float) -> int:
+def _flat_samples(samples: Floats, resolution: float) -> int:
     """Number of samples in runs at the maximum with steep flanks."""
     at_top = np.concatenate([[False], samples == samples.max(), [False]])
     edges = np.flatnonzero(np.diff(at_top))
@@ -124,16 +123,13 @@ def samples_per_cycle(frequency: float, dt: float) -> tuple[Finding, ...]:
     return (Finding.warning("few_samples_per_cycle", message, action=action, measured=measured),)
 
 
-def samples_at_rest(displacement: NDArray[np.float64]) -> int:
-    """Number of samples before the displacement has moved by 1 % of its peak-to-peak value.
-
-    A harmonic motion that starts at its peak takes 0.03 periods for this.
-    """
+def samples_at_rest(displacement: Floats) -> int:
+    """Number of samples until 1 % of the stroke; a harmonic motion from its peak takes 0.03 periods."""
     left = np.abs(displacement - np.median(displacement[:3])) > _REST_EXCURSION * np.ptp(displacement)
     return int(np.argmax(left))
 
 
-def rest_before_motion(displacement: NDArray[np.float64], dt: float, frequency: float) -> tuple[Finding, ...]:
+def rest_before_motion(displacement: Floats, dt: float, frequency: float) -> tuple[Finding, ...]:
     """Note rest at the start that lasts a quarter of the dominant period or longer."""
     rest = samples_at_rest(displacement) * dt
     if rest < _REST_CYCLES / frequency:
@@ -151,10 +147,7 @@ _BREAKAWAY_ERRORS: Final = 4.0
 
 
 def breakaway_overshoot(test: DamperTest, motion: SmoothMotion) -> Measured | None:
-    """Excess of the force at the first movement over all later forces [N]; `None` if there is no rest before.
-
-    Forces are relative to their mean over the distance travelled. The standard error is the noise of the force.
-    """
+    """Excess of the force at the first movement over all later ones [N], about the mean; `None` without rest before."""
     rest = samples_at_rest(test.displacement)
     if rest * test.dt * motion.frequency < _REST_CYCLES:
         return None
@@ -187,7 +180,7 @@ def breakaway_finding(test: DamperTest, motion: SmoothMotion) -> tuple[Finding, 
     )
 
 
-def mean_over_travel(force: NDArray[np.float64], velocity: NDArray[np.float64]) -> float:
+def mean_over_travel(force: Floats, velocity: Floats) -> float:
     """Mean force over the distance travelled, int F |v| dt / int |v| dt [N].
 
     Hysteresis, viscosity and stiffness about the middle of the stroke cancel, and rest has no weight, so that a static
@@ -196,20 +189,16 @@ def mean_over_travel(force: NDArray[np.float64], velocity: NDArray[np.float64]) 
     return float(np.average(force, weights=np.abs(velocity)))
 
 
-def half_range(force: NDArray[np.float64]) -> float:
+def half_range(force: Floats) -> float:
     """Half the range of a force [N] between its percentiles 0.5 and 99.5, which outliers do not affect."""
     return 0.5 * float(np.ptp(np.percentile(force, [0.5, 99.5])))
 
 
-def force_sign(
-    force: NDArray[np.float64], velocity: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], tuple[Finding, ...]]:
-    """Return the force with the sign that dissipates energy, and a note if the sign was changed.
+def force_sign(force: Floats, velocity: Floats) -> tuple[Floats, tuple[Finding, ...]]:
+    """The force [N] with the sign that dissipates energy, and a note if it was changed.
 
-    The sign is that of int F v dt / int |F v| dt over the whole record. F is relative to its mean over the distance
-    travelled, so that a static offset has no effect.
-
-    `force`, `velocity`: shape (n_time,) [N, m/s]; the velocity is the derivative of the displacement.
+    The sign is that of int F v dt / int |F v| dt, with the derivative v of the displacement, and F about its mean over
+    the distance travelled.
     """
     power = (force - mean_over_travel(force, velocity)) * velocity
     whole = float(np.abs(power).sum())
@@ -230,7 +219,7 @@ def force_sign(
     return -force, (Finding.note("force_sign_flipped", message),)
 
 
-def force_offset(force: NDArray[np.float64], velocity: NDArray[np.float64]) -> tuple[Finding, ...]:
+def force_offset(force: Floats, velocity: Floats) -> tuple[Finding, ...]:
     """Note a static offset above 5 % of the half range of the force, which every model has a parameter for."""
     offset = mean_over_travel(force, velocity)
     scale = half_range(force)

@@ -110,8 +110,7 @@ def check_specification(name: str, specification: str) -> None:
 class StatedCommand:
     """The command as it is stated for a test: a number, or a column, with its unit or the file's.
 
-    A current or a voltage is in SI; a command of another `unit` is in that. The `quantity` is `None` where the unit is
-    that of the file, or none of a current or a voltage.
+    A current or a voltage is in SI, another command in its own `unit`; the `quantity` of that is `None`.
     """
 
     quantity: TestQuantity | None
@@ -208,10 +207,9 @@ def choose_columns(
 ) -> dict[TestQuantity, ColumnChoice]:
     """Find the column of every quantity that a file contains.
 
-    `names`: column names in file order. `columns`: quantity to ``"COLUMN:UNIT"`` or ``"COLUMN"``, with precedence over
-    the column names. Other quantities are still found by name. `source`: the file, for messages. `units`: units that
-    the file states apart from the names, by name. `stamps`: columns of times of the day, in seconds since the first.
-    `read`: reads a column by its name, for the unit that a message suggests.
+    `columns`: quantity to ``"COLUMN:UNIT"`` or ``"COLUMN"``, with precedence over the names; other quantities are found
+    by name. `units`: units that the file states apart, by name. `stamps`: columns of times of the day. `read`: reads a
+    column, for the unit that a message suggests.
     """
     named = _Names(names=names, free=names, units=units or {}, stamps=stamps, source=source)
     chosen: dict[TestQuantity, ColumnChoice] = {}
@@ -356,9 +354,8 @@ class _Names:
                 "add a header line such as t_s,displacement_m,force_n, or give the columns by their numbers"
             )
         else:
-            shown = [f"'{name}'" for name in self.names[:_MOST_SHOWN]]
-            more = f" and {len(self.names) - _MOST_SHOWN} more" if len(self.names) > _MOST_SHOWN else ""
-            problem = f"no column for the {quantity} among {', '.join(shown)}{more}"
+            shown = listed([f"'{name}'" for name in self.names], _MOST_SHOWN)
+            problem = f"no column for the {quantity} among {shown}"
             remedy = f"rename one, for example to '{_EXAMPLE[quantity]}', or say which it is"
         return _UnclearError(problem, remedy, kind=RecordError, quantity=quantity)
 

@@ -25,6 +25,7 @@ from mrwork.errors import RecordError
 from mrwork.files.named_columns import column_option
 from mrwork.records.damper_test import DamperTest, Finding, Measured
 from mrwork.units import CommandUnit
+from mrwork.values import Floats
 
 # Fewest samples of a pulse that noise does not explain.
 _PULSE: Final = 3
@@ -34,12 +35,9 @@ _FREQUENCY: Final = 0.20
 
 
 def command_of(
-    samples: NDArray[np.float64], quantity: str, unit: CommandUnit, *, source: str
+    samples: Floats, quantity: str, unit: CommandUnit, *, source: str
 ) -> tuple[Command, tuple[Finding, ...]]:
-    """Return a command as a number, its median, if it varies no more than a measured constant does; else as it varies.
-
-    A varying command comes with a note on its range and one where it rings below zero, a negative one with a warning.
-    """
+    """A command: its median, if it varies no more than a measured constant does; else as it varies, with findings."""
     present = samples[~np.isnan(samples)]
     if present.size == 0 or np.isinf(present).any():
         problem = "has no value" if present.size == 0 else "has infinite values"
@@ -70,7 +68,7 @@ def command_of(
     return samples, (varies, *rings, *negative)
 
 
-def _rings(present: NDArray[np.float64], quantity: str, unit: CommandUnit) -> tuple[Finding, ...]:
+def _rings(present: Floats, quantity: str, unit: CommandUnit) -> tuple[Finding, ...]:
     """A note on a command that rings below zero."""
     if not rings_below_zero(present, unit):
         return ()
@@ -93,7 +91,7 @@ def _has_pulse(outside: NDArray[np.bool_]) -> bool:
 
 
 def motion_matches_name(
-    displacement: NDArray[np.float64],
+    displacement: Floats,
     dominant: float,
     duration: float,
     amplitude: float | None,
@@ -118,19 +116,12 @@ def with_nominal_command(test: DamperTest, nominal: Nominal, unclear: Sequence[s
 
     `unclear` are columns that may be the command and do not say their unit: the name is no evidence beside them.
     """
-    stated: tuple[tuple[float | None, CommandUnit, str], ...] = (
-        (nominal.current, "A", "current"),
-        (nominal.voltage, "V", "voltage"),
-    )
-    for value, unit, quantity in stated:
-        if value is not None:
-            return _with_command(test, value, unit, quantity, unclear)
-    return test
-
-
-def _with_command(
-    test: DamperTest, value: float, unit: CommandUnit, quantity: str, unclear: Sequence[str]
-) -> DamperTest:
+    stated: tuple[float | None, CommandUnit, str] = (nominal.current, "A", "current")
+    if nominal.current is None:
+        stated = (nominal.voltage, "V", "voltage")
+    value, unit, quantity = stated
+    if value is None:
+        return test
     recorded = {of_unit: command for command, of_unit in test.commands}
     named = f"{value:g} {unit}"
     found: tuple[Finding, ...] = ()
@@ -184,10 +175,7 @@ class Nominal:
 
 
 def nominal_from_name(stem: str) -> Nominal:
-    """Read amplitude, frequency and command from a file name without extension.
-
-    The decimal point may be written ``x``. Underscores between the parts and a prefix are allowed. The command may be
-    missing or in volts.
+    """Read amplitude, frequency and command, in A or V, from a file name; the decimal point may be written ``x``.
 
     Examples
     --------

@@ -22,7 +22,7 @@ from mrwork.keys import Within
 from mrwork.simulate import Loading
 from mrwork.summary import Summarised, Summary
 from mrwork.units import CommandUnit
-from mrwork.values import frozen, holds_arrays, keep_arrays
+from mrwork.values import Floats, frozen, holds_arrays, keep_arrays
 
 RANGES: Final = {
     "delay_seconds": (-1e6, 1e6, "s"),
@@ -108,7 +108,7 @@ _ROUNDING = 1e-6
 _LOWEST = 1e-7
 
 
-def delayed(signal: NDArray[np.float64], samples: float) -> NDArray[np.float64]:
+def delayed(signal: Floats, samples: float) -> Floats:
     """Delay a signal, shape (..., n_time), by `samples`, linear in between; the ends are held constant."""
     last = signal.shape[-1] - 1
     place = np.clip(np.arange(last + 1) - samples, 0.0, last)
@@ -117,7 +117,7 @@ def delayed(signal: NDArray[np.float64], samples: float) -> NDArray[np.float64]:
     return np.asarray(signal[..., before] * (1.0 - share) + signal[..., before + 1] * share)
 
 
-def averaged(signal: NDArray[np.float64], samples: float) -> NDArray[np.float64]:
+def averaged(signal: Floats, samples: float) -> Floats:
     """Moving average of a signal, shape (..., n_time), linear between samples, over a centred window of `samples`.
 
     At the ends, the window is truncated to the record.
@@ -128,7 +128,7 @@ def averaged(signal: NDArray[np.float64], samples: float) -> NDArray[np.float64]
     middles = 0.5 * (signal[..., 1:] + signal[..., :-1])
     integral = np.concatenate([np.zeros((*signal.shape[:-1], 1)), np.cumsum(middles, axis=-1)], axis=-1)
 
-    def integral_at(place: NDArray[np.float64]) -> NDArray[np.float64]:
+    def integral_at(place: Floats) -> Floats:
         before = np.minimum(np.floor(place).astype(int), last - 1)
         share = place - before
         slope = signal[..., before + 1] - signal[..., before]
@@ -139,7 +139,7 @@ def averaged(signal: NDArray[np.float64], samples: float) -> NDArray[np.float64]
     return np.asarray((integral_at(end) - integral_at(start)) / (end - start))
 
 
-def _low_passed(signal: NDArray[np.float64], corner_hz: float, dt: float) -> NDArray[np.float64]:
+def _low_passed(signal: Floats, corner_hz: float, dt: float) -> Floats:
     # scipy.signal is slow to load and rarely needed.
     from scipy.signal import butter, lfilter, lfilter_zi
 

@@ -20,7 +20,7 @@ from mrwork.records.damper_test import DamperTest, Finding, Measured
 from mrwork.records.motion import motion_of
 from mrwork.records.repairs import REPAIR_KINDS
 from mrwork.summary import listed
-from mrwork.values import holds_arrays
+from mrwork.values import Floats
 
 
 def repeated_records(tests: Sequence[DamperTest]) -> tuple[Finding, ...]:
@@ -49,16 +49,6 @@ _SIGNIFICANT: Final = 3.5
 _MAD_TO_DEVIATION: Final = 1.4826
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Loops:
-    """Logarithms of dissipative force and peak velocity of tests, and their commands, shape (n_tests,)."""
-
-    force: NDArray[np.float64]
-    velocity: NDArray[np.float64]
-    command: NDArray[np.float64]
-
-
 def mislabelled(tests: Sequence[DamperTest]) -> tuple[Finding, ...]:
     """Warn of tests whose dissipative force does not match that of the other tests at their command.
 
@@ -80,9 +70,7 @@ def mislabelled(tests: Sequence[DamperTest]) -> tuple[Finding, ...]:
     return tuple(findings)
 
 
-def _standing_out(
-    tests: Sequence[DamperTest], commands: NDArray[np.float64], quantity: str, unit: str
-) -> list[Finding]:
+def _standing_out(tests: Sequence[DamperTest], commands: Floats, quantity: str, unit: str) -> list[Finding]:
     # Commands that differ by less than a percent of the largest count as equal.
     step = max(0.01 * float(np.abs(commands).max()), 1e-9)
     groups: dict[int, list[int]] = defaultdict(list)
@@ -91,8 +79,8 @@ def _standing_out(
     alike = [np.array(rows) for rows in groups.values() if len(rows) >= _FEWEST_ALIKE]
     if not alike:
         return []
-    loops = _loops(tests, commands)
-    force = loops.force - _slope(loops, alike) * loops.velocity
+    force, velocity = _loops(tests)
+    force = force - _slope(force, velocity, alike) * velocity
     levels = np.array([np.median(force[rows]) for rows in alike])
     beside = np.concatenate([force[rows] - level for rows, level in zip(alike, levels, strict=True)])
     spread = _MAD_TO_DEVIATION * float(np.median(np.abs(beside)))
@@ -118,7 +106,8 @@ def _standing_out(
     return findings
 
 
-def _loops(tests: Sequence[DamperTest], commands: NDArray[np.float64]) -> _Loops:
+def _loops(tests: Sequence[DamperTest]) -> tuple[Floats, Floats]:
+    """Logarithms of dissipative force and peak velocity of tests, shape (n_tests,)."""
     force, velocity = np.empty(len(tests)), np.empty(len(tests))
     for row, test in enumerate(tests):
         motion = motion_of(test.displacement, test.dt)
@@ -126,21 +115,21 @@ def _loops(tests: Sequence[DamperTest], commands: NDArray[np.float64]) -> _Loops
         power = (test.force - mean_over_travel(test.force, travelling)) @ travelling
         force[row] = max(power / np.abs(travelling).sum(), np.finfo(np.float64).tiny)
         velocity[row] = np.percentile(np.abs(travelling), 99.0)
-    return _Loops(force=np.log(force), velocity=np.log(velocity), command=commands)
+    return np.log(force), np.log(velocity)
 
 
-def _slope(loops: _Loops, alike: Sequence[NDArray[np.intp]]) -> float:
+def _slope(force: Floats, velocity: Floats, alike: Sequence[NDArray[np.intp]]) -> float:
     """Median slope of log force over log velocity between pairs of tests at the same command (Theil-Sen estimator)."""
     slopes = [
-        (loops.force[first] - loops.force[second]) / (loops.velocity[first] - loops.velocity[second])
+        (force[first] - force[second]) / (velocity[first] - velocity[second])
         for rows in alike
         for first, second in combinations(rows, 2)
-        if abs(loops.velocity[first] - loops.velocity[second]) > _APART
+        if abs(velocity[first] - velocity[second]) > _APART
     ]
     return float(np.median(slopes)) if slopes else 0.0
 
 
-def _belongs(force: float, levels: NDArray[np.float64], at: NDArray[np.float64], unit: str) -> str:
+def _belongs(force: float, levels: Floats, at: Floats, unit: str) -> str:
     """Command whose level matches the force, interpolated between those of the set."""
     order = np.argsort(at)
     levels, at = np.exp(levels[order]), at[order]
@@ -159,8 +148,7 @@ _NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 class SharedFinding:
     """A finding in one or several of `n_tests` tests, whose messages differ in their numbers at most.
 
-    `message` is that of the first of `tests`, names in their order; it is of every test where `equal`. `lowest` and
-    `highest` are the measured sizes [unit], `None` where nothing was measured.
+    `message` is that of the first of `tests`, and of all where `equal`; `lowest` and `highest` are measured sizes.
     """
 
     code: str
@@ -187,9 +175,7 @@ class SharedFinding:
             return self.tests[0]
         if count == self.n_tests:
             return f"all {count} tests"
-        named = ", ".join(self.tests[:_NAMED])
-        more = f" and {count - _NAMED} more" if count > _NAMED else ""
-        return f"{count} of {self.n_tests} tests ({named}{more})"
+        return f"{count} of {self.n_tests} tests ({listed(self.tests, _NAMED)})"
 
     @property
     def _numbers(self) -> str:
@@ -216,8 +202,13 @@ def gathered_findings(tests: Sequence[DamperTest]) -> GatheredFindings:
     for test in tests:
         for finding in test.findings:
             places.setdefault(_key(finding), []).append((test, finding))
-    recurring = {key: found for key, found in places.items() if len(_concerned(found)) > 1}
-    shared = [_join_findings(found, len(tests)) for found in recurring.values()]
+    # A check may find the same in two channels of a test.
+    named = {key: {id(test): test.name for test, _ in found} for key, found in places.items()}
+    recurring = {key: found for key, found in places.items() if len(named[key]) > 1}
+    shared = [
+        _join_findings([finding for _, finding in found], tuple(named[key].values()), len(tests))
+        for key, found in recurring.items()
+    ]
     return GatheredFindings(
         shared=tuple(sorted(shared, key=lambda each: each.severity != "warning")),
         own=tuple(
@@ -226,43 +217,22 @@ def gathered_findings(tests: Sequence[DamperTest]) -> GatheredFindings:
     )
 
 
-def _finding_of_tests(finding: Finding, tests: tuple[str, ...], n_tests: int) -> SharedFinding:
-    measured = finding.measured
-    value = None if measured is None else measured.value
-    return SharedFinding(
-        code=finding.code,
-        severity=finding.severity,
-        message=finding.message,
-        tests=tests,
-        n_tests=n_tests,
-        equal=True,
-        lowest=value,
-        highest=value,
-        unit="" if measured is None else measured.unit,
-    )
-
-
 def _key(finding: Finding) -> tuple[str, str, str]:
     """Equal for findings that differ in the numbers of their messages only."""
     return finding.code, finding.severity, _NUMBER.sub("", finding.message)
 
 
-def _concerned(found: Sequence[tuple[DamperTest, Finding]]) -> list[DamperTest]:
-    """The tests, each once: a check may find the same in two channels of a test."""
-    return list({id(test): test for test, _ in found}.values())
-
-
-def _join_findings(found: Sequence[tuple[DamperTest, Finding]], n_tests: int) -> SharedFinding:
-    first = found[0][1]
-    measured = [finding.measured for _, finding in found if finding.measured is not None]
+def _join_findings(findings: Sequence[Finding], tests: tuple[str, ...], n_tests: int) -> SharedFinding:
+    first = findings[0]
+    measured = [finding.measured for finding in findings if finding.measured is not None]
     values = [each.value for each in measured]
     return SharedFinding(
         code=first.code,
         severity=first.severity,
         message=first.message,
-        tests=tuple(test.name for test in _concerned(found)),
+        tests=tests,
         n_tests=n_tests,
-        equal=all(finding.message == first.message for _, finding in found),
+        equal=all(finding.message == first.message for finding in findings),
         lowest=min(values, default=None),
         highest=max(values, default=None),
         unit=measured[0].unit if measured else "",
@@ -338,13 +308,13 @@ def findings_for(verb: Verb, tests: Sequence[DamperTest]) -> tuple[SharedFinding
     ]
     gathered = gathered_findings(told)
     own = [
-        _finding_of_tests(each, (test.name,), len(tests))
+        _join_findings([each], (test.name,), len(tests))
         for test, findings in zip(told, gathered.own, strict=True)
         for each in findings
     ]
     together = [
         # The message names the tests that it concerns.
-        _finding_of_tests(each, (), len(tests))
+        _join_findings([each], (), len(tests))
         for each in findings_of_set(tests)
         if concerns(each, verb)
     ]

@@ -9,11 +9,10 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import ClassVar, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.arguments import NotNegative, Positive
 from mrwork.command_signal import Command, command_range
@@ -21,9 +20,7 @@ from mrwork.records.damper_test import DamperTest
 from mrwork.records.motion import regular_cycles, spectrum
 from mrwork.store.codec import Related
 from mrwork.units import CommandUnit
-from mrwork.values import holds_arrays
-
-Array = NDArray[np.float64]
+from mrwork.values import Floats, holds_arrays
 
 # Samples of a cycle, and most samples of a motion that is not periodic.
 _PER_CYCLE: Final = 32
@@ -127,12 +124,12 @@ class RecordedMotion(Related):
         return ""
 
     @property
-    def displacement(self) -> Array:
+    def displacement(self) -> Floats:
         """The displacement about its mean [m], shape (n_samples,)."""
         return self.half_stroke * _decoded(self.shape)
 
     @property
-    def _force(self) -> Array:
+    def _force(self) -> Floats:
         return self.force_mean + self.half_force * _decoded(self.force_shape)
 
     def same_command(self, other: RecordedMotion) -> bool:
@@ -160,11 +157,6 @@ class RecordedMotion(Related):
         ]
         return all(known) if known else None
 
-    def correlation(self, seen: RecordedMotion) -> float | None:
-        """Correlation of this motion with the part of another that contains it, or most of it; `None` without one."""
-        found = self._aligned(seen)
-        return None if found is None else found.correlation
-
     def _aligned(self, seen: RecordedMotion) -> _Alignment | None:
         """Motion and force beside the part of another test that contains the motion, or most of it; `None` without."""
         mine, other = (
@@ -185,7 +177,7 @@ class RecordedMotion(Related):
             n_cycles = int(_SHARE * self.displacement.size * self.step / (seen.step * _PER_CYCLE))
             cycles = np.tile(other, max(1, min(n_cycles, _CYCLES)))
             found = _contained(_at(cycles, seen.step, step), own, least=1.0, limit=_PERIODIC)
-            return None if found is None else found.swapped
+            return None if found is None else replace(found, one=found.other, other=found.one)
         record = _at(other, seen.step, step)
         least = _SHARE
         if seen.displacement.size == _MOST:
@@ -200,13 +192,8 @@ class _Alignment:
     """Correlation of two motions, and what overlaps: displacement, force and commands of each, shape (n, n_samples)."""
 
     correlation: float
-    one: Array
-    other: Array
-
-    @property
-    def swapped(self) -> _Alignment:
-        """The second motion beside the first."""
-        return _Alignment(correlation=self.correlation, one=self.other, other=self.one)
+    one: Floats
+    other: Floats
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -291,14 +278,12 @@ def likest(test: RecordedMotion, seen: Sequence[RecordedMotion]) -> Likeness | N
 
 def likest_of_same_force(test: RecordedMotion, seen: Sequence[RecordedMotion]) -> Likeness | None:
     """The closest of several tests that a test is like in its force, too."""
-    found = (likeness(test, other) for other in seen)
-    return _closest(each for each in found if each is not None and each.same_force)
+    return _closest(each for other in seen if (each := likeness(test, other)) and each.same_force)
 
 
 def likest_of_other_force(test: RecordedMotion, seen: Sequence[RecordedMotion]) -> Likeness | None:
     """The closest of several tests that a test is like in its motion, and unlike in its force."""
-    found = (motion_likeness(test, other) for other in seen)
-    return _closest(each for each in found if each is not None and not each.same_force)
+    return _closest(each for other in seen if (each := motion_likeness(test, other)) and not each.same_force)
 
 
 def _closest(found: Iterable[Likeness | None]) -> Likeness | None:
@@ -318,13 +303,13 @@ def alike_groups(motions: Sequence[RecordedMotion]) -> list[list[int]]:
     return [[index for index, each in enumerate(group) if each == first] for first in sorted(set(group))]
 
 
-def _mean_cycle(displacement: Array, cycles: Sequence[slice]) -> Array:
+def _mean_cycle(displacement: Floats, cycles: Sequence[slice]) -> Floats:
     phase = (np.arange(_PER_CYCLE) + 0.5) / _PER_CYCLE
     place = np.array([cycle.start + phase * (cycle.stop - cycle.start) for cycle in cycles])
     return np.asarray(np.interp(place, np.arange(displacement.size), displacement).mean(axis=0))
 
 
-def _means_of_cycle(force: Array, cycles: Sequence[slice]) -> Array:
+def _means_of_cycle(force: Floats, cycles: Sequence[slice]) -> Floats:
     """Means over the parts of a cycle; single samples of a force that steps at reversals would miss its mean."""
     edges = np.arange(_PER_CYCLE + 1) / _PER_CYCLE
     place = np.array([cycle.start + edges * (cycle.stop - cycle.start) for cycle in cycles])
@@ -333,26 +318,26 @@ def _means_of_cycle(force: Array, cycles: Sequence[slice]) -> Array:
     return np.asarray((sums / np.diff(place, axis=1)).mean(axis=0))
 
 
-def _samples_of_a_mean(displacement: Array, dt: float) -> int:
+def _samples_of_a_mean(displacement: Floats, dt: float) -> int:
     """Number of samples in a 32nd of a period: of the dominant frequency, or of a quarter of the band edge."""
     band = spectrum(displacement, dt)
     return max(1, int(1.0 / (max(band.dominant, 0.25 * band.band_edge) * dt * _PER_CYCLE)))
 
 
-def _means(samples: Array, n_each: int) -> Array:
+def _means(samples: Floats, n_each: int) -> Floats:
     """Means over `n_each` samples each, of the first part of a long record."""
     n_means = min(samples.size // n_each, _MOST)
     return np.asarray(samples[: n_means * n_each].reshape(n_means, n_each).mean(axis=1))
 
 
-def _encoded(samples: Array) -> tuple[float, str]:
+def _encoded(samples: Floats) -> tuple[float, str]:
     """Largest distance from the mean, and the samples about their mean in its unit as text."""
     about = samples - samples.mean()
     largest = max(float(np.max(np.abs(about))), 1e-12)
     return largest, base64.b64encode(np.round(_INT16 * about / largest).astype("<i2").tobytes()).decode()
 
 
-def _decoded(text: str) -> Array:
+def _decoded(text: str) -> Floats:
     return np.frombuffer(base64.b64decode(text, validate=True), dtype="<i2").astype(np.float64) / _INT16
 
 
@@ -360,7 +345,7 @@ def _largest(command: Command | None) -> float | None:
     return None if command is None else command_range(command)[1]
 
 
-def _at(channels: Array, step: float, wanted: float) -> Array:
+def _at(channels: Floats, step: float, wanted: float) -> Floats:
     """Channels, shape (n, n_samples), in steps of `step` at steps of `wanted`."""
     if step == wanted:
         return channels
@@ -369,12 +354,11 @@ def _at(channels: Array, step: float, wanted: float) -> Array:
     return np.stack([np.interp(place, np.arange(n_samples), each) for each in channels])
 
 
-def _contained(pattern: Array, record: Array, *, least: float, limit: float) -> _Alignment | None:
+def _contained(pattern: Floats, record: Floats, *, least: float, limit: float) -> _Alignment | None:
     """A pattern where it correlates best with a record, over all shifts; `None` below the limit.
 
-    Both have a displacement, a force and any commands, shape (n, n_samples), of which the force does not count, and the
-    least correlation of the others does. A share `least` of the pattern must lie within the record, with the same
-    amplitude.
+    Both have displacement, force and any commands, shape (n, n_samples); the least correlation counts, not the force's.
+    A share `least` of the pattern must lie within the record, with the same amplitude.
     """
     n_pattern, n_record = pattern.shape[1], record.shape[1]
     n_least = max(3, int(np.ceil(least * n_pattern)))
@@ -398,12 +382,12 @@ def _contained(pattern: Array, record: Array, *, least: float, limit: float) -> 
 _FORCE_ROW: Final = 1
 
 
-def _correlations(pattern: Array, record: Array, n_least: int) -> Array:
+def _correlations(pattern: Floats, record: Floats, n_least: int) -> Floats:
     """Correlation over the overlap at each shift, 0 where amplitudes differ; sums by the Fourier transform."""
     n_pattern, n_record = pattern.size, record.size
     size = 1 << int(n_pattern + n_record - 1).bit_length()
 
-    def sums(one: Array, other: Array) -> Array:
+    def sums(one: Floats, other: Floats) -> Floats:
         """Sums of products over the overlap, shifts -(n_pattern - 1) to n_record - 1 of the pattern."""
         product = np.fft.irfft(np.conj(np.fft.rfft(one, size)) * np.fft.rfft(other, size), size)
         return np.concatenate([product[size - n_pattern + 1 :], product[:n_record]])

@@ -15,9 +15,8 @@ from mrwork.keys import Within
 from mrwork.records.damper_test import DamperTest
 from mrwork.records.motion import regular_cycles
 from mrwork.summary import Summarised
-from mrwork.values import holds_arrays
+from mrwork.values import Floats, holds_arrays
 
-Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Abscissa = Literal["velocity", "displacement"]
 

@@ -11,14 +11,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.values import holds_arrays
-
-Array = NDArray[np.float64]
+from mrwork.values import Floats, holds_arrays
 
 
 # Tests of one rig have few windows and steps, and each has several derivatives.
 @lru_cache(maxsize=16)
-def weights(window: int, order: int, *, derivative: int = 0, step: float = 1.0) -> Array:
+def weights(window: int, order: int, *, derivative: int = 0, step: float = 1.0) -> Floats:
     """Savitzky-Golay weights of a derivative at the centre of a window, shape (window,), to convolve with the signal.
 
     Least-norm solution of the conditions that polynomials up to `order` are differentiated exactly (Savitzky,
@@ -34,13 +32,12 @@ def weights(window: int, order: int, *, derivative: int = 0, step: float = 1.0) 
 
 
 def savitzky_golay(
-    signal: Array, window: int, order: int, *, derivative: int = 0, step: float = 1.0
-) -> Array:
+    signal: Floats, window: int, order: int, *, derivative: int = 0, step: float = 1.0
+) -> Floats:
     """Savitzky-Golay derivative of a signal, shape (n_time,): polynomials of `order` fitted to `window` samples each.
 
-    Within half a window of either end, the polynomial of the outermost window is used. `window` is odd, above `order`
-    and at most n_time. Implemented in NumPy because `scipy.signal` takes a second to load; the sums run in the order of
-    SciPy, so that both give the same bits.
+    Near the ends, the polynomial of the outermost window is used. In NumPy because `scipy.signal` takes a second to
+    load; the sums run in the order of SciPy, so that both give the same bits.
     """
     half = window // 2
     result = np.empty_like(signal)
@@ -49,7 +46,7 @@ def savitzky_golay(
     )
     at = np.arange(float(window))
 
-    def beyond(outermost: Array, at_which: Array) -> Array:
+    def beyond(outermost: Floats, at_which: Floats) -> Floats:
         polynomial = np.polyder(np.polyfit(at, outermost, order), derivative)
         return np.asarray(np.polyval(polynomial, at_which) / step**derivative)
 
@@ -58,7 +55,7 @@ def savitzky_golay(
     return result
 
 
-def _inner_sums(signal: Array, weights: Array) -> Array:
+def _inner_sums(signal: Floats, weights: Floats) -> Floats:
     """Convolution of a signal with the weights of a window, at all samples where the whole window lies within it."""
     half = weights.size // 2
     n_inner = signal.size - 2 * half
@@ -69,12 +66,12 @@ def _inner_sums(signal: Array, weights: Array) -> Array:
     return total
 
 
-def _sums_of_block(signal: Array, weights: Array) -> Array:
+def _sums_of_block(signal: Floats, weights: Floats) -> Floats:
     half = weights.size // 2
     n_inner = signal.size - 2 * half
     along = weights[::-1]
 
-    def shifted(by: int) -> Array:
+    def shifted(by: int) -> Floats:
         return signal[half + by : half + by + n_inner]
 
     # Weights that are even or odd up to rounding are treated as such, as in `scipy.ndimage.correlate1d`.
@@ -110,7 +107,7 @@ class MotionBand:
     band_edge: float
 
 
-def spectrum(displacement: NDArray[np.float64], dt: float) -> MotionBand:
+def spectrum(displacement: Floats, dt: float) -> MotionBand:
     """Dominant frequency and band edge of a displacement, shape (n_time,), sampled every `dt` [s]."""
     # The Hann taper reduces spectral leakage in records with incomplete cycles.
     tapered = (displacement - displacement.mean()) * np.hanning(displacement.size)
@@ -142,15 +139,15 @@ class Smoother:
         half = int(0.5 * _WINDOW_PERIODS / (band_edge * dt))
         return cls(window=2 * min(max(half, 2), longest) + 1, dt=dt)
 
-    def smooth(self, signal: NDArray[np.float64]) -> NDArray[np.float64]:
+    def smooth(self, signal: Floats) -> Floats:
         """Smoothed signal."""
         return savitzky_golay(signal, self.window, _ORDER)
 
-    def derivative(self, signal: NDArray[np.float64], order: int = 1) -> NDArray[np.float64]:
+    def derivative(self, signal: Floats, order: int = 1) -> Floats:
         """Time derivative of the smoothed signal."""
         return savitzky_golay(signal, self.window, _ORDER, derivative=order, step=self.dt)
 
-    def noise(self, removed: NDArray[np.float64]) -> float:
+    def noise(self, removed: Floats) -> float:
         """Standard deviation of the white noise of a signal, estimated from the part that `smooth` removed."""
         # A least-squares smoother with centre weight c0 removes the fraction 1 - c0 of the variance of the noise.
         return float(np.sqrt(np.var(removed) / (1.0 - self._weights(0)[self.window // 2])))
@@ -159,7 +156,7 @@ class Smoother:
         """Standard deviation of `derivative` (order 0: `smooth`) per unit standard deviation of white noise."""
         return float(np.sqrt(np.sum(self._weights(order) ** 2)))
 
-    def _weights(self, order: int) -> NDArray[np.float64]:
+    def _weights(self, order: int) -> Floats:
         return weights(self.window, _ORDER, derivative=order, step=self.dt)
 
 
@@ -171,14 +168,14 @@ class SmoothMotion:
     `frequency` is the dominant frequency [Hz]; `smoother` is that for the band of the displacement.
     """
 
-    displacement: NDArray[np.float64]
-    velocity: NDArray[np.float64]
-    acceleration: NDArray[np.float64]
+    displacement: Floats
+    velocity: Floats
+    acceleration: Floats
     frequency: float
     smoother: Smoother
 
 
-def motion_of(displacement: NDArray[np.float64], dt: float) -> SmoothMotion:
+def motion_of(displacement: Floats, dt: float) -> SmoothMotion:
     """Smooth a displacement with step `dt` [s], and differentiate it."""
     band = spectrum(displacement, dt)
     smoother = Smoother.for_band(band.band_edge, dt, displacement.size)
@@ -200,7 +197,7 @@ _LEAST_SPEED: Final = 0.05
 _LEAST_STROKE: Final = 0.5
 
 
-def upward_crossings(displacement: NDArray[np.float64]) -> NDArray[np.intp]:
+def upward_crossings(displacement: Floats) -> NDArray[np.intp]:
     """Samples of the upward crossings of the mean displacement, shape (n_crossings,)."""
     centred = displacement - np.mean(displacement)
     side = np.where(np.abs(centred) < _DEAD_BAND * np.std(centred), 0.0, np.sign(centred))
@@ -213,13 +210,13 @@ def upward_crossings(displacement: NDArray[np.float64]) -> NDArray[np.intp]:
     return upward[nearest[nearest >= 0]]
 
 
-def whole_cycles(displacement: NDArray[np.float64]) -> tuple[slice, ...]:
+def whole_cycles(displacement: Floats) -> tuple[slice, ...]:
     """Samples of each complete cycle, from one upward crossing to the next."""
     crossings = upward_crossings(displacement)
     return tuple(slice(int(first), int(last)) for first, last in pairwise(crossings))
 
 
-def regular_cycles(displacement: NDArray[np.float64]) -> tuple[slice, ...]:
+def regular_cycles(displacement: Floats) -> tuple[slice, ...]:
     """The whole cycles of a periodic motion, equal within 5 % in length and 20 % in stroke; none of any other."""
     cycles = whole_cycles(displacement)
     if len(cycles) < 2:
@@ -231,15 +228,10 @@ def regular_cycles(displacement: NDArray[np.float64]) -> tuple[slice, ...]:
     return cycles if regular else ()
 
 
-def turning_points(
-    displacement: NDArray[np.float64], velocity: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Turning points between two strokes of at least half the peak-to-peak displacement each.
+def turning_points(displacement: Floats, velocity: Floats) -> tuple[Floats, Floats]:
+    """Turning points between strokes of at least half the peak-to-peak displacement, shape (n_turns,).
 
-    `displacement`, `velocity`: smoothed signals, shape (n_time,) [m, m/s].
-
-    Returns `place`, `direction`: shape (n_turns,): position of zero velocity in (fractional) samples, and sign of the
-    velocity before it.
+    Returned are the places of zero velocity, in fractional samples, and the signs of the velocity before.
     """
     # Of the signs, because a product of tiny numbers is zero.
     side = np.sign(velocity)
@@ -251,7 +243,7 @@ def turning_points(
     return place[chosen], np.sign(velocity[before[chosen]])
 
 
-def reversals(velocity: NDArray[np.float64]) -> NDArray[np.intp]:
+def reversals(velocity: Floats) -> NDArray[np.intp]:
     """Samples at which the motion reverses, shape (n_reversals,): midway between velocities of either sign [m/s]."""
     moving = np.flatnonzero(np.abs(velocity) > _LEAST_SPEED * np.max(np.abs(velocity), initial=0.0))
     turns = np.flatnonzero(np.diff(np.sign(velocity[moving])))

@@ -45,7 +45,10 @@ def range_of_tests(tests: Sequence[DamperTest], unit: CommandUnit | None = None)
     if not tests:
         raise SettingError("the range of no test was asked for; give at least one test")
     if unit is None:
-        unit = _most_common([own for test in tests for _, own in test.commands])
+        # Of several units with as many commands a current, then a voltage.
+        units: Sequence[CommandUnit] = [own for test in tests for _, own in test.commands]
+        known: list[CommandUnit] = [each for each in COMMAND_SCALES if each in units]
+        unit = max(known, key=units.count) if known else None
     return covering([range_of_test(test, unit) for test in tests])
 
 
@@ -56,9 +59,3 @@ def _frequencies(test: DamperTest) -> tuple[float, float] | None:
         return None
     lowest, highest = np.quantile(1.0 / np.array(seconds), [_RARE, 1.0 - _RARE])
     return float(lowest), float(highest)
-
-
-def _most_common(units: Sequence[CommandUnit]) -> CommandUnit | None:
-    """The unit that most commands have; of several a current, then a voltage. `None` where there is none."""
-    counted: list[CommandUnit] = [unit for unit in COMMAND_SCALES if unit in units]
-    return max(counted, key=units.count) if counted else None

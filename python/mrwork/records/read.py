@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from mrwork.arguments import AnyArrayLike, NotNegative, checked
 from mrwork.command_signal import Command, ringing_samples, without_ringing
@@ -41,7 +41,7 @@ from mrwork.records.damper_test import DamperTest, Finding, VelocitySource
 from mrwork.records.detectors.cycles import delay_finding, drift_finding, mass_finding
 from mrwork.records.detectors.smoothing import smoothing_finding, smoothing_of, without_spikes
 from mrwork.records.detectors.velocity import velocity_agrees
-from mrwork.records.motion import Smoother, SmoothMotion, motion_of
+from mrwork.records.motion import SmoothMotion, motion_of
 from mrwork.records.rig_table import (
     EVERY_USE,
     UNKNOWN,
@@ -62,7 +62,7 @@ from mrwork.records.window import (
 )
 from mrwork.summary import listed
 from mrwork.units import CommandUnit
-from mrwork.values import frozen
+from mrwork.values import Floats, frozen
 
 _DETECTORS: Final[tuple[Callable[[DamperTest, SmoothMotion], tuple[Finding, ...]], ...]] = (
     smoothing_finding,
@@ -144,9 +144,8 @@ def build_damper_test(
     amperes, about_current = _command(current, "current", "A", source, raw.time.size)
     volts, about_voltage = _command(voltage, "voltage", "V", source, raw.time.size)
     scalar, about_scalar = _command(command, "command", command_unit or "A", source, raw.time.size)
-    given = replace(
-        raw, current=_if_varying(amperes), voltage=_if_varying(volts), command=_if_varying(scalar)
-    )
+    commands: dict[str, Command | None] = {"current": amperes, "voltage": volts, "command": scalar}
+    given = replace(raw, **{name: sent for name, sent in commands.items() if isinstance(sent, np.ndarray)})
     for channel_name, channel in given.channels():
         if channel.size != raw.time.size:
             raise RecordError(
@@ -168,14 +167,18 @@ def build_damper_test(
     displaced = signals.displacement
     motion = motion_of(displaced, dt)
     uncompared = uncompared_spans(displaced, motion.velocity, uniform.spiky, uniform.missing, dt)
-    about_velocity: tuple[Finding, ...] = (_velocity_derived(motion.smoother),)
+    window = motion.smoother.window
+    message = (
+        "no velocity given; derived from the displacement by a cubic Savitzky-Golay filter over "
+        f"{window} samples ({1e3 * window * motion.smoother.dt:.3g} ms)"
+    )
+    about_velocity: tuple[Finding, ...] = (Finding.note("velocity_derived", message),)
     moving, velocity_source = motion.velocity, _DERIVED
     if signals.velocity is not None:
         moving, velocity_source, about_velocity = velocity_agrees(
             signals.velocity, displaced, motion, uncompared
         )
     rings = np.zeros(displaced.size, dtype=np.bool_)
-    commands: dict[str, Command | None] = {"current": amperes, "voltage": volts, "command": scalar}
     for channel_name, unit in (("current", "A"), ("voltage", "V"), ("command", command_unit)):
         sent = getattr(signals, channel_name)
         if sent is not None and unit is not None:
@@ -224,7 +227,7 @@ def examine(test: DamperTest, motion: SmoothMotion) -> tuple[Finding, ...]:
     return tuple(finding for detector in _DETECTORS for finding in detector(test, motion))
 
 
-def _channel(samples: ArrayLike, name: str, source: str) -> NDArray[np.float64]:
+def _channel(samples: ArrayLike, name: str, source: str) -> Floats:
     channel = np.asarray(samples, dtype=np.float64)
     if channel.ndim != 1:
         raise RecordError(
@@ -246,19 +249,6 @@ def _command(
             "sample, or a number"
         )
     return command_of(channel, quantity, unit, source=source)
-
-
-def _if_varying(command: Command | None) -> NDArray[np.float64] | None:
-    return command if isinstance(command, np.ndarray) else None
-
-
-def _velocity_derived(smoother: Smoother) -> Finding:
-    return Finding(
-        code="velocity_derived",
-        severity="note",
-        message="no velocity given; derived from the displacement by a cubic Savitzky-Golay filter over "
-        f"{smoother.window} samples ({1e3 * smoother.window * smoother.dt:.3g} ms)",
-    )
 
 
 def _digest(raw: Signals, *commands: ArrayLike | None) -> str:
@@ -331,7 +321,7 @@ def read_damper_test(path: str | os.PathLike[str], *, columns: Mapping[str, str]
     elif not given.keys() & set(COMMANDS):
         scalar = scalar_command(table.names, table.units, source=source)
 
-    def numbers_of(name: str) -> NDArray[np.float64] | None:
+    def numbers_of(name: str) -> Floats | None:
         try:
             return table.read([name])[name]
         except RecordError:
@@ -383,13 +373,13 @@ def unused_finding(table: ColumnTable, used: Collection[str]) -> tuple[Finding, 
     columns = [f"'{name}'" for name in table.names if name and name not in used]
     named = f"column{'s' if len(columns) > 1 else ''} {listed(columns, _MOST_NAMED)}"
     parts = [*([named] if columns else []), *table.unused]
-    unused = (Finding.note("not_used", f"not used: {'; '.join(parts)}"),) if parts else ()
-    further = listed([f"'{name}'" for name in table.further], _MOST_NAMED)
-    message = f"{len(table.further)} more sheets have a record: {further}"
-    action = "save each as a file of its own to read it"
-    return (
-        unused if not table.further else (*unused, Finding.warning("further_records", message, action=action))
-    )
+    findings = [Finding.note("not_used", f"not used: {'; '.join(parts)}")] if parts else []
+    if table.further:
+        further = listed([f"'{name}'" for name in table.further], _MOST_NAMED)
+        message = f"{len(table.further)} more sheets have a record: {further}"
+        action = "save each as a file of its own to read it"
+        findings.append(Finding.warning("further_records", message, action=action))
+    return tuple(findings)
 
 
 @checked
@@ -452,9 +442,6 @@ def guess_tests(files: Sequence[Path]) -> tuple[ListedTest, ...]:
 def _guess(file: Path) -> ListedTest:
     try:
         table = open_table(file, partial(tells_a_test, source=str(file)))
-    except MrworkError as error:
-        return ListedTest(file=str(file), doubt=_plain(error, file))
-    try:
         scalar = scalar_command(table.names, table.units, source=str(file))
     except MrworkError as error:
         return ListedTest(file=str(file), doubt=_plain(error, file))

@@ -172,10 +172,8 @@ def _velocity(test: DamperTest, _: float | None) -> tuple[DamperTest, Finding]:
     message = (
         f"the velocity was derived from the displacement anew; it changed by {100 * changed:.2g} % (rms)"
     )
-    return (
-        replace(test, velocity=frozen(derived), velocity_source="derived"),
-        _done("velocity", message, changed, ""),
-    )
+    repaired = replace(test, velocity=frozen(derived), velocity_source="derived")
+    return repaired, _done("velocity", message, changed, "")
 
 
 _STEPS: Final[dict[RepairKind, Callable[[DamperTest, float | None], tuple[DamperTest, Finding]]]] = {
@@ -194,7 +192,7 @@ def _done(kind: RepairKind, message: str, value: float, unit: str, seen: Measure
 
 
 def _no_cause(kind: RepairKind, reason: str) -> Finding:
-    return Finding(code=f"no_{kind}", severity="note", message=f"no {kind} to repair: {reason}")
+    return Finding.note(f"no_{kind}", f"no {kind} to repair: {reason}")
 
 
 def _error(seen: Measured, factor: float) -> str:
@@ -256,7 +254,10 @@ def observed(test: DamperTest, observe: Sequence[str]) -> DamperTest:
             if test.smoothing is not None and "force" in test.smoothing.channels:
                 values["average_seconds"] = test.smoothing.window_seconds
         elif word != NONE:
-            name, value = _value(word, period=_period(test) if word.endswith("T") else 1.0)
+            period = 1.0
+            if word.endswith("T"):
+                period = 1.0 / (test.frequency or spectrum(test.displacement, test.dt).dominant)
+            name, value = _value(word, period=period)
             if _FIELDS[name] in values:
                 raise SettingError(f"--observe gives {name} twice, the second time as {word!r}; give it once")
             values[_FIELDS[name]] = value
@@ -281,10 +282,6 @@ def _check_fits(test: DamperTest, observation: Observation, said: Mapping[str, s
             f"{test.label}: {given}, and samples every {test.dt:.4g} s hold nothing above {nyquist:.4g} Hz; "
             "give less, or leave it out"
         )
-
-
-def _period(test: DamperTest) -> float:
-    return 1.0 / (test.frequency or spectrum(test.displacement, test.dt).dominant)
 
 
 def _value(word: str, *, period: float) -> tuple[str, float]:

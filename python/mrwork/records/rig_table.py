@@ -59,10 +59,9 @@ class ListedTest(Summarised):
 def listed_tests(
     paths: str | os.PathLike[str] | Iterable[str | os.PathLike[str]], *, use: Use | EveryUse
 ) -> tuple[ListedTest, ...]:
-    """Rows for the files, folders, glob patterns and tables of tests that are given.
+    """Rows for the files, folders, glob patterns and tables of tests that are given; of tables those with this use.
 
-    A folder stands for its table `tests.csv`, or without one for all files in it that can hold a test. Of a table, the
-    rows with the given use are returned; files that are given by themselves are always.
+    A folder stands for its table `tests.csv`, or without one for all files in it that can hold a test.
     """
     rows: list[ListedTest] = []
     for file in listed_files(paths, none="no record given; name at least one file, folder or table of tests"):

@@ -16,7 +16,7 @@ from mrwork.errors import RecordError, SettingError
 from mrwork.files.named_columns import rounded_grid
 from mrwork.records.damper_test import DamperTest, Finding
 from mrwork.records.motion import spectrum
-from mrwork.values import holds_arrays
+from mrwork.values import Floats, holds_arrays
 
 FEWEST_SAMPLES: Final = 10
 # Limits far beyond any damper test; arithmetic on larger values could overflow.
@@ -36,15 +36,15 @@ class Signals:
     `current`, `voltage` and `command`, of another unit, are the commands that vary.
     """
 
-    time: NDArray[np.float64]
-    displacement: NDArray[np.float64]
-    force: NDArray[np.float64]
-    velocity: NDArray[np.float64] | None = None
-    current: NDArray[np.float64] | None = None
-    voltage: NDArray[np.float64] | None = None
-    command: NDArray[np.float64] | None = None
+    time: Floats
+    displacement: Floats
+    force: Floats
+    velocity: Floats | None = None
+    current: Floats | None = None
+    voltage: Floats | None = None
+    command: Floats | None = None
 
-    def channels(self) -> tuple[tuple[str, NDArray[np.float64]], ...]:
+    def channels(self) -> tuple[tuple[str, Floats], ...]:
         """Name and samples of every channel that exists."""
         named = ((each.name, getattr(self, each.name)) for each in fields(self))
         return tuple((name, channel) for name, channel in named if channel is not None)
@@ -54,7 +54,7 @@ class Signals:
         """Whether a command varies."""
         return any(sent is not None for sent in (self.current, self.voltage, self.command))
 
-    def through(self, change: Callable[[NDArray[np.float64]], NDArray[np.float64]]) -> Signals:
+    def through(self, change: Callable[[Floats], Floats]) -> Signals:
         """Signals with the same change applied to every channel."""
         return replace(self, **{name: change(channel) for name, channel in self.channels()})
 
@@ -62,10 +62,7 @@ class Signals:
 def complete_rows(
     signals: Signals, *, source: str, locate: Callable[[int], str]
 ) -> tuple[Signals, int, tuple[Finding, ...]]:
-    """Drop rows at either end in which a channel is missing (NaN).
-
-    Return the complete signals, the file row at which they start, and findings on dropped rows.
-    """
+    """Drop incomplete rows (NaN) at either end: the signals, the file row at which they start, and findings."""
     for name, channel in signals.channels():
         absurd = np.abs(channel) > _LARGEST
         if absurd.any():
@@ -93,15 +90,12 @@ def complete_rows(
         )
     if last - first == complete.size:
         return signals, first, ()
-    finding = Finding(
-        code="nan_rows_dropped",
-        severity="note",
-        message=f"dropped incomplete rows: {first} at the start, {complete.size - last} at the end",
-    )
-    return signals.through(lambda channel: channel[first:last]), first, (finding,)
+    message = f"dropped incomplete rows: {first} at the start, {complete.size - last} at the end"
+    dropped = Finding.note("nan_rows_dropped", message)
+    return signals.through(lambda channel: channel[first:last]), first, (dropped,)
 
 
-def check_time(time: NDArray[np.float64], *, source: str, locate: Callable[[int], str]) -> None:
+def check_time(time: Floats, *, source: str, locate: Callable[[int], str]) -> None:
     """Check that time increases."""
     wrong = np.flatnonzero(np.diff(time) <= _SAME)
     if wrong.size == 0:
@@ -138,10 +132,9 @@ class UniformSamples:
 def uniform_step(signals: Signals, spiky: NDArray[np.bool_], *, source: str) -> UniformSamples:
     """Put signals, of which the `spiky` samples were bridged, shape (n_time,), on a uniform grid.
 
-    If a step differs from the median by more than 1e-3 of it, the record is resampled to about the median step,
-    keeping the first and the last sample: by a cubic spline, or by PCHIP, which does not overshoot, if there are
-    gaps. A command that changes in steps is held between its samples, another one is interpolated linearly. Times that
-    are uniform except for rounding to few digits are not resampled, because their samples were taken uniformly.
+    Steps that differ from the median by more than 1e-3 of it are resampled to about that step: by a cubic spline, or by
+    PCHIP, which does not overshoot, if there are gaps; stepped commands are held, others linear. Times that are uniform
+    but for rounding are not resampled, because their samples were taken uniformly.
     """
     time = signals.time
     steps = np.diff(time)
@@ -151,26 +144,20 @@ def uniform_step(signals: Signals, spiky: NDArray[np.bool_], *, source: str) -> 
         raise RecordError(
             f"{source}: the time step is {median:.3g} s, below any rig's; check the unit of the time"
         )
-    mean = duration / (time.size - 1)
+    mean, none = duration / (time.size - 1), np.zeros_like(spiky)
     deviation = float(np.max(np.abs(steps - median)))
     if deviation <= _JITTER * median + 2.0 * np.spacing(np.max(np.abs(time))):
-        return UniformSamples(signals=signals, dt=mean, spiky=spiky, missing=np.zeros_like(spiky))
+        return UniformSamples(signals=signals, dt=mean, spiky=spiky, missing=none)
     uniform = rounded_grid(time)
     if uniform is not None:
         dt = float(uniform[-1] - uniform[0]) / (time.size - 1)
-        rounded = Finding(
-            code="time_rounded",
-            severity="note",
-            message=f"times are rounded, with steps of {1e3 * steps.min():.4g} to {1e3 * steps.max():.4g} ms; taken "
+        rounded = Finding.note(
+            "time_rounded",
+            f"times are rounded, with steps of {1e3 * steps.min():.4g} to {1e3 * steps.max():.4g} ms; taken "
             f"as uniform every {1e3 * dt:.6g} ms ({1.0 / dt:.6g} Hz), by regression on the number of the sample",
         )
-        return UniformSamples(
-            signals=replace(signals, time=uniform),
-            dt=dt,
-            spiky=spiky,
-            missing=np.zeros_like(spiky),
-            findings=(rounded,),
-        )
+        given = replace(signals, time=uniform)
+        return UniformSamples(signals=given, dt=dt, spiky=spiky, missing=none, findings=(rounded,))
 
     n_uniform = round(duration / median) + 1
     gaps = np.flatnonzero(steps > _GAP_STEPS * median)
@@ -196,10 +183,9 @@ def uniform_step(signals: Signals, spiky: NDArray[np.bool_], *, source: str) -> 
     dt = duration / (n_uniform - 1)
     rule = "PCHIP" if gaps.size else "cubic spline"
     findings.append(
-        Finding(
-            code="resampled",
-            severity="note",
-            message=f"time steps differ from their median of {1e3 * median:.4g} ms by up to "
+        Finding.note(
+            "resampled",
+            f"time steps differ from their median of {1e3 * median:.4g} ms by up to "
             f"{100 * deviation / median:.3g} %; resampled every {1e3 * dt:.6g} ms by {rule} interpolation",
         )
     )
@@ -229,30 +215,26 @@ def uniform_step(signals: Signals, spiky: NDArray[np.bool_], *, source: str) -> 
 _FEWEST = 10
 
 
-def settling_samples(displacement: NDArray[np.float64]) -> int:
+def settling_samples(displacement: Floats) -> int:
     """Number of samples until the damper has travelled half its peak-to-peak stroke.
 
-    The hysteresis of a damper loses the memory of its initial state within a yield displacement, a small part of the
-    stroke of any useful test. Before that, the force depends on the motion before the record.
+    By then its hysteresis has lost the memory of the motion before the record.
     """
     travel = np.cumsum(np.abs(np.diff(displacement, prepend=displacement[0])))
     return int(np.searchsorted(travel, np.ptp(displacement) / 2))
 
 
 def uncompared_spans(
-    displacement: NDArray[np.float64],
-    velocity: NDArray[np.float64],
+    displacement: Floats,
+    velocity: Floats,
     spiky: NDArray[np.bool_],
     missing: NDArray[np.bool_],
     dt: float,
 ) -> tuple[tuple[int, int], ...]:
     """Spans of samples, first and beyond the last, that are not compared: in spikes, in gaps and after these.
 
-    After a gap the damper must travel as far as it could have in the gap, at most half its peak-to-peak stroke, until
-    its force no longer depends on the motion that is not known.
-
-    `displacement`, `velocity`, `spiky`, `missing`: shape (n_time,): motion [m, m/s], and samples that were interpolated
-    in spikes and in gaps. `dt`: time step [s].
+    After a gap the damper must travel as far as it could have in it, at most half its peak-to-peak stroke, until its
+    force no longer depends on the unknown motion. Arrays have shape (n_time,).
     """
     left_out = spiky | missing
     travel = np.cumsum(np.abs(np.diff(displacement, prepend=displacement[0])))
@@ -328,10 +310,9 @@ _LEVEL_SHARE = 0.5
 
 
 def excerpt(test: DamperTest) -> DamperTest:
-    """Return the first cycles of a cyclic test, decimated to a resolution that shows the loop.
+    """The first cycles of a cyclic test, decimated to a resolution that shows the loop, sufficient for a search.
 
-    This is sufficient for a search, since further cycles add little information. A motion whose band extends beyond a
-    few times its dominant frequency keeps its length, and so does a test whose command varies.
+    A motion of a wide band keeps its length, and so does a test whose command varies.
     """
     motion = spectrum(test.displacement, test.dt)
     if motion.dominant <= 0.0:
@@ -345,10 +326,9 @@ def excerpt(test: DamperTest) -> DamperTest:
 
 
 def varied_excerpt(test: DamperTest) -> DamperTest:
-    """Return the shortest part of an `excerpt` that shows what the whole record of a varying command does.
+    """The shortest part of an `excerpt`, or the whole, that shows what the whole record of a varying command does.
 
-    It has every level of the command, for half of its share of the time or more, and most of the largest displacement
-    and velocity. It is at most half of the record, else the whole one.
+    It has every level of the command, for half of its share of the time, and most of the range of the motion.
     """
     whole = excerpt(test)
     levels = [_at_levels(command) for command, _ in whole.commands if isinstance(command, np.ndarray)]
@@ -366,7 +346,7 @@ def varied_excerpt(test: DamperTest) -> DamperTest:
     return whole
 
 
-def _at_levels(command: NDArray[np.float64]) -> NDArray[np.intp]:
+def _at_levels(command: Floats) -> NDArray[np.intp]:
     """Number of the level that is nearest to each sample of a command, shape (n_time,)."""
     levels = np.array(levels_of_command(command))
     return np.searchsorted(0.5 * (levels[:-1] + levels[1:]), command)
@@ -378,10 +358,8 @@ def _shows_levels(at_level: NDArray[np.intp], part: slice) -> bool:
 
 
 def _shows_motion(test: DamperTest, part: slice) -> bool:
-    return all(
-        float(np.ptp(signal[part])) >= _MOTION_SHARE * float(np.ptp(signal))
-        for signal in (test.displacement, test.velocity)
-    )
+    motion = (test.displacement, test.velocity)
+    return all(float(np.ptp(each[part])) >= _MOTION_SHARE * float(np.ptp(each)) for each in motion)
 
 
 def _excerpt_seconds(test: DamperTest, frequency: float) -> float:
@@ -389,10 +367,9 @@ def _excerpt_seconds(test: DamperTest, frequency: float) -> float:
 
 
 def middle_excerpt(test: DamperTest, *, per_cycle: int) -> DamperTest:
-    """Return as many cycles from the middle of a cyclic test, decimated to `per_cycle` samples, slow ones to 0.04 s.
+    """As many cycles from the middle of a cyclic test, with `per_cycle` samples, slow ones in steps of 0.04 s.
 
-    They represent a record whose force drifts better than the first ones, which contain the start-up. Another motion
-    is treated as by `excerpt`.
+    They represent a drifting force better than the first ones. Another motion is treated as by `excerpt`.
     """
     motion = spectrum(test.displacement, test.dt)
     if motion.dominant <= 0.0 or motion.band_edge > _CYCLIC_BAND * motion.dominant:

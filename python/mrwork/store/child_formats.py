@@ -10,7 +10,7 @@ import io
 import json
 import math
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import IO, Any
 
 import numpy as np
@@ -43,6 +43,11 @@ def hdf5(data: bytes, out: IO[bytes]) -> None:
                 out.write(np.ascontiguousarray(member[()]).data)
 
 
+def _entry(shape: Sequence[int], kind: str | None, attributes: dict[str, Any]) -> dict[str, Any]:
+    """What the line of JSON says of an array, whose type is null where it is not of real numbers."""
+    return {"group": False, "shape": shape, "type": kind, "attributes": attributes}
+
+
 def _members(group: Any, prefix: str, depth: int) -> Iterator[tuple[str, Any]]:
     """What a group holds itself; other files and MATLAB's own tables (`#refs#`) are not followed."""
     import h5py
@@ -62,7 +67,6 @@ def _describe(member: Any) -> dict[str, Any]:
     """Shape and type, which is null for all but real numbers that the file itself holds, and attributes."""
     import h5py
 
-    is_group = isinstance(member, h5py.Group)
     is_numeric = (
         isinstance(member, h5py.Dataset)
         and member.shape is not None
@@ -70,12 +74,8 @@ def _describe(member: Any) -> dict[str, Any]:
         and not member.is_virtual
         and not member.external
     )
-    return {
-        "group": is_group,
-        "shape": member.shape if is_numeric else (),
-        "type": member.dtype.str if is_numeric else None,
-        "attributes": dict(_attributes(member)),
-    }
+    shape, kind = (member.shape, member.dtype.str) if is_numeric else ((), None)
+    return _entry(shape, kind, dict(_attributes(member))) | {"group": isinstance(member, h5py.Group)}
 
 
 def _attributes(member: Any) -> Iterator[tuple[str, Any]]:
@@ -107,8 +107,7 @@ def parquet(data: bytes, out: IO[bytes]) -> None:
         for field in file.schema_arrow
     }
     head: dict[str, object] = {
-        name: {"group": False, "shape": [n_rows], "type": "<f8" if known else None, "attributes": {}}
-        for name, known in numeric.items()
+        name: _entry([n_rows], "<f8" if known else None, {}) for name, known in numeric.items()
     }
     out.write(json.dumps(head).encode() + b"\n")
     out.flush()
@@ -135,12 +134,7 @@ def xlsx(data: bytes, out: IO[bytes]) -> None:
         raise ValueError(f"more than {_MOST_SHEETS} sheets")
     texts = [_text(book.get_sheet_by_name(name)) for name in tables]
     head = {
-        str(number): {
-            "group": False,
-            "shape": [len(text) // _WORD],
-            "type": "<u8",
-            "attributes": {"name": name},
-        }
+        str(number): _entry([len(text) // _WORD], "<u8", {"name": name})
         for number, (name, text) in enumerate(zip(tables, texts, strict=True))
     }
     out.write(json.dumps(head).encode() + b"\n")

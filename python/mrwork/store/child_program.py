@@ -44,16 +44,15 @@ def _reason(error: Exception) -> str:
     return reason.encode("ascii", "replace").decode()
 
 
-def _inherited(limit: int) -> float:
-    """What this process was started with."""
-    return min(
-        (each for each in resource.getrlimit(limit) if each != resource.RLIM_INFINITY), default=math.inf
-    )
+def limit_of(name: str) -> float:
+    """The limit that this process has, by its name in `resource`."""
+    if resource is None:
+        return math.inf
+    limits = resource.getrlimit(getattr(resource, name))
+    return min((each for each in limits if each != resource.RLIM_INFINITY), default=math.inf)
 
 
-_memory_before = (
-    math.inf if resource is None else min(map(_inherited, (resource.RLIMIT_AS, resource.RLIMIT_DATA)))
-)
+_memory_before = min(limit_of("RLIMIT_AS"), limit_of("RLIMIT_DATA"))
 
 
 def _limit(seconds: float, memory: int) -> float:
@@ -61,20 +60,20 @@ def _limit(seconds: float, memory: int) -> float:
     if resource is None:
         return math.inf
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    _lower(resource.RLIMIT_CPU, math.ceil(time.process_time() + seconds))
+    _lower("RLIMIT_CPU", math.ceil(time.process_time() + seconds))
     try:
         with open("/proc/self/statm", "rb") as statm:  # noqa: PTH123 - a path takes longer to import
             used = int(statm.read().split()[0]) * resource.getpagesize()
     except OSError:
         # Other systems do not enforce this limit.
         return math.inf
-    _lower(resource.RLIMIT_AS, used + memory)
+    _lower("RLIMIT_AS", used + memory)
     return used + memory
 
 
-def _lower(limit: int, wanted: int) -> None:
-    least = int(min(wanted, _inherited(limit)))
-    resource.setrlimit(limit, (least, least))
+def _lower(name: str, wanted: int) -> None:
+    least = int(min(wanted, limit_of(name)))
+    resource.setrlimit(getattr(resource, name), (least, least))
 
 
 if __name__ == "__main__":

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.errors import LibraryError
-from mrwork.store.child_program import NO_MEMORY
+from mrwork.store.child_program import NO_MEMORY, limit_of
 from mrwork.store.input_file import allowed
 from mrwork.values import holds_arrays
 
@@ -76,10 +76,9 @@ class Member:
 def read_members(data: bytes, form: Format) -> dict[str, Member]:
     """Members of a file, by name.
 
-    Of HDF5 these are what is down to the second level, by path, and the file itself as ""; links to other files and
-    names that begin with `#` are left out. Of Parquet they are the columns, with float64 numbers. Of
-    .xlsx they are the sheets in their order, by number, with their `name`; the array has the bytes of a text, in which
-    tabs are between cells.
+    Of HDF5 down to the second level, by path, and the file itself as "", without links to other files and names with
+    `#`; of Parquet the columns, as float64; of .xlsx the sheets, by number, with their `name`, as bytes of a text with
+    tabs between cells.
     """
     seconds = _SECONDS + _SECONDS_PER_BYTE * len(data)
     child = subprocess.Popen(
@@ -160,19 +159,8 @@ def _reason(child: subprocess.Popen[bytes], seconds: float) -> str:
         raise LibraryError(_OUTSIDE.format(limit="memory", option="-v"))
     if status == 1 and lines:
         return lines[-1]
-    if status in _ENDED_BY_TIME and _seconds_before() <= seconds:
+    if status in _ENDED_BY_TIME and limit_of("RLIMIT_CPU") <= seconds:
         raise LibraryError(_OUTSIDE.format(limit="processor time", option="-t"))
     if status < 0:
         return f"the library that reads it fails on it, or takes more than {seconds:.0f} s"
     return f"the process that reads it ended with status {status}"
-
-
-def _seconds_before() -> float:
-    try:
-        import resource
-    except ImportError:
-        return math.inf
-    return min(
-        (each for each in resource.getrlimit(resource.RLIMIT_CPU) if each != resource.RLIM_INFINITY),
-        default=math.inf,
-    )

@@ -3,9 +3,6 @@
 A named pipe waits for a writer without end, a device such as /dev/zero has no end, and opening one may already act on
 it. Every reader of the package asks this module for the bytes of a file; `tests/store/test_input_file.py` checks it.
 
-JSON and TOML texts may be damaged or hostile: too deep, with numbers that nothing can hold, or ambiguous; `json_value`
-and `toml_table` refuse these.
-
 Files of named arrays (.npz) may be damaged: sizes are counted before anything is allocated.
 """
 
@@ -80,10 +77,7 @@ _FLAGS: Final = os.O_RDONLY | sum(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FileKind:
-    """What a file is read as: its `name` in messages, its `largest` size [bytes], and what to do about another file.
-
-    `smaller` is what to do about a larger file, where that is not the `remedy`.
-    """
+    """What a file is read as: its name, `largest` size [bytes], `remedy` for others, `smaller` for larger ones."""
 
     name: str
     largest: int

@@ -16,11 +16,11 @@ from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
 from mrwork.arguments import checked
-from mrwork.errors import JournalError, MrworkError, OutputError
+from mrwork.errors import JournalError, MrworkError
 from mrwork.store.codec import differences, plain, rebuilt
 from mrwork.store.input_file import bytes_of, is_there
 from mrwork.store.journal_file import FORMAT, JOURNAL_FILE, line_of, read_lines
-from mrwork.store.output_file import Lock, open_to_write, refuse_link
+from mrwork.store.output_file import Lock, explain_failure, open_to_write, refuse_link
 
 T = TypeVar("T")
 # Without O_NONBLOCK, a named pipe in the place of the journal would wait for a reader.
@@ -30,6 +30,7 @@ _FLAGS = os.O_WRONLY | os.O_CREAT | os.O_APPEND | getattr(os, "O_NONBLOCK", 0)
 # only a power cut loses those that have not reached the disk.
 _DISK_SHARE = 0.01
 _SHOWN = 3
+_NOT_LOST = "make room and resume, nothing in it is lost"
 
 
 class Counters(Protocol):
@@ -219,8 +220,9 @@ class Journal:
         try:
             self._close_file()
         finally:
-            if not self._kept:
-                self._release()
+            if not self._kept and self._lock is not None:
+                self._lock.release()
+                self._lock = None
 
     def close(self) -> None:
         """Close the file, which other writers may have then; a later step is refused."""
@@ -233,20 +235,14 @@ class Journal:
             if self._file is not None:
                 file, self._file = self._file, None
                 try:
-                    os.fsync(file)
-                except OSError as reason:
-                    raise self._cannot_write(reason) from reason
+                    with explain_failure(f"write the journal {self.path}", _NOT_LOST):
+                        os.fsync(file)
                 finally:
                     os.close(file)
 
     def _take_lock(self) -> None:
         if self._lock is None:
             self._lock = Lock(self.path)
-
-    def _release(self) -> None:
-        if self._lock is not None:
-            self._lock.release()
-            self._lock = None
 
     def _next(self, step: str) -> dict[str, Any] | None:
         """Next recorded line, which must be of this step; `None` after the last."""
@@ -285,16 +281,10 @@ class Journal:
 
     def _open(self) -> int:
         self._take_lock()
-        try:
-            self._file = open_to_write(self.path, _FLAGS)
-        except OutputError:
-            raise
-        except OSError as reason:
-            raise OutputError(
-                f"cannot write {self.path}: {reason.strerror}; choose another folder"
-            ) from reason
-        self._own = True
-        return self._file
+        with explain_failure(f"write {self.path}", "choose another folder"):
+            file = open_to_write(self.path, _FLAGS)
+        self._file, self._own = file, True
+        return file
 
     def _append(self, step: str, entry: Mapping[str, object]) -> None:
         with self._writing:
@@ -306,7 +296,7 @@ class Journal:
             first = {"format": FORMAT} if self._asked == 1 else {}
             numbered = {"line": self._asked, "step": step, **first, **entry}
             line = line_of(numbered | {"seconds": time.perf_counter() - self._began})
-            try:
+            with explain_failure(f"write the journal {self.path}", _NOT_LOST):
                 file = self._file
                 if file is None:
                     file = self._open()
@@ -315,15 +305,6 @@ class Journal:
                 if os.write(file, line) < len(line):
                     raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
                 self._sync(file)
-            except OutputError:
-                raise
-            except OSError as reason:
-                raise self._cannot_write(reason) from reason
-
-    def _cannot_write(self, reason: OSError) -> OutputError:
-        return OutputError(
-            f"cannot write the journal {self.path}: {reason.strerror}; make room and resume, nothing in it is lost"
-        )
 
     def _sync(self, file: int) -> None:
         began = time.perf_counter()

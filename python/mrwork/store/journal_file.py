@@ -35,11 +35,10 @@ def line_of(entry: Mapping[str, object]) -> bytes:
 
 
 def read_lines(content: bytes, path: Path) -> tuple[list[dict[str, Any]], int]:
-    """Read the entries of a journal; return them and the number of bytes that they occupy.
+    """The entries of a journal, and the number of bytes that they occupy.
 
-    If the process dies, at most the last line is incomplete. A power cut may damage the last few lines, because the
-    program does not wait for the disk after each. A damaged end is therefore ignored; damage before an intact line is
-    an error.
+    A dead process leaves the last line incomplete, a power cut damages the last few: a damaged end is ignored; damage
+    before an intact line is an error.
     """
     lines = content.split(b"\n")
     # An intact last line ends with a newline, after which `split` returns an empty item.

@@ -53,12 +53,23 @@ def new_file(path: Path) -> BinaryIO:
 
 
 @contextmanager
+def explain_failure(what: str, remedy: str) -> Iterator[None]:
+    """Turn an error of the system in the block into an `OutputError`: cannot do `what`, the reason, the remedy."""
+    try:
+        yield
+    except OutputError:
+        raise
+    except OSError as reason:
+        raise OutputError(f"cannot {what}: {reason.strerror or reason}; {remedy}") from reason
+
+
+@contextmanager
 def replacing(path: Path) -> Iterator[BinaryIO]:
     """A file open for writing under a temporary name, which is renamed to `path` at the end of the block."""
     if "\0" in str(path):
         raise OutputError(f"cannot write {str(path)!r}: no file has such a name; give another")
     beside = path.with_name(f".{path.name}.{os.getpid()}.new")
-    try:
+    with explain_failure(f"write {path}", "make room, or give leave to write there"):
         path.parent.mkdir(parents=True, exist_ok=True)
         try:
             with new_file(beside) as stream:
@@ -67,21 +78,12 @@ def replacing(path: Path) -> Iterator[BinaryIO]:
         except BaseException:
             beside.unlink(missing_ok=True)
             raise
-    except OutputError:
-        raise
-    except OSError as reason:
-        raise OutputError(
-            f"cannot write {path}: {reason.strerror or reason}; make room, or give leave to write there"
-        ) from reason
 
 
 def write_files(
     folder: Path, contents: Mapping[str, bytes], *, then: Callable[[], None] = lambda: None
 ) -> None:
-    """Write files into a run folder; keys are paths inside the folder.
-
-    When all are written, under temporary names, `then` is called; after that none can lack space, and they are renamed.
-    """
+    """Write files into a run folder, by path inside; when all are written, `then` is called, and they are renamed."""
     with ExitStack() as renamed:
         for name, content in contents.items():
             for above in PurePath(name).parents[:-1]:
@@ -102,12 +104,8 @@ class Lock:
     def __init__(self, path: Path) -> None:
         self._place = path.with_name(f".{path.name}.lock")
         self._file: int | None = None
-        try:
+        with explain_failure(f"write {path}", "choose another folder"):
             self._file = self._taken(path)
-        except OSError as reason:
-            if isinstance(reason, OutputError):
-                raise
-            raise OutputError(f"cannot write {path}: {reason.strerror}; choose another folder") from reason
 
     def release(self) -> None:
         """Let another writer have the file; without effect where that was done before."""

@@ -25,11 +25,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from mrwork.errors import JournalError, OutputError, RecordError
+from mrwork.errors import JournalError, OutputError
 from mrwork.store.codec import json_document
-from mrwork.store.input_file import digest_of_content, digest_of_file, stored, text_of
+from mrwork.store.input_file import digest_of_content, digest_of_file
 from mrwork.store.output_file import Lock, is_lock
-from mrwork.store.parse import json_value
 from mrwork.store.run_folder import (
     CALIBRATION,
     CHAIN,
@@ -42,7 +41,9 @@ from mrwork.store.run_folder import (
     kind_of,
     part_of,
     real_place,
+    stated_in,
 )
+from mrwork.summary import listed
 
 _FILES: Final = "files"
 # Bytes up to which a file is read, whatever its time says.
@@ -55,9 +56,8 @@ _NAMED: Final = 10
 class Destination:
     """The folder that a verb will write, with leave to lose what is there.
 
-    `path`: the folder as the user names it, which may be a link to the folder. `replace`: whether a run of another
-    verb, later additions and changed files may be lost. `continues`: whether the run that is there is resumed: its
-    changed files are written again.
+    `path`: as the user names it, perhaps a link. `replace`: whether a run of another verb, later additions and changed
+    files may be lost. `continues`: whether the run there is resumed, which writes its changed files again.
     """
 
     path: Path
@@ -83,15 +83,17 @@ class Destination:
         if run is None or self.replace:
             return
         if run.kind != self.kind:
-            lost = f"the results of `mrwork {run.kind.verb}`, {_in_words(_entries_of(run.files()))}"
+            lost = f"the results of `mrwork {run.kind.verb}`, {listed(_entries_of(run.files()), _NAMED)}"
         else:
             added = run.additions()
             changed = [] if self.continues else run.changes()
             if not added and not changed:
                 return
-            parts = [f"{_in_words(_entries_of(added))}, which other verbs or you have added"] if added else []
-            parts += [f"{_in_words(changed)}, changed since the run was written"] if changed else []
-            lost = "; and ".join(parts)
+            parts = {
+                ", which other verbs or you have added": _entries_of(added),
+                ", changed since the run was written": changed,
+            }
+            lost = "; and ".join(f"{listed(names, _NAMED)}{why}" for why, names in parts.items() if names)
         raise OutputError(
             f"{self.path} has a run; `mrwork {self.kind.verb}` in its place would lose {lost}; "
             "choose another folder, or give --replace"
@@ -120,7 +122,7 @@ class Destination:
                 f"{self.path} holds files but no {MANIFEST}, so it is not a run folder and is left as it is; "
                 "choose another folder"
             )
-        manifest = _read(place / MANIFEST)
+        manifest = stated_in(place / MANIFEST)
         kind = kind_of(manifest)
         if kind is None:
             raise OutputError(
@@ -155,7 +157,8 @@ class FolderOfRun:
 
     def additions(self) -> list[str]:
         """Files that were added to those of the verb."""
-        return [name for name in self.files() if not self._is_written(name)]
+        written = {*self._listed(), *self.kind.redrawn, MANIFEST}
+        return [name for name in self.files() if name not in written]
 
     def changes(self) -> list[str]:
         """Files of the verb that are not as it has written them."""
@@ -166,9 +169,6 @@ class FolderOfRun:
             *([MANIFEST] if of_manifest else []),
             *(name for name in others if self._differs(name, listed[name])),
         ]
-
-    def _is_written(self, name: str) -> bool:
-        return name in self._listed() or name in self.kind.redrawn or name == MANIFEST
 
     def _listed(self) -> Mapping[str, Any]:
         """Digests of the files of the verb; none where the manifest has no list of them."""
@@ -201,15 +201,6 @@ def _digest_of_manifest(manifest: Mapping[str, object]) -> str:
     return digest_of_content(stated.encode(errors="surrogatepass"))
 
 
-def _read(path: Path) -> Mapping[str, Any]:
-    """What a manifest states; nothing where it is damaged."""
-    try:
-        found = json_value(text_of(path, stored("identify", name="the manifest")))
-    except (RecordError, ValueError):
-        return {}
-    return found if isinstance(found, Mapping) else {}
-
-
 def _names_in(entry: Path, name: str) -> Iterator[str]:
     """Paths of the files below an entry of the folder, itself where it is none; links are not followed."""
     if entry.is_symlink() or not entry.is_dir():
@@ -222,11 +213,6 @@ def _names_in(entry: Path, name: str) -> Iterator[str]:
 def _entries_of(names: Sequence[str]) -> list[str]:
     """Files, and folders in the place of the files in them."""
     return list(dict.fromkeys(first + slash for first, slash, _ in (name.partition("/") for name in names)))
-
-
-def _in_words(names: Sequence[str]) -> str:
-    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
-    return ", ".join(names[:_NAMED]) + more
 
 
 _ADDITIONS = (CHAIN, CALIBRATION, PROFILES, PLAN)
@@ -248,10 +234,7 @@ def replacing_run(destination: Destination) -> Iterator[None]:
 
 @contextmanager
 def adding(path: str | Path, name: str) -> Iterator[None]:
-    """Keep others from replacing the run folder at `path`, and from the file `name` that the block adds to it.
-
-    Where there is no run folder, nothing is locked.
-    """
+    """Keep others from replacing the run folder at `path`, if any, and from the file `name` that is added."""
     place = real_place(path)
     if not (place / MANIFEST).is_file():
         yield
@@ -314,10 +297,9 @@ def write_folder(
 ) -> None:
     """Write a run folder atomically, replacing an earlier run; files of the user in it are kept.
 
-    `contents`: path inside the folder to content. `manifest`: facts about the run; the manifest also has the verb and
-    the digests of the files. `copied`: path inside the folder to an existing file to copy. `linked`: the same for files
-    that no longer change: hard links, or copies if the file system has no links. `folders`: folders to create even if
-    they stay empty. `flush`: whether to wait until the folder is on the disk.
+    By path inside the folder: `contents`, files to be `copied`, and `linked` ones that no longer change: hard links, or
+    copies if the file system has none. `manifest`: facts about the run, to which the verb and digests are added.
+    `folders` are created even if empty. `flush`: whether to wait until the folder is on the disk.
     """
     place = destination.place
     try:

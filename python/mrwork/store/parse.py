@@ -94,9 +94,14 @@ def toml_lines(text: str) -> dict[KeyPath, int]:
     return _Scanner(text).lines()
 
 
-_BLANK: Final = " \t\r\n"
-_BARE_ENDS: Final = frozenset("=.]}, \t\r\n#")
-_VALUE_ENDS: Final = frozenset(",]}\r\n#")
+_SPACES: Final = re.compile(r"[ \t]*+")
+_BLANKS: Final = re.compile(r"(?:[ \t\r\n]++|#[^\n]*+)*+")
+_BARE_KEY: Final = re.compile(r"[^=.\]}, \t\r\n#]*+")
+_BARE_VALUE: Final = re.compile(r"[^,\]}\r\n#]*+")
+# Up to two more quotes belong to a string of three.
+_STRING: Final = re.compile(
+    r"""\"{3}(?:[^\\]|\\.)*?"{3,5}|'{3}.*?'{3,5}|"(?:[^"\\]|\\.)*+"|'[^']*+'""", re.DOTALL
+)
 
 
 class _Scanner:
@@ -110,21 +115,21 @@ class _Scanner:
 
     def lines(self) -> dict[KeyPath, int]:
         table: KeyPath = ()
-        while self._skip_blank():
+        while self._skip_blanks():
             line = self._line
             if self._text.startswith("[[", self._at):
-                self._forward(2)
+                self._at += 2
                 *outer, last = self._key()
                 path = (*self._resolve(tuple(outer)), last)
-                self._forward(2)
+                self._at += 2
                 number = self._counts.get(path, 0)
                 self._counts[path] = number + 1
                 self._found.setdefault(path, line)
                 table = (*path, number)
             elif self._text[self._at] == "[":
-                self._forward(1)
+                self._at += 1
                 table = self._resolve(self._key())
-                self._forward(1)
+                self._at += 1
             else:
                 self._pair(table)
                 continue
@@ -148,89 +153,58 @@ class _Scanner:
         line = self._line
         path = (*table, *self._key())
         self._note(path, line)
-        self._forward(1)
-        self._skip_spaces()
+        self._at += 1
+        self._take(_SPACES)
         self._value(path)
 
     def _value(self, path: KeyPath) -> None:
         opening = self._text[self._at]
         if opening == "[":
-            self._forward(1)
+            self._at += 1
             number = 0
-            while self._skip_blank() and self._text[self._at] != "]":
+            while self._skip_blanks() and self._text[self._at] != "]":
                 self._found[*path, number] = self._line
                 self._value((*path, number))
                 number += 1
                 self._skip_comma()
-            self._forward(1)
+            self._at += 1
         elif opening == "{":
-            self._forward(1)
-            while self._skip_blank() and self._text[self._at] != "}":
+            self._at += 1
+            while self._skip_blanks() and self._text[self._at] != "}":
                 self._pair(path)
                 self._skip_comma()
-            self._forward(1)
-        elif opening in "\"'":
-            self._string()
+            self._at += 1
         else:
-            while self._at < len(self._text) and self._text[self._at] not in _VALUE_ENDS:
-                self._forward(1)
+            self._take(_STRING if opening in "\"'" else _BARE_VALUE)
 
     def _key(self) -> tuple[str, ...]:
         """A dotted key, up to the character that ends it."""
         parts: list[str] = []
         while True:
-            self._skip_spaces()
-            start = self._at
-            if self._text[start] in "\"'":
-                self._string()
+            self._take(_SPACES)
+            if self._text[self._at] in "\"'":
                 # The parser resolves escapes.
-                parts.append(toml_table(f"k = {self._text[start : self._at]}")["k"])
+                parts.append(toml_table(f"k = {self._take(_STRING)}")["k"])
             else:
-                while self._text[self._at] not in _BARE_ENDS:
-                    self._forward(1)
-                parts.append(self._text[start : self._at])
-            self._skip_spaces()
+                parts.append(self._take(_BARE_KEY))
+            self._take(_SPACES)
             if self._text[self._at] != ".":
                 return tuple(parts)
-            self._forward(1)
-
-    def _string(self) -> None:
-        quote = self._text[self._at]
-        if self._text.startswith(quote * 3, self._at):
-            end = self._at + 3
-            while not self._text.startswith(quote * 3, end):
-                end += 2 if quote == '"' and self._text[end] == "\\" else 1
-            end += 3
-            # Up to two more quotes belong to the string.
-            while self._text.startswith(quote, end):
-                end += 1
-        else:
-            end = self._at + 1
-            while self._text[end] != quote:
-                end += 2 if quote == '"' and self._text[end] == "\\" else 1
-            end += 1
-        self._forward(end - self._at)
+            self._at += 1
 
     def _skip_comma(self) -> None:
-        if self._skip_blank() and self._text[self._at] == ",":
-            self._forward(1)
+        if self._skip_blanks() and self._text[self._at] == ",":
+            self._at += 1
 
-    def _skip_blank(self) -> bool:
+    def _skip_blanks(self) -> bool:
         """Skip blanks and comments; whether a character follows."""
-        while self._at < len(self._text):
-            if self._text[self._at] == "#":
-                end = self._text.find("\n", self._at)
-                self._at = len(self._text) if end < 0 else end
-            elif self._text[self._at] in _BLANK:
-                self._forward(1)
-            else:
-                return True
-        return False
+        self._take(_BLANKS)
+        return self._at < len(self._text)
 
-    def _skip_spaces(self) -> None:
-        while self._text[self._at] in " \t":
-            self._forward(1)
-
-    def _forward(self, count: int) -> None:
-        self._line += self._text.count("\n", self._at, self._at + count)
-        self._at += count
+    def _take(self, pattern: re.Pattern[str]) -> str:
+        """The text that matches from here on, behind which the scanner goes on."""
+        match = pattern.match(self._text, self._at)
+        text = match[0] if match else ""
+        self._line += text.count("\n")
+        self._at += len(text)
+        return text

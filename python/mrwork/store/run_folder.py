@@ -15,6 +15,7 @@ from mrwork.errors import RecordError
 from mrwork.escaping import escaped
 from mrwork.store.codec import finite, parsed
 from mrwork.store.input_file import is_there, stored, text_of
+from mrwork.store.parse import json_value
 
 MANIFEST = "manifest.json"
 JOURNAL = "journal.jsonl"
@@ -51,11 +52,10 @@ _PART = ".part"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunKind:
-    """What a verb writes as a run folder.
+    """What a verb writes as a run folder, and its `kind` in the manifest.
 
-    `kind`: what its manifest says that the folder is. `written`: files that the verb writes, as patterns of their paths
-    in the folder. `added`: files and folders that later verbs add. `redrawn`: files that later verbs write again from
-    the others, so that the manifest does not list them.
+    `written`: patterns of paths that the verb writes. `added`: names that later verbs add. `redrawn`: files that later
+    verbs write again from the others, so that the manifest does not list them.
     """
 
     verb: str
@@ -100,10 +100,7 @@ def kind_of(manifest: Mapping[str, Any]) -> RunKind | None:
 
 
 def real_place(path: str | Path) -> Path:
-    """Path with symbolic links resolved, so that writing to a link replaces its target and not the link.
-
-    A loop of links, or a name that no file can have, stays; reading or writing it is refused.
-    """
+    """Path with symbolic links resolved, so that writing replaces the target; an impossible name stays."""
     try:
         return Path(os.path.realpath(path))
     except ValueError:
@@ -141,13 +138,21 @@ def read_manifest(place: Path, *, verb: str) -> Mapping[str, Any] | None:
     return stated
 
 
+def stated_in(manifest: Path) -> Mapping[str, Any]:
+    """What a manifest that may be damaged states; nothing where it is."""
+    try:
+        stated = json_value(text_of(manifest, stored("identify", name="the manifest")))
+    except (RecordError, ValueError):
+        return {}
+    return stated if isinstance(stated, Mapping) else {}
+
+
 def check_manifest(
     place: Path, stated: Mapping[str, Any], facts: Mapping[str, Collection[object]], *, file: str, verb: str
 ) -> None:
     """Check that a manifest states what is in the results beside it; one that says less is that of another version.
 
-    `facts`: the values that an entry may have, by its name. `file`, `verb`: for messages: name of the file of the
-    results, and the verb of `mrwork` that writes both.
+    `facts`: the values that an entry may have. `file`, `verb`: name of the results, and what writes both, for messages.
     """
     for name, permitted in facts.items():
         if name in stated and stated[name] not in [finite(value) for value in permitted]:

@@ -15,12 +15,11 @@ from pathlib import Path
 from types import TracebackType
 
 from mrwork.errors import JournalError, LibraryError, MrworkError, OutputError
-from mrwork.store.input_file import bytes_of, stored, text_of
+from mrwork.store.input_file import bytes_of
 from mrwork.store.journal import Journal
 from mrwork.store.journal_file import JOURNAL_FILE
-from mrwork.store.output_file import Lock, is_lock, new_file, refuse_link
+from mrwork.store.output_file import Lock, explain_failure, is_lock, new_file, refuse_link
 from mrwork.store.output_folder import Destination, adding, replacing_run
-from mrwork.store.parse import json_value
 from mrwork.store.run_folder import (
     HISTORIES,
     JOURNAL,
@@ -30,6 +29,7 @@ from mrwork.store.run_folder import (
     is_part,
     part_of,
     real_place,
+    stated_in,
 )
 
 _STEP_SUFFIX = ".jsonl"
@@ -42,13 +42,7 @@ INTERRUPTED = "interrupted"
 def is_complete(path: str | Path) -> bool:
     """Whether the folder at `path` has a run that was not interrupted; one with a damaged manifest counts."""
     manifest = real_place(path) / MANIFEST
-    if not manifest.exists():
-        return False
-    try:
-        document = json_value(text_of(manifest, stored("identify", name="the manifest")))
-        return bool(document["status"] != INTERRUPTED)
-    except (MrworkError, LookupError, TypeError, ValueError):
-        return True
+    return manifest.exists() and stated_in(manifest).get("status") != INTERRUPTED
 
 
 @contextmanager
@@ -93,15 +87,11 @@ def _comes_again(error: BaseException, *, resume: bool) -> bool:
 
 def begin_journal(path: str | Path) -> Journal:
     """Begin a journal for the run folder at `path`, locked; an earlier run there does not change."""
-    journal = Journal(_folder(path) / JOURNAL)
-    journal.lock()
-    return journal
+    return _lock(Journal(_folder(path) / JOURNAL))
 
 
 def resume_journal(path: str | Path, *, note: Callable[[str], None]) -> Journal:
-    """Resume the journal of an unfinished run to `path`, or that of the run at `path`, which may have been interrupted.
-
-    It is locked until it is closed.
+    """Resume, locked, the journal of an unfinished run to `path`, or of the run there, which may be interrupted.
 
     `note`: called with a sentence if the end of the journal is damaged and ignored.
     """
@@ -116,7 +106,7 @@ def resume_journal(path: str | Path, *, note: Callable[[str], None]) -> Journal:
                 "run without --resume"
             )
         _copy(kept, begun, _folder(path) / _COPYING)
-    return _resumed(begun, note)
+    return _lock(Journal(begun, resume=True, note=note))
 
 
 def discard_journal(journal: Journal) -> None:
@@ -140,9 +130,7 @@ def is_copy(kept: Path, journal: Journal) -> bool:
 
 def begin_addition(kept: Path) -> Journal:
     """Begin a journal that `keep_addition` moves to `kept`; an earlier one there does not change before."""
-    journal = Journal(begun_of(kept))
-    journal.lock()
-    return journal
+    return _lock(Journal(begun_of(kept)))
 
 
 def resume_addition(kept: Path, *, note: Callable[[str], None]) -> Journal:
@@ -154,22 +142,17 @@ def resume_addition(kept: Path, *, note: Callable[[str], None]) -> Journal:
         if not kept.is_file():
             raise JournalError(f"there is no {kept} to resume; run without --resume")
         _copy(kept, begun, kept.with_name(f".{kept.name}.{_COPYING}"))
-    return _resumed(begun, note)
+    return _lock(Journal(begun, resume=True, note=note))
 
 
 def keep_addition(journal: Journal, kept: Path) -> None:
     """Move a complete journal to its place."""
     journal.finish()
-    try:
+    with explain_failure(f"move {journal.path} to {kept.name}", "if the run was replaced, run again"):
         journal.path.replace(kept)
-    except OSError as reason:
-        raise OutputError(
-            f"cannot move {journal.path} to {kept.name}: {reason.strerror}; if the run was replaced, run again"
-        ) from reason
 
 
-def _resumed(begun: Path, note: Callable[[str], None]) -> Journal:
-    journal = Journal(begun, resume=True, note=note)
+def _lock(journal: Journal) -> Journal:
     journal.lock()
     return journal
 
@@ -196,10 +179,8 @@ def _copy(kept: Path, begun: Path, copying: Path) -> None:
 class StepJournals:
     """Journals of the steps of a comparison of models, such as `dahl/fit`; locked together until `close`.
 
-    At the end of a `with` block they are closed, and removed after an error of the inputs.
-
-    `resume`: whether to continue existing journals; otherwise they are removed. `note`: called with a sentence if the
-    end of a journal is damaged and ignored.
+    Leaving a `with` block closes them, and removes them after an error of the inputs. Existing ones are continued with
+    `resume`, else removed.
     """
 
     def __init__(
@@ -214,21 +195,14 @@ class StepJournals:
             raise JournalError(
                 f"there is no comparison to resume in {self._folder.parent.name}/{MODELS}; run without --resume"
             )
-        try:
-            with ExitStack() as locked:
-                locked.enter_context(replacing_run(destination))
-                self._folder.parent.mkdir(exist_ok=True)
-                if not resume:
-                    if self._folder.exists():
-                        shutil.rmtree(self._folder)
-                    self._folder.mkdir()
-                self._locked = locked.pop_all()
-        except OutputError:
-            raise
-        except OSError as reason:
-            raise OutputError(
-                f"cannot make {self._folder}: {reason.strerror}; choose another folder"
-            ) from reason
+        with explain_failure(f"make {self._folder}", "choose another folder"), ExitStack() as locked:
+            locked.enter_context(replacing_run(destination))
+            self._folder.parent.mkdir(exist_ok=True)
+            if not resume:
+                if self._folder.exists():
+                    shutil.rmtree(self._folder)
+                self._folder.mkdir()
+            self._locked = locked.pop_all()
 
     def __call__(self, step: str) -> Journal:
         """Journal of a step: resumed if there is one, else begun."""
@@ -269,12 +243,10 @@ class StepJournals:
 def _folder(path: str | Path) -> Path:
     folder = part_of(path)
     refuse_link(folder)
-    try:
+    with explain_failure(f"make {folder}", "choose another folder"):
         folder.mkdir(parents=True, exist_ok=True)
         names = {entry.name for entry in folder.iterdir() if not is_lock(entry.name)}
-        foreign = sorted(names - {JOURNAL, _COPYING, MODELS, HISTORIES})
-    except OSError as reason:
-        raise OutputError(f"cannot make {folder}: {reason.strerror}; choose another folder") from reason
+    foreign = sorted(names - {JOURNAL, _COPYING, MODELS, HISTORIES})
     if foreign:
         raise OutputError(
             f"{folder} is where the journal of the run belongs, but it holds {foreign[0]}; choose another folder"

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from mrwork.records.checks import half_range, mean_over_travel
 from mrwork.records.damper_test import DamperTest, Finding, Measured
 from mrwork.records.motion import SmoothMotion, turning_points, whole_cycles
+from mrwork.values import Floats
 
 _FEWEST_FOR_MASS: Final = 2
 _SIGNIFICANT: Final = 4.0
@@ -59,7 +60,7 @@ def mass_finding(test: DamperTest, motion: SmoothMotion) -> tuple[Finding, ...]:
     return (Finding.warning("moving_mass", message, action="subtract it by --repair mass", measured=mass),)
 
 
-def _in_phase(force: NDArray[np.float64], acceleration: NDArray[np.float64]) -> float:
+def _in_phase(force: Floats, acceleration: Floats) -> float:
     varying = acceleration - acceleration.mean()
     return float((force - force.mean()) @ varying / (varying @ varying))
 
@@ -213,11 +214,11 @@ def delay_finding(test: DamperTest, motion: SmoothMotion) -> tuple[Finding, ...]
 
 
 def _folded(
-    force: NDArray[np.float64],
-    place: NDArray[np.float64],
-    direction: NDArray[np.float64],
+    force: Floats,
+    place: Floats,
+    direction: Floats,
     period: float,
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]] | None:
+) -> tuple[Floats, Floats, Floats] | None:
     """Mean force about the turns: time [periods], force [half ranges, falling], and number of samples in each mean."""
     reach = _FOLDED * period
     inside = (place - reach >= 0.0) & (place + reach <= force.size - 1.0)
@@ -244,13 +245,8 @@ def _folded(
     return mean_time, mean_force, count[kept]
 
 
-def _corner(
-    time: NDArray[np.float64], force: NDArray[np.float64], count: NDArray[np.float64], before: float
-) -> tuple[float, float] | None:
-    """Delay of the corner [periods], and its mean square residual relative to that of a smooth curve.
-
-    `None` where the best corner does not describe the force, or is the first or the last that is tried.
-    """
+def _corner(time: Floats, force: Floats, count: Floats, before: float) -> tuple[float, float] | None:
+    """Delay of the corner [periods], and its mean square residual relative to a smooth curve; `None` without."""
     delays = np.arange(-_LONGEST, _LONGEST + 0.5 * _STEP, _STEP)
     first, end = _until_fallen(time, force, count, delays, before)
     rows, weight = _windows(first, end, count)
@@ -270,16 +266,13 @@ def _corner(
 
 
 def _until_fallen(
-    time: NDArray[np.float64],
-    force: NDArray[np.float64],
-    count: NDArray[np.float64],
-    delays: NDArray[np.float64],
+    time: Floats,
+    force: Floats,
+    count: Floats,
+    delays: Floats,
     before: float,
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Windows from `before` each corner until the force has fallen enough from its branch, a parabola.
-
-    First sample and the one beyond the last, shape (n_delays,); windows without a branch are empty.
-    """
+    """Windows, first sample and beyond the last, from `before` each corner until the force has fallen enough."""
     first = np.searchsorted(time, delays - before, side="right")
     turned = np.searchsorted(time, delays, side="right")
     rows, weight = _windows(first, turned, count)
@@ -302,8 +295,8 @@ def _until_fallen(
 
 
 def _windows(
-    first: NDArray[np.intp], end: NDArray[np.intp], count: NDArray[np.float64]
-) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+    first: NDArray[np.intp], end: NDArray[np.intp], count: Floats
+) -> tuple[NDArray[np.intp], Floats]:
     """Samples of windows, filled up to the longest of them, and their weights, of which those filled up have none."""
     rows = first[:, np.newaxis] + np.arange(max(int(np.max(end - first)), 1))
     inside = rows < end[:, np.newaxis]
@@ -311,15 +304,13 @@ def _windows(
     return rows, np.sqrt(count[rows] * inside)
 
 
-def _with_corner(s: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+def _with_corner(s: Floats) -> tuple[Floats, ...]:
     """Terms of a parabola and a corner at the time `s` since it."""
     past = np.maximum(s, 0.0)
     return np.ones_like(s), s, s**2, past**2, past**3
 
 
-def _triangles(
-    terms: Sequence[NDArray[np.float64]], force: NDArray[np.float64], weight: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _triangles(terms: Sequence[Floats], force: Floats, weight: Floats) -> Floats:
     """Triangular factors of weighted least-squares problems, (n_windows, n_terms + 1, n_terms + 1).
 
     All arguments have the shape (n_windows, n_rows). The force is the last column, so that the last diagonal element is
@@ -333,9 +324,7 @@ def _triangles(
     return np.asarray(np.linalg.qr(problem, mode="r"))
 
 
-def _mean_square(
-    columns: NDArray[np.float64], force: NDArray[np.float64], count: NDArray[np.float64]
-) -> float:
+def _mean_square(columns: Floats, force: Floats, count: Floats) -> float:
     weight = np.sqrt(count)
     weighted = columns * weight[:, np.newaxis]
     coefficients = np.linalg.lstsq(weighted, force * weight, rcond=None)[0]

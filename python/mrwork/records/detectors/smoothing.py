@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from mrwork.records.damper_test import Channel, DamperTest, Finding, Measured, Smoothing
 from mrwork.records.motion import SmoothMotion, spectrum
 from mrwork.records.window import Signals
+from mrwork.values import Floats
 
 # Samples of the longest spike, and largest share of a record in spikes; what takes longer may be part of the test.
 _LONGEST_SPIKE: Final = 5
@@ -26,7 +27,7 @@ _WITHIN: Final = (2.0, 98.0)
 _BEYOND: Final = 0.5
 
 
-def spikes_of(samples: NDArray[np.float64]) -> NDArray[np.bool_]:
+def spikes_of(samples: Floats) -> NDArray[np.bool_]:
     """Samples of a channel that lie in a spike, shape (n_time,).
 
     A spike is at most five samples long and lies beyond the range of the other samples by half of that range; the
@@ -48,10 +49,7 @@ def spikes_of(samples: NDArray[np.float64]) -> NDArray[np.bool_]:
 
 
 def without_spikes(signals: Signals) -> tuple[Signals, NDArray[np.bool_], tuple[Finding, ...]]:
-    """Signals with straight lines across the spikes of displacement, velocity and force, and which samples these are.
-
-    The commands keep theirs, which may be meant.
-    """
+    """Signals with straight lines across the spikes, except in commands, and which samples these are."""
     bridged = np.zeros(signals.time.size, dtype=np.bool_)
     findings = []
     for name, samples in signals.channels():
@@ -70,7 +68,7 @@ def without_spikes(signals: Signals) -> tuple[Signals, NDArray[np.bool_], tuple[
 _SEARCHED: Final = {"displacement": "m", "velocity": "m/s", "force": "N"}
 
 
-def _finding(name: str, time: NDArray[np.float64], samples: NDArray[np.float64]) -> Finding:
+def _finding(name: str, time: Floats, samples: Floats) -> Finding:
     largest = float(samples[np.argmax(np.abs(samples))])
     plural = "a sample" if samples.size == 1 else f"{samples.size} samples, the first"
     return Finding.warning(
@@ -112,7 +110,7 @@ def detect_smoothing(test: DamperTest) -> Smoothing | None:
 
 def smoothing_of(test: DamperTest, frequency: float) -> Smoothing | None:
     """As `detect_smoothing`, of a motion whose dominant frequency [Hz] is known."""
-    channels: tuple[tuple[Channel, NDArray[np.float64]], ...] = (
+    channels: tuple[tuple[Channel, Floats], ...] = (
         ("force", test.force),
         ("displacement", test.displacement),
     )
@@ -156,7 +154,7 @@ def smoothing_finding(test: DamperTest, motion: SmoothMotion) -> tuple[Finding, 
     return (Finding.warning("moving_average", message, action=action, measured=measured),)
 
 
-def averaged_over(samples: NDArray[np.float64]) -> int | None:
+def averaged_over(samples: Floats) -> int | None:
     """Window in samples of a moving average applied to a signal, shape (n_time,); `None` if there is none.
 
     A moving average over w samples multiplies the spectrum by sin(pi f w dt) / (w sin(pi f dt)), which is
@@ -197,7 +195,7 @@ def _transformed_length(n_time: int) -> int:
     return _DIFFERENCES + max(odd << ((left // odd).bit_length() - 1) for odd in n_odd if 2 * odd <= left)
 
 
-def _cepstrum(samples: NDArray[np.float64]) -> NDArray[np.float64]:
+def _cepstrum(samples: Floats) -> Floats:
     """Power cepstrum of a signal, for quefrencies from 0 to half its number of samples."""
     # Differences raise the noise to the level of the motion; their own cepstrum, -1/k each, is added back.
     steep = np.diff(samples, _DIFFERENCES)

@@ -14,7 +14,7 @@ from mrwork.errors import RecordError
 from mrwork.records.damper_test import DamperTest, Finding, Measured, VelocitySource
 from mrwork.records.motion import Smoother, SmoothMotion
 from mrwork.units import FACTORS
-from mrwork.values import holds_arrays
+from mrwork.values import Floats, holds_arrays
 
 _MISFIT: Final = 0.10
 _NOISE: Final = 0.5
@@ -45,12 +45,10 @@ def refuse_velocity(test: DamperTest) -> None:
 
 
 def noisy_velocity(own: float, noise: float, motion: SmoothMotion) -> tuple[Finding, ...]:
-    """Note that a velocity is noisier than the derivative of the displacement, which replaces it then.
+    """Note a velocity that is noisier than the derivative of the displacement, which replaces it then.
 
-    Differences of quantised readings are: their noise biases the parameters, while a derivative over many samples has
-    little of it.
-
-    `own`, `noise`: standard deviations of the noise of velocity [m/s] and displacement [m].
+    Differences of quantised readings are, and bias the parameters. Noise: `own` [m/s], and `noise` of the displacement
+    [m].
     """
     derived = noise * motion.smoother.noise_gain(1)
     spread = float(np.std(motion.velocity))
@@ -65,11 +63,11 @@ def noisy_velocity(own: float, noise: float, motion: SmoothMotion) -> tuple[Find
 
 
 def velocity_agrees(
-    velocity: NDArray[np.float64],
-    displacement: NDArray[np.float64],
+    velocity: Floats,
+    displacement: Floats,
     motion: SmoothMotion,
     uncompared: Sequence[tuple[int, int]] = (),
-) -> tuple[NDArray[np.float64], VelocitySource, tuple[Finding, ...]]:
+) -> tuple[Floats, VelocitySource, tuple[Finding, ...]]:
     """Compare a measured velocity with the derivative of the displacement; return the one to use.
 
     Both are smoothed alike, and the difference expected from their noise is subtracted, up to half of the signal.
@@ -131,10 +129,9 @@ def _off_by(factor: float) -> Finding:
     measured = Measured(value=factor, unit="")
     size = abs(factor)
     nearest = min(_CONFUSED, key=lambda ratio: abs(np.log(size / ratio)))
-    if abs(size / nearest - 1.0) <= _OF_UNITS:
-        explained = "as where {} are taken for {}".format(*_CONFUSED[nearest])
-    else:
+    if abs(size / nearest - 1.0) > _OF_UNITS:
         return _inconsistent(f"{times}, so one of the two is not in its stated unit", _CHECK, measured)
+    explained = "as where {} are taken for {}".format(*_CONFUSED[nearest])
     action = "correct the column, or derive the velocity from the displacement by --repair velocity"
     return Finding.warning(OFF_BY_FACTOR, f"{times}, {explained}", action=action, measured=measured)
 
@@ -148,12 +145,12 @@ def _inconsistent(message: str, action: str, measured: Measured | None = None) -
 class _VelocityMisfit:
     """Smoothed velocity, derivative with its mean square `power`, and mean square difference `expected` from noise."""
 
-    measured: NDArray[np.float64]
-    derivative: NDArray[np.float64]
+    measured: Floats
+    derivative: Floats
     power: float
     expected: float
 
-    def misfit(self, candidate: NDArray[np.float64]) -> float:
+    def misfit(self, candidate: Floats) -> float:
         """Rms difference in excess of noise, relative to the derivative."""
         beyond_noise = float(np.mean((candidate - self.derivative) ** 2)) - self.expected
         return float(np.sqrt(max(beyond_noise, 0.0) / self.power))
@@ -162,11 +159,8 @@ class _VelocityMisfit:
         """Regression coefficient of the velocity on the derivative."""
         return float(np.mean(self.measured * self.derivative)) / self.power
 
-    def delay(self, acceleration: NDArray[np.float64], smoother: Smoother) -> Measured:
-        """Delay [s] from a regression on the acceleration, to first order.
-
-        The standard error counts one independent sample per window of the smoother.
-        """
+    def delay(self, acceleration: Floats, smoother: Smoother) -> Measured:
+        """Delay [s] by regression on the acceleration, to first order; a window counts as one sample."""
         power = float(np.mean(acceleration**2))
         late = -float(np.mean((self.measured - self.derivative) * acceleration)) / power
         left = float(np.mean((self.measured - self.derivative + late * acceleration) ** 2))
@@ -185,9 +179,7 @@ def _given(n_time: int, uncompared: Sequence[tuple[int, int]], reach: int) -> _K
     return np.flatnonzero(given) if np.count_nonzero(given) > reach else slice(None)
 
 
-def _compared(
-    velocity: NDArray[np.float64], displacement: NDArray[np.float64], motion: SmoothMotion, kept: _Kept
-) -> _VelocityMisfit:
+def _compared(velocity: Floats, displacement: Floats, motion: SmoothMotion, kept: _Kept) -> _VelocityMisfit:
     smoother, derivative = motion.smoother, motion.velocity[kept]
     smooth = smoother.smooth(velocity)
     measured = smooth[kept]
