@@ -59,7 +59,6 @@ ELSEWHERE = {
     "store/child_program.py": "how much memory the process has",
     "store/parse.py": "texts that are in memory",
     "store/output_file.py": "files that are written",
-    "store/parse.py": "texts in memory",
     "store/output_folder.py": "folders, to flush them",
 }
 
