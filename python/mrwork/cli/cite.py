@@ -26,6 +26,9 @@ from mrwork.store.input_file import is_file, stored, text_of
 from mrwork.store.parse import json_value
 from mrwork.store.run_folder import ADDITIONS, FIT, MANIFEST, RANKING, RESULTS, STUDY, read_manifest
 
+# A part of a run in words, and the works it rests on.
+_Part = tuple[str, tuple[Reference, ...]]
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Cited:
@@ -55,7 +58,7 @@ def run(options: argparse.Namespace) -> int:
     """Print the entries."""
     from mrwork import __version__
 
-    parts: list[tuple[str, tuple[Reference, ...]]] = [("mrwork", (reference_of_package(__version__),))]
+    parts: list[_Part] = [("mrwork", (reference_of_package(__version__),))]
     if options.folder is not None:
         parts += _parts(options.folder)
     cited = _once(parts)
@@ -65,7 +68,7 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _once(parts: Sequence[tuple[str, Sequence[Reference]]]) -> list[_Cited]:
+def _once(parts: Sequence[_Part]) -> list[_Cited]:
     """Each reference once, in order, with everything it is cited for."""
     reasons: dict[str, list[str]] = {}
     references: dict[str, Reference] = {}
@@ -76,7 +79,7 @@ def _once(parts: Sequence[tuple[str, Sequence[Reference]]]) -> list[_Cited]:
     return [_Cited(reference=references[key], reasons=reasons[key]) for key in references]
 
 
-def _parts(folder: Path) -> list[tuple[str, tuple[Reference, ...]]]:
+def _parts(folder: Path) -> list[_Part]:
     """Parts of a run, each with the works it rests on; a part without a published source is left out."""
     manifest = read_manifest(folder, verb="identify")
     if manifest is None:
@@ -97,11 +100,11 @@ def _parts(folder: Path) -> list[tuple[str, tuple[Reference, ...]]]:
     return parts + _records(folder, manifest)
 
 
-def _records(folder: Path, manifest: Mapping[str, Any]) -> list[tuple[str, tuple[Reference, ...]]]:
+def _records(folder: Path, manifest: Mapping[str, Any]) -> list[_Part]:
     """Measured tests of a fit and recorded motions of a study; what was computed is none."""
     inputs = manifest.get("inputs") if is_file(folder / FIT) else None
     tests = inputs if isinstance(inputs, Mapping) else {}
-    parts = [
+    parts: list[_Part] = [
         (f"record: {name}", (reference_of_file(Path(name).name, digest),))
         for name, digest in tests.items()
         if isinstance(digest, str) and not is_synthetic(name)
