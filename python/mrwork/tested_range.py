@@ -82,7 +82,7 @@ class Exceedance(Summarised):
 
     @property
     def in_words(self) -> str:
-        """As in "velocity 313 mm/s, tested to 88 mm/s (3.6 times)"."""
+        """Text such as "velocity 313 mm/s, tested to 88 mm/s (3.6 times)"."""
         if self.quantity == "stroke" and self.below:
             (demanded, lowest), unit = _shown(self.quantity, (self.demanded, self.lowest), self.unit)
             return (
@@ -130,7 +130,7 @@ class OperatingRange(Summarised, Related):
     least_stroke: NotNegative | None = None
 
     def disagreement(self) -> str:
-        """Whether the ends of ranges are in order, and a command has its unit."""
+        """First contradiction: ends of a range that are not in order, or a command without unit."""
         for name, ends in (("frequency", self.frequency), ("command", self.command)):
             if ends is not None and ends[0] > ends[1]:
                 return f"the {name} is from {ends[0]:g} to {ends[1]:g}"
@@ -159,7 +159,7 @@ class OperatingRange(Summarised, Related):
 
     @property
     def in_words(self) -> str:
-        """As in "stroke to 25 mm, velocity to 88 mm/s, frequency 0.1 to 5 Hz, command 0 to 1 A, ..."."""
+        """Text such as "stroke to 25 mm, velocity to 88 mm/s, frequency 0.1 to 5 Hz, command 0 to 1 A, ..."."""
         return ", ".join(f"{name} {span}" for name, span in self.rows())
 
     def rows(self) -> list[tuple[str, str]]:

@@ -100,13 +100,13 @@ def _number(field: str, where: str) -> float:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Addition:
-    """What a table puts into a building: by a function, or by the one of several whose keys are given."""
+    """Table of something built into a building, by a function or by the one of several whose keys are given."""
 
     ways: ClassVar[tuple[Callable[..., Building], ...]]
     place: Place
 
     def applied(self, building: Building) -> Building:
-        """The building with it; keys that are not given have the defaults of the function."""
+        """The building with this addition; keys that are not given have the defaults of the function."""
         takes = [inspect.signature(way).parameters for way in self.ways]
         names = [[name for name in each if name != "building"] for each in takes]
         number = choose_way(self, names, self.place) if len(self.ways) > 1 else 0
@@ -348,7 +348,7 @@ class BuildingTable:
         return _built(self, folder, ())
 
     def additions(self) -> Iterator[Addition]:
-        """What is put into the building, in order."""
+        """Additions to the building, in order."""
         for entry in keys_of(BuildingTable):
             value = getattr(self, entry.name)
             for each in value if isinstance(value, tuple) else (value,):

@@ -544,7 +544,7 @@ class Device(Summarised):
 
     @checked
     def outside(self, demand: OperatingRange) -> Outside:
-        """What of a demand lies outside the tested ranges; laws are evaluated at the median of the draws."""
+        """Quantities of a demand outside the tested ranges; laws are evaluated at the median of the draws."""
         return outside_of(self.spec, np.median(self.draws, axis=0), self.tested, demand)
 
     def _summary(self) -> Summary:

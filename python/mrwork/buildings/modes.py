@@ -108,7 +108,7 @@ def _apart(shapes: NDArray[np.complex128] | Floats, mass: Floats, floors: Floats
 
 
 def growing_modes(mass: Floats, damping: Floats, stiffness: Floats, floors: Floats) -> str:
-    """How many modes have negative damping, and the worst of them, in words; empty if none has."""
+    """Number of modes with negative damping and the worst of them, in words; empty if none has."""
     if not damping.any() or is_damped(mass, damping, stiffness, -_ROUNDING):
         return ""
     found = modal_damping(mass, damping, stiffness, floors)

@@ -110,7 +110,7 @@ def _unseen(options: argparse.Namespace) -> _Predicted:
 
 
 def _left_out(options: argparse.Namespace) -> _Predicted:
-    """The fit of the run, and predictions of the tests of the run, each by a fit to the others."""
+    """The fit of the run, and cross-validated predictions of its tests, each by a fit to the other tests."""
     opened = opened_run(options)
     findings = told_findings("calibrate", opened.tests, options)
     folds = Folds(opened.place, opened.fit)

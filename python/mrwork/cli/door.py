@@ -97,7 +97,7 @@ _SAID = (MrworkError, OSError, MemoryError, RecursionError, OverflowError, Unico
 
 
 def sentence_on(error: BaseException) -> str:
-    """What happened and what to do."""
+    """Sentence on an error: what happened and what to do."""
     if isinstance(error, MrworkError):
         return reason_of(error)
     if isinstance(error, OSError):

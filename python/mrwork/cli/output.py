@@ -79,7 +79,7 @@ def verdicts_elsewhere(fit: Fit, kind: Literal["profile", "posterior"]) -> str:
 
 
 def stopped_in_words(folder: Path, kept: str, *, written: bool) -> str:
-    """What is left after Ctrl-C, and how to continue."""
+    """Sentence on what is saved after Ctrl-C, and how to continue."""
     where = f"{kept} so far is in {folder}" if written else f"{folder} keeps the complete run that it has"
     return f"interrupted; {where}; run the same command with --resume to continue"
 

@@ -1,4 +1,4 @@
-"""`mrwork predict`: free simulations of other tests with a stored fit."""
+"""`mrwork predict`: free-run simulations of other tests with a stored fit."""
 
 from __future__ import annotations
 

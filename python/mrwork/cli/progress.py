@@ -88,7 +88,7 @@ def progress_line(
 
 @contextmanager
 def reading_line(*, quiet: bool) -> Iterator[OnRead]:
-    """A line that tells how many of several tests have been read."""
+    """Progress line with the number of tests that have been read."""
     with progress_line(_reading_described, quiet=quiet, patience=0.0) as line:
         yield lambda done, total: line((done, total))
 

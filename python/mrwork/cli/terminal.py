@@ -1,4 +1,4 @@
-"""What a command prints, and where: text without characters that would command the terminal."""
+"""Output of a command on stdout and stderr, without characters that would control the terminal."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def show(text: str) -> None:
 
 
 def show_all() -> None:
-    """Print what others have written on stdout and it still holds back."""
+    """Flush text that other code has written on stdout."""
     _written("")
 
 
@@ -30,7 +30,7 @@ def note(sentence: str) -> None:
 
 
 def write_stderr(text: str) -> None:
-    """Write on stderr as it is; where that is impossible, the text is lost and the computation goes on."""
+    """Write text on stderr unchanged; if that fails, the text is lost and the computation continues."""
     with contextlib.suppress(OSError, ValueError):
         sys.stderr.write(text)
         sys.stderr.flush()
@@ -38,7 +38,7 @@ def write_stderr(text: str) -> None:
 
 @contextlib.contextmanager
 def keep_stdout() -> Iterator[None]:
-    """Keep stdout for the command: what others print in the block, as a law in Python, goes to stderr.
+    """Reserve stdout for the command: redirect other output in the block, as of a law in Python, to stderr.
 
     Where the streams are those of the process, that holds for its child processes and compiled code, too.
     """

@@ -119,7 +119,7 @@ class ClairvoyantProblem:
         return np.tile(share * self.largest, (self.n_intervals, 1))
 
     def fitted(self, commands: PrescribedCommands) -> Floats:
-        """Commands with the intervals of this problem, within the range of the devices; cut or held at the end."""
+        """Commands resampled to the intervals of this problem and clipped to the range of the devices."""
         if abs(commands.interval - self.interval) > 1e-9 or commands.command.shape[1] != len(self.devices):
             raise SettingError(
                 f"a start has commands of {commands.interval:g} s for {commands.command.shape[1]} devices; give "
@@ -309,7 +309,7 @@ class Clairvoyant(Summarised):
 
     @property
     def statement(self) -> str:
-        """What the result is, and what it is not."""
+        """Statement of what the result proves and what it does not."""
         count = len({start.name for start in self.starts if start.name != FINISH})
         starts = "one start" if count == 1 else f"{count} starts"
         return (

@@ -107,7 +107,7 @@ class Labelled:
         return [*object.__dir__(self), *self.numbers]
 
     def with_numbers(self, **numbers: Any) -> Self:
-        """The same with other values of these names."""
+        """Copy with other values of these quantities."""
         return replace(self, numbers={**self.numbers, **numbers})  # type: ignore[type-var] # a dataclass
 
 
@@ -210,7 +210,7 @@ class Responses(Labelled, Summarised):
 
     @checked
     def outside(self, run: int) -> tuple[Outside, ...]:
-        """What of the demand of a run that finished lies outside the tested ranges of each device."""
+        """Quantities of the demand of a finished run outside the tested ranges of each device."""
         return tuple(device.outside(self.demand(run, number)) for number, device in enumerate(self.devices))
 
     def warnings(self) -> list[str]:

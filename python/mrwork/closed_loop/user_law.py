@@ -131,7 +131,7 @@ Ask = Callable[[int, NDArray[np.uintp], Floats, Floats, Floats, Floats, Floats],
 @holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class LoopSample(Summarised):
-    """What a law in Python receives at a control sample, a row for each run.
+    """Input of a law in Python at a control sample, one row per run.
 
     Attributes
     ----------
@@ -309,7 +309,7 @@ class UserLaw(Summarised):
         return ask
 
     def _commands(self, returned: object, sample: LoopSample, shape: tuple[int, int]) -> Floats:
-        """What the law returned as an array of this shape."""
+        """Commands returned by the law, as an array of this shape."""
         try:
             found: Floats = _COMMANDS.accept(returned)
         except Refusal as refusal:

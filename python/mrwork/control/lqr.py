@@ -81,7 +81,7 @@ def weight_matrix(name: str, given: ArrayLike, size: int, each: str) -> Floats:
 @holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Weighed:
-    """What the weights add up to over a state s and device forces f: `s'Q s + 2 s'N f + f'S f`.
+    """Cost of the weights over a state s and device forces f: `s'Q s + 2 s'N f + f'S f`.
 
     Outputs y = C s + D f with weight W add `Q = C'W C`, `N = C'W D`, `S = D'W D`; N and S are zero unless accelerations
     are weighed.
@@ -95,13 +95,13 @@ class Weighed:
 
 
 def weighed_outputs(outputs: Outputs, weights: Floats) -> Weighed:
-    """What a weight W of outputs, shape (n_outputs, n_outputs), adds to a cost."""
+    """Cost of a weight W of outputs, shape (n_outputs, n_outputs)."""
     C, D = outputs.C, outputs.D
     return Weighed(Q=C.T @ weights @ C, N=C.T @ weights @ D, S=D.T @ weights @ D)
 
 
 def weighed_state(plant: Plant, weights: Floats) -> Weighed:
-    """What a weight Q of the state, shape (2n, 2n), adds to a cost."""
+    """Cost of a weight Q of the state, shape (2n, 2n)."""
     n_devices = plant.n_devices
     return Weighed(Q=weights, N=np.zeros((len(weights), n_devices)), S=np.zeros((n_devices, n_devices)))
 

@@ -300,7 +300,7 @@ def _columns(name: str, matrix: ArrayLike) -> int:
 
 
 def _stack(name: str, given: ArrayLike, rows: int, columns: int) -> Floats:
-    """As the core takes it: with a leading axis of the batch, which has length one if all rows share the matrix."""
+    """Array with a leading batch axis for the core; the axis has length one if all rows share the matrix."""
     matrices = np.asarray(given, dtype=np.float64)
     if matrices.ndim not in (2, 3) or matrices.shape[-2:] != (rows, columns):
         raise SettingError(

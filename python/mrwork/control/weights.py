@@ -126,7 +126,7 @@ class WeightWishes(RmsLimits, metaclass=DeclaredTable):
         return soil if self.spectrum == "kanai_tajimi" else CloughPenzien(soil=soil)
 
     def in_words(self, problem: DesignProblem) -> tuple[str, ...]:
-        """What the design reaches, what binds, and how the weights are to be used."""
+        """Sentences on what the design reaches, which limits bind, and how to use the weights."""
         return (*self.of_problem(problem).in_words, SCAN)
 
     def relative_control_weight(self, plant: Plant) -> tuple[float, ...]:
@@ -214,7 +214,7 @@ class CostWeights:
         )
 
     def _weigh_designed(self, wishes: WeightWishes, plant: Plant) -> Weighed:
-        """What designed weights add, scaled such that the mean control weight is 1 as designed."""
+        """Cost of designed weights, scaled such that the mean control weight is 1 as designed."""
         self.check_designed_alone()
         if wishes.sampled:
             raise InvalidSettingError(
@@ -238,7 +238,7 @@ class CostWeights:
                 raise InvalidSettingError("designed", f"the law has designed weights, and {name}; keep one")
 
     def notes(self, problem: DesignProblem) -> tuple[str, ...]:
-        """What designed weights reach, and how they are to be used."""
+        """Sentences on what designed weights reach, and how to use them."""
         return () if self.designed is None else self.designed.in_words(problem)
 
     @classmethod
@@ -248,7 +248,7 @@ class CostWeights:
 
     @classmethod
     def cost(cls, held: Mapping[str, float], magnitudes: Magnitudes) -> float:
-        """What weights that are held add up to at these magnitudes; those of single floors are averaged."""
+        """Cost of the held weights at these magnitudes; weights of single floors are averaged."""
         if "designed" in held:
             # Of these weights R is 1 as designed.
             return magnitudes.force**2

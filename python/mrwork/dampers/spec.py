@@ -408,7 +408,7 @@ class LawLimit:
 
     @property
     def in_words(self) -> str:
-        """As in "the law of k_w turns negative: -120 N at 0 A, taken as 0.001 N from 0 to 0.12 A"."""
+        """Text such as "the law of k_w turns negative: -120 N at 0 A, taken as 0.001 N from 0 to 0.12 A"."""
         if self.value == self.used:
             what = "vanishes"
         elif self.value > self.used:

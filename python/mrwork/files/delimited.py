@@ -262,7 +262,7 @@ def open_delimited(path: Path) -> ColumnTable:
 
 
 def table_of_text(data: bytes, *, source: str, sha256: str) -> ColumnTable:
-    """As `open_delimited`, of the bytes of a text."""
+    """Table of the bytes of a text, as by `open_delimited`."""
 
     def line_by_line() -> DelimitedTable:
         lines = decoded(data).replace("\r\n", "\n").replace("\r", "\n").split("\n")

@@ -49,7 +49,7 @@ _BRACKETS: Final = "()[]{}<> \t"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Layout:
-    """How the lines of a table are to be read.
+    """Layout of a table: how its lines are to be parsed.
 
     `delimiter` is `None` for blanks, `units` are of a row below the names, `data` are the lines with rows of numbers;
     `header` is the line of the names where that may be repeated. Columns without names have numbers.
@@ -81,7 +81,7 @@ def layout_of(lines: Sequence[str], source: str) -> Layout:
 
 
 def sampled_layout(lines: Sequence[str], middle: Sequence[str]) -> tuple[Layout, bool] | None:
-    """As `layout_of`, of a file of which the first lines and some from its middle are given, and whether it has texts.
+    """Layout of a long file, guessed from its first lines and a sample of its middle, and whether it has texts.
 
     `None` where all lines must be looked at. It is the layout of the whole file if all lines below are blank, comments
     or rows of data, of which none is a row of numbers only if the rows have texts.

@@ -1,4 +1,4 @@
-"""What speaks against a fit that has converged: each doubt is a sentence, and they stand in one list.
+"""Warnings about a fit that has converged, one sentence each.
 
 A moving average that was found in a record is applied also where the fit would be better without it: without it the
 parameters describe the smoothed loop and not the damper, and the fit to the same record says little about which is
@@ -34,7 +34,7 @@ from mrwork.values import Floats, frozen
 
 
 def doubts_on_fit(problem: Problem, points: StartingPoints, polished: Polished, fit: Fit) -> tuple[str, ...]:
-    """Sentences on a fit, from the tests alone: some fit the model once more, and take a while."""
+    """Warnings about a fit, computed from its tests; some fit the model again, which takes a while."""
     objective, form = problem.objective, problem.form
     # On the excerpts of the search: another fit to the whole tests would cost as much as the final one.
     excerpts = objective.on(form.spec, points.objective.tests)
@@ -58,7 +58,7 @@ _FEW_SAMPLES = 6.0
 
 
 def needless_average_warnings(objective: Objective, box: Box, theta: Floats) -> tuple[str, ...]:
-    """A sentence for each test with a detected average whose fit would be better without it, by more than chance.
+    """Warning for each test whose fit improves significantly without its detected moving average.
 
     A single test is fitted again from the fit `theta`, shape (n_params,); several are compared there.
     """
@@ -134,7 +134,7 @@ _FAR_BETTER = 0.8
 
 
 def law_shape_warnings(objective: Objective, box: Box, theta: Floats) -> tuple[str, ...]:
-    """A sentence where the laws through values themselves, fitted from `theta`, shape (n_params,), are far better."""
+    """Warning where laws through values, fitted from `theta`, (n_params,), fit far better than through logarithms."""
     spec = objective.spec
     through = _laws_through_values(spec)
     if spec.current is None or not through:
@@ -179,7 +179,7 @@ _SURELY = 2.0
 
 
 def motion_noise_warning(slopes: Slopes, standard_errors: Floats, names: Sequence[str]) -> tuple[str, ...]:
-    """A sentence where hardly 90 % of the 95 % intervals are expected to hold, for the noise of the motion.
+    """Warning where noise of the motion lowers the expected coverage of 95 % intervals to about 90 % or less.
 
     The model integrates the noise of the recorded motion: its force is wrong at reversals, by errors that the few
     samples there hardly show. That noise, estimated from the records, is added once more, and the change of the force
@@ -212,12 +212,12 @@ def motion_noise_warning(slopes: Slopes, standard_errors: Floats, names: Sequenc
 
 
 def _held(shares: Floats) -> float:
-    """Expected share of the 95 % intervals that hold, where noise moves parameters by these shares of their errors."""
+    """Expected coverage of 95 % intervals if noise shifts the parameters by `shares` of their standard errors."""
     return float(np.mean([erf(_QUANTILE / sqrt(2.0 * (1.0 + each**2))) for each in shares]))
 
 
 def _changes_by_noise(slopes: Slopes) -> Iterator[Floats]:
-    """Changes of the parameters of the requested model by noise of the motion, more and more, (n_draws, n_params).
+    """Yield parameter changes caused by noise of the motion, shape (n_draws, n_params), with ever more draws.
 
     Draws under which the model cannot be simulated are left out.
     """
@@ -249,7 +249,7 @@ def _changes_by_noise(slopes: Slopes) -> Iterator[Floats]:
 
 
 def _noise_of_motion(test: DamperTest) -> Callable[[list[int]], DamperTest]:
-    """A function that adds noise to the motion of the test, by a seed, as large as its smoother removes.
+    """Function of a seed that adds noise to the motion of the test, as large as the noise that its smoother removes.
 
     The noise of a velocity that was derived is that of its derivation.
     """

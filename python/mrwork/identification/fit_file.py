@@ -99,7 +99,7 @@ def manifest_of(fit: Fit, status: str) -> dict[str, object]:
 
 
 def _facts(fit: Fit) -> dict[str, tuple[object, ...]]:
-    """What the manifest of a fit may state."""
+    """Admissible values of each key in the manifest of a fit."""
     return {
         "kind": (FIT_RUN.kind,),
         "model": (fit.model,),

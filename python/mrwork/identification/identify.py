@@ -249,7 +249,7 @@ class _Ending:
     examines: bool = True
 
     def at(self, interrupt: KeyboardInterrupt, theta: NDArray[np.float64], trace: SearchTrace) -> Fit:
-        """The fit at the best point so far: returned where it was stopped by the callback, else raised."""
+        """The fit at the best point so far; raised as an interrupt unless the callback stopped the run."""
         if self.journal is not None:
             # The abandoned thread of a local minimisation must not write to it any more.
             self.journal.finish()

@@ -237,7 +237,7 @@ class _OwnFits:
     nrmse: Floats
 
     def worse_in(self, objective: Objective, theta: Floats) -> NDArray[np.intp]:
-        """The tests that the first of these minima describes far worse than their own fits do."""
+        """Tests whose error at the first of these minima is far larger than in their own fits."""
         if not len(theta):
             return np.empty(0, dtype=np.intp)
         return far_worse(objective.nrmse_of_tests(theta[:1])[:, 0], self.nrmse)
@@ -276,7 +276,7 @@ def _fit_each(problem: Problem, tests: tuple[DamperTest, ...], fits: Sequence[Le
 
 
 def unlike_tests(tests: Sequence[DamperTest], most: int) -> tuple[DamperTest, ...]:
-    """At most this number of the tests, in their order, with strokes and velocities as far apart as can be.
+    """Subset of at most `most` tests whose strokes and velocities differ most, in their order.
 
     The first has the largest velocity, each further one is the farthest from all before in the logarithms of both.
     """

@@ -179,7 +179,7 @@ def find_minimum(
 
 
 def check_recalled_minimum(theta: Floats, box: Box, start: Floats) -> None:
-    """Refuse a minimum of a journal that no search from `start` inside `box` ends at."""
+    """Refuse a recalled minimum that a search from `start` inside `box` cannot return."""
     _check_recalled(theta, start)
     if not (np.array_equal(theta, start) or box.contains(theta)):
         raise JournalError(
@@ -385,7 +385,7 @@ def _iteration(objective: Objective, box: Box, state: _State, tolerance: float) 
 
 
 def _check_recalled(found: Floats, expected: Floats) -> None:
-    """Refuse a result of a journal that another one has been put in the place of."""
+    """Refuse a recalled result of the wrong shape."""
     if found.shape != expected.shape:
         raise JournalError(
             f"the journal holds a minimum of the shape {found.shape} where {expected.shape} was expected; "

@@ -47,7 +47,7 @@ def linear_misfit(tests: Sequence[DamperTest], *, follows_command: bool = False)
 
 
 def _command_of(test: DamperTest) -> object:
-    """What tests at one command share; a test whose command varies is by itself."""
+    """Key of the group of tests at one command; a test whose command varies is a group of its own."""
     if test.has_varying_command:
         return test.label
     return tuple((unit, command_level(float(np.mean(command)), unit)) for command, unit in test.commands)

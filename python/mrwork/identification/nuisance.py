@@ -46,7 +46,7 @@ NONE = Nuisance()
 
 
 def estimated_in_words(names: Sequence[NuisanceName]) -> str:
-    """What is estimated from the measured force of each test."""
+    """Nuisance parameters that are estimated from the measured force of each test, in words."""
     return " and ".join(f"{name} of the force" for name in names)
 
 

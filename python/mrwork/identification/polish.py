@@ -178,7 +178,7 @@ _SHARE = 0.98
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MissingLag:
-    """A rate of the driver's lag [1/s] with which the misfit of a fit without a lag is lower, all else as it is."""
+    """Rate of the driver's lag [1/s] that lowers the misfit of a fit without a lag, other parameters unchanged."""
 
     rate: float
     misfit_without: float

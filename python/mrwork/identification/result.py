@@ -307,7 +307,7 @@ class BuildingCost:
 
     @property
     def in_words(self) -> str:
-        """As in "about 64 integration steps a sample of 1 ms in a building"."""
+        """Text such as "about 64 integration steps a sample of 1 ms in a building"."""
         if not isfinite(self.steps):
             return f"more than {_MOST_FACTOR * _FEWEST} integration steps a sample of 1 ms in a building"
         return f"about {self.steps:.0f} integration steps a sample of 1 ms in a building"

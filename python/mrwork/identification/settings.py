@@ -249,7 +249,7 @@ class Reading:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NumberOption:
-    """How the command line offers a setting that is a number: its help, its placeholder, its default and its range."""
+    """Command-line option of a numeric setting: help, placeholder, default and range."""
 
     says: str
     metavar: str

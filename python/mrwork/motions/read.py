@@ -309,7 +309,7 @@ def _table(lines: Lines, texts: list[str], names: tuple[str, ...] | None = None)
 
 
 def _delimiter(line: str) -> str:
-    """What separates the numbers of a line; a tab for blanks. A comma between blanks is a decimal comma."""
+    """Separator of the numbers of a line; a tab stands for blanks. A comma between blanks is a decimal comma."""
     words = line.split()
     if len(words) > 1 and all(is_number(word) or _has_comma(word) for word in words):
         return "\t"

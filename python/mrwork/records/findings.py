@@ -1,4 +1,4 @@
-"""Findings among several tests: those of all, each said once, those that only a set shows, and the verbs that say them.
+"""Findings of several tests: shared ones, those that only a set shows, and the verbs that report them.
 
 `CONCERNS` lists the findings that a verb states before anybody relies on what it computes.
 """
@@ -296,12 +296,12 @@ CONCERNS: Final[Mapping[str, tuple[Verb, ...]]] = {
 
 
 def concerns(finding: Finding, verb: Verb) -> bool:
-    """Whether a verb says a finding."""
+    """Whether a verb reports a finding."""
     return verb in CONCERNS.get(finding.code, _EVERY)
 
 
 def findings_for(verb: Verb, tests: Sequence[DamperTest]) -> tuple[SharedFinding, ...]:
-    """What the checks found in several tests and in each that matters to a verb, each once, warnings first."""
+    """Findings of several tests that matter to a verb, each once, warnings first."""
     told = [
         replace(test, findings=tuple(each for each in test.findings if concerns(each, verb)))
         for test in tests
@@ -322,5 +322,5 @@ def findings_for(verb: Verb, tests: Sequence[DamperTest]) -> tuple[SharedFinding
 
 
 def findings_of_set(tests: Sequence[DamperTest]) -> tuple[Finding, ...]:
-    """What several tests show together and none alone: wrong commands, and copies."""
+    """Findings that need several tests: wrong commands, and copies."""
     return (*mislabelled(tests), *repeated_records(tests))

@@ -115,7 +115,7 @@ class RecordedMotion(Related):
         )
 
     def disagreement(self) -> str:
-        """Whether the shapes of motion and commands can be read."""
+        """First contradiction: a motion without samples, or a force of another length."""
         for text in (self.shape, *self.commands):
             if not _decoded(text).size:
                 return f"the motion of {self.test} has no samples"
@@ -158,7 +158,7 @@ class RecordedMotion(Related):
         return all(known) if known else None
 
     def _aligned(self, seen: RecordedMotion) -> _Alignment | None:
-        """Motion and force beside the part of another test that contains the motion, or most of it; `None` without."""
+        """Motion and force aligned with the part of another test that contains most of the motion; `None` if none."""
         mine, other = (
             np.stack([each.displacement, each._force, *map(_decoded, each.commands)]) for each in (self, seen)
         )
@@ -222,7 +222,7 @@ class Likeness:
 
     @property
     def condition_in_words(self) -> str:
-        """How the force differs, and what that may mean."""
+        """Difference of the force and its possible causes, in words."""
         ratio, shift = self.force_ratio or 1.0, self.force_shift or 0.0
         # At unknown commands that may be the reason.
         shared, command = ("motion and command", "") if self.known_command else ("motion", "command, ")
@@ -242,14 +242,14 @@ def likenesses_in_words(found: Sequence[Likeness]) -> str:
 
 
 def likeness(test: RecordedMotion, seen: RecordedMotion) -> Likeness | None:
-    """Whether a test has the motion and command of another one, wholly or for the greater part."""
+    """Likeness of two tests with the same motion and command, whole or for the greater part; `None` if they differ."""
     if test.sha256 and test.sha256 == seen.sha256:
         return Likeness(test=test.test, like=seen.test, correlation=1.0)
     return motion_likeness(test, seen) if test.same_command(seen) else None
 
 
 def motion_likeness(test: RecordedMotion, seen: RecordedMotion) -> Likeness | None:
-    """Whether a test has the motion of another one and no other command, whatever its force is."""
+    """Likeness of two tests with the same motion, unless their commands are known to differ; `None` if unlike."""
     known = test._same_known_command(seen)
     found = None if known is False else test._aligned(seen)
     if found is None:

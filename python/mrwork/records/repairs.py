@@ -1,4 +1,4 @@
-"""What a user may ask of a test: repairs, which are recorded as findings, and its observation model.
+"""Repairs of a test, which are recorded as findings, and its observation model.
 
 An observation model is given in words of a setting: a moving average that was detected in the record, or given values.
 """

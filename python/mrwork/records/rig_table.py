@@ -112,7 +112,7 @@ def _is_record(path: Path) -> bool:
 
 
 def files_not_read(paths: str | os.PathLike[str] | Iterable[str | os.PathLike[str]]) -> dict[Path, str]:
-    """What is not read of each folder among the paths, as a sentence; folders that are read whole are left out.
+    """Sentence on the unread files of each folder among the paths; folders that are read completely are omitted.
 
     Of a folder with a table of tests these are the records that the table does not name, else all that is no record.
     """

@@ -1,4 +1,4 @@
-"""What a page is made of: its sections with text, tables and figures, their kinds, and the progress of drawing them."""
+"""Sections of a page with text, tables and figures, their kinds, and the progress of drawing them."""
 
 from __future__ import annotations
 

@@ -77,7 +77,7 @@ _FLAGS: Final = os.O_RDONLY | sum(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FileKind:
-    """What a file is read as: its name, `largest` size [bytes], `remedy` for others, `smaller` for larger ones."""
+    """Kind of an input file: name, `largest` size [bytes], `remedy` for another kind, `smaller` for a larger file."""
 
     name: str
     largest: int

@@ -203,7 +203,7 @@ class Journal:
         return result
 
     def lock(self) -> None:
-        """Keep other writers from the file, from now until `close`, so that it can be copied or moved after `finish`.
+        """Lock the file against other writers until `close`, so that it can be copied or moved after `finish`.
 
         Raises
         ------
@@ -216,7 +216,7 @@ class Journal:
         self._kept = True
 
     def finish(self) -> None:
-        """Close the file, which other writers may have unless `lock` was called; a later step is refused."""
+        """Close the file, and release it unless `lock` was called; a later step is refused."""
         try:
             self._close_file()
         finally:
@@ -225,7 +225,7 @@ class Journal:
                 self._lock = None
 
     def close(self) -> None:
-        """Close the file, which other writers may have then; a later step is refused."""
+        """Close the file and release it; a later step is refused."""
         self._kept = False
         self.finish()
 

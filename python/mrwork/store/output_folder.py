@@ -100,12 +100,12 @@ class Destination:
         )
 
     def kept(self) -> list[Path]:
-        """Files and folders of the user there, which stay."""
+        """Files and folders of the user at the destination, which are kept."""
         run = self.run()
         return [] if run is None else run.of_user()
 
     def run(self) -> FolderOfRun | None:
-        """The run that is there, `None` where there is nothing or an empty folder; all else is refused."""
+        """The run at the destination, `None` for an absent or empty folder; anything else is refused."""
         place = self.place
         if "\0" in str(self.path):
             raise OutputError(
@@ -151,7 +151,7 @@ class FolderOfRun:
         )
 
     def of_user(self) -> list[Path]:
-        """All other files and folders."""
+        """Files and folders that no verb has written."""
         own = self._entries()
         return [entry for entry in self.place.iterdir() if entry.name not in own and not is_lock(entry.name)]
 
@@ -223,7 +223,7 @@ _NO_LEAVE = frozenset({errno.EACCES, errno.EPERM, errno.EROFS})
 
 @contextmanager
 def replacing_run(destination: Destination) -> Iterator[None]:
-    """Keep others from a run folder, which the block will replace."""
+    """Lock a run folder that the block will replace."""
     place = destination.place
     with _of_folder(place):
         for name in _ADDITIONS if place.is_dir() else ():
@@ -234,7 +234,7 @@ def replacing_run(destination: Destination) -> Iterator[None]:
 
 @contextmanager
 def adding(path: str | Path, name: str) -> Iterator[None]:
-    """Keep others from replacing the run folder at `path`, if any, and from the file `name` that is added."""
+    """Lock the run folder at `path`, if any, against replacement, and the file `name` that is added."""
     place = real_place(path)
     if not (place / MANIFEST).is_file():
         yield

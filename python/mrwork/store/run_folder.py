@@ -52,7 +52,7 @@ _PART = ".part"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunKind:
-    """What a verb writes as a run folder, and its `kind` in the manifest.
+    """Kind of run folder that a verb writes, with its `kind` in the manifest.
 
     `written`: patterns of paths that the verb writes. `added`: names that later verbs add. `redrawn`: files that later
     verbs write again from the others, so that the manifest does not list them.
@@ -119,7 +119,7 @@ def is_part(path: Path) -> bool:
 
 
 def begun_of(kept: Path) -> Path:
-    """Where a journal grows that is moved to `kept` when it is complete."""
+    """Path of an unfinished journal, which is moved to `kept` when it is complete."""
     return kept.with_name(kept.name + _PART)
 
 
@@ -128,7 +128,7 @@ _SHOWN: Final = 40
 
 
 def read_manifest(place: Path, *, verb: str) -> Mapping[str, Any] | None:
-    """What the manifest of the folder at `place` states, `None` where there is none; `verb` is what writes it."""
+    """Content of the manifest of the folder at `place`, `None` where there is none; `verb` names the writing verb."""
     path, kind = place / MANIFEST, stored(verb, name="the manifest")
     if not is_there(path, kind):
         return None
@@ -139,7 +139,7 @@ def read_manifest(place: Path, *, verb: str) -> Mapping[str, Any] | None:
 
 
 def stated_in(manifest: Path) -> Mapping[str, Any]:
-    """What a manifest that may be damaged states; nothing where it is."""
+    """Content of a manifest; empty where the manifest is damaged."""
     try:
         stated = json_value(text_of(manifest, stored("identify", name="the manifest")))
     except (RecordError, ValueError):
@@ -150,7 +150,7 @@ def stated_in(manifest: Path) -> Mapping[str, Any]:
 def check_manifest(
     place: Path, stated: Mapping[str, Any], facts: Mapping[str, Collection[object]], *, file: str, verb: str
 ) -> None:
-    """Check that a manifest states what is in the results beside it; one that says less is that of another version.
+    """Check that a manifest agrees with its results; a manifest with fewer facts is from another version.
 
     `facts`: the values that an entry may have. `file`, `verb`: name of the results, and what writes both, for messages.
     """

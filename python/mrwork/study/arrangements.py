@@ -48,7 +48,7 @@ _PYTHON = FileKind(name="the Python file of a law", largest=1 << 20, remedy="giv
 
 
 def running_in_words(table: LawFileTable, folder: Path) -> str:
-    """Which file is about to run as Python, and which line of the study names it."""
+    """Notice of a file that is about to run as Python, with the line of the study that names it."""
     return f"{table.place.within('file')}: running {folder / table.file} as Python, for its function {table.function}"
 
 
@@ -211,7 +211,7 @@ def problem_of(
 
 
 def _limit_command(controller: ControllerTable, problem: DesignProblem) -> DesignProblem:
-    """The problem of a law that may send a part of the command only."""
+    """The design problem of a law, with the command limited as its table says."""
     largest = controller.largest_command
     if largest is None:
         return problem
@@ -325,7 +325,7 @@ def resolve_settings(table: TuneTable, folder: Path) -> TuneTable:
 
 
 def _without_defaults(value: Any) -> Any:
-    """A table as its values that are not the defaults, by name; any other value as it is."""
+    """Values of a table that differ from their defaults, by name; any other value unchanged."""
     if not isinstance(value, WeightWishes):
         return value
     return {

@@ -108,7 +108,7 @@ def _largest_given(table: DamperTable, unit: CommandUnit) -> float | None:
 
 
 def _refuse_unless_passive(table: DamperTable, spec: DamperSpec, source: str) -> None:
-    """Refuse a damper that follows no command unless the table says so, and a passive one that follows a command."""
+    """Refuse an undeclared damper without current laws, and a damper declared as passive that has them."""
     place = table.place
     if not spec.follows_command and not table.passive:
         place.refuse(

@@ -278,7 +278,7 @@ class Study(Summarised):
 
     @property
     def design_notes(self) -> tuple[tuple[str, tuple[str, ...]], ...]:
-        """Label of each row whose weights were designed, and what the design says."""
+        """Label of each row with designed weights, and the notes of its design."""
         return tuple(
             (each.row.label, each.law.notes)
             for each in self.arrangements
@@ -301,7 +301,7 @@ class Study(Summarised):
 
 
 def uses_in_words(uses: Sequence[Use]) -> str:
-    """How many motions are for testing and how many for training, as "16 test and 24 training motions"."""
+    """Numbers of test and training motions in words, such as "16 test and 24 training motions"."""
     counts = {use: uses.count(use) for use in get_args(Use)}
     found = " and ".join(f"{count} {use}" for use, count in counts.items() if count)
     return f"{found} motion{'' if len(uses) == 1 else 's'}"

@@ -42,7 +42,7 @@ class FirstCandidate:
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Basis(Summarised):
-    """What first candidates follow from: magnitudes of the response, convex and published weights of the building."""
+    """Inputs of the first candidates: magnitudes of the response, convex and published weights of the building."""
 
     magnitudes: Magnitudes
     convex: tuple[Mapping[str, Any], ...]

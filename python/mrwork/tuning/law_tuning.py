@@ -281,7 +281,7 @@ class LawPlan:
 
 
 def check_settings(plan: LawPlan, bench: Bench) -> None:
-    """Refuse settings of a table that no candidate can have, as weights of other floors than those of the building."""
+    """Refuse settings that make every candidate invalid, such as weights of floors that the building does not have."""
     candidate = plan.space.candidate(plan.space.start)
     try:
         design_law(plan.law, bench.problem, settings_of(plan.law, candidate.settings))

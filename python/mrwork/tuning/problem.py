@@ -1,4 +1,4 @@
-"""The benches of a tuning: candidates in, criteria and judgements out, by few calls of the simulation."""
+"""Benches of a tuning: simulate candidates in batches, and return their criteria and judgements."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class Bench(Summarised):
     constant: RunCriteria | None = None
 
     def baseline(self, objective: TuningObjective) -> RunCriteria:
-        """What the criteria of an objective are divided by."""
+        """Criteria of the baseline that normalise the criteria of an objective."""
         if objective.relative_to == "passive_off":
             return self.passive
         assert self.constant is not None
@@ -153,7 +153,7 @@ class Bench(Summarised):
         )
 
     def certificate(self, law: str, candidate: LawCandidate) -> str:
-        """What is proved of a law with these settings."""
+        """Stability certificate of a law with these settings, in words."""
         try:
             return settings_of(law, candidate.settings).certificate(
                 self.problem.limited_to(candidate.largest_command)
@@ -194,7 +194,7 @@ class Scores(Summarised):
 
     @property
     def penalised(self) -> Floats:
-        """What a search minimises: a candidate that exceeds a limit is worse by `PENALTY` times the share."""
+        """Objective plus `PENALTY` times the relative violation of the limits, which a search minimises."""
         return np.asarray(self.objective + PENALTY * self.violation)
 
     @property
@@ -291,7 +291,7 @@ class Benches(Summarised):
         return self.testing_varied if robust and self.testing_varied is not None else self.testing
 
     def with_constant(self, constant: LawCandidate) -> Benches:
-        """With the criteria under the best constant command, a baseline of objectives."""
+        """Benches with the criteria under the best constant command, a baseline of objectives."""
         benches = {name: bench for name in _BENCHES if (bench := getattr(self, name)) is not None}
         return replace(
             self,
@@ -484,7 +484,7 @@ def _bands(ratios: Mapping[str, Floats]) -> dict[str, RealisationBand]:
 
 
 def count_better(law: TuningJudgement, constant: TuningJudgement) -> Better:
-    """How often a law is better than a constant command, motion by motion."""
+    """Number of motions under which a law is better than a constant command."""
     pairs: Sequence[tuple[MotionScore, MotionScore]] = list(zip(law.motions, constant.motions, strict=True))
 
     def lower(name: str) -> list[bool]:

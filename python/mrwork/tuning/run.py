@@ -154,7 +154,7 @@ def tune(
 
 
 def _count_better(law: LawResult, constant: LawResult | None) -> LawResult:
-    """With the number of motions under which it is better than the best constant command."""
+    """The result with the number of motions under which its law is better than the best constant command."""
     if constant is None or law is constant:
         return law
     one, other = (law.train, constant.train) if law.test is None else (law.test, constant.test)

@@ -1,4 +1,4 @@
-"""What a tuning searches and minimises: the free settings of a law as a unit cube, and the objective."""
+"""Search space and objective of a tuning: the free settings of a law as a unit cube, and the risk of their scores."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Limit:
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class TuningObjective(Summarised):
-    """What a tuning minimises.
+    """Objective of a tuning.
 
     The score of a run is the mean (or the largest, by `combine`) of its criteria over those of the baseline
     `relative_to` under the same motion and realisation, with `weights`. `risk` takes one number of the scores of all
@@ -74,7 +74,7 @@ class TuningObjective(Summarised):
         return risk_of(scores.reshape(len(scores), -1), self.risk, self.tail)
 
     def violation(self, found: RunCriteria) -> Floats:
-        """By how much each candidate exceeds its limits, relative to these and summed, shape (n_candidates,)."""
+        """Sum of the relative violations of the limits by each candidate, shape (n_candidates,)."""
         violation = np.zeros(found.numbers.shape[1])
         for each in self.limits:
             largest = found.of(each.criterion).max(axis=(1, 2))
@@ -82,7 +82,7 @@ class TuningObjective(Summarised):
         return violation
 
     def in_words(self, *, robust: bool) -> str:
-        """What is minimised, as the end of a sentence; `robust` where the realisations belong to it."""
+        """The objective as the end of a sentence; `robust` if it includes the realisations."""
         names = " and ".join(_weighted_name(name, weight) for name, weight in self.weights.items())
         motions = "motions and realisations" if robust else "motions"
         risk = {
@@ -237,7 +237,7 @@ class FreeSetting(Related):
     start: Share = 0.5
 
     def disagreement(self) -> str:
-        """Whether its range has a width, and a logarithm where it is searched in that."""
+        """First contradiction: a range that cannot be searched on its scale."""
         has_logarithm = self.lower > 0.0 and self.upper <= _WIDEST * self.lower
         if self.lower < self.upper and (self.scale == "linear" or has_logarithm) and self.levels != 1:
             return ""

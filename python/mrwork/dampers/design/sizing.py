@@ -54,7 +54,7 @@ _IMPOSSIBLE = 1e3
 @checked
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class DamperWishes(Summarised):
-    """What a damper has to do, and what it may need.
+    """Requirements on a damper and limits on its size and power.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ class DamperWishes(Summarised):
 
     @checked
     def missed(self, design: DamperDesign) -> dict[str, float]:
-        """By how much a design misses each wish that it does not meet, as a share of it."""
+        """Relative shortfall of a design for each wish that it does not meet."""
         return missed_with(self, design, rated_forces(design))
 
 
@@ -117,7 +117,7 @@ def rated_forces(design: DamperDesign, flow_model: FlowModel = "annulus") -> tup
 
 
 def missed_with(wishes: DamperWishes, design: DamperDesign, forces: tuple[float, float]) -> dict[str, float]:
-    """What a design with these `rated_forces` misses, see `DamperWishes.missed`."""
+    """Unmet wishes of a design with these `rated_forces`, see `DamperWishes.missed`."""
     on, off = forces
     shortfalls = {
         "force": 1.0 - on / wishes.force,
@@ -316,7 +316,7 @@ def _harder_wishes(wishes: DamperWishes) -> DamperWishes:
 
 
 def _shortfall(harder: DamperWishes, design: DamperDesign, forces: tuple[float, float]) -> float:
-    """What a design with these forces between parallel plates misses of `_harder_wishes`, all together."""
+    """Sum of the shortfalls of a design with these forces between parallel plates against `_harder_wishes`."""
     return sum(missed_with(harder, design, forces).values())
 
 
@@ -376,7 +376,7 @@ _PENALTY = 1e3
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class SizeFront(Summarised):
-    """Designs of which no other one is smaller, has a larger dynamic range and needs less power; the smallest first."""
+    """Pareto front of designs in size, dynamic range and power; the smallest first."""
 
     _made_by: ClassVar[str] = "mr.dampers.design.size_front(wishes, fluid=..., steel=...)"
 

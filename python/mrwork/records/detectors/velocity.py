@@ -124,7 +124,7 @@ _CHECK: Final = "check both, or derive the velocity from the displacement by --r
 
 
 def _off_by(factor: float) -> Finding:
-    """A velocity that is a factor times the derivative: a known one, with its explanation, or any other."""
+    """Finding of a velocity that is a factor times the derivative, with the explanation of a known factor."""
     times = f"the velocity is {factor:.4g} times the displacement's derivative"
     measured = Measured(value=factor, unit="")
     size = abs(factor)

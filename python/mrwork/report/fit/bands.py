@@ -311,7 +311,7 @@ class Banded:
 
     @property
     def data_label(self) -> str:
-        """What the data are called in a legend."""
+        """Label of the data in a legend."""
         return "synthetic" if self.prediction.test.synthetic else "measured"
 
 

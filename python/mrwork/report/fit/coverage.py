@@ -1,4 +1,4 @@
-"""The section on tests left out: coverage of each test by the bands calibrated on the others."""
+"""Section on held-out tests: coverage of each test by the bands calibrated on the others."""
 
 from __future__ import annotations
 

@@ -56,7 +56,7 @@ def parameter_rows(fit: Fit) -> list[ParameterRow]:
 
 
 def _remark(fit: Fit, estimate: Estimate) -> str:
-    """What keeps the parameter from varying; of one that the derivatives leave open, the verdict on it."""
+    """Reason why the parameter does not vary; its verdict where the derivatives do not determine it."""
     return fit.verdict_on(estimate.name)[0] if estimate.remark == "not identifiable" else estimate.remark
 
 
@@ -72,7 +72,7 @@ def _plain(text: str) -> Aligned:
 
 
 def caution(fit: Fit) -> str:
-    """What the uncertainties assume."""
+    """Assumptions of the uncertainties."""
     if fit.intervals is not None:
         return (
             f"The {fit.intervals.heading}s take the place of standard errors. They hold if the model is right; an end "

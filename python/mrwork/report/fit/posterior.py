@@ -98,7 +98,7 @@ def _section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
 
 
 def _summary(draws: Draws) -> str:
-    """How the sampling ended, without the list of what it lacks."""
+    """End of the sampling in words, without its unmet criteria."""
     return f"Posterior: {_ENDED[draws.status]} {draws.n_steps} steps, {numbers.fixed(len(draws.theta), 0)} draws."
 
 

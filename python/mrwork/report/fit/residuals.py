@@ -103,7 +103,7 @@ class _Place:
 
     @property
     def in_words(self) -> str:
-        """What is said of residuals, as in "after steps of the command are 4 times as large as elsewhere"."""
+        """Text on residuals such as "after steps of the command are 4 times as large as elsewhere"."""
         times = f"{shortest(self.ratio, 2)} times as large as elsewhere"
         if self.total == 1:
             return f"{self.where} are {times}"
@@ -174,7 +174,7 @@ def _prose(found: Sequence[ResidualTests]) -> tuple[str, ...]:
 
 
 def _origin(repeating: Sequence[float]) -> str:
-    """Whether the residuals are mostly model error, from the share that repeats in every cycle."""
+    """Sentence on whether the residuals are mostly model error, from the share that repeats in every cycle."""
     if not repeating:
         return "Model error and correlated noise cannot be distinguished without repeated cycles."
     low, high = most_of(min(repeating)), most_of(max(repeating))

@@ -52,7 +52,7 @@ _QUANTITIES = (("peak_drift", "Peak drift"), ("peak_acceleration", "Peak acceler
 
 
 def profile_section(results: StudyResults, detailed: int, shown: ShownRows) -> Section:
-    """Peak drift and acceleration over the height: of the motion of the time histories, and of others if few."""
+    """Section of peak drift and acceleration over the height, for the detailed motion and, if few, for the others."""
     others = range(len(results.motions)) if len(results.motions) <= MOST_IN_DETAIL else ()
     order = [detailed, *(number for number in others if number != detailed)]
     groups = tuple(

@@ -78,7 +78,7 @@ def shown_rows(comparison: StudyComparison, chosen: Collection[int]) -> ShownRow
 
 
 def _best_rows(comparison: StudyComparison, among: Collection[int], most: int) -> tuple[int, ...]:
-    """All of few rows; of more, the references, the first of each rank, and then the others from rank to rank."""
+    """Rows to show: all if few, else the references, the best of each rank, and further rows by rank."""
     if len(among) <= most:
         return tuple(among)
     rows = set(among)

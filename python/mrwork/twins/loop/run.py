@@ -26,7 +26,7 @@ from mrwork.values import holds_arrays
 @holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Measurement:
-    """What a law may use at a control sample, with one entry a device in all but the state s, shape (2n,).
+    """Measurements for a law at a control sample: one entry per device, and the state s, shape (2n,).
 
     The elongation of a device [m], its rate [m/s], its force [N], and the forces at other coil currents.
     """

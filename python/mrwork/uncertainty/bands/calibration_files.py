@@ -71,7 +71,7 @@ class _Coverage:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Facts:
-    """What the file of predictions says of a test; its channels are arrays beside it."""
+    """Entry of a test in the file of predictions; its channels are separate arrays."""
 
     name: str
     path: str

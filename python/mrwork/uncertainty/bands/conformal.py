@@ -61,7 +61,7 @@ class ErrorShape(Related):
     bias: tuple[float, ...] = ()
 
     def disagreement(self) -> str:
-        """Whether the scale is positive, and the bias has its bins."""
+        """First contradiction: a scale that is not positive, or a bias without a value for each bin."""
         if self.bias and len(self.bias) != _BINS:
             return f"its bias has {len(self.bias)} bins where a cycle has {_BINS}"
         return "" if self.level + self.slope + self.floor > 0.0 else "its scale is zero"
@@ -311,7 +311,7 @@ class Calibration(Summarised, Related):
     seen: tuple[Likeness, ...] = ()
 
     def disagreement(self) -> str:
-        """Whether there are errors of every test."""
+        """First contradiction: a test without errors."""
         if not self.tests or len(self.scores) != len(self.tests):
             return f"it has the errors of {len(self.scores)} tests for {len(self.tests)}"
         empty = [name for name, scores in zip(self.tests, self.scores, strict=True) if not scores.size]
@@ -425,7 +425,7 @@ def calibrate(predictions: Sequence[Prediction], *, held_out: str) -> Calibratio
 def _held_out(
     predictions: Sequence[Prediction],
 ) -> tuple[list[list[Prediction]], tuple[RecordedMotion, ...], tuple[Likeness, ...]]:
-    """Predictions of tests that the fit has not seen, in groups of alike tests; their motions; and the others."""
+    """Predictions of held-out tests in groups of alike tests, their motions, and the likeness of the seen tests."""
     unseen = [each for each in predictions if each.seen is None]
     motions = tuple(RecordedMotion.of(each.test) for each in unseen)
     groups = [[unseen[index] for index in members] for members in alike_groups(motions)]

@@ -166,7 +166,7 @@ class ChoiceProgress:
 
 @dataclass(slots=True, kw_only=True)
 class RunningComparison:
-    """A comparison in progress; `evidence` and `fits` are by model."""
+    """A comparison in progress, with `evidence` and `fits` by model."""
 
     tests: tuple[DamperTest, ...]
     compared: tuple[Family, ...]

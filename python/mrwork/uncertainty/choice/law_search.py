@@ -279,7 +279,7 @@ class LawSearch:
         self._enrich()
 
     def distinct(self) -> list[FittedLaws]:
-        """The candidates without those whose force is that of one with fewer parameters."""
+        """The candidates except those with the same force as a candidate with fewer parameters."""
         kept = list[FittedLaws]()
         for each in sorted(self.found, key=lambda each: each.tried.n_params):
             if not any(self._is_same_force(each, other) for other in kept):

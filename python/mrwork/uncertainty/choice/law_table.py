@@ -136,7 +136,7 @@ class LawTable(Summarised, Related):
     definitions: tuple[str, ...] = LAW_DEFINITIONS
 
     def disagreement(self) -> str:
-        """Whether one set of laws is chosen, and every model is one of those compared."""
+        """First contradiction: not exactly one chosen set of laws, or a model that was not compared."""
         chosen = [each for each in self.tried if each.verdict == "chosen"]
         if len(chosen) != 1:
             return f"of {len(self.tried)} sets of laws {len(chosen)} are chosen"

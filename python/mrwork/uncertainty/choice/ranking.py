@@ -325,7 +325,7 @@ class Ranking(Summarised, Related):
     definitions: tuple[str, ...] = DEFINITIONS
 
     def disagreement(self) -> str:
-        """Whether the chosen family is ranked, and so are those that others are the same as."""
+        """First contradiction: a family ranked twice, or another family ranked as chosen."""
         models = [each.model for each in self.standings]
         if len(set(models)) < len(models):
             return "it ranks a family twice"

@@ -77,7 +77,7 @@ class Profile(Summarised, Related):
     reason: str
 
     def disagreement(self) -> str:
-        """Whether there is a misfit and a ratio for each value, and the interval is about the estimate."""
+        """First contradiction: a value without misfit or ratio, or an interval without the estimate."""
         sizes = len(self.values), len(self.misfit), len(self.ratio)
         if len(set(sizes)) > 1 or not sizes[0]:
             return "{} has {} values, {} misfits and {} ratios".format(self.name, *sizes)

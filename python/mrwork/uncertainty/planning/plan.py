@@ -1,4 +1,4 @@
-"""Plan of the next test: the expected reduction of a variance by each candidate.
+"""Optimal experiment design: the expected reduction of a variance by each candidate for the next test.
 
 The gains follow from the linearised posterior; nested Monte Carlo with draws of the posterior checks them.
 """
@@ -73,7 +73,7 @@ class Plan(Summarised, Related):
     left_out: tuple[Candidate, ...]
 
     def disagreement(self) -> str:
-        """Whether there is a candidate."""
+        """First contradiction: a plan without candidates."""
         return "" if self.gains else "it ranks no candidate"
 
     def _summary(self) -> Summary:

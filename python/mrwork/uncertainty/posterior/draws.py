@@ -209,7 +209,7 @@ class DrawSummary:
         )
 
     def judge(self, scale: ParameterScale) -> DrawSummary:
-        """With the verdict: as for a profile, where an end at which the draws pile up is open."""
+        """The summary with a verdict by the rule of profiles; an end at which the draws pile up counts as open."""
         if self.fixed:
             return self
         ends = self.interval.lower, self.interval.upper
@@ -404,7 +404,7 @@ _KIND = stored("sample", name="the draws")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Stated:
-    """What the file says of the sampling."""
+    """Facts of the sampling, as stored in the file."""
 
     noise: str
     verdict: str
@@ -417,7 +417,7 @@ class _Stated:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _OfVariable(Related):
-    """What the file says of a parameter."""
+    """Facts of a parameter, as stored in the file."""
 
     median: float
     lower: float
@@ -426,7 +426,7 @@ class _OfVariable(Related):
     reason: str = ""
 
     def disagreement(self) -> str:
-        """Whether the ends of the interval are in order."""
+        """First contradiction: ends of the interval that are not in order."""
         return "" if self.lower <= self.upper else f"its interval is from {self.lower:g} to {self.upper:g}"
 
 

@@ -512,7 +512,7 @@ def _run(problem: SamplingProblem, ensemble: Ensemble, monitor: _Monitor) -> Dia
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Journalled:
-    """Log density of proposals, from the journal where it is recorded; all else in a step follows from the seed."""
+    """Log density of proposals, recalled from the journal or computed; the seed determines the rest of a step."""
 
     target: Callable[[Array], Array]
     journal: Journal
