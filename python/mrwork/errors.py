@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Generic, TypeVar
 
-from mrwork.escaping import escaped
+from mrwork.escaping import escape_text
 
 ResultT = TypeVar("ResultT")
 
@@ -59,7 +59,7 @@ class MrworkWarning(UserWarning):
 
 
 def _in_one_line(sentence: str) -> str:
-    text = escaped(sentence)
+    text = escape_text(sentence)
     return text if len(text) <= _LONGEST else f"{text[: _LONGEST // 2]} … {text[3 - _LONGEST // 2 :]}"
 
 

@@ -84,12 +84,12 @@ class Exceedance(Summarised):
     def in_words(self) -> str:
         """Text such as "velocity 313 mm/s, tested to 88 mm/s (3.6 times)"."""
         if self.quantity == "stroke" and self.below:
-            (demanded, lowest), unit = _shown(self.quantity, (self.demanded, self.lowest), self.unit)
+            (demanded, lowest), unit = _format_values(self.quantity, (self.demanded, self.lowest), self.unit)
             return (
                 f"stroke {demanded} {unit} or less in half cycles that make {100 * _SMALL:.0f} % of the travel or "
                 f"more, tested from {lowest} {unit}"
             )
-        (demanded, lowest, highest), unit = _shown(
+        (demanded, lowest, highest), unit = _format_values(
             self.quantity, (self.demanded, self.lowest, self.highest), self.unit
         )
         tested = f"to {highest}"
@@ -172,7 +172,7 @@ class OperatingRange(Summarised, Related):
             ends = value if isinstance(value, tuple) else (value,)
             if quantity == "stroke" and self.least_stroke is not None:
                 ends = ends if _is_single(self.least_stroke, value) else (self.least_stroke, value)
-            shown, unit = _shown(quantity, ends, str(self.command_unit))
+            shown, unit = _format_values(quantity, ends, str(self.command_unit))
             span = f"to {shown[0]}"
             if len(shown) == 2:
                 span = f"at {shown[1]}" if _is_single(*ends) else f"{shown[0]} to {shown[1]}"
@@ -344,7 +344,7 @@ def _is_single(lowest: float, highest: float) -> bool:
     return highest - lowest <= 0.5 * _TOLERANCE * highest
 
 
-def _shown(quantity: str, values: Sequence[float], unit: str) -> tuple[list[str], str]:
+def _format_values(quantity: str, values: Sequence[float], unit: str) -> tuple[list[str], str]:
     """Values with three significant digits, and their common displayed unit."""
     small, factor, large = _DISPLAYED.get(quantity, (unit, 1.0, unit))
     if max(factor * value for value in values) >= 1000.0:

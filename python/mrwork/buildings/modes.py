@@ -131,7 +131,7 @@ def damping_warnings(
     """
     n, held = len(mass), _is_held(mass, stiffness)
     if held and not damping.any():
-        return (_undamped(f"{name}: {_modes_have(n, n)} no damping"),)
+        return (_describe_undamped(f"{name}: {_modes_have(n, n)} no damping"),)
     if held and is_damped(mass, damping, stiffness, UNDAMPED):
         return ()
     found = modal_damping(mass, damping, stiffness, floors)
@@ -144,7 +144,7 @@ def damping_warnings(
     undamped = (found.ratio < UNDAMPED) & (found.apart < _OF_ADDITIONS)
     if undamped.any():
         sentences.append(
-            _undamped(
+            _describe_undamped(
                 f"{name}: {_modes_have(int(undamped.sum()), n)} no damping, the lowest of these at "
                 f"{found.frequency[undamped][0]:.4g} Hz"
             )
@@ -157,7 +157,7 @@ def damping_warnings(
     return tuple(sentences)
 
 
-def _undamped(found: str) -> str:
+def _describe_undamped(found: str) -> str:
     return (
         f"{found}. Every damper looks better on a frame without damping: give it modal_damping with ratios of 0.01 to "
         "0.02, rayleigh, or a damping matrix."

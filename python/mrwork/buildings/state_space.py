@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 
 from mrwork.arguments import checked
 from mrwork.buildings.from_file import read_matrices
-from mrwork.buildings.matrices import Building, carried
+from mrwork.buildings.matrices import Building, transform_elements
 from mrwork.buildings.modes import modes_of
 from mrwork.buildings.shear import number_names
 from mrwork.errors import ArgumentError, SettingError, UnknownNameError
 from mrwork.summary import Summarised
-from mrwork.values import Floats, frozen, holds_arrays
+from mrwork.values import Floats, freeze_samples, holds_arrays
 
 if TYPE_CHECKING:
     from control import StateSpace
@@ -54,7 +54,7 @@ class LinearSystem(Summarised):
 
     def __post_init__(self) -> None:
         for title in ("A", "B", "C", "D"):
-            kept = frozen(getattr(self, title))
+            kept = freeze_samples(getattr(self, title))
             object.__setattr__(self, title, kept)
             if kept.ndim != 2:
                 raise SettingError(f"linear system: {title} has shape {kept.shape}; give a matrix")
@@ -400,7 +400,7 @@ def modal_truncation(building: Building, *, n_modes: int) -> Building:
         influence=kept.T @ building.mass @ building.influence,
         floors=building.floors @ kept,
         storeys=building.storeys @ kept,
-        elements=carried(building.elements, kept),
+        elements=transform_elements(building.elements, kept),
         source=f"{building.source}; reduced to {n_modes} modes".removeprefix("; "),
         status="ours",
     )

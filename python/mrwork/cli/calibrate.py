@@ -80,7 +80,7 @@ def run(options: argparse.Namespace) -> int:
         if options.files:
             (fit, predictions, findings), held_out = _unseen(options), "the fit has not seen"
         else:
-            (fit, predictions, findings), held_out = _left_out(options), IN_WORDS[options.leave_out]
+            (fit, predictions, findings), held_out = _predict_held_out(options), IN_WORDS[options.leave_out]
         calibration = calibrate(predictions, held_out=held_out)
         coverage = measured_coverage(predictions) if len(calibration.tests) > 1 else ()
         unseen = [each for each in predictions if each.seen is None]
@@ -109,7 +109,7 @@ def _unseen(options: argparse.Namespace) -> _Predicted:
     return fit, predict_tests(fit, tests, nuisances=nuisances), findings
 
 
-def _left_out(options: argparse.Namespace) -> _Predicted:
+def _predict_held_out(options: argparse.Namespace) -> _Predicted:
     """The fit of the run, and cross-validated predictions of its tests, each by a fit to the other tests."""
     opened = opened_run(options)
     findings = told_findings("calibrate", opened.tests, options)

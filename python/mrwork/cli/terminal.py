@@ -11,22 +11,22 @@ from pathlib import Path
 from typing import TextIO
 
 from mrwork.errors import OutputError
-from mrwork.escaping import escaped, escaped_lines
+from mrwork.escaping import escape_text, escaped_lines
 
 
 def show(text: str) -> None:
     """Print a text on stdout; where its reader has left, as head does, the text is lost and the work goes on."""
-    _written(f"{escaped_lines(text)}\n")
+    _write_text(f"{escaped_lines(text)}\n")
 
 
 def show_all() -> None:
     """Flush text that other code has written on stdout."""
-    _written("")
+    _write_text("")
 
 
 def note(sentence: str) -> None:
     """Print a message in one line on stderr."""
-    write_stderr(f"mrwork: {escaped(sentence)}\n")
+    write_stderr(f"mrwork: {escape_text(sentence)}\n")
 
 
 def write_stderr(text: str) -> None:
@@ -103,7 +103,7 @@ def let_go() -> None:
             os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
-def _written(text: str) -> None:
+def _write_text(text: str) -> None:
     try:
         sys.stdout.write(text)
         sys.stdout.flush()

@@ -26,7 +26,7 @@ from mrwork.control.laws import ControlLaw
 from mrwork.errors import Interrupted, SettingError
 from mrwork.keys import key
 from mrwork.motions.ground_motion import GroundMotion
-from mrwork.numbers import rounded
+from mrwork.numbers import format_rounded
 from mrwork.summary import Summarised, Summary
 from mrwork.values import Floats, holds_arrays
 
@@ -118,7 +118,7 @@ class ClairvoyantProblem:
         """A constant share of the largest command, shape (n_intervals, n_devices)."""
         return np.tile(share * self.largest, (self.n_intervals, 1))
 
-    def fitted(self, commands: PrescribedCommands) -> Floats:
+    def adapt_commands(self, commands: PrescribedCommands) -> Floats:
         """Commands resampled to the intervals of this problem and clipped to the range of the devices."""
         if abs(commands.interval - self.interval) > 1e-9 or commands.command.shape[1] != len(self.devices):
             raise SettingError(
@@ -327,7 +327,7 @@ class Clairvoyant(Summarised):
             title=f"Non-causal optimum under {self.motion}, score {self.score:.3f}",
             facts=(
                 *(
-                    (name.replace("_", " "), f"{rounded(each)} of i = 0")
+                    (name.replace("_", " "), f"{format_rounded(each)} of i = 0")
                     for name, each in self.ratios.items()
                 ),
                 ("commands", f"{len(self.commands.command)} of {self.commands.interval:g} s"),
@@ -335,7 +335,12 @@ class Clairvoyant(Summarised):
             ),
             columns=("start", "its score", "reached", "gradients"),
             rows=[
-                (each.name, rounded(each.start_score), rounded(each.score), str(each.evaluations))
+                (
+                    each.name,
+                    format_rounded(each.start_score),
+                    format_rounded(each.score),
+                    str(each.evaluations),
+                )
                 for each in self.starts
             ],
             notes=[self.statement],
@@ -349,7 +354,7 @@ Recall = Callable[[str, Floats, Callable[[], ClairvoyantStart]], ClairvoyantStar
 """Does a search, given its name and the commands it starts from, or recalls it from a journal."""
 
 
-def _done(name: str, start: Floats, search: Callable[[], ClairvoyantStart]) -> ClairvoyantStart:
+def _run_search(name: str, start: Floats, search: Callable[[], ClairvoyantStart]) -> ClairvoyantStart:
     return search()
 
 
@@ -365,7 +370,7 @@ def clairvoyant(
     floors: tuple[Annotated[int, Within(least=0)], ...] | None = None,
     storeys: tuple[Annotated[int, Within(least=0)], ...] | None = None,
     on_progress: Callable[[ClairvoyantProgress], None] = lambda progress: None,
-    recall: Recall = _done,
+    recall: Recall = _run_search,
     threads: Threads = 0,
 ) -> Clairvoyant:
     """Find commands with a low score for a motion that is known in advance.
@@ -448,7 +453,7 @@ def _result(problem: ClairvoyantProblem, done: Sequence[ClairvoyantStart]) -> Cl
 def _starts(
     problem: ClairvoyantProblem, settings: ClairvoyantSettings, given: Mapping[str, PrescribedCommands]
 ) -> Iterator[tuple[str, Floats]]:
-    fitted = {name: problem.fitted(commands) for name, commands in given.items()}
+    fitted = {name: problem.adapt_commands(commands) for name, commands in given.items()}
     shares = np.linspace(0.0, 1.0, _LEVELS)
     scores = problem.constant_scores(shares)
     best = float(shares[int(np.nanargmin(scores))])

@@ -43,7 +43,7 @@ class Criterion:
         object.__setattr__(self, "quantity", self.quantity or self.name)
 
     @property
-    def uncontrolled(self) -> str:
+    def reference_criterion(self) -> str:
         """Criterion of the building without dampers in the denominator of the ratio; empty if there is none."""
         return self.over or (self.name if self.ratio else "")
 

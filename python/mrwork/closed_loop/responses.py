@@ -15,7 +15,7 @@ from mrwork.arguments import checked
 from mrwork.buildings.matrices import Building, Device
 from mrwork.dampers.spec import LawLimit, worst_laws
 from mrwork.errors import SettingError
-from mrwork.numbers import rounded
+from mrwork.numbers import format_rounded
 from mrwork.summary import Summarised, Summary
 from mrwork.tested_range import Exceedance, OperatingRange, Outside, least_stroke, worst_of
 from mrwork.values import Floats, holds_arrays
@@ -43,16 +43,16 @@ class Quantity:
 @cache
 def run_quantities() -> tuple[Quantity, ...]:
     """Quantities that the core returns for a run, in the order of its columns."""
-    return _declared(_rust.run_quantities())
+    return _make_quantities(_rust.run_quantities())
 
 
 @cache
 def history_signals() -> tuple[Quantity, ...]:
     """Signals that the core returns for the history of a run, in the order of its columns."""
-    return _declared(_rust.history_signals())
+    return _make_quantities(_rust.history_signals())
 
 
-def _declared(entries: Sequence[tuple[str, str, str, str]]) -> tuple[Quantity, ...]:
+def _make_quantities(entries: Sequence[tuple[str, str, str, str]]) -> tuple[Quantity, ...]:
     return tuple(
         Quantity(name=name, axis=cast("Axis", axis), unit=unit, description=description)
         for name, axis, unit, description in entries
@@ -153,7 +153,11 @@ class History(Labelled, Summarised):
             title=f"History of one run: {len(self.time)} samples, {self.time[-1]:g} s",
             columns=("quantity", "largest", "unit"),
             rows=[
-                (name.replace("_", " "), rounded(float(np.abs(getattr(self, name)).max())), unit_of(name))
+                (
+                    name.replace("_", " "),
+                    format_rounded(float(np.abs(getattr(self, name)).max())),
+                    unit_of(name),
+                )
                 for name in _SHOWN_SIGNALS
             ],
         )
@@ -256,7 +260,7 @@ class Responses(Labelled, Summarised):
             rows=[
                 (
                     name.replace("_", " "),
-                    *(rounded(float(value)) for value in np.quantile(largest, [0.0, 0.5, 1.0])),
+                    *(format_rounded(float(value)) for value in np.quantile(largest, [0.0, 0.5, 1.0])),
                     unit_of(name),
                 )
                 for name in _SHOWN

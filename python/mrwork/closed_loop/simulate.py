@@ -26,7 +26,7 @@ from mrwork.closed_loop.user_law import UserLaw
 from mrwork.control.counterpart import is_curve
 from mrwork.control.laws import ControlLaw
 from mrwork.control.lqr import Observer, observer_of
-from mrwork.control.plant import accelerations, deformations, plant_of, stacked
+from mrwork.control.plant import accelerations, deformations, plant_of, stack_outputs
 from mrwork.dampers.parameters import law_named
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import MrworkWarning, SettingError
@@ -99,7 +99,7 @@ def _stretch_theta(spec: DamperSpec, theta: Floats, factors: Floats) -> Floats:
         for parameter, law in zip(spec.plain, spec.current.laws, strict=True):
             kind = law_named(law)
             columns = slice(start, start + kind.n_coefficients)
-            found[candidate, :, device, columns] = kind.stretched(
+            found[candidate, :, device, columns] = kind.rescale_command(
                 theta[:, device, columns], factor, log=parameter.scale == "log"
             )
             start = columns.stop
@@ -187,7 +187,7 @@ def loop_observer(
     chosen = measured.select([measured.names[floor] for floor in floors])
     return observer_of(
         plant,
-        stacked(chosen, deformations(plant)),
+        stack_outputs(chosen, deformations(plant)),
         hardware.sample_time,
         noise_intensity=1.0 / hardware.noise_ratio,
     )

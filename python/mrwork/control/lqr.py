@@ -379,7 +379,7 @@ def observer_of(
     Parameters
     ----------
     measurements
-        Accelerations of floors and deformations of devices; see `accelerations`, `deformations` and `stacked`.
+        Accelerations of floors and deformations of devices; see `accelerations`, `deformations` and `stack_outputs`.
     sample_time
         Ts of the controller [s].
     ground_intensity

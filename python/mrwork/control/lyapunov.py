@@ -206,7 +206,7 @@ class ProportionalSettings(LyapunovSettings):
 def _lyapunov_vectors(plant: Plant, many: Sequence[LyapunovSettings]) -> list[Floats | SettingError]:
     found = solve_together(
         lambda weights: _lyapunov_functions(plant, weights),
-        attempt_each(lambda each: each.weighed(plant).Q, many),
+        attempt_each(lambda each: each.weigh_outputs(plant).Q, many),
     )
     return [each if isinstance(each, SettingError) else each.vectors for each in found]
 
@@ -214,7 +214,7 @@ def _lyapunov_vectors(plant: Plant, many: Sequence[LyapunovSettings]) -> list[Fl
 def _regulator_vectors(plant: Plant, many: Sequence[ProportionalSettings]) -> list[Floats | SettingError]:
     def cost(each: ProportionalSettings) -> tuple[Weighed, ArrayLike]:
         assert each.control_weight is not None
-        return each.weighed(plant), each.control_weight
+        return each.weigh_outputs(plant), each.control_weight
 
     found = regulators_of_costs(plant, attempt_each(cost, many))
     return [each if isinstance(each, SettingError) else each.vectors for each in found]

@@ -26,7 +26,7 @@ from mrwork.control.plant import (
     displacements,
     drifts,
     relative_velocities,
-    stacked,
+    stack_outputs,
     velocities,
 )
 from mrwork.errors import InvalidSettingError
@@ -183,7 +183,7 @@ class CostWeights:
         default=None,
     )
 
-    def weighed(self, plant: Plant) -> Weighed:
+    def weigh_outputs(self, plant: Plant) -> Weighed:
         """The sum of what the weights add to the cost."""
         if self.designed is not None:
             return self._weigh_designed(self.designed, plant)
@@ -196,7 +196,7 @@ class CostWeights:
         parts = []
         if given:
             W = scipy.linalg.block_diag(*(weights for _, weights in given))
-            parts.append(weighed_outputs(stacked(*(outputs for outputs, _ in given)), W))
+            parts.append(weighed_outputs(stack_outputs(*(outputs for outputs, _ in given)), W))
         if self.state_weight is not None:
             Q = weight_matrix("state_weight", self.state_weight, 2 * plant.n_coordinates, "states")
             parts.append(weighed_state(plant, Q))

@@ -23,7 +23,7 @@ from mrwork.dampers.parameters import (
     polynomial_laws,
 )
 from mrwork.errors import SettingError, UnknownNameError
-from mrwork.numbers import of_unit, rounded
+from mrwork.numbers import format_rounded, of_unit
 from mrwork.summary import Summarised, Summary
 from mrwork.units import CommandUnit
 
@@ -290,9 +290,9 @@ class DamperSpec(Summarised):
             rows=[
                 (
                     each.name,
-                    rounded(each.nominal),
-                    rounded(each.lower),
-                    rounded(each.upper),
+                    format_rounded(each.nominal),
+                    format_rounded(each.lower),
+                    format_rounded(each.upper),
                     each.unit,
                     each.description,
                 )
@@ -318,7 +318,7 @@ class Preset(Summarised):
             title=f"Preset {self.name} of {self.spec.name}, {self.status}: {self.source}",
             columns=("parameter", "value", "unit"),
             rows=[
-                (each.name, rounded(value, 6), each.unit)
+                (each.name, format_rounded(value, 6), each.unit)
                 for each, value in zip(self.spec.parameters, self.theta, strict=True)
             ],
             notes=(self.note,),

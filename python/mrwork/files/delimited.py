@@ -265,7 +265,7 @@ def table_of_text(data: bytes, *, source: str, sha256: str) -> ColumnTable:
     """Table of the bytes of a text, as by `open_delimited`."""
 
     def line_by_line() -> DelimitedTable:
-        lines = decoded(data).replace("\r\n", "\n").replace("\r", "\n").split("\n")
+        lines = decode_text(data).replace("\r\n", "\n").replace("\r", "\n").split("\n")
         layout: Layout | None = None
         if is_labview(lines):
             lines, layout = labview_layout(lines, source)
@@ -404,7 +404,7 @@ def encoding_of(data: bytes) -> str:
     return "utf-8"
 
 
-def decoded(data: bytes) -> str:
+def decode_text(data: bytes) -> str:
     """Text of the bytes of a file, without a byte-order mark."""
     encoding = encoding_of(data)
     return (data.removeprefix(BOM_UTF8) if encoding == "utf-8" else data).decode(encoding)

@@ -184,7 +184,7 @@ def _run(
         for index in filled:
             line = _without_remark(lines[index])
             for number, run in enumerate(runs):
-                runs[number] = run = run.continued(index, line, only_numbers=only_numbers)
+                runs[number] = run = run.extend_with(index, line, only_numbers=only_numbers)
                 fits = like is None or run.width == like.width
                 if run.length and fits and (found is None or run.length > found.length):
                     found = run
@@ -203,7 +203,7 @@ class _Run:
     width: int = 0
     raw_width: int = 0
 
-    def continued(self, index: int, line: str, *, only_numbers: bool) -> _Run:
+    def extend_with(self, index: int, line: str, *, only_numbers: bool) -> _Run:
         """The run with the next line: longer, begun anew or broken off."""
         if self.delimiter is not None and self.delimiter not in line:
             return self if not self.length else _Run(delimiter=self.delimiter)

@@ -30,7 +30,7 @@ from mrwork.identification.progress import on_every_test
 from mrwork.identification.result import Slopes, autocorrelation_time
 from mrwork.records import DamperTest
 from mrwork.records.motion import Smoother, spectrum
-from mrwork.values import Floats, frozen
+from mrwork.values import Floats, freeze_samples
 
 
 def doubts_on_fit(problem: Problem, points: StartingPoints, polished: Polished, fit: Fit) -> tuple[str, ...]:
@@ -197,9 +197,9 @@ def motion_noise_warning(slopes: Slopes, standard_errors: Floats, names: Sequenc
     for changes in _changes_by_noise(slopes):
         shares = np.sqrt(np.mean(changes**2, axis=0))[known] / errors[known]
         # A mean square of n draws has a relative standard error of sqrt(2/n), a root of it half of that.
-        if _held(shares * (1.0 + _SURELY / sqrt(2.0 * len(changes)))) >= _HELD:
+        if _estimate_coverage(shares * (1.0 + _SURELY / sqrt(2.0 * len(changes)))) >= _HELD:
             return ()
-    if not len(changes) or _held(shares) >= _HELD:
+    if not len(changes) or _estimate_coverage(shares) >= _HELD:
         return ()
     worst = int(np.argmax(shares))
     measured = any(test.velocity_source == "measured" for test in slopes.objective.tests)
@@ -207,11 +207,11 @@ def motion_noise_warning(slopes: Slopes, standard_errors: Floats, names: Sequenc
     return (
         f"noise of the motion dominates: it moves {np.array(names)[known][worst]} by about {shares[worst]:.2g} times "
         f"the error that the residuals of the force give it, so that 95 % intervals hold about "
-        f"{100 * _held(shares):.0f} % of the parameters; {remedy}measure the motion with less noise",
+        f"{100 * _estimate_coverage(shares):.0f} % of the parameters; {remedy}measure the motion with less noise",
     )
 
 
-def _held(shares: Floats) -> float:
+def _estimate_coverage(shares: Floats) -> float:
     """Expected coverage of 95 % intervals if noise shifts the parameters by `shares` of their standard errors."""
     return float(np.mean([erf(_QUANTILE / sqrt(2.0 * (1.0 + each**2))) for each in shares]))
 
@@ -228,7 +228,7 @@ def _changes_by_noise(slopes: Slopes) -> Iterator[Floats]:
     inverse = np.linalg.pinv(slopes.by_interior().T)
     noises = [_noise_of_motion(test) for test in objective.tests]
 
-    def moved(first: int, index: int, threads: int) -> Floats | None:
+    def find_shift(first: int, index: int, threads: int) -> Floats | None:
         parts = []
         for number, each in enumerate(noises):
             observed = objective.compared[number].of_test(each([first + index, number]))
@@ -242,7 +242,7 @@ def _changes_by_noise(slopes: Slopes) -> Iterator[Floats]:
 
     changes = list[Floats]()
     for first in range(0, _DRAWS, _ROUND):
-        draws = on_every_test(_ROUND, objective.threads, partial(moved, first))
+        draws = on_every_test(_ROUND, objective.threads, partial(find_shift, first))
         changes += [change for change in draws if change is not None]
         if changes:
             yield np.array(changes)
@@ -267,8 +267,8 @@ def _noise_of_motion(test: DamperTest) -> Callable[[list[int]], DamperTest]:
             velocity = of_velocity * rng.standard_normal(test.n_time)
         return replace(
             test,
-            displacement=frozen(test.displacement + displacement),
-            velocity=frozen(test.velocity + velocity),
+            displacement=freeze_samples(test.displacement + displacement),
+            velocity=freeze_samples(test.velocity + velocity),
         )
 
     return add_noise

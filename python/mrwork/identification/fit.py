@@ -15,7 +15,7 @@ from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import UnknownNameError
 from mrwork.identification.nuisance import NONE, Nuisance, NuisanceName
 from mrwork.identification.settings import FitSettings, Reading
-from mrwork.numbers import of_unit, rounded
+from mrwork.numbers import format_rounded, of_unit
 from mrwork.records import AS_IT_IS, DamperTest, Observation, observed
 from mrwork.records.likeness import Likeness, RecordedMotion, likest_of_other_force, likest_of_same_force
 from mrwork.records.operating_range import OperatingRange, Outside, range_of_test
@@ -175,7 +175,7 @@ class Identifiability(Summarised):
             title=f"Identifiability from {self.n_time} samples, worth {self.n_effective:.0f} independent ones",
             columns=("parameter", "standard error [SI]", "verdict", "reason"),
             rows=[
-                (each.name, rounded(each.standard_error, 2), each.verdict, each.reason)
+                (each.name, format_rounded(each.standard_error, 2), each.verdict, each.reason)
                 for each in self.verdicts
             ],
             notes=[each.sentence for each in self.informative],
@@ -520,9 +520,9 @@ class Fit(Summarised, Related):
 
     def _uncertainty(self, estimate: Estimate) -> str:
         if self.intervals is None:
-            return rounded(estimate.standard_error, 2)
+            return format_rounded(estimate.standard_error, 2)
         interval = self.intervals.of(estimate.name)
-        return "-" if interval is None else interval.in_words(rounded)
+        return "-" if interval is None else interval.in_words(format_rounded)
 
     def as_dict(self) -> dict[str, Any]:
         """Nested dictionaries and lists for JSON, without the forces and the live settings."""
@@ -544,7 +544,7 @@ class Fit(Summarised, Related):
             rows=[
                 (
                     each.name,
-                    rounded(each.value, 6),
+                    format_rounded(each.value, 6),
                     self._uncertainty(each),
                     each.unit,
                     *self.verdict_on(each.name),

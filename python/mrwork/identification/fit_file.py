@@ -11,7 +11,7 @@ from mrwork.errors import RecordError
 from mrwork.identification.fit import Fit
 from mrwork.records import DamperTest
 from mrwork.store.codec import json_document, parsed, read_document, record_from_json, record_of
-from mrwork.store.input_file import exists, is_folder, is_there, stored, text_of
+from mrwork.store.input_file import exists, is_folder, is_there, make_stored_kind, text_of
 from mrwork.store.output_folder import Destination, write_folder
 from mrwork.store.run_folder import (
     FIT,
@@ -119,7 +119,7 @@ def addition_content(document: Mapping[str, object], fit: Fit) -> bytes:
 
 def read_addition(kind: type[T], path: Path, fit: Fit, *, name: str, verb: str) -> T | None:
     """Read a file with an `addition_content`; `None` if there is no such file."""
-    file = stored(verb, name=f"a {name}")
+    file = make_stored_kind(verb, name=f"a {name}")
     if not is_there(path, file):
         return None
     document = parsed(text_of(path, file), origin=str(path), verb=verb)

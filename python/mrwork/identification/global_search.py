@@ -85,7 +85,7 @@ def nested_fit(
         most_iterations=min(search.most_iterations, _NESTED_ITERATIONS),
     )
 
-    def lifted(theta: Floats) -> Floats:
+    def lift_points(theta: Floats) -> Floats:
         values = dict(zip(simpler.names, theta.tolist(), strict=True))
         points = nesting.points(values, half_ranges(objective.tests))
         whole = np.array([[point[name] for name in names] for point in points])
@@ -109,10 +109,10 @@ def nested_fit(
         found = interrupt.result
         if found is None or not len(found.theta):
             raise Interrupted(None, "search") from interrupt
-        raise Interrupted(replace(found, theta=lifted(found.theta[0])[-1:]), "search") from interrupt
+        raise Interrupted(replace(found, theta=lift_points(found.theta[0])[-1:]), "search") from interrupt
     if not len(found.theta):
         return None
-    starts, misfit = lifted(found.theta[0]), float(found.misfit[0])
+    starts, misfit = lift_points(found.theta[0]), float(found.misfit[0])
     near = float(np.min(objective(starts))) <= misfit + _NEAR
     return NestedFit(model=simpler.name, starts=starts, misfit=misfit if near else math.inf)
 
@@ -199,7 +199,7 @@ def points_from_multistart(problem: Problem, search: Multistart, *, on_search: O
         found = interrupt.result
         if found is None or not len(found.theta):
             raise Interrupted(None, "search") from interrupt
-        raise interrupted_at(found.theta[0], objective, form, trace_of(found)) from interrupt
+        raise make_interrupt(found.theta[0], objective, form, trace_of(found)) from interrupt
     if not len(found.theta):
         raise no_simulation(form.spec, found.evaluations[-1])
     return StartingPoints(
@@ -286,7 +286,7 @@ def search_elite(
         if not np.isfinite(result.best_misfit):
             raise Interrupted(None, "search") from interrupt
         best = theta_of(result.best_unit[None])[0]
-        raise interrupted_at(best, objective, form, trace_of_generations(result)) from interrupt
+        raise make_interrupt(best, objective, form, trace_of_generations(result)) from interrupt
 
 
 def optimise(
@@ -318,7 +318,7 @@ def optimise(
     return found
 
 
-def interrupted_at(
+def make_interrupt(
     theta: Floats, objective: Objective, form: Form, trace: SearchTrace
 ) -> Interrupted[StartingPoints]:
     """An interrupt that carries the best point so far, shape (n_params,)."""

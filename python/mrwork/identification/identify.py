@@ -195,7 +195,7 @@ def identify_with(
         raise SimulationError(
             f"no candidate of {problem.spec.name} could be simulated before the run was stopped; let it run longer"
         ) from interrupt
-    return ending.finished(points.with_given(problem.spec, problem.settings.starts))
+    return ending.finish_fit(points.with_given(problem.spec, problem.settings.starts))
 
 
 def identify_from(
@@ -218,7 +218,7 @@ def identify_from(
     points = StartingPoints(
         objective=problem.objective, form=problem.form, theta=start[None], trace=trace, minima=True
     )
-    return _Ending(problem=problem, reporter=reporter, journal=journal).finished(points)
+    return _Ending(problem=problem, reporter=reporter, journal=journal).finish_fit(points)
 
 
 def _begin(
@@ -270,7 +270,7 @@ class _Ending:
             return so_far(replace(trace, stop_reason=reason), "stopped")
         raise Interrupted(so_far(trace, "interrupted"), "identification") from interrupt
 
-    def finished(self, points: StartingPoints) -> Fit:
+    def finish_fit(self, points: StartingPoints) -> Fit:
         """Fit from the starting points to convergence."""
         problem, reporter = replace(self.problem, form=points.form), self.reporter
         best = points.theta[0]

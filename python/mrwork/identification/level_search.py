@@ -38,7 +38,7 @@ from mrwork.identification.global_search import (
     OnSearch,
     StartingPoints,
     doubts_about,
-    interrupted_at,
+    make_interrupt,
     nested_fit,
     no_simulation,
     optimise,
@@ -209,7 +209,7 @@ def points_from_levels(
             best = joint_starts(joint.spec, known, 1, rng=rng)[0] if known else None
         if best is None:
             raise Interrupted(None, "search") from interrupt
-        raise interrupted_at(
+        raise make_interrupt(
             in_own_laws(best[None])[0], objective.on(form.spec, excerpts), own_form, trace
         ) from interrupt
     if left_out and not is_simulated:
@@ -262,7 +262,7 @@ def _fit_each(problem: Problem, tests: tuple[DamperTest, ...], fits: Sequence[Le
         own = float(np.mean(np.asarray(loading_of(test, problem.form.spec).command)))
         fit = min(fits, key=lambda fit: abs(fit.command - own))
         searched = search_box(plain, box, (test,))
-        near = _widened(searched, box)
+        near = _widen_box(searched, box)
         minima = find_minima(
             problem.objective.on(plain, (test,)),
             near,
@@ -390,7 +390,7 @@ def _fit_level(
     plain, box = plain_of(problem.form)
     objective = problem.objective.on(plain, tests)
     searched = search_box(plain, box, tests)
-    near = _widened(searched, box)
+    near = _widen_box(searched, box)
     starts = np.empty((0, len(plain.names)))
     if nearest is not None:
         # Each minimum gives two starts: unchanged, and with its forces scaled by the ratio of the measured ones.
@@ -440,7 +440,7 @@ def _move_inside(box: Box, theta: Floats) -> Floats:
     return np.asarray(box.inside(np.clip(theta, box.lower, box.upper)))
 
 
-def _widened(searched: Box, box: Box) -> Box:
+def _widen_box(searched: Box, box: Box) -> Box:
     """The range that is searched, widened within the box."""
     bounds = {}
     for index, name in enumerate(searched.names):

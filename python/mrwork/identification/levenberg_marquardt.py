@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from mrwork.arguments import Count
 from mrwork.dampers.coordinates import Box
 from mrwork.errors import JournalError
-from mrwork.identification.objective import Objective, linearised
+from mrwork.identification.objective import Objective, linearise_residuals
 from mrwork.identification.residual import ObservedTest
 from mrwork.simulate import stiffness_shares
 from mrwork.values import Floats, holds_arrays
@@ -246,7 +246,7 @@ class _Linearisations:
             if np.array_equal(cached, latent):
                 return residuals, jacobian
         theta = np.asarray(self.box.theta_from_latent(latent))
-        (residuals,), (jacobian,) = linearised(self.objective, theta[None], self.box.free)
+        (residuals,), (jacobian,) = linearise_residuals(self.objective, theta[None], self.box.free)
         jacobian *= np.exp(self.box.log_slope(latent))[:, None]
         # Two, because after a rejected step the method evaluates the point before it again.
         self._cache = [(latent.copy(), residuals, jacobian), *self._cache[:1]]
@@ -456,6 +456,6 @@ def _linearise_rows(
         some = rows[at : at + _ROWS]
         theta = np.asarray(box.theta_from_latent(latent[some]))
         slope = np.exp(box.log_slope(latent[some]))
-        residuals, jacobian = linearised(objective, theta, box.free)
+        residuals, jacobian = linearise_residuals(objective, theta, box.free)
         jacobian *= slope[..., None]
         yield from zip(some.tolist(), residuals, jacobian, strict=True)

@@ -188,7 +188,7 @@ def search_starts(
         def advance(minima: LocalMinima) -> None:
             rounds.advance(minima)
             if on_iteration is not None:
-                on_iteration(rounds.found(""), min(len(rounds.best) / most, 1.0))
+                on_iteration(rounds.make_result(""), min(len(rounds.best) / most, 1.0))
 
         rounds.end(_descend(objective, box, starts, settings, earlier=rounds.misfits, on_iteration=advance))
 
@@ -198,7 +198,7 @@ def search_starts(
         number = settings.least_rounds
         while number <= settings.most_rounds:
             if rounds.ended:
-                given = rounds.crossed(samples, np.random.default_rng([rng, number]))
+                given = rounds.cross_samples(samples, np.random.default_rng([rng, number]))
                 wanted = settings.starts
             else:
                 given = samples[:0] if nested is None else nested
@@ -223,10 +223,10 @@ def search_starts(
                 break
             number += 1
         if mirrored and rounds.ended:
-            run_round(mirror(rounds.found("").theta[:1], mirrored))
+            run_round(mirror(rounds.make_result("").theta[:1], mirrored))
     except KeyboardInterrupt as interrupt:
-        raise Interrupted(rounds.found("interrupted"), "search") from interrupt
-    return rounds.found(reason)
+        raise Interrupted(rounds.make_result("interrupted"), "search") from interrupt
+    return rounds.make_result(reason)
 
 
 def mirror(theta: Floats, mirrored: tuple[int, ...]) -> Floats:
@@ -386,7 +386,7 @@ class _Rounds:
         unit = np.asarray(box.unit_from_theta(self.best_minimum))
         return bool(np.any((unit < ON_BOUND) | (unit > 1.0 - ON_BOUND)))
 
-    def crossed(self, samples: Floats, random: np.random.Generator) -> Floats:
+    def cross_samples(self, samples: Floats, random: np.random.Generator) -> Floats:
         """The best minimum with some of its parameters replaced by those of samples, shape (n_crossed, n_params)."""
         chosen = samples[random.integers(len(samples), size=_CROSSED)]
         return np.where(random.random(chosen.shape) < _REPLACED, chosen, self.best_minimum)
@@ -395,7 +395,7 @@ class _Rounds:
         """Number of local minimisations that ended at the least misfit."""
         return int(np.count_nonzero(np.array(self.misfits) <= (1.0 + closeness) * self.least))
 
-    def found(self, stop_reason: str) -> MultistartResult:
+    def make_result(self, stop_reason: str) -> MultistartResult:
         groups = [(minima.theta, minima.misfit) for minima in self.ended]
         if self.running is not None:
             groups.append((self.running.theta, self.running.misfit))

@@ -32,7 +32,7 @@ from mrwork.identification.fit import (
     SearchTrace,
 )
 from mrwork.identification.nuisance import NONE, Nuisance, NuisanceName
-from mrwork.identification.objective import Objective, linearised
+from mrwork.identification.objective import Objective, linearise_residuals
 from mrwork.identification.problem import Problem, provenance_of
 from mrwork.identification.residual import ObservedTest
 from mrwork.records import DamperTest, RecordedMotion
@@ -57,12 +57,12 @@ def free_run(
     `nuisances`: parameters that are estimated from the test itself before the comparison.
     """
     observed = ObservedTest.of(spec, test, nuisances)
-    force, nuisance, substeps = observed.predicted(theta, substep_factor=substep_factor)
+    force, nuisance, substeps = observed.predict_force(theta, substep_factor=substep_factor)
     return force, fit_quality(test, force, substeps=substeps, nuisance=nuisance)
 
 
 @contextmanager
-def explained_by(fit: Fit, test: DamperTest) -> Iterator[None]:
+def explain_failures(fit: Fit, test: DamperTest) -> Iterator[None]:
     """Add to a simulation that fails in the block what of the test lies outside the tested ranges of the fit."""
     try:
         yield
@@ -359,7 +359,7 @@ class Slopes:
     @classmethod
     def at(cls, objective: Objective, form: Form, theta: Floats) -> Slopes:
         """Simulate the tests once with derivatives; they give the residuals where no parameter is free."""
-        (residuals,), (by_free,) = linearised(objective, theta[None], form.box.free)
+        (residuals,), (by_free,) = linearise_residuals(objective, theta[None], form.box.free)
         return cls(objective=objective, form=form, theta=theta, residuals=residuals, by_free=by_free)
 
     @property

@@ -14,7 +14,7 @@ from mrwork.identification.equivalent import fitted_law, joint_box, plain_of, se
 from mrwork.identification.global_search import (
     OnSearch,
     StartingPoints,
-    interrupted_at,
+    make_interrupt,
     search_elite,
     trace_of_generations,
 )
@@ -134,5 +134,5 @@ def points_from_scaled_forces(
     try:
         theta = minima_from(objective, box, starts, mirrored=joint_form.mirrored, on_iteration=on_iteration)
     except KeyboardInterrupt as interrupt:
-        raise interrupted_at(starts[0], objective, joint_form, trace) from interrupt
+        raise make_interrupt(starts[0], objective, joint_form, trace) from interrupt
     return StartingPoints(objective=objective, form=joint_form, theta=theta, trace=trace, minima=True)

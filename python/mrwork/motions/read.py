@@ -33,12 +33,12 @@ from mrwork.motions.networks import (
     Stated,
     is_number,
     lines_of,
+    make_motion,
+    quote_text,
     read_numbers,
-    recorded,
     refuse_absurd,
     refuse_false_at2,
     refuse_needless,
-    shown,
 )
 from mrwork.store.input_file import RECORD, is_file, is_folder, start_of
 from mrwork.units import factor_of, factor_to_si, known_units
@@ -329,8 +329,8 @@ def _series(lines: Lines, first: int, delimiter: str, stated: Stated) -> GroundM
         )
     if delimiter == "," and all(_has_comma(text) for text in lines.texts[first:] if text.strip()):
         raise RecordError(
-            f"{lines.where(first)} holds '{shown(lines.at(first))}', two numbers or one with a decimal comma; write "
-            "decimal points, or one number a line"
+            f"{lines.where(first)} holds '{quote_text(lines.at(first))}', two numbers or one with a decimal comma; "
+            "write decimal points, or one number a line"
         )
     if delimiter != ",":
         lines = replace(lines, texts=tuple(text.replace(",", ".") for text in lines.texts))
@@ -340,7 +340,7 @@ def _series(lines: Lines, first: int, delimiter: str, stated: Stated) -> GroundM
     if len(lines.at(first).split()) == 2 and np.allclose(every_second, stated.dt, rtol=0.1):
         raise SettingError(f"{lines.path}: its first column runs as time does; leave out `dt`")
     factor = factor_to_si(stated.unit, "acceleration", context=f"{lines.path}: `unit`")
-    return recorded(
+    return make_motion(
         lines.path, dt=_step(stated.dt, lines.path), acceleration=factor * numbers, source="numbers"
     )
 

@@ -215,7 +215,7 @@ def choose_columns(
     chosen: dict[TestQuantity, ColumnChoice] = {}
     for name, specification in (columns or {}).items():
         quantity = _quantity(name)
-        chosen[quantity] = named.specified(quantity, specification)
+        chosen[quantity] = named.parse_specification(quantity, specification)
     taken = {choice.column for choice in chosen.values()}
     named = replace(named, free=tuple(name for name in names if name not in taken))
     unclear: list[_UnclearError] = []
@@ -262,7 +262,7 @@ class _Names:
     stamps: Collection[str]
     source: str
 
-    def specified(self, quantity: TestQuantity, specification: str) -> ColumnChoice:
+    def parse_specification(self, quantity: TestQuantity, specification: str) -> ColumnChoice:
         """The column that a ``"COLUMN:UNIT"`` or ``"COLUMN"`` names; without a unit it has that of the file."""
         column, unit = _parse_specification(quantity, specification)
         name = _find(column, self.names, self.source)

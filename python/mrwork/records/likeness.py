@@ -93,8 +93,8 @@ class RecordedMotion(Related):
             n_each = _samples_of_a_mean(displacement, test.dt)
             samples, means = _means(displacement, n_each), _means(force, n_each)
             step = test.dt * n_each
-        half_stroke, shape = _encoded(samples)
-        half_force, force_shape = _encoded(means)
+        half_stroke, shape = _encode_samples(samples)
+        half_force, force_shape = _encode_samples(means)
         varying = [command[settled] for command, _ in test.commands if isinstance(command, np.ndarray)]
         return cls(
             test=test.label,
@@ -111,26 +111,26 @@ class RecordedMotion(Related):
             force_mean=float(means.mean()),
             half_force=half_force,
             force_shape=force_shape,
-            commands=tuple(_encoded(_means(command, n_each))[1] for command in varying),
+            commands=tuple(_encode_samples(_means(command, n_each))[1] for command in varying),
         )
 
     def disagreement(self) -> str:
         """First contradiction: a motion without samples, or a force of another length."""
         for text in (self.shape, *self.commands):
-            if not _decoded(text).size:
+            if not _decode_samples(text).size:
                 return f"the motion of {self.test} has no samples"
-        if _decoded(self.force_shape).size != _decoded(self.shape).size:
+        if _decode_samples(self.force_shape).size != _decode_samples(self.shape).size:
             return f"the force of {self.test} has other samples than its motion"
         return ""
 
     @property
     def displacement(self) -> Floats:
         """The displacement about its mean [m], shape (n_samples,)."""
-        return self.half_stroke * _decoded(self.shape)
+        return self.half_stroke * _decode_samples(self.shape)
 
     @property
     def _force(self) -> Floats:
-        return self.force_mean + self.half_force * _decoded(self.force_shape)
+        return self.force_mean + self.half_force * _decode_samples(self.force_shape)
 
     def same_command(self, other: RecordedMotion) -> bool:
         """Whether the commands are equal; where one is unknown, whether the forces are of one size.
@@ -157,33 +157,34 @@ class RecordedMotion(Related):
         ]
         return all(known) if known else None
 
-    def _aligned(self, seen: RecordedMotion) -> _Alignment | None:
+    def _align_with(self, seen: RecordedMotion) -> _Alignment | None:
         """Motion and force aligned with the part of another test that contains most of the motion; `None` if none."""
         mine, other = (
-            np.stack([each.displacement, each._force, *map(_decoded, each.commands)]) for each in (self, seen)
+            np.stack([each.displacement, each._force, *map(_decode_samples, each.commands)])
+            for each in (self, seen)
         )
         if self.periodic and seen.periodic:
             periods = self.step * _PER_CYCLE, seen.step * _PER_CYCLE
             if abs(periods[0] - periods[1]) > _PERIOD * max(periods):
                 return None
             # In phases of the cycle, whose lengths may differ a little.
-            return _contained(mine, np.tile(other, 2), least=1.0, limit=_PERIODIC)
+            return _find_pattern(mine, np.tile(other, 2), least=1.0, limit=_PERIODIC)
         step = max(self.step, seen.step)
         if self.periodic:
             pattern = _at(np.tile(mine, 2), self.step, step)
-            return _contained(pattern, _at(other, seen.step, step), least=1.0, limit=_PERIODIC)
+            return _find_pattern(pattern, _at(other, seen.step, step), least=1.0, limit=_PERIODIC)
         own = _at(mine, self.step, step)
         if seen.periodic:
             n_cycles = int(_SHARE * self.displacement.size * self.step / (seen.step * _PER_CYCLE))
             cycles = np.tile(other, max(1, min(n_cycles, _CYCLES)))
-            found = _contained(_at(cycles, seen.step, step), own, least=1.0, limit=_PERIODIC)
+            found = _find_pattern(_at(cycles, seen.step, step), own, least=1.0, limit=_PERIODIC)
             return None if found is None else replace(found, one=found.other, other=found.one)
         record = _at(other, seen.step, step)
         least = _SHARE
         if seen.displacement.size == _MOST:
             # Of a longer motion only the first part is kept.
             least *= min(1.0, record.shape[1] / own.shape[1])
-        return _contained(own, record, least=least, limit=_IRREGULAR)
+        return _find_pattern(own, record, least=least, limit=_IRREGULAR)
 
 
 @holds_arrays
@@ -251,7 +252,7 @@ def likeness(test: RecordedMotion, seen: RecordedMotion) -> Likeness | None:
 def motion_likeness(test: RecordedMotion, seen: RecordedMotion) -> Likeness | None:
     """Likeness of two tests with the same motion, unless their commands are known to differ; `None` if unlike."""
     known = test._same_known_command(seen)
-    found = None if known is False else test._aligned(seen)
+    found = None if known is False else test._align_with(seen)
     if found is None:
         return None
     (stroke, force), (other_stroke, other_force) = found.one[:2], found.other[:2]
@@ -330,14 +331,14 @@ def _means(samples: Floats, n_each: int) -> Floats:
     return np.asarray(samples[: n_means * n_each].reshape(n_means, n_each).mean(axis=1))
 
 
-def _encoded(samples: Floats) -> tuple[float, str]:
+def _encode_samples(samples: Floats) -> tuple[float, str]:
     """Largest distance from the mean, and the samples about their mean in its unit as text."""
     about = samples - samples.mean()
     largest = max(float(np.max(np.abs(about))), 1e-12)
     return largest, base64.b64encode(np.round(_INT16 * about / largest).astype("<i2").tobytes()).decode()
 
 
-def _decoded(text: str) -> Floats:
+def _decode_samples(text: str) -> Floats:
     return np.frombuffer(base64.b64decode(text, validate=True), dtype="<i2").astype(np.float64) / _INT16
 
 
@@ -354,7 +355,7 @@ def _at(channels: Floats, step: float, wanted: float) -> Floats:
     return np.stack([np.interp(place, np.arange(n_samples), each) for each in channels])
 
 
-def _contained(pattern: Floats, record: Floats, *, least: float, limit: float) -> _Alignment | None:
+def _find_pattern(pattern: Floats, record: Floats, *, least: float, limit: float) -> _Alignment | None:
     """A pattern where it correlates best with a record, over all shifts; `None` below the limit.
 
     Both have displacement, force and any commands, shape (n, n_samples); the least correlation counts, not the force's.

@@ -24,14 +24,14 @@ def departures(found: Mapping[str, Any], file: Path) -> list[str]:
     except ValueError as reason:
         raise RecordError(f"{file}: is not TOML ({reason}); correct it there") from None
     try:
-        return list(_compared("", found, expected))
+        return list(_compare_values("", found, expected))
     except (KeyError, TypeError, AttributeError) as reason:
         raise RecordError(
             f"{file}: an entry is neither a value, a range nor a table ({reason}); correct it there"
         ) from None
 
 
-def _compared(path: str, found: Mapping[str, Any], expected: Mapping[str, Any]) -> Iterator[str]:
+def _compare_values(path: str, found: Mapping[str, Any], expected: Mapping[str, Any]) -> Iterator[str]:
     for name, below in expected.items():
         if name not in found:
             continue
@@ -41,7 +41,7 @@ def _compared(path: str, found: Mapping[str, Any], expected: Mapping[str, Any]) 
             if value != below:
                 yield f"{inner} is {value!r}, expected {below!r}"
         elif not {"least", "most", "value"} & below.keys():
-            yield from _compared(inner, value, below)
+            yield from _compare_values(inner, value, below)
         elif "value" in below:
             if not abs(value - below["value"]) <= below["tolerance"]:
                 yield f"{inner} is {value:.5g}, expected {below['value']:g} +- {below['tolerance']:g}"

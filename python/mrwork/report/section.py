@@ -31,7 +31,7 @@ OnDrawn = Callable[[PageProgress], None]
 """Receives the progress of a page."""
 
 
-def unobserved(_: PageProgress) -> None:
+def ignore_progress(_: PageProgress) -> None:
     """Ignore progress."""
 
 

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.errors import RecordError, reason_of
-from mrwork.escaping import escaped
+from mrwork.escaping import escape_text
 
 LEAST: Final = 96 << 20
 """Bytes that the contents of any file may take, however small it is: columns that do not change shrink a thousandfold.
@@ -38,7 +38,7 @@ _RATIO: Final = 10
 _MOST: Final = 1 << 30
 
 
-def allowed(size: int, *, least: int = LEAST) -> int:
+def compute_allowance(size: int, *, least: int = LEAST) -> int:
     """Bytes that the contents of a file of `size` bytes may take: 10 times its size, from `least` to 1 GiB."""
     return min(_MOST, max(least, _RATIO * size))
 
@@ -48,7 +48,7 @@ class Allowance:
 
     def __init__(self, path: Path, size: int, *, least: int = LEAST) -> None:
         self._path = path
-        self._whole = self._left = allowed(size, least=least)
+        self._whole = self._left = compute_allowance(size, least=least)
 
     def take(self, count: int, what: str) -> None:
         """Count the bytes of `what`."""
@@ -109,7 +109,7 @@ CANDIDATES: Final = FileKind(
 )
 
 
-def stored(verb: str, *, name: str = "a file of the run") -> FileKind:
+def make_stored_kind(verb: str, *, name: str = "a file of the run") -> FileKind:
     """The kind of the files that a verb of `mrwork` writes into a run folder."""
     return FileKind(name=name, largest=256 * _MIB, remedy=f"move it away, and run `mrwork {verb}` again")
 
@@ -236,7 +236,7 @@ def read_arrays(path: Path, kind: FileKind) -> dict[str, NDArray[Any]]:
                 raise ValueError("it claims more numbers than such a file has")
             return {each.filename.removesuffix(".npy"): _array(archive.read(each)) for each in members}
     except Exception as reason:  # the libraries raise whatever a damaged file leads them to
-        raise RecordError(escaped(f"{path} is damaged ({reason_of(reason)}); {kind.remedy}")) from None
+        raise RecordError(escape_text(f"{path} is damaged ({reason_of(reason)}); {kind.remedy}")) from None
 
 
 def finite_numbers(arrays: Mapping[str, NDArray[Any]], name: str) -> NDArray[np.float64]:

@@ -83,7 +83,7 @@ class Journal:
         self._own = False
         self._synced, self._pause = 0.0, 0.0
         if resume:
-            self._recorded = self._opened(note)
+            self._recorded = self._open_file(note)
         self._began = time.perf_counter() - self.seconds_before
 
     @property
@@ -260,7 +260,7 @@ class Journal:
             f"{step}: the program or the machine has changed since; run again without --resume"
         )
 
-    def _opened(self, note: Callable[[str], None] | None) -> list[dict[str, Any]]:
+    def _open_file(self, note: Callable[[str], None] | None) -> list[dict[str, Any]]:
         if self.path.parent.is_dir():
             self._take_lock()
         try:

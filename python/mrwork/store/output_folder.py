@@ -40,8 +40,8 @@ from mrwork.store.run_folder import (
     RunKind,
     kind_of,
     part_of,
+    read_manifest_if_whole,
     real_place,
-    stated_in,
 )
 from mrwork.summary import listed
 
@@ -99,7 +99,7 @@ class Destination:
             "choose another folder, or give --replace"
         )
 
-    def kept(self) -> list[Path]:
+    def list_user_files(self) -> list[Path]:
         """Files and folders of the user at the destination, which are kept."""
         run = self.run()
         return [] if run is None else run.of_user()
@@ -122,7 +122,7 @@ class Destination:
                 f"{self.path} holds files but no {MANIFEST}, so it is not a run folder and is left as it is; "
                 "choose another folder"
             )
-        manifest = stated_in(place / MANIFEST)
+        manifest = read_manifest_if_whole(place / MANIFEST)
         kind = kind_of(manifest)
         if kind is None:
             raise OutputError(
@@ -157,12 +157,12 @@ class FolderOfRun:
 
     def additions(self) -> list[str]:
         """Files that were added to those of the verb."""
-        written = {*self._listed(), *self.kind.redrawn, MANIFEST}
+        written = {*self._read_digests(), *self.kind.redrawn, MANIFEST}
         return [name for name in self.files() if name not in written]
 
     def changes(self) -> list[str]:
         """Files of the verb that are not as it has written them."""
-        listed = self._listed()
+        listed = self._read_digests()
         of_manifest = listed.get(MANIFEST) != _digest_of_manifest(self.manifest)
         others = [name for name in self.files() if name in listed and name != MANIFEST]
         return [
@@ -170,13 +170,13 @@ class FolderOfRun:
             *(name for name in others if self._differs(name, listed[name])),
         ]
 
-    def _listed(self) -> Mapping[str, Any]:
+    def _read_digests(self) -> Mapping[str, Any]:
         """Digests of the files of the verb; none where the manifest has no list of them."""
         listed = self.manifest.get(_FILES)
         return listed if isinstance(listed, Mapping) else {}
 
     def _entries(self) -> frozenset[str]:
-        listed = {name.partition("/")[0] for name in self._listed()}
+        listed = {name.partition("/")[0] for name in self._read_digests()}
         return self.kind.entries | self.taken | listed
 
     def _differs(self, name: str, digest: object) -> bool:
@@ -315,7 +315,7 @@ def write_folder(
             fresh = beside / _NEW
             fresh.mkdir()
             digests = _fill(fresh, contents, copied, linked or {}, folders)
-            _keep(destination.kept(), fresh)
+            _keep(destination.list_user_files(), fresh)
             # Last, so that no file of the run is newer.
             (fresh / MANIFEST).write_bytes(complete_manifest(manifest, destination.kind, digests))
             if flush:

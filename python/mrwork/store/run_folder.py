@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import Any, Final
 
 from mrwork.errors import RecordError
-from mrwork.escaping import escaped
+from mrwork.escaping import escape_text
 from mrwork.store.codec import finite, parsed
-from mrwork.store.input_file import is_there, stored, text_of
+from mrwork.store.input_file import is_there, make_stored_kind, text_of
 from mrwork.store.parse import json_value
 
 MANIFEST = "manifest.json"
@@ -118,7 +118,7 @@ def is_part(path: Path) -> bool:
     return path.name.endswith(_PART) and path.is_dir()
 
 
-def begun_of(kept: Path) -> Path:
+def name_unfinished(kept: Path) -> Path:
     """Path of an unfinished journal, which is moved to `kept` when it is complete."""
     return kept.with_name(kept.name + _PART)
 
@@ -129,7 +129,7 @@ _SHOWN: Final = 40
 
 def read_manifest(place: Path, *, verb: str) -> Mapping[str, Any] | None:
     """Content of the manifest of the folder at `place`, `None` where there is none; `verb` names the writing verb."""
-    path, kind = place / MANIFEST, stored(verb, name="the manifest")
+    path, kind = place / MANIFEST, make_stored_kind(verb, name="the manifest")
     if not is_there(path, kind):
         return None
     stated = parsed(text_of(path, kind), origin=str(path), verb=verb)
@@ -138,10 +138,10 @@ def read_manifest(place: Path, *, verb: str) -> Mapping[str, Any] | None:
     return stated
 
 
-def stated_in(manifest: Path) -> Mapping[str, Any]:
+def read_manifest_if_whole(manifest: Path) -> Mapping[str, Any]:
     """Content of a manifest; empty where the manifest is damaged."""
     try:
-        stated = json_value(text_of(manifest, stored("identify", name="the manifest")))
+        stated = json_value(text_of(manifest, make_stored_kind("identify", name="the manifest")))
     except (RecordError, ValueError):
         return {}
     return stated if isinstance(stated, Mapping) else {}
@@ -159,7 +159,7 @@ def check_manifest(
             shown = repr(stated[name])
             cut = f"{shown[:_SHOWN]}…" if len(shown) > _SHOWN else shown
             raise RecordError(
-                escaped(
+                escape_text(
                     f"{place / MANIFEST} is of another run than {file} beside it: its {name} is {cut}; "
                     f"restore the one that was written with it, or run `mrwork {verb}` again"
                 )

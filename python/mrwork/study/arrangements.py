@@ -257,7 +257,7 @@ def _range(table: DamperTable, name: str, given: tuple[float, ...] | None) -> tu
 def _baseline(baseline: BaselineTable, table: StudyTable, bare: Building, folder: Path) -> Arrangement:
     where = baseline.place.within("building")
     with where.prefixed(SettingError):
-        changed = table.building.changed_by(baseline.building).build(folder)
+        changed = table.building.override_with(baseline.building).build(folder)
     missing = [
         name
         for name in (*bare.floor_names, *bare.storey_names)

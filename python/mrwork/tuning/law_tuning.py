@@ -298,14 +298,14 @@ def tune_law(plan: LawPlan, benches: Benches, basis: Basis, *, rng: int, report:
     """Tune a law and judge it."""
     began = time.perf_counter()
     table = plan.table
-    bench = benches.searched(robust=table.robust)
+    bench = benches.select_search_bench(robust=table.robust)
     firsts = first_candidates(plan.space, basis)
     if not plan.space.continuous:
         firsts = [FirstCandidate(candidate=each, origin="all levels") for each in plan.space.every()]
     candidates = tuple(each.candidate for each in firsts)
     inputs = digest_of(plan.label, candidates)
     scores = bench.recall_or_score("first candidates", inputs, plan.objective, plan.law, candidates)
-    best, least = scores.best, float(scores.penalised[scores.best])
+    best, least = scores.best, float(scores.penalised_scores[scores.best])
     chosen, origin = firsts[best].candidate, firsts[best].origin
     trace = [TracePoint(candidates=len(candidates), least=least)]
     report(len(candidates), least)
@@ -386,7 +386,7 @@ def _finish(plan: LawPlan, bench: Bench, benches: Benches, chosen: LawCandidate)
     inputs = digest_of(plan.label, candidate)
     scores = bench.recall_or_score("finish", inputs, plan.objective, plan.law, [candidate])
     return _FinishedCandidate(
-        candidate=candidate, misfit=float(scores.penalised[0]), gradients=point.gradients
+        candidate=candidate, misfit=float(scores.penalised_scores[0]), gradients=point.gradients
     )
 
 
@@ -408,10 +408,10 @@ def _search(
         fresh = {key: each for key, each in zip(keys, asked, strict=True) if key not in known}
         if fresh:
             found = score_candidates(bench, plan.objective, plan.law, list(fresh.values()))
-            known.update(zip(fresh, found.penalised.tolist(), strict=True))
+            known.update(zip(fresh, found.penalised_scores.tolist(), strict=True))
         return np.array([known[key] for key in keys])
 
-    order = np.argsort(scores.penalised, kind="stable")
+    order = np.argsort(scores.penalised_scores, kind="stable")
     starts = [unit for index in order if (unit := space.unit(firsts[int(index)])) is not None]
     n_params = len(space.free)
     optimiser = _optimiser(table, n_params, starts[0] if starts else None)
@@ -456,7 +456,7 @@ def _optimiser(table: TuneTable, n_params: int, best: Floats | None) -> Optimise
 def front_of(plan: LawPlan, benches: Benches, basis: Basis, *, rng: int, report: Report) -> Front:
     """Search the front of a law on the training motions, and evaluate its points on the test motions."""
     table, space = plan.table, plan.space
-    bench = benches.searched(robust=table.robust)
+    bench = benches.select_search_bench(robust=table.robust)
     parts = [replace(plan.objective, weights={name: 1.0}) for name in table.objectives]
 
     def objectives(units: Floats) -> Floats:
@@ -479,7 +479,7 @@ def front_of(plan: LawPlan, benches: Benches, basis: Basis, *, rng: int, report:
     )
     candidates = list(distinct([space.candidate(unit) for unit in found.units]))
     train = _evaluate(bench, plan, parts, candidates)
-    testing = benches.tested(robust=table.robust)
+    testing = benches.select_test_bench(robust=table.robust)
     test = None if testing is None else _evaluate(testing, plan, parts, candidates)
     points = [
         FrontPoint(

@@ -193,14 +193,14 @@ class Scores(Summarised):
         return self.objective.shape
 
     @property
-    def penalised(self) -> Floats:
+    def penalised_scores(self) -> Floats:
         """Objective plus `PENALTY` times the relative violation of the limits, which a search minimises."""
         return np.asarray(self.objective + PENALTY * self.violation)
 
     @property
     def best(self) -> int:
         """The candidate of the least penalised objective; the first of equal ones."""
-        return int(np.argmin(self.penalised))
+        return int(np.argmin(self.penalised_scores))
 
 
 def score_candidates(
@@ -282,11 +282,11 @@ class Benches(Summarised):
     training_varied: Bench | None
     testing_varied: Bench | None
 
-    def searched(self, *, robust: bool) -> Bench:
+    def select_search_bench(self, *, robust: bool) -> Bench:
         """The bench on which candidates are scored."""
         return self.training_varied if robust and self.training_varied is not None else self.training
 
-    def tested(self, *, robust: bool) -> Bench | None:
+    def select_test_bench(self, *, robust: bool) -> Bench | None:
         """The bench with the test motions on which points of a front are judged."""
         return self.testing_varied if robust and self.testing_varied is not None else self.testing
 
@@ -311,10 +311,12 @@ class Benches(Summarised):
     ) -> tuple[TuningJudgement, TuningJudgement | None]:
         """A candidate on the training and on the test motions; bands are of the test motions, if there are any."""
         wide = self.training_varied if robust or self.testing is None else None
-        train = self._judged(self.training, wide, law, candidate, objective, robust)
+        train = self._judge_candidate(self.training, wide, law, candidate, objective, robust)
         if self.testing is None:
             return train, None
-        return train, self._judged(self.testing, self.testing_varied, law, candidate, objective, robust)
+        return train, self._judge_candidate(
+            self.testing, self.testing_varied, law, candidate, objective, robust
+        )
 
     def demands(
         self, law: str, candidate: LawCandidate, label: str
@@ -334,7 +336,7 @@ class Benches(Summarised):
             for number, run in runs
         }
 
-    def _judged(
+    def _judge_candidate(
         self,
         bench: Bench,
         wide: Bench | None,

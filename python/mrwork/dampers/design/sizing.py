@@ -106,7 +106,7 @@ class DamperWishes(Summarised):
     @checked
     def missed(self, design: DamperDesign) -> dict[str, float]:
         """Relative shortfall of a design for each wish that it does not meet."""
-        return missed_with(self, design, rated_forces(design))
+        return find_misses(self, design, rated_forces(design))
 
 
 def rated_forces(design: DamperDesign, flow_model: FlowModel = "annulus") -> tuple[float, float]:
@@ -116,7 +116,7 @@ def rated_forces(design: DamperDesign, flow_model: FlowModel = "annulus") -> tup
     return on, off
 
 
-def missed_with(wishes: DamperWishes, design: DamperDesign, forces: tuple[float, float]) -> dict[str, float]:
+def find_misses(wishes: DamperWishes, design: DamperDesign, forces: tuple[float, float]) -> dict[str, float]:
     """Unmet wishes of a design with these `rated_forces`, see `DamperWishes.missed`."""
     on, off = forces
     shortfalls = {
@@ -317,7 +317,7 @@ def _harder_wishes(wishes: DamperWishes) -> DamperWishes:
 
 def _shortfall(harder: DamperWishes, design: DamperDesign, forces: tuple[float, float]) -> float:
     """Sum of the shortfalls of a design with these forces between parallel plates against `_harder_wishes`."""
-    return sum(missed_with(harder, design, forces).values())
+    return sum(find_misses(harder, design, forces).values())
 
 
 def _misfit(design: DamperDesign | None, harder: DamperWishes) -> float:
@@ -447,7 +447,7 @@ def size_front(
         units, values = units[kept], values[kept]
         return found
 
-    def built(points: Floats) -> SizeFront | None:
+    def make_front(points: Floats) -> SizeFront | None:
         return _front([candidate(unit, wishes, fluid, steel) for unit in points], wishes, tried)
 
     try:
@@ -484,10 +484,10 @@ def size_front(
                 starts=first.best_unit[None],
                 on_generation=on_generation,
             )
-        found = built(units)
+        found = make_front(units)
     except KeyboardInterrupt as interrupt:
         least = units[values[:, 0].argmin()][None] if len(units) else units
-        raise Interrupted(built(least), "front") from interrupt
+        raise Interrupted(make_front(least), "front") from interrupt
     if found is None:
         raise SettingError(
             f"no damper with {fluid.name} meets the wishes after {tried} candidates; size_damper says what is missed"
@@ -504,7 +504,7 @@ def _front(
         if design is None:
             continue
         on, off = forces = rated_forces(design)
-        if not missed_with(wishes, design, forces):
+        if not find_misses(wishes, design, forces):
             met.append(design)
             values.append((design.envelope_volume, -on / off, design.power))
     if not met:

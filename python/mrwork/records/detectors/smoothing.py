@@ -114,7 +114,7 @@ def smoothing_of(test: DamperTest, frequency: float) -> Smoothing | None:
         ("force", test.force),
         ("displacement", test.displacement),
     )
-    windows = {name: averaged_over(samples) for name, samples in channels}
+    windows = {name: detect_average(samples) for name, samples in channels}
     period = round(1.0 / (frequency * test.dt))
     for name, n_window in windows.items():
         if n_window is not None and n_window > _LONGEST * period:
@@ -122,7 +122,7 @@ def smoothing_of(test: DamperTest, frequency: float) -> Smoothing | None:
     if len(set(windows.values())) > 1:
         # A pulse in every cycle has the spectrum of an average; the difference between cycles does not contain it.
         for name, samples in channels:
-            if averaged_over(samples[period:] - samples[:-period]) != windows[name]:
+            if detect_average(samples[period:] - samples[:-period]) != windows[name]:
                 windows[name] = None
     seen = [n_window for n_window in windows.values() if n_window is not None]
     if not seen:
@@ -154,7 +154,7 @@ def smoothing_finding(test: DamperTest, motion: SmoothMotion) -> tuple[Finding, 
     return (Finding.warning("moving_average", message, action=action, measured=measured),)
 
 
-def averaged_over(samples: Floats) -> int | None:
+def detect_average(samples: Floats) -> int | None:
     """Window in samples of a moving average applied to a signal, shape (n_time,); `None` if there is none.
 
     A moving average over w samples multiplies the spectrum by sin(pi f w dt) / (w sin(pi f dt)), which is

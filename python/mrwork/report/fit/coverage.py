@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from mrwork import numbers
-from mrwork.escaping import escaped
+from mrwork.escaping import escape_text
 from mrwork.numbers import percent
 from mrwork.records import DamperTest
 from mrwork.report import style
@@ -67,7 +67,7 @@ def coverage_figure(rows: list[dict[float, LeftOutCoverage]], names: list[str]) 
         covered = [100 * row[level].samples.coverage for row in rows]
         label = f"{100 * level:.0f} %"
         draw_points(axes, covered, range(len(rows)), size=5.5, colour=_COLOURS[level], label=label)
-    axes.set_yticks(range(len(rows)), list(map(escaped, names)))
+    axes.set_yticks(range(len(rows)), list(map(escape_text, names)))
     axes.set_ylim(len(rows) - 0.4, -0.6)
     axes.set_xlim(0, 102)
     axes.set_xlabel("Samples inside (%)")
@@ -177,7 +177,11 @@ def _cells(row: dict[float, LeftOutCoverage]) -> list[float]:
 
 def _texts(values: list[float]) -> list[str]:
     *shares, width, score = values
-    return [*(percent(share) for share in shares), numbers.fixed(width, 3), numbers.fixed(score, 3)]
+    return [
+        *(percent(share) for share in shares),
+        numbers.format_fixed(width, 3),
+        numbers.format_fixed(score, 3),
+    ]
 
 
 def _mean(values: tuple[float, ...]) -> float:

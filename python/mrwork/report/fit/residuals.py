@@ -196,18 +196,20 @@ def _table(comparisons: Sequence[Comparison], found: Sequence[ResidualTests]) ->
         "Tests of the residuals",
         (
             TableColumn(heading="test", cell=lambda row: row[0].test.name),
-            column("lag-1 autocorr.", lambda each: numbers.fixed(each.lag_one, 3)),
+            column("lag-1 autocorr.", lambda each: numbers.format_fixed(each.lag_one, 3)),
             column("Ljung-Box p", lambda each: probability(each.ljung_box_p)),
             column(
                 "effective samples",
-                lambda each: f"{numbers.fixed(each.n_effective, 0)} of {numbers.fixed(each.n_time, 0)}",
+                lambda each: (
+                    f"{numbers.format_fixed(each.n_effective, 0)} of {numbers.format_fixed(each.n_time, 0)}"
+                ),
             ),
             column("repeats each cycle", lambda each: percent(each.repeating), unit="%"),
             column("RMS after steps / elsewhere", lambda each: _ratio(each.after_steps)),
             column("RMS at reversals / elsewhere", lambda each: _ratio(each.at_reversals)),
             column("Breusch-Pagan p", lambda each: probability(each.breusch_pagan_p)),
-            column("RMS fast / slow", lambda each: numbers.fixed(each.fast_to_slow, 2)),
-            column("excess kurtosis", lambda each: numbers.fixed(each.excess, 1)),
+            column("RMS fast / slow", lambda each: numbers.format_fixed(each.fast_to_slow, 2)),
+            column("excess kurtosis", lambda each: numbers.format_fixed(each.excess, 1)),
         ),
         zip(comparisons, found, strict=True),
         note=f"Ljung-Box p: probability that white noise shows at least this autocorrelation over {LAGS} lags. "
@@ -223,9 +225,9 @@ def _table(comparisons: Sequence[Comparison], found: Sequence[ResidualTests]) ->
 
 def _ratio(found: Excess) -> str:
     if np.isnan(found.p):
-        return numbers.fixed(None, 2)
+        return numbers.format_fixed(None, 2)
     p = probability(found.p)
-    return f"{numbers.fixed(found.ratio, 2)} (p {p if p.startswith('<') else f'= {p}'})"
+    return f"{numbers.format_fixed(found.ratio, 2)} (p {p if p.startswith('<') else f'= {p}'})"
 
 
 def _panels(

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from mrwork.closed_loop.responses import axis_of
-from mrwork.numbers import NOTHING, fixed, significant
+from mrwork.numbers import NOTHING, format_fixed, significant
 from mrwork.report import style
 from mrwork.report.canvas import (
     column_axes,
@@ -412,8 +412,8 @@ def _spread_in_words(comparison: StudyComparison) -> str:
     if leading is not None and math.isfinite(results.score(leading)):
         spread = results.spread(leading)
         parts.append(
-            f"the score of {results.rows[leading].label} is {fixed(spread.mean, 3)}, under single motions "
-            f"{fixed(spread.least, 3)} to {fixed(spread.most, 3)}"
+            f"the score of {results.rows[leading].label} is {format_fixed(spread.mean, 3)}, under single motions "
+            f"{format_fixed(spread.least, 3)} to {format_fixed(spread.most, 3)}"
         )
         better = None if passive in (None, leading) else times_better(results, leading, passive)
         if better is not None and passive is not None:
@@ -431,13 +431,13 @@ def _spread_table(comparison: StudyComparison, rows: list[int]) -> Table:
     def better(row: int, *names: str) -> str:
         if passive is None or row == passive:
             return NOTHING
-        return fixed(times_better(results, row, passive, names), 0)
+        return format_fixed(times_better(results, row, passive, names), 0)
 
     cells = tuple(
         (
             results.rows[row].label,
             *(
-                fixed(number, 3)
+                format_fixed(number, 3)
                 for number in (
                     spreads[row].mean,
                     spreads[row].least,
@@ -480,11 +480,11 @@ def _group_table(results: StudyResults, rows: list[int]) -> Table:
         label="Score under groups of motions",
         columns=("", *(f"{group.name[:1].upper()}{group.name[1:]}" for group in groups)),
         rows=(
-            ("Motions", *(fixed(len(group.motions), 0) for group in groups)),
+            ("Motions", *(format_fixed(len(group.motions), 0) for group in groups)),
             *(
                 (
                     results.rows[row].label,
-                    *(fixed(results.score_under(row, group.motions), 3) for group in groups),
+                    *(format_fixed(results.score_under(row, group.motions), 3) for group in groups),
                 )
                 for row in rows
             ),

@@ -14,7 +14,7 @@ from types import MappingProxyType
 import numpy as np
 
 from mrwork.closed_loop.evaluation import SCORE, Criterion, criterion
-from mrwork.numbers import NOTHING, fixed, significant
+from mrwork.numbers import NOTHING, format_fixed, significant
 from mrwork.report.section import Group, Section
 from mrwork.study.comparison import (
     LAWS,
@@ -199,7 +199,7 @@ def _ratio_table(
     note: str,
     headings: Mapping[int, str] = MappingProxyType({}),
 ) -> Table:
-    cells = [[fixed(number, _DECIMALS) for number in column] for column in columns]
+    cells = [[format_fixed(number, _DECIMALS) for number in column] for column in columns]
     return Table(
         label=label,
         columns=("", *first, *(criterion(name).short for _ in _AGAINST for name in _RATIOS)),
@@ -327,7 +327,7 @@ def change_table(comparison: StudyComparison, reference: int, shown: Collection[
 
 def signed_percent(change: float) -> str:
     """A change in whole per cent, with its sign."""
-    text = fixed(100.0 * change, 0)
+    text = format_fixed(100.0 * change, 0)
     return f"+{text}" if rounds_to_increase(change) else text
 
 
@@ -350,7 +350,7 @@ def _worse_laws(comparison: StudyComparison, reference: int, *, several: bool) -
     counts = comparison.worse_counts(reference)
     return (
         f"Control laws that are worse, of {laws}",
-        *(fixed(counts[entry.name], 0) for entry in compared_quantities()),
+        *(format_fixed(counts[entry.name], 0) for entry in compared_quantities()),
         *([""] if several else []),
     )
 
@@ -379,4 +379,4 @@ def band_section(
 def _band(band: RealisationBand | None) -> str:
     if band is None:
         return NOTHING
-    return f"{fixed(band.median, 3)} ({fixed(band.lower, 3)}–{fixed(band.upper, 3)})"
+    return f"{format_fixed(band.median, 3)} ({format_fixed(band.lower, 3)}–{format_fixed(band.upper, 3)})"

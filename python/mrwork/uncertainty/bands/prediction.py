@@ -16,7 +16,7 @@ from mrwork.identification.fit import Fit
 from mrwork.identification.nuisance import NuisanceName
 from mrwork.identification.problem import prediction_warning
 from mrwork.identification.residual import ObservedTest
-from mrwork.identification.result import explained_by
+from mrwork.identification.result import explain_failures
 from mrwork.records import DamperTest, Likeness, RecordedMotion
 from mrwork.records.damper_test import same_commands
 from mrwork.records.likeness import alike_groups, likenesses_in_words, likest
@@ -165,8 +165,8 @@ def _predict_test(
 ) -> Prediction:
     test = fit.observed(test)
     observed = ObservedTest.of(fit.spec, test, fit.nuisances if nuisances is None else nuisances)
-    with explained_by(fit, test):
-        force, _, _ = observed.predicted(np.array(fit.theta))
+    with explain_failures(fit, test):
+        force, _, _ = observed.predict_force(np.array(fit.theta))
     return Prediction(test=test, model_force=force, seen=fit.seen(test), outside=fit.outside(test, force))
 
 

@@ -196,7 +196,7 @@ class RunningComparison:
         model, settings = family.spec.name, replace(self.settings, bounds=family.bounds)
         made: list[Fit] = []
 
-        def identified(tests: tuple[DamperTest, ...]) -> Fit:
+        def identify_tests(tests: tuple[DamperTest, ...]) -> Fit:
             fold = len(made)
             step, task = (
                 (f"left_out_{fold}", f"left out {fold} of {self.n_folds}") if fold else ("fit", "all tests")
@@ -223,8 +223,8 @@ class RunningComparison:
         left_out: tuple[float, ...] = ()
         reason = ""
         try:
-            identified(self.tests)
-            left_out = held_out_errors(self.tests, self.leave_out, identified)
+            identify_tests(self.tests)
+            left_out = held_out_errors(self.tests, self.leave_out, identify_tests)
         except (JournalError, OutputError):
             raise
         except MrworkError as error:
@@ -248,7 +248,7 @@ class RunningComparison:
         """PSIS-LOO of every identified family, on the same blocks and with the same tempering."""
         if not self.fits:
             return
-        shared = likelihood.shared(list(self.fits.values()), self.tests)
+        shared = likelihood.share_settings(list(self.fits.values()), self.tests)
         found: dict[str, Evidence] = {}
         for number, family in enumerate(self.compared, start=1):
             fit = self.fits.get(family.spec.name)

@@ -124,7 +124,7 @@ class FoldedTests:
 
         def fill(index: int, threads: int) -> None:
             each = replace(self.observed[index], spec=spec)
-            residuals, jacobian, failed = each.linearised(theta, box.free, threads=threads)
+            residuals, jacobian, failed = each.linearise_residuals(theta, box.free, threads=threads)
             residuals *= each.weight(1)
             jacobian *= each.weight(1) * slope[..., None]
             squared[:, index] = np.einsum("bt,bt->b", residuals, residuals)
@@ -296,7 +296,7 @@ class LawSearch:
                 return False
         return True
 
-    def started_from(self, tried: TriedLaws) -> tuple[FittedLaws, Start]:
+    def make_start(self, tried: TriedLaws) -> tuple[FittedLaws, Start]:
         """The candidate of these laws, and the start that its fit to all tests is."""
         candidate = next(each for each in self.found if each.tried.laws == tried.laws)
         return candidate, dict(zip(candidate.spec.names, candidate.fit.theta[0].tolist(), strict=True))
@@ -363,12 +363,12 @@ class LawSearch:
                 move_box.latent_from_theta(self._transfer_starts(current, move_spec, move_box)[:1])
             )
 
-            def lifted(rows: Array, move_spec: DamperSpec = move_spec, move_box: Box = move_box) -> Array:
+            def lift_rows(rows: Array, move_spec: DamperSpec = move_spec, move_box: Box = move_box) -> Array:
                 theta = np.asarray(move_box.theta_from_latent(rows))
                 inside = [with_other_laws(move_spec, row, spec, self.commands) for row in theta]
                 return np.asarray(box.latent_from_theta(box.inside(np.clip(inside, box.lower, box.upper))))
 
-            moved = lifted(np.concatenate([start, start + _SMALL * np.eye(start.shape[1])]))
+            moved = lift_rows(np.concatenate([start, start + _SMALL * np.eye(start.shape[1])]))
             away, along = moved[0] - latent[0], (moved[1:] - moved[0]).T / _SMALL
             step = away + along @ _best_step(along.T @ matrix @ along, along.T @ (gradient + matrix @ away))
             after = squared + 2.0 * float(gradient @ step) + float(step @ matrix @ step)

@@ -18,7 +18,7 @@ from mrwork.dampers.spec import damper
 from mrwork.errors import SettingError
 from mrwork.identification.fit import NEGLIGIBLE, Fit
 from mrwork.identification.result import MANY, BuildingCost
-from mrwork.numbers import fixed, rounded
+from mrwork.numbers import format_fixed, format_rounded
 from mrwork.records import DamperTest
 from mrwork.store.codec import Related
 from mrwork.summary import Summarised, Summary, listed
@@ -183,23 +183,23 @@ class Standing:
 
 
 def _with_error(value: float | None, error: float | None, decimals: int) -> str:
-    text = fixed(value, decimals)
-    return text if value is None or not error else f"{text} ± {fixed(error, decimals)}"
+    text = format_fixed(value, decimals)
+    return text if value is None or not error else f"{text} ± {format_fixed(error, decimals)}"
 
 
 _MODEL = TableColumn(heading="model", cell=lambda each: each.model)
 _TITLE = TableColumn(heading="model", cell=lambda each: each.title)
 _COLUMNS = (
     TableColumn(heading="parameters", cell=lambda each: str(each.n_params)),
-    TableColumn(heading="fit %", cell=lambda each: fixed(each.fit_percent, 2)),
+    TableColumn(heading="fit %", cell=lambda each: format_fixed(each.fit_percent, 2)),
     TableColumn(heading="left-out fit %", cell=lambda each: each.left_out_in_words),
     TableColumn(
         heading="behind, points",
         cell=lambda each: _with_error(each.left_out_behind, each.left_out_behind_error, 2),
     ),
     TableColumn(heading="Δ ELPD", cell=lambda each: _with_error(each.elpd_behind, each.elpd_behind_error, 1)),
-    TableColumn(heading="Δ BIC", cell=lambda each: fixed(each.bic_behind, 1)),
-    TableColumn(heading="seconds", cell=lambda each: fixed(each.seconds, 1)),
+    TableColumn(heading="Δ BIC", cell=lambda each: format_fixed(each.bic_behind, 1)),
+    TableColumn(heading="seconds", cell=lambda each: format_fixed(each.seconds, 1)),
     TableColumn(heading="remark", cell=lambda each: each.remark, words=True),
 )
 
@@ -353,8 +353,8 @@ class Ranking(Summarised, Related):
                 (
                     each.model,
                     str(each.n_params),
-                    rounded(each.fit_percent),
-                    rounded(each.left_out_percent),
+                    format_rounded(each.fit_percent),
+                    format_rounded(each.left_out_percent),
                     each.verdict,
                     each.reason,
                 )

@@ -261,7 +261,7 @@ def _power(name: str, exponent: int) -> str:
     return name if exponent == 1 else f"{name}^{exponent}"
 
 
-def listed(parts: Sequence[str]) -> str:
+def join_parts(parts: Sequence[str]) -> str:
     """Enumeration such as "a, b and c"."""
     return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}"
 
@@ -340,14 +340,14 @@ def _unidentifiable_direction(
         sentence = f"the residuals do not depend on {changes[0].name}"
     else:
         combinations = simple_combinations(changes)
-        only = f"; combinations such as {listed(combinations)} can be identified" if combinations else ""
+        only = f"; combinations such as {join_parts(combinations)} can be identified" if combinations else ""
         sentence = (
-            f"{listed([each.name for each in changes])} cannot be distinguished: {_joint_change(changes)} "
+            f"{join_parts([each.name for each in changes])} cannot be distinguished: {_joint_change(changes)} "
             f"does not change the force{only}"
         )
     kept = [each.name for each in changes if each.name in held]
     if kept:
-        sentence += f"; {listed(kept)} was held fixed for this reason"
+        sentence += f"; {join_parts(kept)} was held fixed for this reason"
     return Direction(
         changes=changes, effect=_effect(changes, jacobian, scales), seen=False, sentence=sentence
     )
@@ -370,7 +370,7 @@ def _weak_directions(cov: Array, jacobian: Array, scales: Sequence[ParameterScal
         names = [each.name for each in scales]
         in_order = sorted(changes, key=lambda change: names.index(change.name))
         combinations = simple_combinations(in_order, within=_APPROXIMATE)
-        better = f"; {listed(combinations)} is better identifiable" if combinations else ""
+        better = f"; {join_parts(combinations)} is better identifiable" if combinations else ""
         along = float(np.sqrt(variance)) * abs(vector[largest])
         sentence = (
             f"{_joint_change(changes)} changes the force by no more than {100.0 * effect:.1g} % of its deviation, so "
@@ -382,7 +382,7 @@ def _weak_directions(cov: Array, jacobian: Array, scales: Sequence[ParameterScal
 
 def _joint_change(changes: Sequence[ParameterChange]) -> str:
     first, *rest = [each.in_words for each in changes]
-    return f"{first} with {listed(rest)}" if rest else first
+    return f"{first} with {join_parts(rest)}" if rest else first
 
 
 def _effect(changes: Sequence[ParameterChange], jacobian: Array, scales: Sequence[ParameterScale]) -> float:
@@ -407,7 +407,7 @@ def _verdict(
         ]
         reason = "the residuals do not depend on it"
         if others and np.any(jacobian[:, number] != 0.0):
-            reason = f"identifiable only in combination with {listed(others)}"
+            reason = f"identifiable only in combination with {join_parts(others)}"
         return Verdict(name=scale.name, verdict="not identifiable", standard_error=None, reason=reason)
     error = float(np.sqrt(cov[number, number]))
     found = judge_error(error * scale.size, scale)

@@ -18,7 +18,7 @@ from mrwork.identification.fit import Fit
 from mrwork.identification.nuisance import NuisanceName, without_nuisance
 from mrwork.identification.problem import Problem
 from mrwork.identification.result import effective_samples, residuals_by_test
-from mrwork.numbers import NOTHING, of_unit, percent, rounded, significant
+from mrwork.numbers import NOTHING, format_rounded, of_unit, percent, significant
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
 from mrwork.simulate import Outcome, simulate_forces
@@ -89,11 +89,11 @@ class Plan(Summarised, Related):
             ),
             rows=[
                 (
-                    rounded(1e3 * each.candidate.amplitude, 3),
-                    rounded(each.candidate.frequency, 3),
-                    rounded(each.candidate.command, 3),
+                    format_rounded(1e3 * each.candidate.amplitude, 3),
+                    format_rounded(each.candidate.frequency, 3),
+                    format_rounded(each.candidate.command, 3),
                     f"{100.0 * each.gain:.1f} %",
-                    rounded(each.deviation, 3),
+                    format_rounded(each.deviation, 3),
                 )
                 for each in self.gains
             ],
@@ -332,8 +332,8 @@ class CheckedPlan(Summarised):
             plan,
             facts=(
                 *plan.facts,
-                ("rank correlation with draws", rounded(self.agreement, 2)),
-                ("effective draws after a test", f"at least {rounded(self.least_effective, 3)}"),
+                ("rank correlation with draws", format_rounded(self.agreement, 2)),
+                ("effective draws after a test", f"at least {format_rounded(self.least_effective, 3)}"),
             ),
         )
 

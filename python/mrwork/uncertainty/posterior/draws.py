@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 from mrwork.arguments import Count, NotNegative, Positive, Shape, checked
 from mrwork.errors import RecordError
 from mrwork.identification.fit import Fit, Interval, Intervals, Provenance, VerdictName
-from mrwork.numbers import rounded, with_decimals
+from mrwork.numbers import format_rounded, with_decimals
 from mrwork.store.child_reader import Member, UnreadableError, read_members
 from mrwork.store.codec import Related, record_of
-from mrwork.store.input_file import bytes_of, is_there, stored
+from mrwork.store.input_file import bytes_of, is_there, make_stored_kind
 from mrwork.store.run_folder import DRAWS
 from mrwork.summary import Summarised, Summary
 from mrwork.uncertainty.identifiability.verdicts import ParameterScale, judge_interval
@@ -135,7 +135,7 @@ def autocorrelation_times(values: Array) -> Array:
         return np.asarray(integrated_time(values, tol=0, has_walkers=True))
 
 
-def kept(n_steps: int) -> slice:
+def select_kept_rows(n_steps: int) -> slice:
     """Rows of a chain after the burn-in; its first row is the start."""
     return slice(1 + int(_BURN_IN * n_steps), n_steps + 1)
 
@@ -347,9 +347,9 @@ class Draws(Summarised):
             rows=[
                 (
                     each.name,
-                    rounded(each.median, 5),
-                    rounded(each.lower, 5),
-                    rounded(each.upper, 5),
+                    format_rounded(each.median, 5),
+                    format_rounded(each.lower, 5),
+                    format_rounded(each.upper, 5),
                     each.unit,
                     with_decimals(each.rhat, 3),
                     with_decimals(each.ess_bulk, 0),
@@ -399,7 +399,7 @@ def _pile(chain: Array, bounds: tuple[float, float], width: float) -> Remark:
 _OF_FIT = "of_fit"
 # Share by which a draw may exceed a bound after a conversion between forms of a model.
 _ROUNDING = 1e-6
-_KIND = stored("sample", name="the draws")
+_KIND = make_stored_kind("sample", name="the draws")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

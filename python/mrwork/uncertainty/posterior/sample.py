@@ -41,8 +41,8 @@ from mrwork.uncertainty.posterior.draws import (
     DrawSummary,
     autocorrelation_times,
     diagnose,
-    kept,
     next_check,
+    select_kept_rows,
     summary_of,
 )
 from mrwork.uncertainty.posterior.laplace import first_walkers, mode_near
@@ -253,14 +253,14 @@ class SamplingProblem:
     def diagnosis(self, ensemble: Ensemble) -> Diagnosis:
         """Convergence diagnostics of a chain after its burn-in."""
         space = self.target.space
-        values, _ = space.values(ensemble.positions[kept(ensemble.n_steps)])
+        values, _ = space.values(ensemble.positions[select_kept_rows(ensemble.n_steps)])
         return diagnose(np.asarray(values)[..., np.array(space.box.free)], space.names)
 
     def draws(
         self, ensemble: Ensemble, diagnosis: Diagnosis, *, seconds: float, interrupted: bool = False
     ) -> Draws:
         """Draws from a chain of at least one step, after its burn-in and thinned."""
-        rows = kept(ensemble.n_steps)
+        rows = select_kept_rows(ensemble.n_steps)
         space = self.target.space
         values = np.moveaxis(np.asarray(space.values(ensemble.positions[rows])[0]), 0, 1)
         chains = np.asarray(self.target.form.to_model(values[..., : space.n_params]))
