@@ -135,8 +135,12 @@ def fitted_damper(run: Path) -> FittedDamper:
     fit = read_fit(run)
 
     def draws() -> Floats | None:
-        found = read_draws(run, fit)
-        return None if found is None else np.asarray(found.chains.reshape(-1, found.chains.shape[-1]))
+        stored_draws = read_draws(run, fit)
+        return (
+            None
+            if stored_draws is None
+            else np.asarray(stored_draws.chains.reshape(-1, stored_draws.chains.shape[-1]))
+        )
 
     return FittedDamper(spec=fit.spec, theta=fit.theta, tested=fit.tested, draws=draws)
 

@@ -142,20 +142,24 @@ class OperatingRange(Summarised, Related):
 
         Half cycles below the least tested stroke count where they make a fifth of the travel of the demand.
         """
-        found = [
+        exceedances = [
             _exceedance(quantity, unit, (0.0, getattr(self, quantity)), (0.0, getattr(demand, quantity)))
             for quantity, unit in _PEAKS
         ]
         if self.least_stroke is not None and (least := demand.least_stroke) is not None:
             tested = self.least_stroke, max(self.stroke, least)
-            found.insert(0, _exceedance("stroke", "m", tested, (least, least), relative=_CYCLE_TOLERANCE))
+            exceedances.insert(
+                0, _exceedance("stroke", "m", tested, (least, least), relative=_CYCLE_TOLERANCE)
+            )
         if self.frequency is not None and demand.frequency is not None:
             ranges = self.frequency, demand.frequency
-            found.append(_exceedance("frequency", "Hz", *ranges, relative=_CYCLE_TOLERANCE))
+            exceedances.append(_exceedance("frequency", "Hz", *ranges, relative=_CYCLE_TOLERANCE))
         unit = self.command_unit
         if self.command and demand.command and unit is not None and unit == demand.command_unit:
-            found.append(_exceedance("command", unit, self.command, demand.command, command_noise(0.0, unit)))
-        return tuple(sorted(filter(None, found), key=lambda each: _ORDER.index(each.quantity)))
+            exceedances.append(
+                _exceedance("command", unit, self.command, demand.command, command_noise(0.0, unit))
+            )
+        return tuple(sorted(filter(None, exceedances), key=lambda each: _ORDER.index(each.quantity)))
 
     @property
     def in_words(self) -> str:
@@ -258,10 +262,10 @@ def covering(ranges: Sequence[OperatingRange]) -> OperatingRange:
     )
 
 
-def worst_of(found: Iterable[tuple[str, Exceedance]]) -> list[tuple[Exceedance, str, int]]:
+def worst_of(exceedances: Iterable[tuple[str, Exceedance]]) -> list[tuple[Exceedance, str, int]]:
     """For each quantity, above and below its range: the worst exceedance, its label, and how many there are."""
     groups: dict[tuple[str, bool], list[tuple[str, Exceedance]]] = {}
-    for label, each in found:
+    for label, each in exceedances:
         groups.setdefault((each.quantity, each.below), []).append((label, each))
     worst = []
     for members in groups.values():

@@ -71,9 +71,9 @@ def _same(one: Any, other: Any) -> bool:
         return len(one) == len(other) and all(map(_same, one, other))
     if isinstance(one, float) and isinstance(other, float) and math.isnan(one):
         return math.isnan(other)
-    found = one == other
+    equal = one == other
     # Arrays of JAX compare by their elements.
-    return found if isinstance(found, bool) else bool(np.array_equal(one, other))
+    return equal if isinstance(equal, bool) else bool(np.array_equal(one, other))
 
 
 def _reduce_instance(self: Any) -> tuple[Callable[..., object], tuple[object, ...]]:

@@ -418,9 +418,9 @@ def _make_building(table: BuildingTable, folder: Path, readers: tuple[Path, ...]
     forms: list[str] = [name for name in ("published", "file", "masses") if name in given]
     forms += ["mass"] if "mass" in given and not forms else []
     if len(forms) != 1:
-        found = " and ".join(forms) or "none of them"
+        given_forms = " and ".join(forms) or "none of them"
         place.refuse(
-            f"a building is given by published, file, mass and stiffness, or masses; here by {found}"
+            f"a building is given by published, file, mass and stiffness, or masses; here by {given_forms}"
         )
     form = forms[0]
     foreign = (*_MATRICES, "influence", *_ROWS) if form == "masses" else _SHEAR
@@ -511,9 +511,9 @@ def _from_matrices(matrices: Mapping[str, Floats], table: BuildingTable) -> Buil
     named = {_TITLES[name]: matrix for name, matrix in matrices.items() if name in _TITLES}
     for title in ("mass", "stiffness"):
         if title not in named:
-            found = ", ".join(matrices) or "nothing"
+            given_names = ", ".join(matrices) or "nothing"
             table.place.refuse(
-                f"a building needs mass (M), stiffness (K) and usually damping (C); found {found}"
+                f"a building needs mass (M), stiffness (K) and usually damping (C); found {given_names}"
             )
     n = len(named["mass"])
     with table.place.prefixed():

@@ -344,8 +344,8 @@ def read_system(path: str | Path) -> LinearSystem:
     matrices = read_matrices(path, ("A", "B", "C", "D"))
     for letter in "ABC":
         if letter not in matrices:
-            found = ", ".join(matrices) or "nothing"
-            raise SettingError(f"{path}: a linear system needs A, B and C; found {found}")
+            given_names = ", ".join(matrices) or "nothing"
+            raise SettingError(f"{path}: a linear system needs A, B and C; found {given_names}")
     A, B, C = (matrices[letter] for letter in "ABC")
     return LinearSystem(A=A, B=B, C=C, D=matrices.get("D", np.zeros((len(C), B.shape[1]))))
 

@@ -127,18 +127,18 @@ def _predict_held_out(options: argparse.Namespace) -> _Predicted:
             )
 
     try:
-        found = predict_left_out(opened.tests, options.leave_out, identify_rest, on_fold=on_fold)
+        left_out = predict_left_out(opened.tests, options.leave_out, identify_rest, on_fold=on_fold)
     except KeyboardInterrupt as interrupt:
         interrupt.add_note(
             f"the fits of folds so far are in {opened.place / FOLDS}; run the same command again to continue"
         )
         raise
-    if found.failures:
+    if left_out.failures:
         raise SettingError(
-            f"{len(found.failures)} of {len(opened.tests)} tests cannot be predicted without themselves, first: "
-            f"{found.failures[0]}; leave out less at a time"
+            f"{len(left_out.failures)} of {len(opened.tests)} tests cannot be predicted without themselves, first: "
+            f"{left_out.failures[0]}; leave out less at a time"
         )
-    return opened.fit, found.predictions, findings
+    return opened.fit, left_out.predictions, findings
 
 
 def _summary(calibration: Calibration, coverage: Sequence[LeftOutCoverage]) -> dict[str, Any]:

@@ -227,8 +227,8 @@ def _motion_lines(results: StudyResults, motion: int) -> list[str]:
     over = "uncontrolled" if reference is None else results.rows[reference].label
     table = [("", "drift mm", "m/s2", "force N", *(criterion(name).short for name in SCORE))]
     for row, each in enumerate(results.rows):
-        found = results.criteria(row, motion)
-        if found is None:
+        criteria = results.criteria(row, motion)
+        if criteria is None:
             run = results.runs.get((row, motion))
             table.append((each.label, "not run" if run is None else run.outcome, *[""] * (2 + len(SCORE))))
             continue
@@ -236,9 +236,9 @@ def _motion_lines(results: StudyResults, motion: int) -> list[str]:
         table.append(
             (
                 each.label,
-                f"{1e3 * found['peak_drift']:.4g}",
-                f"{found['peak_acceleration']:.3g}",
-                "-" if each.kind in ("uncontrolled", "baseline") else f"{found['peak_force']:.4g}",
+                f"{1e3 * criteria['peak_drift']:.4g}",
+                f"{criteria['peak_acceleration']:.3g}",
+                "-" if each.kind in ("uncontrolled", "baseline") else f"{criteria['peak_force']:.4g}",
                 *(with_decimals(ratios[name], 3) for name in SCORE),
             )
         )

@@ -225,8 +225,8 @@ class ClairvoyantProblem:
 
 
 def _rows(rows: Floats, chosen: tuple[int, ...] | None) -> Floats:
-    found = np.asarray(rows, dtype=np.float64)
-    return found if chosen is None else found[list(chosen)]
+    commands = np.asarray(rows, dtype=np.float64)
+    return commands if chosen is None else commands[list(chosen)]
 
 
 # Constant commands that are tried, from zero to the largest.
@@ -508,7 +508,7 @@ class _Search:
                 )
             )
 
-        found = minimize(
+        minimum = minimize(
             objective,
             (self.start / largest).ravel(),
             jac=True,
@@ -517,7 +517,7 @@ class _Search:
             callback=report,
             options={"maxiter": self.iterations, "maxcor": _MEMORY},
         )
-        reached = np.clip(found.x, 0.0, 1.0).reshape(shape) * largest
+        reached = np.clip(minimum.x, 0.0, 1.0).reshape(shape) * largest
         start_score, score = self.problem.score(self.start), self.problem.score(reached)
         better = score < start_score
         return ClairvoyantStart(
@@ -525,7 +525,7 @@ class _Search:
             start_score=start_score,
             score=score if better else start_score,
             commands=reached if better else self.start,
-            evaluations=int(found.nfev),
+            evaluations=int(minimum.nfev),
             step_time=self.problem.twin.step_time,
             seconds=time.perf_counter() - began,
         )

@@ -78,13 +78,13 @@ def columns_by_name(
     rows: Floats, quantities: Sequence[Quantity], counts: Sequence[tuple[str, int]]
 ) -> dict[str, Floats]:
     """Columns of the core by name, of which `counts` has the numbers; a quantity of axis "run" has no second axis."""
-    found: dict[str, Floats] = {}
+    by_name: dict[str, Floats] = {}
     start = 0
     for quantity, (_, count) in zip(quantities, counts, strict=True):
         columns = rows[:, start : start + count]
-        found[quantity.name] = columns[:, 0] if quantity.axis == "run" else columns
+        by_name[quantity.name] = columns[:, 0] if quantity.axis == "run" else columns
         start += count
-    return found
+    return by_name
 
 
 class Labelled:
@@ -224,9 +224,11 @@ class Responses(Labelled, Summarised):
         laws: list[LawLimit] = []
         for number, device in enumerate(self.devices):
             # One of the runs with the largest or the smallest value of a quantity is the worst.
-            found = [device.outside(self.demand(run, number)) for run in self._extreme(finished, number)]
-            exceeded += [(device.name, each) for outside in found for each in outside.exceedances]
-            laws += [each for outside in found for each in outside.laws]
+            exceedances = [
+                device.outside(self.demand(run, number)) for run in self._extreme(finished, number)
+            ]
+            exceeded += [(device.name, each) for outside in exceedances for each in outside.exceedances]
+            laws += [each for outside in exceedances for each in outside.laws]
         worst = [f"{name}: {each.in_words}" for each, name, _ in worst_of(exceeded)]
         return [*worst, *(each.in_words for each in worst_laws(laws))]
 

@@ -70,14 +70,14 @@ class DesignProblem(Summarised):
                 f"this law needs the force as a function of the command, for which {device.spec.name} is replaced by a "
                 "static model; give the [[damper]] its amplitude and velocity, as amplitude = [1e-4, 1e-2]"
             )
-        found = static_counterpart(
+        counterpart = static_counterpart(
             device.spec,
             theta,
             largest_command=device.largest_command,
             amplitude=self.amplitude,
             velocity=self.velocity,
         )
-        return found.spec, np.array(found.theta)
+        return counterpart.spec, np.array(counterpart.theta)
 
     @property
     def plant(self) -> Plant:
@@ -93,9 +93,9 @@ class DesignProblem(Summarised):
         devices = tuple(
             replace(device, largest_command=min(command, device.largest_command)) for device in self.devices
         )
-        found = replace(self, devices=devices)
-        object.__setattr__(found, "_plant", self._plant)
-        return found
+        problem = replace(self, devices=devices)
+        object.__setattr__(problem, "_plant", self._plant)
+        return problem
 
     @property
     def timing(self) -> LoopTiming:
@@ -261,13 +261,13 @@ class LawSettings(metaclass=DeclaredTable):
 
 def attempt_each(make: Callable[[T], U], many: Iterable[T]) -> list[U | SettingError]:
     """Result of a function for each item, or the error that it raised."""
-    found: list[U | SettingError] = []
+    outcomes: list[U | SettingError] = []
     for each in many:
         try:
-            found.append(make(each))
+            outcomes.append(make(each))
         except SettingError as reason:
-            found.append(reason)
-    return found
+            outcomes.append(reason)
+    return outcomes
 
 
 def solve_together(

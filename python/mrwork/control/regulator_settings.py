@@ -92,12 +92,12 @@ class RegulatorSettings(CostWeights, LawSettings):
                 ),
             )
         )
-        found: list[Design | SettingError] = []
+        outcomes: list[Design | SettingError] = []
         for settings in many:
             known = next(sampled if settings.sampled else regulators)
             gain = known.gain if isinstance(known, Regulator) else known
-            found.append(gain if isinstance(gain, SettingError) else settings.of_gain(problem, gain))
-        return found
+            outcomes.append(gain if isinstance(gain, SettingError) else settings.of_gain(problem, gain))
+        return outcomes
 
     def certificate(self, problem: DesignProblem) -> str:
         """Stability of the linear loop of the regulator, or of a sampled design."""

@@ -131,8 +131,8 @@ class WeightWishes(RmsLimits, metaclass=DeclaredTable):
 
     def relative_control_weight(self, plant: Plant) -> tuple[float, ...]:
         """R of each device as designed, over their mean."""
-        found = self.design(plant).control_weight
-        return tuple((found / found.mean()).tolist())
+        designed_weight = self.design(plant).control_weight
+        return tuple((designed_weight / designed_weight.mean()).tolist())
 
 
 def _declare_weight(says: str, unit: str = "", of: Magnitude | None = None, *, free: bool = False) -> Any:
@@ -221,10 +221,10 @@ class CostWeights:
                 "designed",
                 "a sampled design gives the gain of a wanted force, and this law takes weights; leave sampled out",
             )
-        found = wishes.design(plant)
-        scale = 1.0 / float(found.control_weight.mean())
-        S = found.R - np.diag(found.control_weight)
-        return Weighed(Q=scale * found.Q, N=scale * found.N, S=scale * S)
+        designed = wishes.design(plant)
+        scale = 1.0 / float(designed.control_weight.mean())
+        S = designed.R - np.diag(designed.control_weight)
+        return Weighed(Q=scale * designed.Q, N=scale * designed.N, S=scale * S)
 
     @property
     def sampled(self) -> bool:

@@ -436,7 +436,7 @@ def law_limits(spec: DamperSpec, theta: ArrayLike, commands: tuple[float, float]
     if spec.current is None:
         return ()
     command = np.linspace(*commands, _N_COMMANDS)
-    found = []
+    limits = []
     for parameter, value in _values(spec, np.asarray(theta, dtype=np.float64), command):
         used = np.clip(value, parameter.lower, parameter.upper)
         beyond = np.abs(value - used)
@@ -445,7 +445,7 @@ def law_limits(spec: DamperSpec, theta: ArrayLike, commands: tuple[float, float]
         outside = np.flatnonzero(beyond)
         if outside.size:
             worst = int(np.argmax(beyond))
-            found.append(
+            limits.append(
                 LawLimit(
                     parameter=parameter.name,
                     unit=parameter.unit,
@@ -457,7 +457,7 @@ def law_limits(spec: DamperSpec, theta: ArrayLike, commands: tuple[float, float]
                     command_unit=spec.current.unit,
                 )
             )
-    return tuple(found)
+    return tuple(limits)
 
 
 def worst_laws(limits: Iterable[LawLimit]) -> list[LawLimit]:

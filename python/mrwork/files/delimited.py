@@ -74,7 +74,7 @@ def nanoseconds(text: str) -> int | None:
 
 def seconds_since_first(times: Sequence[int | None], *, with_dates: bool) -> Floats:
     """Seconds since the first of times [ns], NaN where one is missing; without dates, a new day begins at midnight."""
-    found = np.full(len(times), np.nan)
+    seconds = np.full(len(times), np.nan)
     first: int | None = None
     last, days = 0, 0
     for row, time in enumerate(times):
@@ -85,8 +85,8 @@ def seconds_since_first(times: Sequence[int | None], *, with_dates: bool) -> Flo
         elif not with_dates and time < last - 12 * _HOUR:
             days += 1
         last = time
-        found[row] = (time + days * _DAY - first) * 1e-9
-    return found
+        seconds[row] = (time + days * _DAY - first) * 1e-9
+    return seconds
 
 
 def has_date(text: str) -> bool:

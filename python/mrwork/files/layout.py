@@ -178,7 +178,7 @@ def _run(
     Rows with numbers only are looked for first, then rows that also have texts; with `like`, rows as wide as its.
     """
     delimiters = ("\t", ";", None, ",") if like is None else (like.delimiter,)
-    found: _Run | None = None
+    longest: _Run | None = None
     for only_numbers in kinds:
         runs = [_Run(delimiter=delimiter) for delimiter in delimiters]
         for index in filled:
@@ -186,11 +186,11 @@ def _run(
             for number, run in enumerate(runs):
                 runs[number] = run = run.extend_with(index, line, only_numbers=only_numbers)
                 fits = like is None or run.width == like.width
-                if run.length and fits and (found is None or run.length > found.length):
-                    found = run
-            if found is not None and found.length >= _ENOUGH_ROWS:
-                return found
-    return found
+                if run.length and fits and (longest is None or run.length > longest.length):
+                    longest = run
+            if longest is not None and longest.length >= _ENOUGH_ROWS:
+                return longest
+    return longest
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

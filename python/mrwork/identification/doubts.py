@@ -62,14 +62,14 @@ def needless_average_warnings(objective: Objective, box: Box, theta: Floats) -> 
 
     A single test is fitted again from the fit `theta`, shape (n_params,); several are compared there.
     """
-    found = [index for index, test in enumerate(objective.tests) if _has_detected_average(test)]
-    if not found:
+    with_average = [index for index, test in enumerate(objective.tests) if _has_detected_average(test)]
+    if not with_average:
         return ()
     without = objective.on(
         objective.spec,
         tuple(
             replace(test, observation=replace(test.observation, average_seconds=0.0))
-            if index in found
+            if index in with_average
             else test
             for index, test in enumerate(objective.tests)
         ),
@@ -78,7 +78,7 @@ def needless_average_warnings(objective: Objective, box: Box, theta: Floats) -> 
     if len(objective.tests) == 1:
         refitted = find_minima(without, box, theta[None], max_iterations=_MOST_ITERATIONS).theta[0]
     sentences = []
-    for index in found:
+    for index in with_average:
         test = objective.tests[index]
         (averaged,), _ = objective.compared[index].residuals(theta[None])
         (plain,), _ = without.compared[index].residuals(refitted[None])
@@ -145,13 +145,13 @@ def law_shape_warnings(objective: Objective, box: Box, theta: Floats) -> tuple[s
     # Their coefficients have the same names and ranges, because they are the values at the same commands.
     other = objective.on(by_values, objective.tests)
     minimum = find_minima(other, box, theta[None], max_iterations=_MOST_ITERATIONS)
-    own, found = float(objective.plain(theta[None])[0]), float(other.plain(minimum.theta)[0])
-    if not found < _FAR_BETTER * own:
+    own, misfits = float(objective.plain(theta[None])[0]), float(other.plain(minimum.theta)[0])
+    if not misfits < _FAR_BETTER * own:
         return ()
     named = ", ".join(f"{name}={law}" for name, law in through.items())
     return (
         "laws through the values themselves, not through their logarithms, describe the tests better: "
-        f"{100.0 * (1.0 - found):.2f} % against {100.0 * (1.0 - own):.2f} %; give {named} as laws",
+        f"{100.0 * (1.0 - misfits):.2f} % against {100.0 * (1.0 - own):.2f} %; give {named} as laws",
     )
 
 

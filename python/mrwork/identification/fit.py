@@ -374,9 +374,9 @@ class Fit(Summarised, Related):
     def disagreement(self) -> str:
         """First contradiction: estimates of another model, an estimate out of its bounds, or an unknown parameter."""
         spec = self.spec
-        found = tuple(each.name for each in self.estimates)
-        if found != spec.names:
-            named = listed(found, 8) or "nothing"
+        names = tuple(each.name for each in self.estimates)
+        if names != spec.names:
+            named = listed(names, 8) or "nothing"
             return f"its estimates are of {named} where {self.model} has {listed(spec.names, 8)}"
         for each, parameter in zip(self.estimates, spec.parameters, strict=True):
             if (each.unit or "1") != parameter.unit:
@@ -386,7 +386,7 @@ class Fit(Summarised, Related):
                 return f"{each.name} is {each.value:g}, outside its bounds {each.lower:g} to {each.upper:g}"
         judged = [] if self.identifiability is None else [each.name for each in self.identifiability.verdicts]
         bounded = [] if self.intervals is None else [each.name for each in self.intervals.intervals]
-        unknown = [name for name in (*judged, *bounded) if name not in found]
+        unknown = [name for name in (*judged, *bounded) if name not in names]
         if unknown:
             return f"it judges {unknown[0]}, which {self.model} does not have"
         if not self.quality:
@@ -403,11 +403,11 @@ class Fit(Summarised, Related):
     @checked
     def seen(self, test: DamperTest) -> Likeness | None:
         """The test of the fit with the motion, command and force of `test`; `None` if there is none."""
-        found = likest_of_same_force(RecordedMotion.of(test), self.motions)
-        if found is None and test.sha256:
+        alike = likest_of_same_force(RecordedMotion.of(test), self.motions)
+        if alike is None and test.sha256:
             same = (label for label, digest in self.provenance.inputs.items() if digest == test.sha256)
-            found = next((Likeness(test=test.label, like=label, correlation=1.0) for label in same), None)
-        return found
+            alike = next((Likeness(test=test.label, like=label, correlation=1.0) for label in same), None)
+        return alike
 
     @checked
     def other_condition(self, test: DamperTest) -> Likeness | None:
@@ -510,10 +510,10 @@ class Fit(Summarised, Related):
         (estimate,) = named
         if estimate.remark == "fixed":
             return "fixed", ""
-        found = None if self.identifiability is None else self.identifiability.verdict_on(name)
+        verdict = None if self.identifiability is None else self.identifiability.verdict_on(name)
         interval = None if self.intervals is None else self.intervals.of(name)
-        if found is not None:
-            return found.verdict, found.reason
+        if verdict is not None:
+            return verdict.verdict, verdict.reason
         if interval is not None and interval.verdict is not None:
             return interval.verdict, interval.reason
         return ("not identifiable", "") if estimate.remark == "not identifiable" else ("", estimate.remark)

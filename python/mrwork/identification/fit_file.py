@@ -123,10 +123,10 @@ def read_addition(kind: type[T], path: Path, fit: Fit, *, name: str, verb: str) 
     if not is_there(path, file):
         return None
     document = parsed(text_of(path, file), origin=str(path), verb=verb)
-    found: T = record_of(kind, document, origin=str(path), name=name, verb=verb)
+    addition: T = record_of(kind, document, origin=str(path), name=name, verb=verb)
     if document.get(_FIT_OF) != fit.fingerprint:
         raise RecordError(f"{path} is of another fit than {FIT} beside it; run `mrwork {verb}` again")
-    return found
+    return addition
 
 
 def fit_from_json(text: str, *, origin: str) -> Fit:

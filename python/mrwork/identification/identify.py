@@ -187,9 +187,9 @@ def identify_with(
     try:
         points = starting_points(problem, on_search=on_search)
     except KeyboardInterrupt as interrupt:
-        found = interrupt.result if isinstance(interrupt, Interrupted) else None
-        if found is not None:
-            return ending.at(interrupt, found.theta[0], found.trace)
+        partial_result = interrupt.result if isinstance(interrupt, Interrupted) else None
+        if partial_result is not None:
+            return ending.at(interrupt, partial_result.theta[0], partial_result.trace)
         if not (isinstance(interrupt, Interrupted) and interrupt.stopped):
             raise Interrupted(None, "identification") from interrupt
         raise SimulationError(
@@ -321,14 +321,14 @@ class _Ending:
         if spec.current is not None:
             return ()
         settings, objective = self.problem.settings, self.problem.objective
-        found = []
+        fits = []
         for model in damper_models():
             if model.n_states:
                 continue
             bounds = {name: ends for name, ends in settings.bounds.items() if name in model.names}
             own = replace(settings, bounds=bounds, starts=(), search=None, engine="lanes")
             try:
-                found.append(
+                fits.append(
                     identify_with(
                         model, objective.tests, own, threads=objective.threads, warns=False, examines=False
                     )
@@ -336,7 +336,7 @@ class _Ending:
             except MrworkError:
                 # One that cannot be fitted is none to be named.
                 continue
-        return tuple(found)
+        return tuple(fits)
 
 
 def starting_points(problem: Problem, *, on_search: OnSearch) -> StartingPoints:

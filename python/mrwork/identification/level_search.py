@@ -125,9 +125,9 @@ def points_from_levels(
     fits: list[LevelFit] = []
     trace = SearchTrace(evaluations=(), best=(), median=(), stop_reason="interrupted")
 
-    def on_iteration(found: MultistartResult, share: float) -> None:
+    def on_iteration(minima: MultistartResult, share: float) -> None:
         done = (len(fits) + share) / (len(levels) + 1)
-        on_search(len(found.best) - 1, found.best[-1], found.median[-1], done)
+        on_search(len(minima.best) - 1, minima.best[-1], minima.median[-1], done)
 
     def in_own_laws(theta: Floats) -> Floats:
         rows = [with_other_laws(joint.spec, row, form.spec, commands) for row in theta]
@@ -244,11 +244,11 @@ class _OwnFits:
 
     def at(self, tests: NDArray[np.intp], fits: Sequence[LevelFit]) -> list[LevelFit]:
         """The fits at single commands, with the parameters of these tests first."""
-        found = []
+        levels = []
         for fit in fits:
             own = self.theta[[index for index in tests if self.command[index] == fit.command]]
-            found.append(LevelFit(command=fit.command, minima=np.concatenate([own, fit.minima])))
-        return found
+            levels.append(LevelFit(command=fit.command, minima=np.concatenate([own, fit.minima])))
+        return levels
 
 
 def _fit_each(problem: Problem, tests: tuple[DamperTest, ...], fits: Sequence[LevelFit]) -> _OwnFits:

@@ -71,7 +71,7 @@ def nearest_below_stiffness(tests: Sequence[ObservedTest], box: Box, theta: Floa
 
     A minimum on some tests, or on parts of them, may lie where others are not simulated.
     """
-    found = theta.copy()
+    nearest = theta.copy()
     excess = _log_stiffness(tests, theta).max(axis=1)
     for row in np.flatnonzero((excess > 0.0) & (excess < _NOT_FAR_ABOVE)):
         latent = np.asarray(box.latent_from_theta(box.inside(theta[[row]])))[0]
@@ -82,8 +82,8 @@ def nearest_below_stiffness(tests: Sequence[ObservedTest], box: Box, theta: Floa
             latent = latent + _minimise_within(
                 np.eye(latent.size), np.zeros(latent.size), slope, -_MARGIN - value
             )
-        found[row] = np.asarray(box.theta_from_latent(latent[None]))[0]
-    return found
+        nearest[row] = np.asarray(box.theta_from_latent(latent[None]))[0]
+    return nearest
 
 
 def _stiffness_and_slope(tests: Sequence[ObservedTest], box: Box, latent: Floats) -> tuple[Floats, Floats]:
@@ -166,7 +166,7 @@ def find_minimum(
     `max_evaluations`: largest number of evaluations of the residuals with their Jacobian. `on_step`: called with the
     number of evaluations so far and the misfit; not if the result is recalled from a journal.
     """
-    found = objective.once(
+    minimum = objective.once(
         "descent",
         LocalMinimum,
         lambda: _minimise_from(objective, box, start, max_evaluations, on_step),
@@ -174,8 +174,8 @@ def find_minimum(
         start,
         max_evaluations,
     )
-    check_recalled_minimum(found.theta, box, start)
-    return found
+    check_recalled_minimum(minimum.theta, box, start)
+    return minimum
 
 
 def check_recalled_minimum(theta: Floats, box: Box, start: Floats) -> None:
@@ -369,7 +369,7 @@ def _initial(objective: Objective, box: Box, starts: Floats) -> _State:
 
 
 def _iteration(objective: Objective, box: Box, state: _State, tolerance: float) -> _State:
-    found = objective.once(
+    next_state = objective.once(
         "iteration",
         _State,
         lambda: _iterate_once(objective, box, state, tolerance),
@@ -380,15 +380,15 @@ def _iteration(objective: Objective, box: Box, state: _State, tolerance: float) 
         state.damping,
         state.running,
     )
-    _check_recalled(found.latent, state.latent)
-    return found
+    _check_recalled(next_state.latent, state.latent)
+    return next_state
 
 
-def _check_recalled(found: Floats, expected: Floats) -> None:
+def _check_recalled(recalled: Floats, expected: Floats) -> None:
     """Refuse a recalled result of the wrong shape."""
-    if found.shape != expected.shape:
+    if recalled.shape != expected.shape:
         raise JournalError(
-            f"the journal holds a minimum of the shape {found.shape} where {expected.shape} was expected; "
+            f"the journal holds a minimum of the shape {recalled.shape} where {expected.shape} was expected; "
             "run again without --resume"
         )
 

@@ -176,11 +176,11 @@ def find_minimum_on_twin(
     `on_step`: called after every step with the number of steps so far and the misfit; not if the result is recalled
     from a journal.
     """
-    found = objective.once(
+    minimum = objective.once(
         "refinement", TwinMinimum, lambda: _minimise_on_twin(objective, box, start, on_step), box, start
     )
-    check_recalled_minimum(found.theta, box, start)
-    return found
+    check_recalled_minimum(minimum.theta, box, start)
+    return minimum
 
 
 def _minimise_on_twin(objective: Objective, box: Box, start: Floats, on_step: OnStep | None) -> TwinMinimum:

@@ -333,12 +333,12 @@ def minima_from(
     `mirrored` as in `search_starts`.
     """
     settings = Multistart()
-    found = _descend(objective, box, starts, settings, on_iteration=on_iteration)
-    theta, misfit = found.theta, found.misfit
+    minima = _descend(objective, box, starts, settings, on_iteration=on_iteration)
+    theta, misfit = minima.theta, minima.misfit
     if mirrored:
         image = mirror(theta[[int(np.argmin(misfit))]], mirrored)
-        found = _descend(objective, box, image, settings, on_iteration=on_iteration)
-        theta, misfit = np.concatenate([theta, found.theta]), np.concatenate([misfit, found.misfit])
+        minima = _descend(objective, box, image, settings, on_iteration=on_iteration)
+        theta, misfit = np.concatenate([theta, minima.theta]), np.concatenate([misfit, minima.misfit])
     order = np.argsort(misfit, kind="stable")
     return distinct_minima(box, theta[order], misfit[order])
 

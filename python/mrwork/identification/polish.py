@@ -146,14 +146,14 @@ def screen_starts(
     """
     done = 0
     total = len(starts) + min(_SCREENED_TWICE, len(starts)) + bool(mirrored)
-    found: list[LocalMinimum] = []
+    minima: list[LocalMinimum] = []
 
     def minimise_from(start: Floats, max_evaluations: int) -> LocalMinimum:
         nonlocal done
         minimum = find_minimum(objective, box, start, max_evaluations=max_evaluations)
-        found.append(minimum)
+        minima.append(minimum)
         done += 1
-        on_start(min(found, key=_misfit), done / total)
+        on_start(min(minima, key=_misfit), done / total)
         return minimum
 
     first = sorted((minimise_from(start, _FIRST_SCREENING) for start in starts), key=_misfit)

@@ -218,8 +218,8 @@ class Reading:
         """Undo `as_record`; `origin` names the record in messages."""
         if record is None:
             raise RecordError(f"{origin} does not say how its tests were read; run `mrwork identify` again")
-        found: Reading = record_of(cls, record, origin=origin, name="reading of tests", verb="identify")
-        return found
+        reading: Reading = record_of(cls, record, origin=origin, name="reading of tests", verb="identify")
+        return reading
 
     def tests(self, *, on_read: OnRead | None = None) -> tuple[DamperTest, ...]:
         """Read the files as tests; `on_read` is called before each."""

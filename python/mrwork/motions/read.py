@@ -147,16 +147,16 @@ def acceleration_column(names: Sequence[str], stated: Stated, *, source: str) ->
     """Find the column of the acceleration."""
     listed = ", ".join(f"'{name}'" for name in names)
     if stated.column is None:
-        found = [name for name in names if _is_acceleration(name)]
+        candidates = [name for name in names if _is_acceleration(name)]
     else:
-        found = [name for name in names if name.strip().casefold() == stated.column.strip().casefold()]
-    if len(found) != 1:
-        how_many = f"{len(found)} columns are" if found else "no column is"
+        candidates = [name for name in names if name.strip().casefold() == stated.column.strip().casefold()]
+    if len(candidates) != 1:
+        how_many = f"{len(candidates)} columns are" if candidates else "no column is"
         what = "the acceleration" if stated.column is None else f"'{stated.column}'"
         raise RecordError(
             f"{source}: {how_many} {what} among {listed}; name one with `column`, or call it a_mps2 in the file"
         )
-    (name,) = found
+    (name,) = candidates
     unit = _unit_in(name)
     if unit is None and stated.unit is None:
         raise UnitError(
@@ -173,14 +173,14 @@ def acceleration_column(names: Sequence[str], stated: Stated, *, source: str) ->
 
 def _time_column(names: Sequence[str], *, source: str) -> Column | None:
     """Find the column of time, `None` if there is none; a column without a unit is in seconds."""
-    found = [(name, match[1] or "s") for name in names for match in [_TIME.fullmatch(name)] if match]
-    if len(found) > 1:
+    candidates = [(name, match[1] or "s") for name in names for match in [_TIME.fullmatch(name)] if match]
+    if len(candidates) > 1:
         raise RecordError(
-            f"{source}: columns '{found[0][0]}' and '{found[1][0]}' both look like time; rename one"
+            f"{source}: columns '{candidates[0][0]}' and '{candidates[1][0]}' both look like time; rename one"
         )
-    if not found:
+    if not candidates:
         return None
-    name, unit = found[0]
+    name, unit = candidates[0]
     unit = "s" if unit.casefold() in _SECONDS else unit
     context = f"{source}: column '{name}'"
     return Column(name=name, factor=factor_to_si(unit, "time", context=context))
@@ -462,10 +462,12 @@ def read_motions(
 def motion_files(paths: str | os.PathLike[str] | Iterable[str | os.PathLike[str]]) -> tuple[Path, ...]:
     """Files of motions: a sequence of paths, the files of a folder but hidden ones and documents, or a pattern's."""
     if isinstance(paths, str | os.PathLike) and is_folder(Path(paths)):
-        found = [path for path in sorted(Path(paths).iterdir()) if is_file(path) and not _is_document(path)]
-        if not found:
+        paths_in_folder = [
+            path for path in sorted(Path(paths).iterdir()) if is_file(path) and not _is_document(path)
+        ]
+        if not paths_in_folder:
             raise RecordError(f"{paths}: the folder has no file of a ground motion; check the path")
-        return tuple(found)
+        return tuple(paths_in_folder)
     files = listed_files(paths, none="no ground motion given; name at least one file")
     return tuple(Path(file) for file in files if len(files) == 1 or not is_folder(file))
 

@@ -226,14 +226,14 @@ def fitted_spectrum(motion: GroundMotion, kind: SpectrumKind = "kanai_tajimi") -
         return float(np.mean(np.log(density)) + np.log(np.mean(periodogram / density)))
 
     rest = () if kind == "kanai_tajimi" else (1.5, 0.6)
-    found = min(
+    best = min(
         (
             minimize(misfit, np.log([*start, *rest]), method="Nelder-Mead", options={"xatol": 1e-4})
             for start in _STARTS
         ),
         key=lambda each: float(each.fun),
     )
-    return make_density(found.x, float(np.mean(periodogram / make_density(found.x).density(w))))
+    return make_density(best.x, float(np.mean(periodogram / make_density(best.x).density(w))))
 
 
 def _strong_part(motion: GroundMotion) -> Floats:

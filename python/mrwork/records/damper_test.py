@@ -402,15 +402,15 @@ def as_tests(tests: DamperTest | Sequence[DamperTest]) -> tuple[DamperTest, ...]
     """One test or several as a tuple, each of other data."""
     if isinstance(tests, DamperTest):
         return (tests,)
-    found = tuple(tests)
-    for (first, one), (second, other) in combinations(enumerate(found, start=1), 2):
+    as_tuple = tuple(tests)
+    for (first, one), (second, other) in combinations(enumerate(as_tuple, start=1), 2):
         if _has_samples_of(one, other):
             names = one.label if one.label == other.label else f"{one.label} and {other.label}"
             raise RecordError(
                 f"tests {first} and {second} ({names}) have the same samples; data that count twice make errors and "
                 "bands too narrow, so give each test once"
             )
-    return found
+    return as_tuple
 
 
 def _has_samples_of(one: DamperTest, other: DamperTest) -> bool:

@@ -177,8 +177,8 @@ class RecordedMotion(Related):
         if seen.periodic:
             n_cycles = int(_SHARE * self.displacement.size * self.step / (seen.step * _PER_CYCLE))
             cycles = np.tile(other, max(1, min(n_cycles, _CYCLES)))
-            found = _find_pattern(_at(cycles, seen.step, step), own, least=1.0, limit=_PERIODIC)
-            return None if found is None else replace(found, one=found.other, other=found.one)
+            alignment = _find_pattern(_at(cycles, seen.step, step), own, least=1.0, limit=_PERIODIC)
+            return None if alignment is None else replace(alignment, one=alignment.other, other=alignment.one)
         record = _at(other, seen.step, step)
         least = _SHARE
         if seen.displacement.size == _MOST:
@@ -236,10 +236,10 @@ class Likeness:
         return f"{self.test} has the {shared} of {self.like} (correlation of displacements {self.correlation:.4f})"
 
 
-def likenesses_in_words(found: Sequence[Likeness]) -> str:
+def likenesses_in_words(likenesses: Sequence[Likeness]) -> str:
     """The first few of several likenesses."""
-    more = f", and {len(found) - 3} more alike" if len(found) > 3 else ""
-    return "; ".join(each.in_words for each in found[:3]) + more
+    more = f", and {len(likenesses) - 3} more alike" if len(likenesses) > 3 else ""
+    return "; ".join(each.in_words for each in likenesses[:3]) + more
 
 
 def likeness(test: RecordedMotion, seen: RecordedMotion) -> Likeness | None:
@@ -252,10 +252,10 @@ def likeness(test: RecordedMotion, seen: RecordedMotion) -> Likeness | None:
 def motion_likeness(test: RecordedMotion, seen: RecordedMotion) -> Likeness | None:
     """Likeness of two tests with the same motion, unless their commands are known to differ; `None` if unlike."""
     known = test._same_known_command(seen)
-    found = None if known is False else test._align_with(seen)
-    if found is None:
+    alignment = None if known is False else test._align_with(seen)
+    if alignment is None:
         return None
-    (stroke, force), (other_stroke, other_force) = found.one[:2], found.other[:2]
+    (stroke, force), (other_stroke, other_force) = alignment.one[:2], alignment.other[:2]
     deviation = max(float(np.std(other_force)), np.finfo(np.float64).tiny)
     ratio = float(np.std(force)) / deviation
     shift = float(np.mean(force) - ratio * np.mean(other_force))
@@ -263,7 +263,7 @@ def motion_likeness(test: RecordedMotion, seen: RecordedMotion) -> Likeness | No
     return Likeness(
         test=test.test,
         like=seen.test,
-        correlation=found.correlation,
+        correlation=alignment.correlation,
         known_command=known is True,
         force_ratio=ratio,
         force_shift=shift,
@@ -287,8 +287,10 @@ def likest_of_other_force(test: RecordedMotion, seen: Sequence[RecordedMotion]) 
     return _closest(each for other in seen if (each := motion_likeness(test, other)) and not each.same_force)
 
 
-def _closest(found: Iterable[Likeness | None]) -> Likeness | None:
-    return max((each for each in found if each is not None), key=lambda each: each.correlation, default=None)
+def _closest(likenesses: Iterable[Likeness | None]) -> Likeness | None:
+    return max(
+        (each for each in likenesses if each is not None), key=lambda each: each.correlation, default=None
+    )
 
 
 def alike_groups(motions: Sequence[RecordedMotion]) -> list[list[int]]:
@@ -366,15 +368,15 @@ def _find_pattern(pattern: Floats, record: Floats, *, least: float, limit: float
     if min(n_pattern, n_record) < n_least or len(pattern) != len(record):
         return None
     compared = [row for row in range(len(pattern)) if row != _FORCE_ROW]
-    found = np.min([_correlations(pattern[row], record[row], n_least) for row in compared], axis=0)
-    best = int(np.argmax(found))
-    if found[best] < limit:
+    correlations = np.min([_correlations(pattern[row], record[row], n_least) for row in compared], axis=0)
+    best = int(np.argmax(correlations))
+    if correlations[best] < limit:
         return None
     # The shifts of `_correlations` are those with enough overlap.
     shift = n_least - n_pattern + best
     first, last = max(0, shift), min(n_record, shift + n_pattern)
     return _Alignment(
-        correlation=min(float(found[best]), 1.0),
+        correlation=min(float(correlations[best]), 1.0),
         one=pattern[:, first - shift : last - shift],
         other=record[:, first:last],
     )

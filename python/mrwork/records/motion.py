@@ -26,9 +26,9 @@ def weights(window: int, order: int, *, derivative: int = 0, step: float = 1.0) 
     powers = np.arange(half, -half - 1.0, -1.0) ** np.arange(order + 1.0)[:, None]
     wanted = np.zeros(order + 1)
     wanted[derivative] = factorial(derivative) / step**derivative
-    found = np.asarray(np.linalg.lstsq(powers, wanted, rcond=None)[0])
-    found.setflags(write=False)
-    return found
+    solution = np.asarray(np.linalg.lstsq(powers, wanted, rcond=None)[0])
+    solution.setflags(write=False)
+    return solution
 
 
 def savitzky_golay(

@@ -125,9 +125,9 @@ def start_of(path: Path, kind: FileKind, count: int) -> bytes:
         _check(os.stat(path), path, kind)  # noqa: PTH116 - `Path` refuses some names with other errors
         descriptor = os.open(path, _FLAGS)
         with os.fdopen(descriptor, "rb") as stream:
-            found = os.fstat(descriptor)
-            _check(found, path, kind)
-            return stream.read(min(found.st_size, count))
+            status = os.fstat(descriptor)
+            _check(status, path, kind)
+            return stream.read(min(status.st_size, count))
     except RecordError:
         raise
     except (OSError, ValueError) as reason:
@@ -194,13 +194,13 @@ def exists(path: str | Path) -> bool:
     return os.path.exists(path)  # noqa: PTH110 - as in `is_file`
 
 
-def _check(found: os.stat_result, path: Path, kind: FileKind) -> None:
-    if not stat.S_ISREG(found.st_mode):
-        what = _KINDS.get(stat.S_IFMT(found.st_mode), "is not an ordinary file")
+def _check(status: os.stat_result, path: Path, kind: FileKind) -> None:
+    if not stat.S_ISREG(status.st_mode):
+        what = _KINDS.get(stat.S_IFMT(status.st_mode), "is not an ordinary file")
         raise RecordError(f"{path}: {what} where {kind.name} was expected; {kind.remedy}")
-    if found.st_size > kind.largest:
+    if status.st_size > kind.largest:
         raise RecordError(
-            f"{path}: has {found.st_size / 1e6:,.0f} MB where {kind.name} has {kind.largest / 1e6:,.0f} MB at most; "
+            f"{path}: has {status.st_size / 1e6:,.0f} MB where {kind.name} has {kind.largest / 1e6:,.0f} MB at most; "
             f"{kind.smaller or kind.remedy}"
         )
 
@@ -243,13 +243,13 @@ def finite_numbers(arrays: Mapping[str, NDArray[Any]], name: str) -> NDArray[np.
     """One of the arrays of a file, of floating-point numbers."""
     if name not in arrays:
         raise ValueError(f"it has no {name}")
-    found = arrays[name]
+    values = arrays[name]
     # Half precision is written by no program of this package, and extended precision has invalid numbers.
-    if found.dtype.kind != "f" or found.dtype.itemsize not in (4, 8):
+    if values.dtype.kind != "f" or values.dtype.itemsize not in (4, 8):
         raise ValueError(f"{name} has other values than floating-point numbers")
-    if not np.isfinite(found).all():
+    if not np.isfinite(values).all():
         raise ValueError(f"{name} has a number that is not finite")
-    return found.astype(np.float64)
+    return values.astype(np.float64)
 
 
 def _array(data: bytes) -> NDArray[Any]:

@@ -127,11 +127,11 @@ class Journal:
         if recorded is None:
             self._append(subject, {"facts": stated})
             return
-        found = differences(recorded.get("facts"), stated)
-        if found:
-            more = f" and {len(found) - _SHOWN} more" if len(found) > _SHOWN else ""
+        differing = differences(recorded.get("facts"), stated)
+        if differing:
+            more = f" and {len(differing) - _SHOWN} more" if len(differing) > _SHOWN else ""
             raise JournalError(
-                f"{self.path} is of another {subject}: {'; '.join(found[:_SHOWN])}{more}; "
+                f"{self.path} is of another {subject}: {'; '.join(differing[:_SHOWN])}{more}; "
                 "resume with the same inputs and settings as before, or run again without --resume"
             )
 
@@ -190,10 +190,10 @@ class Journal:
         """
 
         def read(record: dict[str, Any]) -> T:
-            found = rebuilt(kind, record)
-            if agrees is not None and not agrees(found):
+            rebuilt_step = rebuilt(kind, record)
+            if agrees is not None and not agrees(rebuilt_step):
                 raise ValueError("it is of another size than its inputs")
-            return found
+            return rebuilt_step
 
         recalled = self.recall(step, inputs, read)
         if recalled is not None:

@@ -143,18 +143,18 @@ class StoredClairvoyant:
     command: tuple[tuple[float, ...], ...]
 
 
-def _store_clairvoyant(found: Clairvoyant) -> StoredClairvoyant:
+def _store_clairvoyant(optimum: Clairvoyant) -> StoredClairvoyant:
     return StoredClairvoyant(
-        motion=found.motion,
-        score=found.score,
-        ratios=dict(found.ratios),
-        statement=found.statement,
+        motion=optimum.motion,
+        score=optimum.score,
+        ratios=dict(optimum.ratios),
+        statement=optimum.statement,
         starts=tuple(
             StoredStart(**{entry.name: getattr(each, entry.name) for entry in fields(StoredStart)})
-            for each in found.starts
+            for each in optimum.starts
         ),
-        interval=found.commands.interval,
-        command=tuple(map(tuple, found.commands.command.tolist())),
+        interval=optimum.commands.interval,
+        command=tuple(map(tuple, optimum.commands.command.tolist())),
     )
 
 
@@ -294,12 +294,12 @@ class StoredStudy(StudyCriteria):
         """Warnings about criteria that are missing from the file or unknown to this version."""
         known = _every_criterion(None)
         stored = next((run.criteria for run in self.runs.values()), known)
-        found = []
+        warnings = []
         if lacking := [name for name in known if name not in stored]:
-            found.append(f"{RESULTS} is older than {listed(lacking)}; run `mrwork respond` again for it.")
+            warnings.append(f"{RESULTS} is older than {listed(lacking)}; run `mrwork respond` again for it.")
         if unknown := [name for name in stored if name not in known]:
-            found.append(f"{RESULTS} has {listed(unknown)}, no criterion of this version; it is left out.")
-        return tuple(found)
+            warnings.append(f"{RESULTS} has {listed(unknown)}, no criterion of this version; it is left out.")
+        return tuple(warnings)
 
     @property
     def checked(self) -> frozenset[Key] | None:
@@ -419,8 +419,8 @@ def study_document(results: StudyResults) -> dict[str, Any]:
             [row.label for row in results.rows], results.row_of("passive_off"), results.judged
         ),
     )
-    found: dict[str, Any] = finite(asdict(document))
-    return found
+    content: dict[str, Any] = finite(asdict(document))
+    return content
 
 
 def _criteria_csv(results: StudyResults) -> str:
@@ -490,5 +490,5 @@ def _store_step_check(results: StudyResults, row: int, motion: int) -> StoredSte
 
 
 def _every_criterion(numbers: Mapping[str, float] | None) -> _Criteria:
-    found = numbers or {}
-    return {entry.name: found.get(entry.name, math.nan) for entry in criteria()}
+    values = numbers or {}
+    return {entry.name: values.get(entry.name, math.nan) for entry in criteria()}

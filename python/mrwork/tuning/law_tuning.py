@@ -140,7 +140,7 @@ def follow_gradients(
             )
         return float(shares @ scores), np.array(slopes)
 
-    found = minimize(
+    minimum = minimize(
         value,
         start[moved],
         jac=True,
@@ -149,7 +149,7 @@ def follow_gradients(
         options={"maxiter": steps, "maxfun": 2 * steps},
     )
     unit = start.copy()
-    unit[moved] = found.x
+    unit[moved] = minimum.x
     return Finish(unit=unit, gradients=count)
 
 
@@ -407,8 +407,8 @@ def _search(
         keys = [repr(each) for each in asked]
         fresh = {key: each for key, each in zip(keys, asked, strict=True) if key not in known}
         if fresh:
-            found = score_candidates(bench, plan.objective, plan.law, list(fresh.values()))
-            known.update(zip(fresh, found.penalised_scores.tolist(), strict=True))
+            fresh_scores = score_candidates(bench, plan.objective, plan.law, list(fresh.values()))
+            known.update(zip(fresh, fresh_scores.penalised_scores.tolist(), strict=True))
         return np.array([known[key] for key in keys])
 
     order = np.argsort(scores.penalised_scores, kind="stable")
@@ -461,12 +461,12 @@ def front_of(plan: LawPlan, benches: Benches, basis: Basis, *, rng: int, report:
 
     def objectives(units: Floats) -> Floats:
         candidates = [space.candidate(unit) for unit in units]
-        found = bench.run(plan.law, candidates)
-        return _ratios(found, bench, parts) + PENALTY * parts[0].violation(found)[:, None]
+        criteria = bench.run(plan.law, candidates)
+        return _ratios(criteria, bench, parts) + PENALTY * parts[0].violation(criteria)[:, None]
 
     firsts = [each.candidate for each in first_candidates(space, basis)]
     starts = [unit for each in firsts if (unit := space.unit(each)) is not None]
-    found: FrontResult = run_front(
+    result: FrontResult = run_front(
         objectives,
         n_params=len(space.free),
         n_objectives=len(parts),
@@ -477,7 +477,7 @@ def front_of(plan: LawPlan, benches: Benches, basis: Basis, *, rng: int, report:
         journal=bench.journal,
         on_generation=lambda evaluations: report(evaluations, float("nan")),
     )
-    candidates = list(distinct([space.candidate(unit) for unit in found.units]))
+    candidates = list(distinct([space.candidate(unit) for unit in result.units]))
     train = _evaluate(bench, plan, parts, candidates)
     testing = benches.select_test_bench(robust=table.robust)
     test = None if testing is None else _evaluate(testing, plan, parts, candidates)
@@ -495,13 +495,13 @@ def front_of(plan: LawPlan, benches: Benches, basis: Basis, *, rng: int, report:
         label=plan.label,
         objectives=table.objectives,
         points=tuple(points),
-        candidates=found.evaluations,
+        candidates=result.evaluations,
     )
 
 
-def _ratios(found: RunCriteria, bench: Bench, parts: list[TuningObjective]) -> Floats:
+def _ratios(criteria: RunCriteria, bench: Bench, parts: list[TuningObjective]) -> Floats:
     """The objectives of candidates over their baseline, shape (n_candidates, n_objectives)."""
-    return np.column_stack([part.value(part.run_scores(found, bench.baseline(part))) for part in parts])
+    return np.column_stack([part.value(part.run_scores(criteria, bench.baseline(part))) for part in parts])
 
 
 def _evaluate(

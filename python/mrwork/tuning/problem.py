@@ -207,9 +207,9 @@ def score_candidates(
     bench: Bench, objective: TuningObjective, law: str, candidates: Sequence[LawCandidate]
 ) -> Scores:
     """The scores of candidates on a bench."""
-    found = bench.run(law, candidates)
-    value = objective.value(objective.run_scores(found, bench.baseline(objective)))
-    violation = objective.violation(found)
+    criteria = bench.run(law, candidates)
+    value = objective.value(objective.run_scores(criteria, bench.baseline(objective)))
+    violation = objective.violation(criteria)
     return Scores(objective=value, violation=np.where(np.isfinite(value), violation, 0.0))
 
 
@@ -351,9 +351,9 @@ class Benches(Summarised):
             )
             return each.recall_or_run("judgement", inputs, law, [candidate])
 
-        found = on(bench)
+        criteria = on(bench)
         varied = None if wide is None else Varied(bench=wide, found=on(wide))
-        return judge(bench, objective, found, varied, robust=robust)
+        return judge(bench, objective, criteria, varied, robust=robust)
 
 
 def recall_or_compute(
@@ -390,7 +390,7 @@ def benches_of(
 
         def passive() -> RunCriteria:
             assert arrangement.law is not None
-            found = simulate_criteria(
+            criteria = simulate_criteria(
                 arrangement,
                 arrangement.law,
                 motions,
@@ -399,8 +399,8 @@ def benches_of(
                 bare=study.building,
                 threads=threads,
             )
-            clock.simulating += found.seconds
-            return found
+            clock.simulating += criteria.seconds
+            return criteria
 
         inputs = digest_of([motion.name for motion in motions], len(realisations))
         return Bench(

@@ -189,12 +189,12 @@ def _tables(
     if laws:
         made = TuneTable(laws=tuple(laws), risk=risk)
         return (made if budget is None else replace(made, budget=budget),)
-    found = tuple(tables) or study.tunes
-    if not found:
+    tables_of_laws = tuple(tables) or study.tunes
+    if not tables_of_laws:
         raise SettingError(
             f'study {study.title!r} has nothing to tune; give it a [[tune]] with laws = ["clipped_optimal"]'
         )
-    return found
+    return tables_of_laws
 
 
 def _check_table(table: TuneTable, study: Study) -> TuningObjective:

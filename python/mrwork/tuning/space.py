@@ -58,9 +58,9 @@ class TuningObjective(Summarised):
     relative_to: Baseline = "passive_off"
     combine: Combination = "mean"
 
-    def run_scores(self, found: RunCriteria, baseline: RunCriteria) -> Floats:
+    def run_scores(self, criteria: RunCriteria, baseline: RunCriteria) -> Floats:
         """Score of each run, shape (n_candidates, n_motions, n_realisations); infinite where a run has none."""
-        ratios = {name: over(found.of(name), baseline.of(name)) for name in self.weights}
+        ratios = {name: over(criteria.of(name), baseline.of(name)) for name in self.weights}
         if self.combine == "largest":
             return np.asarray(
                 np.max([weight * ratios[name] for name, weight in self.weights.items()], axis=0)
@@ -73,11 +73,11 @@ class TuningObjective(Summarised):
         """The risk of the scores of runs, shape (n_candidates,)."""
         return risk_of(scores.reshape(len(scores), -1), self.risk, self.tail)
 
-    def violation(self, found: RunCriteria) -> Floats:
+    def violation(self, criteria: RunCriteria) -> Floats:
         """Sum of the relative violations of the limits by each candidate, shape (n_candidates,)."""
-        violation = np.zeros(found.numbers.shape[1])
+        violation = np.zeros(criteria.numbers.shape[1])
         for each in self.limits:
-            largest = found.of(each.criterion).max(axis=(1, 2))
+            largest = criteria.of(each.criterion).max(axis=(1, 2))
             violation += np.maximum(largest / each.limit - 1.0, 0.0)
         return violation
 
@@ -292,12 +292,12 @@ class SettingSpace(Summarised):
 
     def candidate(self, unit: Floats, *, exact: bool = False) -> LawCandidate:
         """The candidate at a point of the unit cube, shape (n_free,); `exact` without rounding of its settings."""
-        found: dict[str, Any] = {}
+        values: dict[str, Any] = {}
         for each, place in zip(self.free, unit, strict=True):
             value = each.value(float(place), exact=exact)
-            found[each.name] = value if each.entry is None else (*found.get(each.name, ()), value)
-        largest = found.pop(LARGEST, self.largest_command)
-        return LawCandidate(settings={**self.held, **found}, largest_command=largest)
+            values[each.name] = value if each.entry is None else (*values.get(each.name, ()), value)
+        largest = values.pop(LARGEST, self.largest_command)
+        return LawCandidate(settings={**self.held, **values}, largest_command=largest)
 
     def unit(self, candidate: LawCandidate) -> Floats | None:
         """The point of a candidate, shape (n_free,); `None` where it is outside of the space.

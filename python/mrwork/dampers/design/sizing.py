@@ -295,14 +295,14 @@ def smallest(
     def objective(units: Floats) -> Floats:
         return np.array([_misfit(candidate(unit, wishes, fluid, steel), harder) for unit in units])
 
-    found: SearchResult[Any] = run_search(
+    result: SearchResult[Any] = run_search(
         replace(optimiser, stop=stop),
         objective,
         rng=rng,
         n_params=N_FREE,
         on_generation=lambda event: reporter.report("smallest", event.evaluations, event.best_misfit),
     )
-    return found
+    return result
 
 
 def _harder_wishes(wishes: DamperWishes) -> DamperWishes:
@@ -441,11 +441,11 @@ def size_front(
 
     def keep(points: Floats) -> Floats:
         nonlocal units, values
-        found = np.array([_objectives(candidate(unit, wishes, fluid, steel), harder) for unit in points])
-        units, values = np.vstack([units, points]), np.vstack([values, found])
+        front = np.array([_objectives(candidate(unit, wishes, fluid, steel), harder) for unit in points])
+        units, values = np.vstack([units, points]), np.vstack([values, front])
         kept = nondominated(values)
         units, values = units[kept], values[kept]
-        return found
+        return front
 
     def make_front(points: Floats) -> SizeFront | None:
         return _front([candidate(unit, wishes, fluid, steel) for unit in points], wishes, tried)
@@ -484,15 +484,15 @@ def size_front(
                 starts=first.best_unit[None],
                 on_generation=on_generation,
             )
-        found = make_front(units)
+        front = make_front(units)
     except KeyboardInterrupt as interrupt:
         least = units[values[:, 0].argmin()][None] if len(units) else units
         raise Interrupted(make_front(least), "front") from interrupt
-    if found is None:
+    if front is None:
         raise SettingError(
             f"no damper with {fluid.name} meets the wishes after {tried} candidates; size_damper says what is missed"
         )
-    return found
+    return front
 
 
 def _front(

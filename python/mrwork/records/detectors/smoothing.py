@@ -33,19 +33,19 @@ def spikes_of(samples: Floats) -> NDArray[np.bool_]:
     A spike is at most five samples long and lies beyond the range of the other samples by half of that range; the
     channel leaps by as much from one sample to the next, there and back.
     """
-    found = np.zeros(samples.size, dtype=np.bool_)
+    is_spike = np.zeros(samples.size, dtype=np.bool_)
     low, high = np.percentile(samples, _WITHIN)
     reach = _BEYOND * (high - low)
     far = (samples < low - reach) | (samples > high + reach)
     if reach == 0.0 or samples.size < _FEWEST or np.count_nonzero(far) > _MOST * samples.size:
-        return found
+        return is_spike
     edges = np.flatnonzero(np.diff(np.concatenate([[False], far, [False]])))
     for first, last in zip(edges[::2], edges[1::2], strict=True):
         leaps = np.abs(np.diff(samples[max(first - 1, 0) : last + 1]))
         there = first == 0 or leaps[0] > reach
         back = last == samples.size or leaps[-1] > reach
-        found[first:last] = last - first <= _LONGEST_SPIKE and there and back
-    return found
+        is_spike[first:last] = last - first <= _LONGEST_SPIKE and there and back
+    return is_spike
 
 
 def without_spikes(signals: Signals) -> tuple[Signals, NDArray[np.bool_], tuple[Finding, ...]]:

@@ -88,8 +88,8 @@ def velocity_agrees(
         message = (
             "the velocity had the opposite sign of the displacement's derivative; it was multiplied by -1"
         )
-        turned, source, found = velocity_agrees(-velocity, displacement, motion, uncompared)
-        return turned, source, (Finding.note("velocity_sign_flipped", message), *found)
+        turned, source, opposite = velocity_agrees(-velocity, displacement, motion, uncompared)
+        return turned, source, (Finding.note("velocity_sign_flipped", message), *opposite)
     factor = comparison.factor()
     if abs(factor) > _SMALLEST_FACTOR and abs(factor - 1.0) > _MISFIT:
         rescaled = _compare_velocities(velocity / factor, displacement, motion, kept)

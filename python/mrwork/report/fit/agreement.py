@@ -89,13 +89,13 @@ def agreement_rows(fit: Fit, comparisons: Sequence[Comparison]) -> list[Agreemen
 
 def count_findings(comparisons: Sequence[Comparison]) -> str:
     """The number of findings of the checks, in words."""
-    found = [finding.severity for comparison in comparisons for finding in comparison.test.findings]
+    severities = [finding.severity for comparison in comparisons for finding in comparison.test.findings]
     parts = [
         f"{count} {word}{'s' if count > 1 else ''}"
         for word, count in (
-            ("warning", found.count("warning")),
-            ("note", found.count("note")),
-            ("repair", found.count("repaired")),
+            ("warning", severities.count("warning")),
+            ("note", severities.count("note")),
+            ("repair", severities.count("repaired")),
         )
         if count
     ]

@@ -180,8 +180,8 @@ def _sums(test: DamperTest, ends: NDArray[np.intp], residual: Array) -> Array:
     weights = counts[sample] * np.stack(
         [np.ones(sample.size), residual[sample] ** 2, (test.force[sample] - test.force.mean()) ** 2]
     )
-    found = [np.bincount(place, weights=each, minlength=2 * (ends.size - 1)) for each in weights]
-    return np.reshape(found, (3, 2, -1))
+    sums = [np.bincount(place, weights=each, minlength=2 * (ends.size - 1)) for each in weights]
+    return np.reshape(sums, (3, 2, -1))
 
 
 def _classes(amplitude: Array) -> NDArray[np.intp]:

@@ -76,10 +76,10 @@ def coverage_figure(rows: list[dict[float, LeftOutCoverage]], names: list[str]) 
 
 
 def _by_test(bands: StoredBands) -> list[dict[float, LeftOutCoverage]]:
-    found: dict[str, dict[float, LeftOutCoverage]] = {}
+    by_test: dict[str, dict[float, LeftOutCoverage]] = {}
     for row in bands.coverage:
-        found.setdefault(row.test, {})[row.level] = row
-    return [row for row in found.values() if set(LEVELS) <= set(row)]
+        by_test.setdefault(row.test, {})[row.level] = row
+    return [row for row in by_test.values() if set(LEVELS) <= set(row)]
 
 
 def _names(bands: StoredBands, rows: list[dict[float, LeftOutCoverage]]) -> list[str]:

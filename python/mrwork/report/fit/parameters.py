@@ -63,11 +63,11 @@ def _remark(fit: Fit, estimate: Estimate) -> str:
 
 
 def _interval(intervals: Intervals, estimate: Estimate) -> str:
-    found = intervals.of(estimate.name)
+    interval = intervals.of(estimate.name)
     return (
         numbers.format_fixed(None, 0)
-        if found is None
-        else found.in_words(lambda end: numbers.significant(end, 4))
+        if interval is None
+        else interval.in_words(lambda end: numbers.significant(end, 4))
     )
 
 
@@ -133,16 +133,16 @@ _ADVICE: dict[VerdictName, str] = {
 
 def _identifiability_section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
     """Verdict per parameter, and the directions in parameter space that change no force."""
-    found = run.fit.identifiability
-    if found is None:
+    identifiability = run.fit.identifiability
+    if identifiability is None:
         return None
-    judged = {each.name: run.fit.verdict_on(each.name) for each in found.verdicts}
-    points = tuple(_sentence(each) for each in found.informative)
+    judged = {each.name: run.fit.verdict_on(each.name) for each in identifiability.verdicts}
+    points = tuple(_sentence(each) for each in identifiability.informative)
     return Section(
         anchor="identifiability",
         title="Identifiability",
         summary=_summary(judged),
-        groups=(Group(prose=_prose(run.fit, found, judged), table=_table(judged), points=points),),
+        groups=(Group(prose=_prose(run.fit, identifiability, judged), table=_table(judged), points=points),),
     )
 
 
@@ -157,11 +157,13 @@ def _summary(judged: Mapping[str, tuple[str, str]]) -> str:
     return f"Identifiability: {'; '.join(parts)}."
 
 
-def _prose(fit: Fit, found: Identifiability, judged: Mapping[str, tuple[str, str]]) -> tuple[str, ...]:
-    effective = numbers.format_fixed(found.n_effective, 0)
+def _prose(
+    fit: Fit, identifiability: Identifiability, judged: Mapping[str, tuple[str, str]]
+) -> tuple[str, ...]:
+    effective = numbers.format_fixed(identifiability.n_effective, 0)
     counted = (
-        f"The {numbers.format_fixed(found.n_time, 0)} residuals count as {effective} effective samples, because they "
-        "are correlated."
+        f"The {numbers.format_fixed(identifiability.n_time, 0)} residuals count as {effective} effective samples, "
+        "because they are correlated."
     )
     if fit.intervals is None:
         basis = (

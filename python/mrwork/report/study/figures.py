@@ -63,18 +63,18 @@ class Stroke:
 
 def strokes(results: StudyResults) -> tuple[Stroke, ...]:
     """The stroke of each row: grey without dampers, dark for i = 0, a hue for each other row."""
-    found: list[Stroke] = []
+    strokes_of_rows: list[Stroke] = []
     number = 0
     for row in results.rows:
         if row.kind == "uncontrolled":
-            found.append(Stroke(colour=style.DATA, pattern=_DOTTED, width=1.7))
+            strokes_of_rows.append(Stroke(colour=style.DATA, pattern=_DOTTED, width=1.7))
         elif row.kind == "passive_off":
-            found.append(Stroke(colour=style.INK, pattern=_DASHED, width=1.3))
+            strokes_of_rows.append(Stroke(colour=style.INK, pattern=_DASHED, width=1.3))
         else:
             pattern = _PATTERNS[(number // len(HUES)) % len(_PATTERNS)]
-            found.append(Stroke(colour=HUES[number % len(HUES)], pattern=pattern))
+            strokes_of_rows.append(Stroke(colour=HUES[number % len(HUES)], pattern=pattern))
             number += 1
-    return tuple(found)
+    return tuple(strokes_of_rows)
 
 
 @style.drawn_in_style()

@@ -147,8 +147,10 @@ def _ratio_columns(results: StudyCriteria, rows: Sequence[int], motions: Sequenc
     """A column for each reference and ratio: its mean over the motions for each row."""
     columns: list[list[float]] = []
     for against in _AGAINST:
-        found = [[results.ratios(row, motion, against) for motion in motions] for row in rows]
-        columns += [[float(np.mean([each[name] for each in of_row])) for of_row in found] for name in _RATIOS]
+        ratios = [[results.ratios(row, motion, against) for motion in motions] for row in rows]
+        columns += [
+            [float(np.mean([each[name] for each in of_row])) for of_row in ratios] for name in _RATIOS
+        ]
     return columns
 
 
@@ -158,9 +160,9 @@ def value_table(results: StudyResults, motions: Sequence[int], rows: Sequence[in
     several, under = len(motions) > 1, results.motions[motions[0]].name
     cells: list[tuple[str, ...]] = []
     columns: list[list[float]] = []
-    found = [[_values(results, row, motion) for motion in motions] for row in rows]
+    values = [[_values(results, row, motion) for motion in motions] for row in rows]
     for name, _, _, factor in _VALUES:
-        numbers = [factor * float(np.median([each[name] for each in of_row])) for of_row in found]
+        numbers = [factor * float(np.median([each[name] for each in of_row])) for of_row in values]
         columns.append(numbers)
         cells.append(tuple(significant(number, 3) for number in numbers))
     drive = f"RMS {'current' if unit == 'A' else 'voltage'} ({unit})"
@@ -179,12 +181,12 @@ def value_table(results: StudyResults, motions: Sequence[int], rows: Sequence[in
 
 def _values(results: StudyResults, row: int, motion: int) -> dict[str, float]:
     """The criteria; NaN if the run did not finish, or has nothing of a quantity: no dampers, no stroke."""
-    found = results.criteria(row, motion)
-    if found is None:
+    criteria = results.criteria(row, motion)
+    if criteria is None:
         return {name: math.nan for name, *_ in _VALUES}
     run = results.runs[row, motion]
     return {
-        name: found[name] if np.size(getattr(run, criterion(name).quantity)) else math.nan
+        name: criteria[name] if np.size(getattr(run, criterion(name).quantity)) else math.nan
         for name, *_ in _VALUES
     }
 
@@ -333,8 +335,8 @@ def signed_percent(change: float) -> str:
 
 def _largest(changes: dict[str, QuantityChange], quantities: tuple[Criterion, ...]) -> str:
     """The largest increase of a quantity under one motion; empty if none increases."""
-    found = [(changes[entry.name], entry) for entry in quantities]
-    known = [(change.largest, change.motion, entry) for change, entry in found if not math.isnan(change.mean)]
+    sizes = [(changes[entry.name], entry) for entry in quantities]
+    known = [(change.largest, change.motion, entry) for change, entry in sizes if not math.isnan(change.mean)]
     if not known:
         return NOTHING
     largest, motion, entry = max(known, key=lambda each: each[0])

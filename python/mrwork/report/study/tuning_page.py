@@ -34,8 +34,8 @@ def score_figure(laws: Sequence[LawResult]) -> Figure:
     height = _BELOW + _ABOVE + _LINE * len(laws)
     figure, axes = column_axes(left=room_for(names), top=_ABOVE, height=height)
     for place, each in enumerate(reversed(laws)):
-        found = each.judged
-        spread = found.spread.get("score")
+        judgement = each.judged
+        spread = judgement.spread.get("score")
         if spread is not None:
             axes.plot([spread.least, spread.most], [place, place], color=style.RULE, linewidth=2.0)
             axes.plot(
@@ -177,8 +177,8 @@ def _score_section(results: TuningResults) -> Section:
     ranked = results.ranked
     rows = []
     for each in ranked:
-        found = each.judged
-        spread = found.spread.get("score")
+        judgement = each.judged
+        spread = judgement.spread.get("score")
         rows.append(
             (
                 each.label,
@@ -188,7 +188,7 @@ def _score_section(results: TuningResults) -> Section:
                 NOTHING
                 if spread is None
                 else f"{format_fixed(spread.least, 2)} to {format_fixed(spread.most, 2)}",
-                *(format_fixed(found.criteria.get(name, math.nan), _DECIMALS) for name in SCORE),
+                *(format_fixed(judgement.criteria.get(name, math.nan), _DECIMALS) for name in SCORE),
                 NOTHING if each.better is None else f"{each.better.both} of {each.better.motions}",
             )
         )
@@ -345,18 +345,18 @@ def _unit(unit: str, command_unit: str) -> str:
     return command_unit if unit == "A or V" else unit
 
 
-def _demand(found: TuningJudgement, name: str, unit: str) -> str:
+def _demand(judgement: TuningJudgement, name: str, unit: str) -> str:
     _, factor = _IN_UNITS.get(unit, ("", 1.0))
-    value = found.largest.get(name)
+    value = judgement.largest.get(name)
     return NOTHING if value is None else significant(factor * value, 3)
 
 
 def _motion_section(results: TuningResults) -> Section | None:
     groups = []
     for use, chosen in (("Test", True), ("Training", False)):
-        found = [(each, each.test if chosen else each.train) for each in results.ranked]
+        judgements = [(each, each.test if chosen else each.train) for each in results.ranked]
         laws: Sequence[tuple[LawResult, TuningJudgement]] = [
-            (law, judgement) for law, judgement in found if judgement is not None and judgement.motions
+            (law, judgement) for law, judgement in judgements if judgement is not None and judgement.motions
         ]
         if not laws:
             continue

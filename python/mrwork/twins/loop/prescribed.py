@@ -243,8 +243,8 @@ def _pull_back(fixed: _Fixed, carry: _Carry, inputs: _Inputs, pull: _Carry) -> t
     _, back = jax.vjp(
         lambda start, command: _stretch(fixed, start, inputs._replace(command=command)), carry, inputs.command
     )
-    found: tuple[_Carry, Array] = back(pull)
-    return found
+    pulled: tuple[_Carry, Array] = back(pull)
+    return pulled
 
 
 @jax.jit

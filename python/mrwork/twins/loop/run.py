@@ -324,11 +324,11 @@ def run_loop(
         if believed is None:
             return force(motion, currents)
         x, v = rows @ motion.q, rows @ motion.v
-        found = [
+        forces = [
             device.respond(device.parameters(currents[i]), device.at_rest, x[i], v[i])[0]
             for i, device in enumerate(believed)
         ]
-        return jnp.stack(found)
+        return jnp.stack(forces)
 
     def integrate(carry: _RunCarry, inputs: tuple[Array, Array, StepGround]) -> tuple[_RunCarry, None]:
         age, counts, accelerations = inputs

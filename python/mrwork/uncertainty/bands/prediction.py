@@ -291,10 +291,10 @@ def held_out_errors(
     """Mean NRMSE of each fold left out, or of each later cycle of a single test."""
     if len(tests) == 1:
         return _later_cycles(tests[0], identify_rest)
-    found = predict_left_out(tests, fold, identify_rest)
-    if found.failures:
-        raise SimulationError(f"what was left out cannot be predicted: {found.failures[0]}")
-    errors = [prediction.nrmse for prediction in found.predictions]
+    left_out = predict_left_out(tests, fold, identify_rest)
+    if left_out.failures:
+        raise SimulationError(f"what was left out cannot be predicted: {left_out.failures[0]}")
+    errors = [prediction.nrmse for prediction in left_out.predictions]
     return tuple(float(np.mean([errors[index] for index in members])) for members in folds_of(tests, fold))
 
 

@@ -249,7 +249,7 @@ class RunningComparison:
         if not self.fits:
             return
         shared = likelihood.share_settings(list(self.fits.values()), self.tests)
-        found: dict[str, Evidence] = {}
+        evidence: dict[str, Evidence] = {}
         for number, family in enumerate(self.compared, start=1):
             fit = self.fits.get(family.spec.name)
             if fit is None:
@@ -260,11 +260,11 @@ class RunningComparison:
             try:
                 result = run_with_journal(self.journal_of, step, partial(shared.leave_one_out, fit))
             except SettingError as reason:
-                found[fit.model] = replace(own, reason=own.reason or f"no PSIS-LOO: {reason}")
+                evidence[fit.model] = replace(own, reason=own.reason or f"no PSIS-LOO: {reason}")
             else:
-                found[fit.model] = replace(own, leave_one_out=result)
+                evidence[fit.model] = replace(own, leave_one_out=result)
         # Recorded only when all are done: among some families the best ELPD would mislead.
-        self.evidence.update(found)
+        self.evidence.update(evidence)
         self.n_blocks = shared.n_blocks
 
     def choice(self) -> Choice:

@@ -172,15 +172,15 @@ class FoldedTests:
             step = within_stiffness(tests, box, latent[rows], step, damped, gradient)
             tried = np.moveaxis(latent[rows, None] + step, 1, 0)
             candidates = np.asarray(box.theta_from_latent(tried.reshape(-1, n_free)))
-            found = self.squared_nrmse(spec, candidates).reshape(len(tried), rows.size, -1)
-            after = np.stack([self.misfit(each, shares) for each in found])
+            errors = self.squared_nrmse(spec, candidates).reshape(len(tried), rows.size, -1)
+            after = np.stack([self.misfit(each, shares) for each in errors])
             best = np.argmin(after, axis=0)
             each = np.arange(rows.size)
             better = after[best, each] < misfit[rows]
             decrease = 1.0 - after[best, each] / misfit[rows]
             moved = rows[better]
             latent[moved] = tried[best, each][better]
-            squared[moved] = found[best, each][better]
+            squared[moved] = errors[best, each][better]
             misfit[moved] = after[best, each][better]
             factor = np.where(better, np.array(_DAMPING_FACTORS)[best] / 3.0, 100.0)
             damping[rows] = np.maximum(damping[rows] * factor, 1e-12)

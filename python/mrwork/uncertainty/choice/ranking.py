@@ -57,7 +57,7 @@ def find_collapses(
     doubtful = {model: _doubtful_parameters(fit, tests) for model, fit in fits.items()}
     n_doubtful = {model: sum(map(len, states.values())) for model, states in doubtful.items()}
     joined = {model: np.concatenate(residuals[model]) for model in fits}
-    found: dict[str, Collapse] = {}
+    collapses: dict[str, Collapse] = {}
     for model in fits:
         simpler = sorted(
             (each for each in fits if n_params[each] < n_params[model]), key=lambda each: n_params[each]
@@ -73,13 +73,13 @@ def find_collapses(
                     for state, names in doubtful[model].items()
                     if names
                 ]
-                found[model] = Collapse(
+                collapses[model] = Collapse(
                     model=other,
                     reason=f"its force is that of {damper(other).title} to {100.0 * np.sqrt(difference):.2g} % of "
                     f"the force's deviation, and {' and '.join(states)}",
                 )
                 break
-    return found
+    return collapses
 
 
 def _doubtful_parameters(fit: Fit, tests: tuple[DamperTest, ...]) -> dict[str, list[str]]:
@@ -434,14 +434,16 @@ def cost_remark(
     if not cheap:
         return (f"{text}, and so does every other that predicts what was left out",)
     best = min(cheap, key=lambda each: sum(left_out[each.model]))
-    found = f"{best.left_out_percent:.2f} % against {chosen.left_out_percent:.2f} %"
+    errors_in_words = f"{best.left_out_percent:.2f} % against {chosen.left_out_percent:.2f} %"
     steps = f"{costs[best.model].steps:.0f}"
     if is_as_good(left_out[best.model], left_out[chosen.model]):
         return (
-            f"{text}; {best.title} is as good ({found} left out) and takes {steps}: use it in studies of the tested "
-            "range",
+            f"{text}; {best.title} is as good ({errors_in_words} left out) and takes {steps}: use it in studies of the "
+            "tested range",
         )
-    return (f"{text}; of those that take fewer than {MANY} {best.title} comes nearest ({found} left out)",)
+    return (
+        f"{text}; of those that take fewer than {MANY} {best.title} comes nearest ({errors_in_words} left out)",
+    )
 
 
 def _choice(standings: tuple[Standing, ...], chosen: Standing, held_out: str) -> str:

@@ -333,7 +333,7 @@ def run_together(
     for key in walks:
         advance(key, None)
     while pending:
-        found = simulated(np.array(list(pending.values())))
-        for key, point in zip(list(pending), found, strict=True):
+        points = simulated(np.array(list(pending.values())))
+        for key, point in zip(list(pending), points, strict=True):
             advance(key, point)
         on_batch(sides)

@@ -204,8 +204,8 @@ def _profile_of(
         verdict="identifiable",
         reason="",
     )
-    found = _judge_profile(profile, limit, scale)
-    return replace(profile, verdict=found.verdict, reason=found.reason)
+    verdict = _judge_profile(profile, limit, scale)
+    return replace(profile, verdict=verdict.verdict, reason=verdict.reason)
 
 
 def _crossing(position: NDArray[np.float64], roots: NDArray[np.float64], limit: float) -> float | None:

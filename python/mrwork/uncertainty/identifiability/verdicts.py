@@ -240,11 +240,11 @@ def simple_combinations(changes: Sequence[ParameterChange], *, within: float = _
     """
     if any(change.of_range for change in changes):
         return ()
-    found = []
+    combinations = []
     for number, second in enumerate(changes):
         joined = (_combination(first, second, within) for first in changes[:number])
-        found += list(filter(None, joined))[:1]
-    return tuple(found)
+        combinations += list(filter(None, joined))[:1]
+    return tuple(combinations)
 
 
 def _combination(first: ParameterChange, second: ParameterChange, within: float) -> str:
@@ -358,7 +358,7 @@ def _weak_directions(cov: Array, jacobian: Array, scales: Sequence[ParameterScal
     if not len(cov):
         return ()
     variances, vectors = np.linalg.eigh(cov)
-    found = []
+    directions = []
     for variance, vector in zip(variances[::-1], vectors.T[::-1], strict=True):
         if np.sqrt(variance) <= WEAK:
             break
@@ -376,8 +376,8 @@ def _weak_directions(cov: Array, jacobian: Array, scales: Sequence[ParameterScal
             f"{_joint_change(changes)} changes the force by no more than {100.0 * effect:.1g} % of its deviation, so "
             f"along it the standard error of {changes[0].name} is {scales[largest].share(along)}{better}"
         )
-        found.append(Direction(changes=changes, effect=effect, seen=True, sentence=sentence))
-    return tuple(found)
+        directions.append(Direction(changes=changes, effect=effect, seen=True, sentence=sentence))
+    return tuple(directions)
 
 
 def _joint_change(changes: Sequence[ParameterChange]) -> str:
@@ -410,9 +410,9 @@ def _verdict(
             reason = f"identifiable only in combination with {join_parts(others)}"
         return Verdict(name=scale.name, verdict="not identifiable", standard_error=None, reason=reason)
     error = float(np.sqrt(cov[number, number]))
-    found = judge_error(error * scale.size, scale)
-    reason = found.reason
-    if found.verdict in ("weakly identifiable", "sign unknown"):
+    verdict = judge_error(error * scale.size, scale)
+    reason = verdict.reason
+    if verdict.verdict in ("weakly identifiable", "sign unknown"):
         deviation = np.sqrt(np.diag(cov))
         correlation = np.where(
             undetermined, 0.0, cov[number] / np.where(undetermined, 1.0, error * deviation)
@@ -424,7 +424,7 @@ def _verdict(
             reason += (
                 f"; mostly because {other} can compensate for it (correlation {correlation[partner]:.3f})"
             )
-    return Verdict(name=scale.name, verdict=found.verdict, standard_error=error * scale.size, reason=reason)
+    return Verdict(name=scale.name, verdict=verdict.verdict, standard_error=error * scale.size, reason=reason)
 
 
 @checked
@@ -453,7 +453,7 @@ def identifiability_of(
     scale = Scale.of(spec, box, problem.objective.tests, theta)
     # Signed, so that the magnitude of a negative value increases, and products and ratios keep their form.
     size = (np.where(scale.of_range | (theta >= 0.0), 1.0, -1.0) * scale.size)[taken]
-    found = identifiability_from(
+    identifiability = identifiability_from(
         derivative[:, taken] * size,
         covariance[np.ix_(taken, taken)] / np.outer(size, size),
         scales=[scale.of_parameter(spec, index, derivative[:, index]) for index in taken],
@@ -470,5 +470,5 @@ def identifiability_of(
         for index in box.free
         if remarks[index].startswith("at ")
     )
-    verdicts = sorted((*found.verdicts, *on_bound), key=lambda each: spec.names.index(each.name))
-    return replace(found, verdicts=tuple(verdicts))
+    verdicts = sorted((*identifiability.verdicts, *on_bound), key=lambda each: spec.names.index(each.name))
+    return replace(identifiability, verdicts=tuple(verdicts))

@@ -243,7 +243,7 @@ def responses(posterior: LinearisedPosterior, candidates: Sequence[Candidate]) -
         [position[None], np.where(steps, ahead, position), np.where(steps, behind, position)]
     )
     theta = scaled.parameters(points)
-    found = []
+    responses_by_candidate = []
     for candidate in candidates:
         loading, counted = motion_of(candidate, posterior.spec)
         run = simulate_forces(posterior.spec, theta, loading.history(), threads=posterior.threads)
@@ -254,7 +254,7 @@ def responses(posterior: LinearisedPosterior, candidates: Sequence[Candidate]) -
         cycles = (counted.stop - counted.start) * loading.dt * candidate.frequency
         assert loading.velocity is not None
         energy = force @ loading.velocity[counted] * loading.dt / cycles
-        found.append(
+        responses_by_candidate.append(
             Response(
                 candidate=candidate,
                 force=force[0],
@@ -264,7 +264,7 @@ def responses(posterior: LinearisedPosterior, candidates: Sequence[Candidate]) -
                 energy_derivative=_quotient(energy[:, None], ahead - behind)[0],
             )
         )
-    return found
+    return responses_by_candidate
 
 
 def information(posterior: LinearisedPosterior, response: Response) -> Array:
@@ -398,7 +398,7 @@ class _Forces:
 
 
 def _forces(posterior: LinearisedPosterior, draws: Array, candidates: Sequence[Candidate]) -> list[_Forces]:
-    found = []
+    forces = []
     for candidate in candidates:
         loading, counted = motion_of(candidate, posterior.spec)
         run = simulate_forces(posterior.spec, draws, loading.history(), threads=posterior.threads)
@@ -409,14 +409,14 @@ def _forces(posterior: LinearisedPosterior, draws: Array, candidates: Sequence[C
             2.0 * np.pi * candidate.frequency * loading.dt * np.arange(counted.start, counted.stop)
         )
         energy = force @ velocity
-        found.append(
+        forces.append(
             _Forces(
                 force=(force - middle) / size,
                 corrected=without_nuisance(force, middle, posterior.nuisances) / size,
                 energy=energy / float(np.nanmean(energy)),
             )
         )
-    return found
+    return forces
 
 
 def _band_gram(

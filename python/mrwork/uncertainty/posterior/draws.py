@@ -67,24 +67,24 @@ class Diagnosis:
     @property
     def shortcomings(self) -> tuple[str, ...]:
         """Criteria that are not met, in words; empty where the chain has converged."""
-        found = []
+        criteria = []
         if not self.length >= _LEAST_LENGTH:
-            found.append(
+            criteria.append(
                 f"the chain is {self.length:.0f} autocorrelation times long where {_LEAST_LENGTH:.0f} are required"
             )
         worst = int(np.argmax(np.where(np.isnan(self.rhat), np.inf, self.rhat)))
         if not self.rhat[worst] < LARGEST_RHAT:
-            found.append(
+            criteria.append(
                 f"walkers disagree most on {self.names[worst]} (R-hat {self.rhat[worst]:.3f}, below {LARGEST_RHAT} "
                 "is required)"
             )
         ess = np.minimum(self.ess_bulk, self.ess_tail)
         least = int(np.argmin(np.where(np.isnan(ess), -np.inf, ess)))
         if not ess[least] >= LEAST_ESS:
-            found.append(
+            criteria.append(
                 f"{self.names[least]} has {ess[least]:.0f} effective draws where {LEAST_ESS:.0f} are required"
             )
-        return tuple(found)
+        return tuple(criteria)
 
 
 def diagnose(values: Array, names: tuple[str, ...]) -> Diagnosis:
@@ -213,8 +213,8 @@ class DrawSummary:
         if self.fixed:
             return self
         ends = self.interval.lower, self.interval.upper
-        found = judge_interval(ends, _DEVIATIONS, scale, opened=f"it {self.remark}")
-        return replace(self, verdict=found.verdict, reason=found.reason)
+        verdict = judge_interval(ends, _DEVIATIONS, scale, opened=f"it {self.remark}")
+        return replace(self, verdict=verdict.verdict, reason=verdict.reason)
 
 
 @holds_arrays

@@ -304,7 +304,7 @@ class SamplingProblem:
         upper = own.upper + space.box.upper[space.n_params :]
         tau = autocorrelation_times(np.moveaxis(chains, 0, 1))
         strided = chains[:, :: max(1, ceil(chains.shape[1] / _MOST_ROWS))]
-        found = [
+        summaries = [
             summary_of(
                 np.ascontiguousarray(strided[..., index]),
                 name=name,
@@ -320,9 +320,9 @@ class SamplingProblem:
         derivative = Slopes.at(objective.plain, self.target.form, self.start).by_model()
         judged = [
             each.judge(scale.of_parameter(self.spec, index, derivative[:, index]))
-            for index, each in enumerate(found[: theta.size])
+            for index, each in enumerate(summaries[: theta.size])
         ]
-        return (*judged, *found[theta.size :])
+        return (*judged, *summaries[theta.size :])
 
     def _verdict(self, n_steps: int, diagnosis: Diagnosis, summaries: tuple[DrawSummary, ...]) -> str:
         if diagnosis.shortcomings:
