@@ -32,8 +32,8 @@ from mrwork.report.fit.agreement import (
 from mrwork.report.fit.amplitudes import AMPLITUDES
 from mrwork.report.fit.bands import BANDS
 from mrwork.report.fit.coverage import COVERAGE
+from mrwork.report.fit.gains import PLAN, plan_figure
 from mrwork.report.fit.parameters import IDENTIFIABILITY, TESTED_RANGE, caution, parameter_rows
-from mrwork.report.fit.plan import PLAN, plan_figure
 from mrwork.report.fit.posterior import POSTERIOR
 from mrwork.report.fit.profiles import PROFILES, profiles_figure
 from mrwork.report.fit.ranking import LAWS, RANKING, ranking_figure

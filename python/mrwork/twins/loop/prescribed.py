@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from mrwork.dampers.spec import DamperSpec
 from mrwork.twins.loop.plant import Devices, LoopDevice, LoopPlant, pulls_of
-from mrwork.twins.loop.run import LoopState, StepGround, at_rest, half_steps, step
+from mrwork.twins.loop.stepping import LoopState, StepGround, at_rest, half_steps, step
 from mrwork.twins.models import begin
 from mrwork.values import holds_arrays
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from mrwork.dampers.spec import DamperSpec
 from mrwork.twins.loop.plant import Devices, LoopDevice, LoopPlant
-from mrwork.twins.loop.run import Law, Measurement, half_steps, run_loop
+from mrwork.twins.loop.stepping import Law, Measurement, half_steps, run_loop
 from mrwork.twins.models import begin
 from mrwork.values import holds_arrays
 
