@@ -6,7 +6,7 @@ used, so that `import mrwork` costs little more than the interpreter.
 
 from __future__ import annotations
 
-from mrwork.fitted_damper import read_with as _read_with
+from mrwork.fitted_damper import register_reader as _read_with
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:

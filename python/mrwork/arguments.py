@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mrwork.argument_kinds import Kind, May, Refusal, Shape, kind_of, shape_of
 from mrwork.errors import InvalidSettingError, MrworkError, SettingError
-from mrwork.escaping import escaped
+from mrwork.escaping import escape_text
 from mrwork.keys import Within, keys_of
 
 __all__ = [
@@ -129,13 +129,13 @@ def _accepted(kinds: Mapping[str, Kind], function: str, parameter: str, value: A
 
 def _error(parameter: str, function: str, refusal: Refusal, owner: type = object) -> MrworkError:
     name = f"`{parameter}{refusal.place}`"
-    sentence = escaped(f"{name} of {function} {refusal.sentence}")
+    sentence = escape_text(f"{name} of {function} {refusal.sentence}")
     if owner is not object and issubclass(refusal.error, SettingError):
         error: MrworkError = InvalidSettingError(parameter, sentence)
     else:
         error = refusal.error(sentence)
         error.key = parameter
-    error.in_a_file = escaped(f"{name} {refusal.sentence}")
+    error.in_a_file = escape_text(f"{name} {refusal.sentence}")
     return error
 
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 _readers: list[Callable[[Path], Any]] = []
 
 
-def read_with(reader: Callable[[Path], Any]) -> None:
+def register_reader(reader: Callable[[Path], Any]) -> None:
     """Name the reader of run folders."""
     _readers[:] = [reader]
 

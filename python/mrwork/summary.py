@@ -11,8 +11,8 @@ from dataclasses import dataclass, fields, is_dataclass
 from textwrap import wrap
 from typing import Any, ClassVar
 
-from mrwork.escaping import escaped
-from mrwork.numbers import rounded
+from mrwork.escaping import escape_text
+from mrwork.numbers import format_rounded
 
 # Rows of a table and characters of a line that fit on one screen.
 _MOST_ROWS = 16
@@ -104,7 +104,7 @@ class Summarised:
 
 def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
     """Rows of cells as lines: the first column to the left, others to the right where all their cells are numbers."""
-    rows = [[escaped(cell) for cell in row] for row in rows]
+    rows = [[escape_text(cell) for cell in row] for row in rows]
     columns = list(zip(*rows, strict=True))
     numeric = [number > 0 and all(map(_is_numeric, column[1:])) for number, column in enumerate(columns)]
     widths = [max(map(len, column)) for column in columns]
@@ -129,7 +129,7 @@ def _in_short(value: object) -> str:
     if isinstance(value, Summarised):
         return value._summary().title
     if isinstance(value, float):
-        return rounded(value, 6)
+        return format_rounded(value, 6)
     if isinstance(value, str):
         return value.partition("\n")[0]
     shape = getattr(value, "shape", None)

@@ -71,22 +71,22 @@ def _same(one: Any, other: Any) -> bool:
         return len(one) == len(other) and all(map(_same, one, other))
     if isinstance(one, float) and isinstance(other, float) and math.isnan(one):
         return math.isnan(other)
-    found = one == other
+    equal = one == other
     # Arrays of JAX compare by their elements.
-    return found if isinstance(found, bool) else bool(np.array_equal(one, other))
+    return equal if isinstance(equal, bool) else bool(np.array_equal(one, other))
 
 
-def _reduced(self: Any) -> tuple[Callable[..., object], tuple[object, ...]]:
+def _reduce_instance(self: Any) -> tuple[Callable[..., object], tuple[object, ...]]:
     values = {each.name: getattr(self, each.name) for each in fields(self)}
     read_only = [
         name
         for name, value in values.items()
         if all(not array.flags.writeable for array in _arrays_within(value))
     ]
-    return _restored, (type(self), values, read_only)
+    return _restore_instance, (type(self), values, read_only)
 
 
-def _restored(kind: type, values: Mapping[str, Any], read_only: list[str]) -> object:
+def _restore_instance(kind: type, values: Mapping[str, Any], read_only: list[str]) -> object:
     made: object = object.__new__(kind)
     for name, value in values.items():
         object.__setattr__(made, name, value)
@@ -107,10 +107,10 @@ def _arrays_within(value: object) -> Iterator[np.ndarray[Any, Any]]:
             yield from _arrays_within(entry)
 
 
-_METHODS: dict[str, Any] = {"__eq__": _equal, "__hash__": None, "__reduce__": _reduced}
+_METHODS: dict[str, Any] = {"__eq__": _equal, "__hash__": None, "__reduce__": _reduce_instance}
 
 
-def frozen(samples: NDArray[np.float64]) -> NDArray[np.float64]:
+def freeze_samples(samples: NDArray[np.float64]) -> NDArray[np.float64]:
     """Contiguous read-only copy of an array."""
     kept = np.array(samples, dtype=np.float64, order="C")
     kept.setflags(write=False)

@@ -21,7 +21,7 @@ from mrwork.control import (
     design_weights,
     drifts,
     plant_of,
-    stacked,
+    stack_outputs,
 )
 from mrwork.motions import CloughPenzien, KanaiTajimi
 
@@ -54,7 +54,7 @@ def in_si(building: Building) -> tuple[np.ndarray, ...]:
     back = np.linalg.inv(modes)
     X = back @ scipy.linalg.solve_continuous_lyapunov(A, -np.outer(w, w)) @ back.T
     noise = np.outer(w, w) + 0.02**2 * building.frequencies[0] * (modes * np.diag(X)) @ modes.T
-    y = stacked(drifts(plant), accelerations(plant))
+    y = stack_outputs(drifts(plant), accelerations(plant))
     return A, B, noise, np.hstack([y.C, np.zeros((len(y.C), 2))]), y.D
 
 

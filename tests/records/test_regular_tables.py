@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from sentences import Refused
 
 from mrwork.errors import MrworkError
-from mrwork.files.delimited import DelimitedTable, RegularTable, decoded, open_delimited
+from mrwork.files.delimited import DelimitedTable, RegularTable, decode_text, open_delimited
 from mrwork.files.named_columns import ColumnTable
 
 NUMBERS = st.one_of(
@@ -119,7 +119,7 @@ def tables(draw: st.DrawFn) -> bytes:
 
 
 def line_by_line(data: bytes, source: str) -> ColumnTable:
-    lines = decoded(data).replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    lines = decode_text(data).replace("\r\n", "\n").replace("\r", "\n").split("\n")
     return DelimitedTable(source=source, sha256="", lines=lines)
 
 

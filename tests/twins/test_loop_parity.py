@@ -20,7 +20,7 @@ from mrwork.control import ControlLaw
 from mrwork.dampers import DamperSpec
 from mrwork.motions import GroundMotion
 from mrwork.twins.loop.plant import LoopDevice, LoopPlant
-from mrwork.twins.loop.run import half_steps, run_loop
+from mrwork.twins.loop.stepping import half_steps, run_loop
 from mrwork.twins.loop.tuned import LyapunovDirect, SignalNetwork
 
 # Tolerance for two thousand steps with another order of summation, and powers accurate to some ulp. A switch that

@@ -60,11 +60,11 @@ def of_model(choice: LawChoice, model: str) -> list[TriedLaws]:
 
 def test_of_models_as_good_as_the_best_the_one_with_fewest_parameters_is_chosen(choice: LawChoice) -> None:
     table = choice.table
-    assert (table.model, table.chosen.model, choice.fit.model) == ("dahl", "dahl", "dahl")
-    assert table.chosen.laws == {"k_w": "linear"}
+    assert (table.model, table.chosen_laws.model, choice.fit.model) == ("dahl", "dahl", "dahl")
+    assert table.chosen_laws.laws == {"k_w": "linear"}
     good = [each for each in table.tried if each.verdict != "behind"]
     assert {each.model for each in good} == {"dahl", "viscous_dahl"}
-    assert table.chosen.n_params == min(each.n_params for each in good)
+    assert table.chosen_laws.n_params == min(each.n_params for each in good)
     assert table.models == MODELS
     assert "of 3 models, the one of dahl with 4 parameters is chosen (k_w linear)" in table.sentence
 

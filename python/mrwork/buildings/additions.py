@@ -9,7 +9,7 @@ import numpy as np
 import scipy
 
 from mrwork.arguments import NotNegative, Positive, checked
-from mrwork.buildings.matrices import Building, carried
+from mrwork.buildings.matrices import Building, transform_elements
 from mrwork.buildings.modes import modes_of
 from mrwork.errors import SettingError
 from mrwork.values import Floats
@@ -159,7 +159,7 @@ def with_coordinate(
         storey_names=(*building.storey_names, stroke_name),
         status="ours",
         n_strokes=building.n_strokes + 1,
-        elements=carried(building.elements, np.eye(n, n + 1)),
+        elements=transform_elements(building.elements, np.eye(n, n + 1)),
     )
 
 
@@ -259,7 +259,7 @@ def with_base_isolation(
         storeys=np.vstack([slab, building.storeys @ relative]),
         floor_names=("base", *building.floor_names),
         storey_names=("isolation", *building.storey_names),
-        elements=carried(building.elements, relative),
+        elements=transform_elements(building.elements, relative),
         source=f"{building.source}; base isolation added".removeprefix("; "),
         status="ours",
     )

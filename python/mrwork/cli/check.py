@@ -17,7 +17,7 @@ from mrwork.cli.progress import reading_line
 from mrwork.cli.terminal import note, show
 from mrwork.command_signal import Command, command_range
 from mrwork.errors import MrworkError, SettingError
-from mrwork.escaping import escaped
+from mrwork.escaping import escape_text
 from mrwork.identification.settings import is_synthetic
 from mrwork.records import DamperTest, Finding, guess_tests, write_test_table
 from mrwork.records.findings import findings_of_set, gathered_findings
@@ -96,7 +96,7 @@ def _write_table(options: argparse.Namespace) -> int:
         return 0
     for row in rows:
         entries = ", ".join(f"{key} {entry}" for key, entry in row.columns.items())
-        show(f"{escaped(row.file)}: {entries or 'not used'}")
+        show(f"{escape_text(row.file)}: {entries or 'not used'}")
         if row.doubt:
             show(f"  in doubt: {row.doubt}")
     show(f"Written: {table}, {len(rows)} tests, {len(doubtful)} in doubt.")
@@ -139,7 +139,7 @@ def _report(test: DamperTest, own: Sequence[Finding]) -> str:
     facts = _facts(test)
     command = f", {test.command_in_words}" if test.commands else ""
     head = (
-        f"{escaped(test.label)}: {test.n_time} samples at {1.0 / test.dt:g} Hz, "
+        f"{escape_text(test.label)}: {test.n_time} samples at {1.0 / test.dt:g} Hz, "
         f"amplitude {1e3 * facts['amplitude_m']:.3g} mm, {1e3 * facts['peak_velocity_mps']:.3g} mm/s, "
         f"{facts['peak_force_n']:.4g} N{command}"
     )

@@ -75,7 +75,7 @@ def run(options: argparse.Namespace) -> int:
     """Print the converted parameters."""
     _check_scale(options)
     theta = _spencer(options.source, _parse(options.source, options.values), options.scale)
-    converted, remarks = _converted(options.to, theta, options.scale)
+    converted, remarks = _convert_parameters(options.to, theta, options.scale)
     if options.source != "normalised":
         remarks = (*convention_remarks(theta), *remarks)
     if options.json:
@@ -138,7 +138,7 @@ def _spencer(convention: Convention, values: dict[str, float], scale: float | No
     return spencer
 
 
-def _converted(
+def _convert_parameters(
     convention: Convention, theta: NDArray[np.float64], scale: float | None
 ) -> tuple[dict[str, float], tuple[str, ...]]:
     """The parameters in a convention, and remarks on their use."""

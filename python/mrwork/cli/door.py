@@ -13,7 +13,7 @@ from typing import NoReturn, TextIO
 from mrwork.cli.signals import StopSignals
 from mrwork.cli.terminal import note, show_all
 from mrwork.errors import MrworkError, MrworkWarning, reason_of
-from mrwork.escaping import escaped
+from mrwork.escaping import escape_text
 
 _VERBS = {
     "models": "list the damper models, or show one in full",
@@ -35,7 +35,7 @@ class _Parser(argparse.ArgumentParser):
     """Reports a wrong command line in one line, without the usage."""
 
     def error(self, message: str) -> NoReturn:
-        self.exit(2, f"{self.prog}: {escaped(message)}; see {self.prog} --help\n")
+        self.exit(2, f"{self.prog}: {escape_text(message)}; see {self.prog} --help\n")
 
 
 def verbs() -> tuple[str, ...]:
@@ -70,7 +70,7 @@ def status_of(arguments: Sequence[str], signals: StopSignals) -> int:
     """Run a command line; return its exit status."""
     try:
         with warnings_in_one_line():
-            status = _ended(arguments, signals)
+            status = _run_command(arguments, signals)
             show_all()
     except KeyboardInterrupt as interrupt:
         # How to continue is told by what has kept something.
@@ -82,7 +82,7 @@ def status_of(arguments: Sequence[str], signals: StopSignals) -> int:
     return signals.status if status == 130 else status
 
 
-def _ended(arguments: Sequence[str], signals: StopSignals) -> int:
+def _run_command(arguments: Sequence[str], signals: StopSignals) -> int:
     try:
         options = parser(arguments).parse_args(arguments)
         signals.interrupt()
@@ -97,7 +97,7 @@ _SAID = (MrworkError, OSError, MemoryError, RecursionError, OverflowError, Unico
 
 
 def sentence_on(error: BaseException) -> str:
-    """What happened and what to do."""
+    """Sentence on an error: what happened and what to do."""
     if isinstance(error, MrworkError):
         return reason_of(error)
     if isinstance(error, OSError):

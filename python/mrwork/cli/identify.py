@@ -45,7 +45,7 @@ from mrwork.identification.settings import (
     Reading,
     Search,
     has_generations,
-    resized,
+    resize_search,
     search_named,
     searches,
 )
@@ -258,7 +258,7 @@ def _search(options: argparse.Namespace) -> Search | None:
         raise SettingError(
             "--search multistart takes neither --population nor --generations; leave them or --search out"
         )
-    return resized(search, population=options.population, generations=options.generations)
+    return resize_search(search, population=options.population, generations=options.generations)
 
 
 _WIDTH = 118

@@ -81,7 +81,7 @@ def add_files(parser: argparse.ArgumentParser, *, required: bool = True) -> None
 def add_observation(
     parser: argparse.ArgumentParser, *, default: str = DETECT, nuisances: str = _NONE
 ) -> None:
-    """--observe and --nuisance, whose defaults `default` and `nuisances` say."""
+    """Add --observe and --nuisance, with the defaults `default` and `nuisances`."""
     parser.add_argument(
         "--observe",
         action="append",
@@ -172,14 +172,14 @@ def reading_of(options: argparse.Namespace, use: Use | EveryUse) -> Reading:
 
 
 def read_tests(options: argparse.Namespace, use: Use) -> tuple[Reading, tuple[DamperTest, ...]]:
-    """The tests of the command line, first cut, then repaired, and their reading; a line tells how many are read."""
+    """Reading and tests of the command line, cut and then repaired; reports progress in a line."""
     reading = reading_of(options, use)
     with reading_line(quiet=is_quiet(options)) as on_read:
         return reading, reading.tests(on_read=on_read)
 
 
 def opened_run(options: argparse.Namespace) -> OpenedRun:
-    """The run folder of the command line with its tests; a line tells how many have been read."""
+    """The run folder of the command line with its tests; reports progress in a line."""
     with reading_line(quiet=is_quiet(options)) as on_read:
         return reopen(options.run_folder, on_read=on_read)
 

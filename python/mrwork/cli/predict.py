@@ -1,4 +1,4 @@
-"""`mrwork predict`: free simulations of other tests with a stored fit."""
+"""`mrwork predict`: free-run simulations of other tests with a stored fit."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from mrwork.dampers.spec import LawLimit, worst_laws
 from mrwork.identification.fit_file import read_fit
 from mrwork.identification.nuisance import estimated_in_words, missing_warnings
 from mrwork.identification.problem import prediction_warning
-from mrwork.identification.result import FitSpread, explained_by, free_run
+from mrwork.identification.result import FitSpread, explain_failures, free_run
 from mrwork.records import Likeness, observed
 from mrwork.records.likeness import likenesses_in_words
 from mrwork.table import TableColumn, text_table
@@ -95,7 +95,7 @@ def run(options: argparse.Namespace) -> int:
     _, tests = read_tests(options, "test")
     findings = told_findings("predict", tests, options)
     for test in (observed(test, words) for test in tests):
-        with explained_by(fit, test):
+        with explain_failures(fit, test):
             force, quality = free_run(
                 spec, theta, test, nuisances=nuisances, substep_factor=options.substep_factor
             )

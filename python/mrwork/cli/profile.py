@@ -72,7 +72,7 @@ def _profile(opened: OpenedRun, options: argparse.Namespace) -> int:
                 on_progress=line,
             )
     except Interrupted as interrupt:
-        return stopped(opened, interrupt.result, options)
+        return write_interrupted(opened, interrupt.result, options)
     fit = opened.fit.with_identifiability(
         identifiability_of(opened.fit, opened.tests, threads=options.threads)
     )
@@ -85,7 +85,7 @@ def _profile(opened: OpenedRun, options: argparse.Namespace) -> int:
     return end_addition(options, printed, _text(fit, profiles, directions, opened.place))
 
 
-def stopped(opened: OpenedRun, profiles: Profiles, options: argparse.Namespace) -> int:
+def write_interrupted(opened: OpenedRun, profiles: Profiles, options: argparse.Namespace) -> int:
     """Write and print the profiles of an interrupted run, not in place of complete ones; return the exit status."""
     document = asdict(profiles) | {"directions": []}
     written = not _has_complete(opened)

@@ -1,4 +1,4 @@
-"""What the verbs on a study share: its run from journal to folder, and its results on the terminal.
+"""Shared code of the verbs on a study: its run from journal to folder, and its results on the terminal.
 
 Changes of every quantity come first, then criteria and scores.
 """
@@ -56,7 +56,7 @@ Results = TypeVar("Results", StudyResults, TuningResults)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StudyVerb(Generic[Results]):
-    """What a verb on a study makes of it: results and their page, folder, JSON object and text.
+    """A verb on a study: computes the results and their page, folder, JSON object and text.
 
     `page` takes the seconds so far, `text` whether the page was drawn and whether the folder was written; `kept` says
     what a folder has after Ctrl-C.
@@ -191,7 +191,7 @@ def study_text(results: StudyResults, folder: Path | None) -> str:
 
 
 def _leading_lines(comparison: StudyComparison) -> list[str]:
-    """What the leading row changes, quantity by quantity, and what the passive dampers of the study leave open."""
+    """Changes of each quantity by the leading row, and open questions on the passive dampers of the study."""
     lines: list[str] = []
     if comparison.leading is not None:
         lines.append(comparison.heading(comparison.leading))
@@ -227,8 +227,8 @@ def _motion_lines(results: StudyResults, motion: int) -> list[str]:
     over = "uncontrolled" if reference is None else results.rows[reference].label
     table = [("", "drift mm", "m/s2", "force N", *(criterion(name).short for name in SCORE))]
     for row, each in enumerate(results.rows):
-        found = results.criteria(row, motion)
-        if found is None:
+        criteria = results.criteria(row, motion)
+        if criteria is None:
             run = results.runs.get((row, motion))
             table.append((each.label, "not run" if run is None else run.outcome, *[""] * (2 + len(SCORE))))
             continue
@@ -236,9 +236,9 @@ def _motion_lines(results: StudyResults, motion: int) -> list[str]:
         table.append(
             (
                 each.label,
-                f"{1e3 * found['peak_drift']:.4g}",
-                f"{found['peak_acceleration']:.3g}",
-                "-" if each.kind in ("uncontrolled", "baseline") else f"{found['peak_force']:.4g}",
+                f"{1e3 * criteria['peak_drift']:.4g}",
+                f"{criteria['peak_acceleration']:.3g}",
+                "-" if each.kind in ("uncontrolled", "baseline") else f"{criteria['peak_force']:.4g}",
                 *(with_decimals(ratios[name], 3) for name in SCORE),
             )
         )

@@ -142,15 +142,15 @@ def _text(results: TuningResults, place: Path, *, drawn: bool) -> str:
 
 
 def _row(law: LawResult, settings: str) -> tuple[str, ...]:
-    found = law.judged
+    judgement = law.judged
     better = "" if law.better is None else f"{law.better.both} of {law.better.motions}"
     nan = float("nan")
     return (
         law.label,
         with_decimals(law.train.score, 3),
         "-" if law.test is None else with_decimals(law.test.score, 3),
-        with_decimals(found.criteria.get("peak_drift", nan), 3),
-        with_decimals(found.criteria.get("peak_acceleration", nan), 3),
+        with_decimals(judgement.criteria.get("peak_drift", nan), 3),
+        with_decimals(judgement.criteria.get("peak_acceleration", nan), 3),
         better,
         settings,
     )

@@ -26,7 +26,7 @@ from mrwork.control.laws import ControlLaw
 from mrwork.errors import Interrupted, SettingError
 from mrwork.keys import key
 from mrwork.motions.ground_motion import GroundMotion
-from mrwork.numbers import rounded
+from mrwork.numbers import format_rounded
 from mrwork.summary import Summarised, Summary
 from mrwork.values import Floats, holds_arrays
 
@@ -118,8 +118,8 @@ class ClairvoyantProblem:
         """A constant share of the largest command, shape (n_intervals, n_devices)."""
         return np.tile(share * self.largest, (self.n_intervals, 1))
 
-    def fitted(self, commands: PrescribedCommands) -> Floats:
-        """Commands with the intervals of this problem, within the range of the devices; cut or held at the end."""
+    def adapt_commands(self, commands: PrescribedCommands) -> Floats:
+        """Commands resampled to the intervals of this problem and clipped to the range of the devices."""
         if abs(commands.interval - self.interval) > 1e-9 or commands.command.shape[1] != len(self.devices):
             raise SettingError(
                 f"a start has commands of {commands.interval:g} s for {commands.command.shape[1]} devices; give "
@@ -225,8 +225,8 @@ class ClairvoyantProblem:
 
 
 def _rows(rows: Floats, chosen: tuple[int, ...] | None) -> Floats:
-    found = np.asarray(rows, dtype=np.float64)
-    return found if chosen is None else found[list(chosen)]
+    commands = np.asarray(rows, dtype=np.float64)
+    return commands if chosen is None else commands[list(chosen)]
 
 
 # Constant commands that are tried, from zero to the largest.
@@ -309,7 +309,7 @@ class Clairvoyant(Summarised):
 
     @property
     def statement(self) -> str:
-        """What the result is, and what it is not."""
+        """Statement of what the result proves and what it does not."""
         count = len({start.name for start in self.starts if start.name != FINISH})
         starts = "one start" if count == 1 else f"{count} starts"
         return (
@@ -327,7 +327,7 @@ class Clairvoyant(Summarised):
             title=f"Non-causal optimum under {self.motion}, score {self.score:.3f}",
             facts=(
                 *(
-                    (name.replace("_", " "), f"{rounded(each)} of i = 0")
+                    (name.replace("_", " "), f"{format_rounded(each)} of i = 0")
                     for name, each in self.ratios.items()
                 ),
                 ("commands", f"{len(self.commands.command)} of {self.commands.interval:g} s"),
@@ -335,7 +335,12 @@ class Clairvoyant(Summarised):
             ),
             columns=("start", "its score", "reached", "gradients"),
             rows=[
-                (each.name, rounded(each.start_score), rounded(each.score), str(each.evaluations))
+                (
+                    each.name,
+                    format_rounded(each.start_score),
+                    format_rounded(each.score),
+                    str(each.evaluations),
+                )
                 for each in self.starts
             ],
             notes=[self.statement],
@@ -349,7 +354,7 @@ Recall = Callable[[str, Floats, Callable[[], ClairvoyantStart]], ClairvoyantStar
 """Does a search, given its name and the commands it starts from, or recalls it from a journal."""
 
 
-def _done(name: str, start: Floats, search: Callable[[], ClairvoyantStart]) -> ClairvoyantStart:
+def _run_search(name: str, start: Floats, search: Callable[[], ClairvoyantStart]) -> ClairvoyantStart:
     return search()
 
 
@@ -365,7 +370,7 @@ def clairvoyant(
     floors: tuple[Annotated[int, Within(least=0)], ...] | None = None,
     storeys: tuple[Annotated[int, Within(least=0)], ...] | None = None,
     on_progress: Callable[[ClairvoyantProgress], None] = lambda progress: None,
-    recall: Recall = _done,
+    recall: Recall = _run_search,
     threads: Threads = 0,
 ) -> Clairvoyant:
     """Find commands with a low score for a motion that is known in advance.
@@ -448,7 +453,7 @@ def _result(problem: ClairvoyantProblem, done: Sequence[ClairvoyantStart]) -> Cl
 def _starts(
     problem: ClairvoyantProblem, settings: ClairvoyantSettings, given: Mapping[str, PrescribedCommands]
 ) -> Iterator[tuple[str, Floats]]:
-    fitted = {name: problem.fitted(commands) for name, commands in given.items()}
+    fitted = {name: problem.adapt_commands(commands) for name, commands in given.items()}
     shares = np.linspace(0.0, 1.0, _LEVELS)
     scores = problem.constant_scores(shares)
     best = float(shares[int(np.nanargmin(scores))])
@@ -503,7 +508,7 @@ class _Search:
                 )
             )
 
-        found = minimize(
+        minimum = minimize(
             objective,
             (self.start / largest).ravel(),
             jac=True,
@@ -512,7 +517,7 @@ class _Search:
             callback=report,
             options={"maxiter": self.iterations, "maxcor": _MEMORY},
         )
-        reached = np.clip(found.x, 0.0, 1.0).reshape(shape) * largest
+        reached = np.clip(minimum.x, 0.0, 1.0).reshape(shape) * largest
         start_score, score = self.problem.score(self.start), self.problem.score(reached)
         better = score < start_score
         return ClairvoyantStart(
@@ -520,7 +525,7 @@ class _Search:
             start_score=start_score,
             score=score if better else start_score,
             commands=reached if better else self.start,
-            evaluations=int(found.nfev),
+            evaluations=int(minimum.nfev),
             step_time=self.problem.twin.step_time,
             seconds=time.perf_counter() - began,
         )

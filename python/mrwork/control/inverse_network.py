@@ -392,9 +392,9 @@ def _train(
     )
     from scipy.optimize import least_squares
 
-    found = least_squares(residuals, start, jac=jacobian, method="lm", max_nfev=_MAX_STEPS).x
-    W1 = found[:shapes].reshape(n_hidden, n_inputs) @ to_features
-    return W1, found[shapes : shapes + n_hidden], found[shapes + n_hidden : -1], float(found[-1])
+    solution = least_squares(residuals, start, jac=jacobian, method="lm", max_nfev=_MAX_STEPS).x
+    W1 = solution[:shapes].reshape(n_hidden, n_inputs) @ to_features
+    return W1, solution[shapes : shapes + n_hidden], solution[shapes + n_hidden : -1], float(solution[-1])
 
 
 def _test(network: InverseNetwork, group: _DamperGroup, loading: Loading, n_previous: int) -> InverseNetwork:

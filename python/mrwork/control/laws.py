@@ -15,7 +15,7 @@ from mrwork.arguments import May, checked
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.keys import suggestion
-from mrwork.numbers import rounded
+from mrwork.numbers import format_rounded
 from mrwork.summary import Summarised, Summary
 from mrwork.values import Floats, holds_arrays
 
@@ -179,7 +179,7 @@ class ControlLaw(Summarised):
                 (
                     name,
                     str(np.shape(value)),
-                    rounded(float(np.abs(np.asarray(value, dtype=np.float64)).max())),
+                    format_rounded(float(np.abs(np.asarray(value, dtype=np.float64)).max())),
                 )
                 for name, value in (*self.gains.items(), *self.tables.items())
             ],

@@ -66,10 +66,10 @@ def lyapunov_function(plant: Plant, weight: ArrayLike | None = None) -> Lyapunov
     SettingError
         If Q_P is not symmetric and positive, or a mode of the building without control is undamped.
     """
-    (found,) = _lyapunov_functions(plant, [plant.energy if weight is None else weight], threads=1)
-    if isinstance(found, SettingError):
-        raise found
-    return found
+    (functions,) = _lyapunov_functions(plant, [plant.energy if weight is None else weight], threads=1)
+    if isinstance(functions, SettingError):
+        raise functions
+    return functions
 
 
 def _lyapunov_functions(
@@ -136,10 +136,10 @@ class LyapunovSettings(CostWeights, LawSettings):
 
     def design(self, problem: DesignProblem) -> Design:
         """The gains that follow from the weight of the state."""
-        (found,) = type(self).designs(problem, [self])
-        if isinstance(found, SettingError):
-            raise found
-        return found
+        (designs,) = type(self).designs(problem, [self])
+        if isinstance(designs, SettingError):
+            raise designs
+        return designs
 
     @classmethod
     def designs(cls, problem: DesignProblem, many: Sequence[Self]) -> list[Design | SettingError]:
@@ -204,17 +204,17 @@ class ProportionalSettings(LyapunovSettings):
 
 
 def _lyapunov_vectors(plant: Plant, many: Sequence[LyapunovSettings]) -> list[Floats | SettingError]:
-    found = solve_together(
+    functions = solve_together(
         lambda weights: _lyapunov_functions(plant, weights),
-        attempt_each(lambda each: each.weighed(plant).Q, many),
+        attempt_each(lambda each: each.weigh_outputs(plant).Q, many),
     )
-    return [each if isinstance(each, SettingError) else each.vectors for each in found]
+    return [each if isinstance(each, SettingError) else each.vectors for each in functions]
 
 
 def _regulator_vectors(plant: Plant, many: Sequence[ProportionalSettings]) -> list[Floats | SettingError]:
     def cost(each: ProportionalSettings) -> tuple[Weighed, ArrayLike]:
         assert each.control_weight is not None
-        return each.weighed(plant), each.control_weight
+        return each.weigh_outputs(plant), each.control_weight
 
-    found = regulators_of_costs(plant, attempt_each(cost, many))
-    return [each if isinstance(each, SettingError) else each.vectors for each in found]
+    regulators = regulators_of_costs(plant, attempt_each(cost, many))
+    return [each if isinstance(each, SettingError) else each.vectors for each in regulators]

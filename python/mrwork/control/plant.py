@@ -176,7 +176,7 @@ class Outputs(Summarised):
         return Outputs(names=tuple(names), C=self.C[rows], D=self.D[rows], G=self.G[rows])
 
 
-def stacked(*parts: Outputs) -> Outputs:
+def stack_outputs(*parts: Outputs) -> Outputs:
     """Concatenate groups of outputs."""
     if not parts:
         raise SettingError("no outputs were given; give one group or more")

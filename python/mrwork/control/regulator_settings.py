@@ -68,7 +68,7 @@ class RegulatorSettings(CostWeights, LawSettings):
     def regulator(self, problem: DesignProblem) -> Regulator:
         """The regulator with these weights."""
         plant = problem.plant
-        return regulator_of_weights(plant, self.weighed(plant), self.control_weight_of(plant))
+        return regulator_of_weights(plant, self.weigh_outputs(plant), self.control_weight_of(plant))
 
     def control_weight_of(self, plant: Plant) -> Weights:
         """R of the devices; one number with designed weights keeps the ratios of the design."""
@@ -87,17 +87,17 @@ class RegulatorSettings(CostWeights, LawSettings):
             regulators_of_costs(
                 plant,
                 attempt_each(
-                    lambda each: (each.weighed(plant), each.control_weight_of(plant)),
+                    lambda each: (each.weigh_outputs(plant), each.control_weight_of(plant)),
                     [each for each in many if not each.sampled],
                 ),
             )
         )
-        found: list[Design | SettingError] = []
+        outcomes: list[Design | SettingError] = []
         for settings in many:
             known = next(sampled if settings.sampled else regulators)
             gain = known.gain if isinstance(known, Regulator) else known
-            found.append(gain if isinstance(gain, SettingError) else settings.of_gain(problem, gain))
-        return found
+            outcomes.append(gain if isinstance(gain, SettingError) else settings.of_gain(problem, gain))
+        return outcomes
 
     def certificate(self, problem: DesignProblem) -> str:
         """Stability of the linear loop of the regulator, or of a sampled design."""

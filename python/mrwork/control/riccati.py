@@ -173,9 +173,9 @@ def solve_riccati(
     A: Floats, B: Floats, Q: Floats, R: Floats, N: Floats, *, scaling: Floats, time: Time = "continuous"
 ) -> RiccatiSolution:
     """Solve one equation; see `regulator_gains`."""
-    found = regulator_gains(A, B, Q, R, N, time=time, scaling=scaling, threads=1)
-    found.check()
-    return RiccatiSolution(P=found.P[0], gain=found.gain[0], residual=float(found.residual[0]))
+    solutions = regulator_gains(A, B, Q, R, N, time=time, scaling=scaling, threads=1)
+    solutions.check()
+    return RiccatiSolution(P=solutions.P[0], gain=solutions.gain[0], residual=float(solutions.residual[0]))
 
 
 @checked
@@ -300,7 +300,7 @@ def _columns(name: str, matrix: ArrayLike) -> int:
 
 
 def _stack(name: str, given: ArrayLike, rows: int, columns: int) -> Floats:
-    """As the core takes it: with a leading axis of the batch, which has length one if all rows share the matrix."""
+    """Array with a leading batch axis for the core; the axis has length one if all rows share the matrix."""
     matrices = np.asarray(given, dtype=np.float64)
     if matrices.ndim not in (2, 3) or matrices.shape[-2:] != (rows, columns):
         raise SettingError(

@@ -125,7 +125,7 @@ def placed_surface(plant: Plant, poles: NDArray[np.complex128]) -> SlidingSurfac
     try:
         with catch_warnings(record=True) as said:
             simplefilter("always")
-            found = place_poles(A[:n_rest, :n_rest], A[:n_rest, n_rest:], poles)
+            placement = place_poles(A[:n_rest, :n_rest], A[:n_rest, n_rest:], poles)
     except ValueError as error:
         raise SettingError(f"the poles of the surface cannot be placed: {error}") from error
     if said:
@@ -135,7 +135,7 @@ def placed_surface(plant: Plant, poles: NDArray[np.complex128]) -> SlidingSurfac
             MrworkWarning,
             stacklevel=3,
         )
-    return _surface(plant, back, A, np.asarray(found.gain_matrix, dtype=np.float64))
+    return _surface(plant, back, A, np.asarray(placement.gain_matrix, dtype=np.float64))
 
 
 def sliding_gains(

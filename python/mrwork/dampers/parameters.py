@@ -157,7 +157,7 @@ class CurrentLaw:
             return np.asarray(at_zero + factor * np.exp(exponent * command))
         return np.asarray(np.polynomial.polynomial.polyval(command, coefficients))
 
-    def stretched(
+    def rescale_command(
         self, coefficients: NDArray[np.float64], factor: float, *, log: bool = False
     ) -> NDArray[np.float64]:
         """Coefficients, on the last axis, of the parameter as a function of the command over `factor`: p(factor u)."""

@@ -23,7 +23,7 @@ from mrwork.dampers.parameters import (
     polynomial_laws,
 )
 from mrwork.errors import SettingError, UnknownNameError
-from mrwork.numbers import of_unit, rounded
+from mrwork.numbers import format_rounded, of_unit
 from mrwork.summary import Summarised, Summary
 from mrwork.units import CommandUnit
 
@@ -290,9 +290,9 @@ class DamperSpec(Summarised):
             rows=[
                 (
                     each.name,
-                    rounded(each.nominal),
-                    rounded(each.lower),
-                    rounded(each.upper),
+                    format_rounded(each.nominal),
+                    format_rounded(each.lower),
+                    format_rounded(each.upper),
                     each.unit,
                     each.description,
                 )
@@ -318,7 +318,7 @@ class Preset(Summarised):
             title=f"Preset {self.name} of {self.spec.name}, {self.status}: {self.source}",
             columns=("parameter", "value", "unit"),
             rows=[
-                (each.name, rounded(value, 6), each.unit)
+                (each.name, format_rounded(value, 6), each.unit)
                 for each, value in zip(self.spec.parameters, self.theta, strict=True)
             ],
             notes=(self.note,),
@@ -408,7 +408,7 @@ class LawLimit:
 
     @property
     def in_words(self) -> str:
-        """As in "the law of k_w turns negative: -120 N at 0 A, taken as 0.001 N from 0 to 0.12 A"."""
+        """Text such as "the law of k_w turns negative: -120 N at 0 A, taken as 0.001 N from 0 to 0.12 A"."""
         if self.value == self.used:
             what = "vanishes"
         elif self.value > self.used:
@@ -436,7 +436,7 @@ def law_limits(spec: DamperSpec, theta: ArrayLike, commands: tuple[float, float]
     if spec.current is None:
         return ()
     command = np.linspace(*commands, _N_COMMANDS)
-    found = []
+    limits = []
     for parameter, value in _values(spec, np.asarray(theta, dtype=np.float64), command):
         used = np.clip(value, parameter.lower, parameter.upper)
         beyond = np.abs(value - used)
@@ -445,7 +445,7 @@ def law_limits(spec: DamperSpec, theta: ArrayLike, commands: tuple[float, float]
         outside = np.flatnonzero(beyond)
         if outside.size:
             worst = int(np.argmax(beyond))
-            found.append(
+            limits.append(
                 LawLimit(
                     parameter=parameter.name,
                     unit=parameter.unit,
@@ -457,7 +457,7 @@ def law_limits(spec: DamperSpec, theta: ArrayLike, commands: tuple[float, float]
                     command_unit=spec.current.unit,
                 )
             )
-    return tuple(found)
+    return tuple(limits)
 
 
 def worst_laws(limits: Iterable[LawLimit]) -> list[LawLimit]:

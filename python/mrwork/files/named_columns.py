@@ -382,8 +382,8 @@ def listed_files(paths: str | os.PathLike[str] | Iterable[str | os.PathLike[str]
         pattern = os.fspath(paths)
         _refuse_nameless(pattern)
         # An existing file whose name contains brackets is not a pattern.
-        found = glob.glob(pattern, recursive=True)  # noqa: PTH207 - `Path.glob` takes no absolute patterns
-        files = [pattern] if exists(pattern) else sorted(found)
+        paths_of_pattern = glob.glob(pattern, recursive=True)  # noqa: PTH207 - `Path.glob` takes no absolute patterns
+        files = [pattern] if exists(pattern) else sorted(paths_of_pattern)
         if not files:
             raise RecordError(f"no file matches '{pattern}'; check the path and the pattern")
         return files

@@ -112,7 +112,7 @@ class RowForm:
 @holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rows:
-    """What was read: columns of shape (n_rows,) by place, and what must be refused.
+    """Parsed rows: columns of shape (n_rows,) by place, and the fault that must be refused.
 
     `width` are the first row with another number of fields and that number; where there is one, nothing else was read.
     `no_numbers` are the first row, and its text, of each column with a cell that is no number.

@@ -176,11 +176,11 @@ def find_minimum_on_twin(
     `on_step`: called after every step with the number of steps so far and the misfit; not if the result is recalled
     from a journal.
     """
-    found = objective.once(
+    minimum = objective.once(
         "refinement", TwinMinimum, lambda: _minimise_on_twin(objective, box, start, on_step), box, start
     )
-    check_recalled_minimum(found.theta, box, start)
-    return found
+    check_recalled_minimum(minimum.theta, box, start)
+    return minimum
 
 
 def _minimise_on_twin(objective: Objective, box: Box, start: Floats, on_step: OnStep | None) -> TwinMinimum:
@@ -188,14 +188,14 @@ def _minimise_on_twin(objective: Objective, box: Box, start: Floats, on_step: On
     minimum = TwinMinimum(theta=start, misfit=float(objective(start[None])[0]), steps=0, converged=False)
     for _ in range(_ROUNDS):
         substeps = _substeps(objective, minimum.theta)
-        minimum = _minimised_with(objective, box, minimum, substeps, on_step)
+        minimum = _minimise_with_substeps(objective, box, minimum, substeps, on_step)
         # Fewer sub-steps would suffice too, but the minimum would differ from that of the lanes.
         if minimum.converged and _substeps(objective, minimum.theta) == substeps:
             break
     return minimum
 
 
-def _minimised_with(
+def _minimise_with_substeps(
     objective: Objective, box: Box, start: TwinMinimum, substeps: tuple[int, ...], on_step: OnStep | None
 ) -> TwinMinimum:
     """One minimisation with fixed sub-steps; the result is not worse than the start."""

@@ -12,7 +12,7 @@ from mrwork.dampers.spec import DamperSpec
 from mrwork.keys import SMALLEST
 from mrwork.records import DamperTest
 from mrwork.records.checks import FORCE_OFFSET
-from mrwork.records.damper_test import delayed
+from mrwork.records.damper_test import delay_signal
 from mrwork.summary import listed
 from mrwork.values import Floats
 
@@ -37,16 +37,16 @@ class Nuisance:
         ]
         return ", ".join(text for value, text in parts if value != 0.0)
 
-    def applied(self, force: Floats, dt: float) -> Floats:
+    def apply_to(self, force: Floats, dt: float) -> Floats:
         """Apply the estimates to `force` [N], shape (n_time,), which is sampled every `dt` [s]."""
-        return np.asarray(self.level * delayed(force, self.delay / dt) + self.offset)
+        return np.asarray(self.level * delay_signal(force, self.delay / dt) + self.offset)
 
 
 NONE = Nuisance()
 
 
 def estimated_in_words(names: Sequence[NuisanceName]) -> str:
-    """What is estimated from the measured force of each test."""
+    """Nuisance parameters that are estimated from the measured force of each test, in words."""
     return " and ".join(f"{name} of the force" for name in names)
 
 

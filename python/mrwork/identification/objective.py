@@ -238,10 +238,10 @@ class Objective(Summarised):
     def _indirect(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
         self.tally.simulations += len(theta)
 
-        def squared(index: int, threads: int) -> NDArray[np.float64]:
+        def square_residuals(index: int, threads: int) -> NDArray[np.float64]:
             return _squares(self._part(index, theta, failure=np.inf, threads=threads))
 
-        return self._mean(len(self.tests) * np.array(self._on_every_test(squared)))
+        return self._mean(len(self.tests) * np.array(self._on_every_test(square_residuals)))
 
     @checked
     def squared_nrmse(self, parts: Iterable[AnyNumbers]) -> NDArray[np.float64]:
@@ -342,7 +342,7 @@ def _squares(residuals: Floats) -> Floats:
 _BLOCK_SIZE = 1 << 23
 
 
-def linearised(objective: Objective, theta: Floats, columns: Sequence[int]) -> tuple[Floats, Floats]:
+def linearise_residuals(objective: Objective, theta: Floats, columns: Sequence[int]) -> tuple[Floats, Floats]:
     """Residuals and their exact derivatives with respect to columns of `theta`, from one simulation of each row.
 
     Shapes (n_batch, n_residuals) and (n_batch, n_columns, n_residuals), per unit of the column; derivatives are zero
@@ -368,7 +368,7 @@ def _block(objective: Objective, theta: Floats, columns: Sequence[int]) -> tuple
 
     def fill(index: int, threads: int) -> None:
         each = objective.compared[index]
-        own, derivative, failed = each.linearised(theta, columns, threads=threads)
+        own, derivative, failed = each.linearise_residuals(theta, columns, threads=threads)
         weight = each.weight(len(objective.compared))
         np.multiply(own, weight, out=residuals[:, slices[index]])
         np.multiply(derivative, weight, out=jacobian[..., slices[index]])

@@ -228,11 +228,11 @@ def command_warning(tests: Sequence[DamperTest], specs: Sequence[DamperSpec]) ->
         for unit in dict.fromkeys(unit for unit, _ in levels)
     ]
     if varying:
-        found = f"the command varies during tests ({'; '.join([*listing, *sorted(varying)])})"
+        observation = f"the command varies during tests ({'; '.join([*listing, *sorted(varying)])})"
     else:
-        found = f"the tests are at {len(levels)} commands ({', '.join(listing)})"
+        observation = f"the tests are at {len(levels)} commands ({', '.join(listing)})"
     return (
-        f"{found} but no parameter of {listed(constant)} follows the "
+        f"{observation} but no parameter of {listed(constant)} follows the "
         "command, so the fit is a compromise between them and right at none; let parameters follow the command "
         "with --law auto or --law NAME=LAW (in Python `with_current_laws`), or give tests at one command",
     )

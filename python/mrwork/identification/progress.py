@@ -1,4 +1,4 @@
-"""How an identification runs: tests side by side on threads, counts of simulations, progress reports, interruption."""
+"""Run of an identification: tests in parallel on threads, counts of simulations, progress reports, interruption."""
 
 from __future__ import annotations
 

@@ -101,7 +101,7 @@ class ObservedTest:
         force, failed = self.forces(theta, threads=threads)
         return without_nuisance(force[:, self.counted], self.measured, self.nuisances), failed
 
-    def linearised(
+    def linearise_residuals(
         self, theta: Floats, columns: Sequence[int], *, threads: int = 0
     ) -> tuple[Floats, Floats, NDArray[np.bool_]]:
         """Residuals with their exact derivatives, from one simulation of each row, and which rows failed.
@@ -125,9 +125,9 @@ class ObservedTest:
     def with_nuisance(self, force: Floats) -> tuple[Floats, Nuisance]:
         """Apply the least-squares nuisance parameters to a recorded `force` [N], shape (n_time,); return them too."""
         nuisance = nuisance_of(force[self.counted], self.measured, self.test.dt, self.nuisances)
-        return nuisance.applied(force, self.test.dt) if self.nuisances else force, nuisance
+        return nuisance.apply_to(force, self.test.dt) if self.nuisances else force, nuisance
 
-    def predicted(self, theta: Floats, *, substep_factor: int = 1) -> tuple[Floats, Nuisance, int]:
+    def predict_force(self, theta: Floats, *, substep_factor: int = 1) -> tuple[Floats, Nuisance, int]:
         """Force of one set of parameters as recorded [N], shape (n_time,), nuisance parameters, number of sub-steps."""
         run = simulate_forces(self.spec, theta[None], self.history, substep_factor=substep_factor)
         outcome = Outcome(run.outcome[0])

@@ -14,7 +14,7 @@ from mrwork.errors import RecordError, SettingError, UnknownNameError
 from mrwork.identification.nuisance import NuisanceName
 from mrwork.records import DamperTest, read_damper_test, repair
 from mrwork.records.repairs import DETECT, RepairKind, as_words
-from mrwork.records.window import counted_from, cut
+from mrwork.records.window import count_samples_from, cut
 from mrwork.search.loop import Optimiser
 from mrwork.store.codec import LowerBound, UpperBound, built, record_of
 from mrwork.store.input_file import exists
@@ -76,7 +76,7 @@ def has_generations(search: Search) -> bool:
     return not isinstance(search, Multistart | UnregisteredSearch)
 
 
-def resized(search: Search, *, population: int | None = None, generations: int | None = None) -> Search:
+def resize_search(search: Search, *, population: int | None = None, generations: int | None = None) -> Search:
     """The search with another population or largest number of generations; `None` keeps the present one."""
     # Any, because the protocol of optimisers does not declare that the settings are a dataclass.
     settings: Any = search
@@ -218,8 +218,8 @@ class Reading:
         """Undo `as_record`; `origin` names the record in messages."""
         if record is None:
             raise RecordError(f"{origin} does not say how its tests were read; run `mrwork identify` again")
-        found: Reading = record_of(cls, record, origin=origin, name="reading of tests", verb="identify")
-        return found
+        reading: Reading = record_of(cls, record, origin=origin, name="reading of tests", verb="identify")
+        return reading
 
     def tests(self, *, on_read: OnRead | None = None) -> tuple[DamperTest, ...]:
         """Read the files as tests; `on_read` is called before each."""
@@ -240,7 +240,7 @@ class Reading:
             test = cut(test, start=self.start, end=self.end, every=self.every)
         amounts = {kind: amount for kind, amount in self.repairs.items() if amount is not None}
         test, _ = repair(test, self.repairs, amounts=amounts)
-        return test if self.settle is None else counted_from(test, self.settle)
+        return test if self.settle is None else count_samples_from(test, self.settle)
 
     def _path(self, file: str) -> str:
         """Path of a file from the current folder, or else from the folder where it was read."""
@@ -249,7 +249,7 @@ class Reading:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NumberOption:
-    """How the command line offers a setting that is a number: its help, its placeholder, its default and its range."""
+    """Command-line option of a numeric setting: help, placeholder, default and range."""
 
     says: str
     metavar: str

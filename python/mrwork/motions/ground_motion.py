@@ -124,10 +124,10 @@ def likeness(one: GroundMotion, other: GroundMotion) -> float:
     the energy of one motion and a tenth of that of the other in the overlap. Motions with different steps are also
     compared sample by sample, which finds a copy with another time axis.
     """
-    found = _largest_correlation(_on_step(one), _on_step(other))
+    correlation = _largest_correlation(_on_step(one), _on_step(other))
     if abs(one.dt - other.dt) > 1e-6 * one.dt:
-        found = max(found, _largest_correlation(one.acceleration, other.acceleration))
-    return found
+        correlation = max(correlation, _largest_correlation(one.acceleration, other.acceleration))
+    return correlation
 
 
 def is_copy(one: GroundMotion, other: GroundMotion) -> bool:
@@ -139,12 +139,12 @@ def _on_step(motion: GroundMotion) -> Floats:
     """Accelerations every 10 ms: means of finer samples, straight lines between coarser ones."""
     time = np.arange(0.0, motion.duration, _STEP)
     if motion.dt >= 0.999 * _STEP:
-        found = np.interp(time, motion.time, motion.acceleration)
+        acceleration = np.interp(time, motion.time, motion.acceleration)
     else:
         # The mean over a step is a difference of the velocity.
         edges = np.append(time, time[-1] + _STEP) - 0.5 * _STEP
-        found = np.diff(np.interp(edges, motion.time, motion.velocity)) / _STEP
-    return np.asarray(found, dtype=np.float64)
+        acceleration = np.diff(np.interp(edges, motion.time, motion.velocity)) / _STEP
+    return np.asarray(acceleration, dtype=np.float64)
 
 
 def _largest_correlation(one: Floats, other: Floats) -> float:

@@ -15,7 +15,7 @@ from mrwork.errors import RecordError, SettingError
 from mrwork.keys import SMALLEST, Within
 from mrwork.motions.ground_motion import GroundMotion, changed, resampled, scaled
 from mrwork.motions.spectral_density import CloughPenzien, KanaiTajimi, SpectralDensity
-from mrwork.numbers import rounded
+from mrwork.numbers import format_rounded
 from mrwork.summary import Summarised, Summary
 from mrwork.values import Floats, holds_arrays
 
@@ -71,7 +71,7 @@ class ResponseSpectrum(Summarised):
             columns=("period [s]", "displacement [m]", "velocity [m/s]", "acceleration [m/s^2]"),
             rows=[
                 tuple(
-                    rounded(float(each[at]))
+                    format_rounded(float(each[at]))
                     for each in (self.periods, self.displacement, self.velocity, self.acceleration)
                 )
                 for at in shown
@@ -212,7 +212,7 @@ def fitted_spectrum(motion: GroundMotion, kind: SpectrumKind = "kanai_tajimi") -
     used = (w > 0.0) & (w <= 2.0 * np.pi * _HIGHEST)
     w, periodogram = w[used], periodogram[used]
 
-    def made(shape: Floats, intensity: float = 1.0) -> SpectralDensity:
+    def make_density(shape: Floats, intensity: float = 1.0) -> SpectralDensity:
         frequency, damping, *filter_shape = np.exp(shape)
         soil = KanaiTajimi(frequency=float(frequency), damping=float(damping), intensity=intensity)
         if not filter_shape:
@@ -222,18 +222,18 @@ def fitted_spectrum(motion: GroundMotion, kind: SpectrumKind = "kanai_tajimi") -
     def misfit(shape: Floats) -> float:
         if np.any(np.abs(shape) > 8.0):
             return math.inf
-        density = made(shape).density(w)
+        density = make_density(shape).density(w)
         return float(np.mean(np.log(density)) + np.log(np.mean(periodogram / density)))
 
     rest = () if kind == "kanai_tajimi" else (1.5, 0.6)
-    found = min(
+    best = min(
         (
             minimize(misfit, np.log([*start, *rest]), method="Nelder-Mead", options={"xatol": 1e-4})
             for start in _STARTS
         ),
         key=lambda each: float(each.fun),
     )
-    return made(found.x, float(np.mean(periodogram / made(found.x).density(w))))
+    return make_density(best.x, float(np.mean(periodogram / make_density(best.x).density(w))))
 
 
 def _strong_part(motion: GroundMotion) -> Floats:
@@ -329,7 +329,7 @@ class ShakeTable:
     @checked
     def demand(self, motion: GroundMotion) -> TableDemand:
         """What a commanded motion takes of the table, whether the table can run it or not."""
-        return self._taken_by(self._follow(motion))
+        return self._measure_demand(self._follow(motion))
 
     @checked
     def driven(self, motion: GroundMotion, *, beyond: Literal["refuse", "scale"] = "refuse") -> GroundMotion:
@@ -351,7 +351,7 @@ class ShakeTable:
             samples.
         """
         given = self._follow(motion)
-        taken = self._taken_by(given)
+        taken = self._measure_demand(given)
         if taken.within:
             return given
         limit, most = taken.limit, getattr(self, taken.limit)
@@ -385,7 +385,7 @@ class ShakeTable:
             f"followed by a table of {self.bandwidth:g} Hz",
         )
 
-    def _taken_by(self, given: GroundMotion) -> TableDemand:
+    def _measure_demand(self, given: GroundMotion) -> TableDemand:
         peaks: dict[TableLimit, float] = {
             "stroke": float(np.abs(given.displacement).max()),
             "velocity": float(np.abs(given.velocity).max()),

@@ -19,7 +19,7 @@ if True:  # the lower tier
     from .damper_test import Measured as Measured
     from .damper_test import Smoothing as Smoothing
     from .detectors.smoothing import detect_smoothing as detect_smoothing
-    from .findings import mislabelled as mislabelled
+    from .findings import find_mislabelled as find_mislabelled
     from .likeness import Likeness as Likeness
     from .likeness import RecordedMotion as RecordedMotion
     from .loop_branches import Branches as Branches

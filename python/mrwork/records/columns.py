@@ -184,16 +184,18 @@ class StatedCommand:
 
 def scalar_command(names: Sequence[str], units: Mapping[str, str], *, source: str) -> StatedCommand | None:
     """The column whose name means a command that is neither a current nor a voltage, with its unit; else `None`."""
-    found = [
+    candidates = [
         (name, unit) for name in names for unit in [scalar_unit_in_name(name, units.get(name, ""))] if unit
     ]
-    if len(found) > 1:
-        (first, unit), (second, _) = found[:2]
+    if len(candidates) > 1:
+        (first, unit), (second, _) = candidates[:2]
         raise RecordError(
             f"{source}: columns '{first}' and '{second}' both look like the command; say which one to use, as in "
             f"{column_option(COMMAND, first, unit)}"
         )
-    return StatedCommand(quantity=None, column=found[0][0], unit=found[0][1]) if found else None
+    return (
+        StatedCommand(quantity=None, column=candidates[0][0], unit=candidates[0][1]) if candidates else None
+    )
 
 
 def choose_columns(
@@ -215,7 +217,7 @@ def choose_columns(
     chosen: dict[TestQuantity, ColumnChoice] = {}
     for name, specification in (columns or {}).items():
         quantity = _quantity(name)
-        chosen[quantity] = named.specified(quantity, specification)
+        chosen[quantity] = named.parse_specification(quantity, specification)
     taken = {choice.column for choice in chosen.values()}
     named = replace(named, free=tuple(name for name in names if name not in taken))
     unclear: list[_UnclearError] = []
@@ -262,7 +264,7 @@ class _Names:
     stamps: Collection[str]
     source: str
 
-    def specified(self, quantity: TestQuantity, specification: str) -> ColumnChoice:
+    def parse_specification(self, quantity: TestQuantity, specification: str) -> ColumnChoice:
         """The column that a ``"COLUMN:UNIT"`` or ``"COLUMN"`` names; without a unit it has that of the file."""
         column, unit = _parse_specification(quantity, specification)
         name = _find(column, self.names, self.source)
@@ -471,8 +473,8 @@ def _find(column: str, names: Sequence[str], source: str) -> str:
     if len(alike) == 1:
         return alike[0]
     if len(set(alike)) > 1:
-        found = listed([f"'{name}'" for name in alike])
-        raise RecordError(f"{source}: '{column}' may be {found}; give the whole heading")
+        quoted = listed([f"'{name}'" for name in alike])
+        raise RecordError(f"{source}: '{column}' may be {quoted}; give the whole heading")
     if alike:
         raise RecordError(f"{source}: the column name '{column}' occurs {len(alike)} times; make it unique")
     shown = ", ".join(f"'{name}'" for name in names)

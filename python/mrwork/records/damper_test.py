@@ -22,7 +22,7 @@ from mrwork.keys import Within
 from mrwork.simulate import Loading
 from mrwork.summary import Summarised, Summary
 from mrwork.units import CommandUnit
-from mrwork.values import Floats, frozen, holds_arrays, keep_arrays
+from mrwork.values import Floats, freeze_samples, holds_arrays, keep_arrays
 
 RANGES: Final = {
     "delay_seconds": (-1e6, 1e6, "s"),
@@ -89,11 +89,11 @@ class Observation:
             raise SettingError(f"`force` has shape {force.shape}; give two samples or more")
         observed = force
         if self.delay_seconds != 0.0:
-            observed = delayed(observed, self.delay_seconds / dt)
+            observed = delay_signal(observed, self.delay_seconds / dt)
         if self.lowpass_hz > 0.0:
             observed = _low_passed(observed, self.lowpass_hz, dt)
         if self.average_seconds > 0.0:
-            observed = averaged(observed, self.average_seconds / dt)
+            observed = average_signal(observed, self.average_seconds / dt)
         if self.gain != 1.0:
             observed = self.gain * observed
         return observed + self.offset if self.offset != 0.0 else observed
@@ -108,7 +108,7 @@ _ROUNDING = 1e-6
 _LOWEST = 1e-7
 
 
-def delayed(signal: Floats, samples: float) -> Floats:
+def delay_signal(signal: Floats, samples: float) -> Floats:
     """Delay a signal, shape (..., n_time), by `samples`, linear in between; the ends are held constant."""
     last = signal.shape[-1] - 1
     place = np.clip(np.arange(last + 1) - samples, 0.0, last)
@@ -117,7 +117,7 @@ def delayed(signal: Floats, samples: float) -> Floats:
     return np.asarray(signal[..., before] * (1.0 - share) + signal[..., before + 1] * share)
 
 
-def averaged(signal: Floats, samples: float) -> Floats:
+def average_signal(signal: Floats, samples: float) -> Floats:
     """Moving average of a signal, shape (..., n_time), linear between samples, over a centred window of `samples`.
 
     At the ends, the window is truncated to the record.
@@ -350,9 +350,9 @@ class DamperTest(Summarised):
             )
         return replace(
             self,
-            displacement=frozen(self.displacement[window]),
-            velocity=frozen(self.velocity[window]),
-            force=frozen(self.force[window]),
+            displacement=freeze_samples(self.displacement[window]),
+            velocity=freeze_samples(self.velocity[window]),
+            force=freeze_samples(self.force[window]),
             current=part_of_command(self.current, first, min(last, self.n_time), every),
             voltage=part_of_command(self.voltage, first, min(last, self.n_time), every),
             command=part_of_command(self.command, first, min(last, self.n_time), every),
@@ -402,15 +402,15 @@ def as_tests(tests: DamperTest | Sequence[DamperTest]) -> tuple[DamperTest, ...]
     """One test or several as a tuple, each of other data."""
     if isinstance(tests, DamperTest):
         return (tests,)
-    found = tuple(tests)
-    for (first, one), (second, other) in combinations(enumerate(found, start=1), 2):
+    as_tuple = tuple(tests)
+    for (first, one), (second, other) in combinations(enumerate(as_tuple, start=1), 2):
         if _has_samples_of(one, other):
             names = one.label if one.label == other.label else f"{one.label} and {other.label}"
             raise RecordError(
                 f"tests {first} and {second} ({names}) have the same samples; data that count twice make errors and "
                 "bands too narrow, so give each test once"
             )
-    return found
+    return as_tuple
 
 
 def _has_samples_of(one: DamperTest, other: DamperTest) -> bool:

@@ -62,7 +62,7 @@ from mrwork.records.window import (
 )
 from mrwork.summary import listed
 from mrwork.units import CommandUnit
-from mrwork.values import Floats, frozen
+from mrwork.values import Floats, freeze_samples
 
 _DETECTORS: Final[tuple[Callable[[DamperTest, SmoothMotion], tuple[Finding, ...]], ...]] = (
     smoothing_finding,
@@ -183,7 +183,7 @@ def build_damper_test(
         sent = getattr(signals, channel_name)
         if sent is not None and unit is not None:
             rings |= ringing_samples(sent, unit)
-            commands[channel_name] = frozen(without_ringing(sent, unit))
+            commands[channel_name] = freeze_samples(without_ringing(sent, unit))
     resisting, about_sign = checks.force_sign(signals.force, motion.velocity)
     findings += [
         *about_velocity,
@@ -204,9 +204,9 @@ def build_damper_test(
         sha256=_digest(raw, current, voltage, command) if sha256 is None else sha256,
         dt=dt,
         start_time=float(signals.time[0]),
-        displacement=frozen(displaced),
-        velocity=frozen(moving),
-        force=frozen(resisting),
+        displacement=freeze_samples(displaced),
+        velocity=freeze_samples(moving),
+        force=freeze_samples(resisting),
         velocity_source=velocity_source,
         n_settle=settling_samples(displaced),
         uncompared=spans_with(uncompared, rings),

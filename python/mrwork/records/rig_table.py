@@ -10,7 +10,7 @@ from typing import Final, Literal, get_args
 
 from mrwork.arguments import checked
 from mrwork.errors import MrworkError, OutputError, RecordError, SettingError
-from mrwork.files.delimited import decoded, read_text_bytes
+from mrwork.files.delimited import decode_text, read_text_bytes
 from mrwork.files.layout import delimiter_of, is_data, split
 from mrwork.files.named_columns import listed_files
 from mrwork.files.open_table import EXTENSIONS, TEXT_EXTENSIONS
@@ -112,7 +112,7 @@ def _is_record(path: Path) -> bool:
 
 
 def files_not_read(paths: str | os.PathLike[str] | Iterable[str | os.PathLike[str]]) -> dict[Path, str]:
-    """What is not read of each folder among the paths, as a sentence; folders that are read whole are left out.
+    """Sentence on the unread files of each folder among the paths; folders that are read completely are omitted.
 
     Of a folder with a table of tests these are the records that the table does not name, else all that is no record.
     """
@@ -139,7 +139,7 @@ def is_test_table(path: Path) -> bool:
     if path.suffix.lower() not in TEXT_EXTENSIONS or not is_file(path):
         return False
     try:
-        start = decoded(start_of(path, RECORD, 4096))
+        start = decode_text(start_of(path, RECORD, 4096))
     except RecordError:
         return False
     line = next(filter(is_data, start.splitlines()), "")
@@ -162,7 +162,7 @@ def read_test_table(path: str | os.PathLike[str]) -> tuple[ListedTest, ...]:
         The file is no such table, or an entry is invalid or still "?"; the message names the line.
     """
     place = Path(path)
-    lines = decoded(read_text_bytes(place)).splitlines()
+    lines = decode_text(read_text_bytes(place)).splitlines()
     filled = [(number, line) for number, line in enumerate(lines, start=1) if is_data(line)]
     if not filled:
         raise RecordError(

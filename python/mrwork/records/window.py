@@ -380,7 +380,7 @@ def middle_excerpt(test: DamperTest, *, per_cycle: int) -> DamperTest:
     return cut(test, start=start, end=start + length, every=thin)
 
 
-def counted_from(test: DamperTest, settle: float) -> DamperTest:
+def count_samples_from(test: DamperTest, settle: float) -> DamperTest:
     """Return the test with the first `settle` seconds simulated but not compared."""
     n_settle = ceil(settle / test.dt - 1e-9)
     if settle < 0 or test.n_time - n_settle < _FEWEST:

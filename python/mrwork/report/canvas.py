@@ -216,7 +216,7 @@ _PNG_DOTS_PER_INCH = 200
 
 def svg_bytes(figure: Figure) -> bytes:
     """An SVG file with outlines for letters, which looks the same everywhere."""
-    return _saved(figure, font_type="path").encode()
+    return _save_svg(figure, font_type="path").encode()
 
 
 def png_bytes(figure: Figure) -> bytes:
@@ -234,7 +234,7 @@ def inline_svg(figure: Figure, *, identifier: str, description: str) -> str:
     Its letters are text in the font that the page embeds.
     `identifier` keeps the element's names apart from those of the other figures of the page.
     """
-    text = _saved(figure, font_type="none")
+    text = _save_svg(figure, font_type="none")
     view_box = re.search(r'viewBox="([^"]+)"', text)
     body = text[text.index(">", text.index("<svg")) + 1 : text.rindex("</svg>")]
     body = re.sub(r"<metadata>.*?</metadata>", "", body, flags=re.DOTALL)
@@ -248,7 +248,7 @@ def inline_svg(figure: Figure, *, identifier: str, description: str) -> str:
     )
 
 
-def _saved(figure: Figure, *, font_type: str) -> str:
+def _save_svg(figure: Figure, *, font_type: str) -> str:
     target = io.StringIO()
     _without_controls(figure)
     with style.drawn_in_style(), matplotlib.rc_context({"svg.fonttype": font_type}):

@@ -314,7 +314,7 @@ def parameter_effects_figure(
         command=None if spec.current is None else command or 0.0,
         command_unit=None if spec.current is None else spec.current.unit,
     )
-    candidates = np.concatenate([_varied(spec, given, number) for number in range(given.size)])
+    candidates = np.concatenate([_vary_parameter(spec, given, number) for number in range(given.size)])
     simulated = simulate_forces(spec, candidates, loading.history())
     finished = simulated.outcome == Outcome.FINISHED
     if not finished[len(_FACTORS) - 1]:
@@ -340,7 +340,7 @@ def parameter_effects_figure(
     return figure
 
 
-def _varied(spec: DamperSpec, given: Floats, number: int) -> Floats:
+def _vary_parameter(spec: DamperSpec, given: Floats, number: int) -> Floats:
     """The parameters with one of them changed, shape (3, n_params)."""
     parameter = spec.parameters[number]
     rows = np.tile(given, (len(_FACTORS), 1))

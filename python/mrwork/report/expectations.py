@@ -12,11 +12,11 @@ from mrwork.store.input_file import TOML, text_of
 from mrwork.store.parse import toml_table
 
 
-def departures(found: Mapping[str, Any], file: Path) -> list[str]:
+def departures(figures: Mapping[str, Any], file: Path) -> list[str]:
     """One sentence for each value outside its limits; values that were not measured are not compared.
 
-    The file has tables like those of `found`; a value is expected to be equal, or in a range `{ least, most }`, or at a
-    `{ value, tolerance }`.
+    The file has tables like those of `figures`; a value is expected to be equal, or in a range `{ least, most }`, or at
+    a `{ value, tolerance }`.
     """
     text = text_of(file, TOML)
     try:
@@ -24,24 +24,24 @@ def departures(found: Mapping[str, Any], file: Path) -> list[str]:
     except ValueError as reason:
         raise RecordError(f"{file}: is not TOML ({reason}); correct it there") from None
     try:
-        return list(_compared("", found, expected))
+        return list(_compare_values("", figures, expected))
     except (KeyError, TypeError, AttributeError) as reason:
         raise RecordError(
             f"{file}: an entry is neither a value, a range nor a table ({reason}); correct it there"
         ) from None
 
 
-def _compared(path: str, found: Mapping[str, Any], expected: Mapping[str, Any]) -> Iterator[str]:
+def _compare_values(path: str, figures: Mapping[str, Any], expected: Mapping[str, Any]) -> Iterator[str]:
     for name, below in expected.items():
-        if name not in found:
+        if name not in figures:
             continue
         inner = f"{path}, {name}" if path else name
-        value = found[name]
+        value = figures[name]
         if not isinstance(below, dict):
             if value != below:
                 yield f"{inner} is {value!r}, expected {below!r}"
         elif not {"least", "most", "value"} & below.keys():
-            yield from _compared(inner, value, below)
+            yield from _compare_values(inner, value, below)
         elif "value" in below:
             if not abs(value - below["value"]) <= below["tolerance"]:
                 yield f"{inner} is {value:.5g}, expected {below['value']:g} +- {below['tolerance']:g}"

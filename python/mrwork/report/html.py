@@ -112,7 +112,7 @@ _STROKES = {
 }
 
 
-def filled_in(name: str, **content: Any) -> str:
+def fill_template(name: str, **content: Any) -> str:
     """A template of the package with its content, whose control characters are shown; it may use `styles`."""
     return escaped_lines(_environment().get_template(name).render(**content))
 

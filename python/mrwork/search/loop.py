@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from mrwork.arguments import Seed, checked
 from mrwork.errors import Interrupted, SettingError
-from mrwork.numbers import rounded
+from mrwork.numbers import format_rounded
 from mrwork.search.course import Dimension, Proposal, Replicate, SearchState, StateT, select
 from mrwork.search.rules import EliteRule, StopRules
 from mrwork.store.codec import array_of, digest_of, plain
@@ -56,13 +56,13 @@ class SearchResult(Summarised, Generic[StateT]):
 
     def _summary(self) -> Summary:
         return Summary(
-            title=f"Search, replicate {self.replicate}: least misfit {rounded(self.best_misfit, 6)}",
+            title=f"Search, replicate {self.replicate}: least misfit {format_rounded(self.best_misfit, 6)}",
             facts=(
                 (
                     "ended",
                     f"{self.stop_reason} after {self.generations} generations, {self.evaluations} simulations",
                 ),
-                ("seconds", rounded(self.seconds, 3)),
+                ("seconds", format_rounded(self.seconds, 3)),
                 ("elite", str(len(self.elite))),
             ),
         )

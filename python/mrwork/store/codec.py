@@ -29,9 +29,9 @@ import numpy as np
 
 from mrwork.arguments import May
 from mrwork.errors import MrworkError, RecordError
-from mrwork.escaping import escaped
+from mrwork.escaping import escape_text
 from mrwork.keys import LARGEST, Within
-from mrwork.store.input_file import is_there, stored, text_of
+from mrwork.store.input_file import is_there, make_stored_kind, text_of
 from mrwork.store.parse import json_value
 
 T = TypeVar("T")
@@ -234,12 +234,12 @@ def record_of(kind: Any, document: Any, *, origin: str, name: str, verb: str) ->
         return built(kind, document, name)
     except MismatchError as reason:
         sentence = f"{origin} is not a {name}: {reason}; run `mrwork {verb}` again"
-        raise RecordError(escaped(sentence)) from None
+        raise RecordError(escape_text(sentence)) from None
 
 
 def read_document(kind: type[T], path: Path, *, name: str, verb: str) -> T | None:
     """Read the record in the file at `path` as `record_from_json` does; `None` if there is no such file."""
-    file = stored(verb, name=f"a {name}")
+    file = make_stored_kind(verb, name=f"a {name}")
     if not is_there(path, file):
         return None
     return record_from_json(kind, text_of(path, file), origin=str(path), name=name, verb=verb)

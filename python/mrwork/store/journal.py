@@ -83,7 +83,7 @@ class Journal:
         self._own = False
         self._synced, self._pause = 0.0, 0.0
         if resume:
-            self._recorded = self._opened(note)
+            self._recorded = self._open_file(note)
         self._began = time.perf_counter() - self.seconds_before
 
     @property
@@ -127,11 +127,11 @@ class Journal:
         if recorded is None:
             self._append(subject, {"facts": stated})
             return
-        found = differences(recorded.get("facts"), stated)
-        if found:
-            more = f" and {len(found) - _SHOWN} more" if len(found) > _SHOWN else ""
+        differing = differences(recorded.get("facts"), stated)
+        if differing:
+            more = f" and {len(differing) - _SHOWN} more" if len(differing) > _SHOWN else ""
             raise JournalError(
-                f"{self.path} is of another {subject}: {'; '.join(found[:_SHOWN])}{more}; "
+                f"{self.path} is of another {subject}: {'; '.join(differing[:_SHOWN])}{more}; "
                 "resume with the same inputs and settings as before, or run again without --resume"
             )
 
@@ -190,10 +190,10 @@ class Journal:
         """
 
         def read(record: dict[str, Any]) -> T:
-            found = rebuilt(kind, record)
-            if agrees is not None and not agrees(found):
+            rebuilt_step = rebuilt(kind, record)
+            if agrees is not None and not agrees(rebuilt_step):
                 raise ValueError("it is of another size than its inputs")
-            return found
+            return rebuilt_step
 
         recalled = self.recall(step, inputs, read)
         if recalled is not None:
@@ -203,7 +203,7 @@ class Journal:
         return result
 
     def lock(self) -> None:
-        """Keep other writers from the file, from now until `close`, so that it can be copied or moved after `finish`.
+        """Lock the file against other writers until `close`, so that it can be copied or moved after `finish`.
 
         Raises
         ------
@@ -216,7 +216,7 @@ class Journal:
         self._kept = True
 
     def finish(self) -> None:
-        """Close the file, which other writers may have unless `lock` was called; a later step is refused."""
+        """Close the file, and release it unless `lock` was called; a later step is refused."""
         try:
             self._close_file()
         finally:
@@ -225,7 +225,7 @@ class Journal:
                 self._lock = None
 
     def close(self) -> None:
-        """Close the file, which other writers may have then; a later step is refused."""
+        """Close the file and release it; a later step is refused."""
         self._kept = False
         self.finish()
 
@@ -260,7 +260,7 @@ class Journal:
             f"{step}: the program or the machine has changed since; run again without --resume"
         )
 
-    def _opened(self, note: Callable[[str], None] | None) -> list[dict[str, Any]]:
+    def _open_file(self, note: Callable[[str], None] | None) -> list[dict[str, Any]]:
         if self.path.parent.is_dir():
             self._take_lock()
         try:

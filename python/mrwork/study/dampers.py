@@ -108,7 +108,7 @@ def _largest_given(table: DamperTable, unit: CommandUnit) -> float | None:
 
 
 def _refuse_unless_passive(table: DamperTable, spec: DamperSpec, source: str) -> None:
-    """Refuse a damper that follows no command unless the table says so, and a passive one that follows a command."""
+    """Refuse an undeclared damper without current laws, and a damper declared as passive that has them."""
     place = table.place
     if not spec.follows_command and not table.passive:
         place.refuse(
@@ -170,16 +170,16 @@ def _draft_of_run(
     table: DamperTable, run: Path, identified: Identified
 ) -> tuple[_Draft, OperatingRange | None]:
     try:
-        found = identified(run)
+        fitted = identified(run)
     except RecordError as error:
         table.place.within("run").refuse(str(error))
-    current = found.spec.current
-    if current is not None and found.spec.follows_command and current.unit not in get_args(DriverUnit):
+    current = fitted.spec.current
+    if current is not None and fitted.spec.follows_command and current.unit not in get_args(DriverUnit):
         table.place.within("run").refuse(
             f"the damper of this run follows a command in {current.unit}, and a controller sends a current or a "
             "voltage; identify it from tests with their current or voltage"
         )
-    return _draft(found.spec, found.theta), found.tested
+    return _draft(fitted.spec, fitted.theta), fitted.tested
 
 
 def _draft(spec: DamperSpec, theta: tuple[float, ...]) -> _Draft:

@@ -143,18 +143,18 @@ class StoredClairvoyant:
     command: tuple[tuple[float, ...], ...]
 
 
-def _store_clairvoyant(found: Clairvoyant) -> StoredClairvoyant:
+def _store_clairvoyant(optimum: Clairvoyant) -> StoredClairvoyant:
     return StoredClairvoyant(
-        motion=found.motion,
-        score=found.score,
-        ratios=dict(found.ratios),
-        statement=found.statement,
+        motion=optimum.motion,
+        score=optimum.score,
+        ratios=dict(optimum.ratios),
+        statement=optimum.statement,
         starts=tuple(
             StoredStart(**{entry.name: getattr(each, entry.name) for entry in fields(StoredStart)})
-            for each in found.starts
+            for each in optimum.starts
         ),
-        interval=found.commands.interval,
-        command=tuple(map(tuple, found.commands.command.tolist())),
+        interval=optimum.commands.interval,
+        command=tuple(map(tuple, optimum.commands.command.tolist())),
     )
 
 
@@ -201,7 +201,7 @@ class StoredStudyRun(RunEnd, Related):
     bands: dict[str, RealisationBand] = field(default_factory=dict)
 
     def disagreement(self) -> str:
-        """First table with other criteria than the rest, or criterion without a number though the run finished."""
+        """First contradiction: tables with different criteria, or a finished run without the value of a criterion."""
         tables = [self.criteria, self.over_uncontrolled, self.over_passive_off]
         tables += [self.over_best_passive] if self.over_best_passive else []
         tables += [] if self.step_check is None else [self.step_check.changes]
@@ -242,7 +242,7 @@ class _Document(Related):
     score_bands: dict[str, RealisationBand] = field(default_factory=dict)
 
     def disagreement(self) -> str:
-        """Whether motions are named once, and each run is of one of them, of a row, and the only one of these."""
+        """First contradiction: duplicate motion, unknown row or motion, or duplicate run."""
         names = [motion.name for motion in self.motions]
         if len(set(names)) < len(names):
             return "it has two motions of one name"
@@ -263,7 +263,7 @@ class _Document(Related):
         return self._gap(names, runs) if self.complete else ""
 
     def _gap(self, names: Sequence[str], runs: Mapping[tuple[str, str], StoredStudyRun]) -> str:
-        """The first run of a complete study that is not there, or not repeated with half the step as others are."""
+        """First run that is missing from a complete study, or that lacks its repetition with half the step."""
         halved = any(run.step_check is not None for run in self.results)
         for row in self.scores:
             for motion in names:
@@ -291,15 +291,15 @@ class StoredStudy(StudyCriteria):
 
     @property
     def file_warnings(self) -> tuple[str, ...]:
-        """Sentences on the criteria that the file has not, and on those that this version has not."""
+        """Warnings about criteria that are missing from the file or unknown to this version."""
         known = _every_criterion(None)
         stored = next((run.criteria for run in self.runs.values()), known)
-        found = []
+        warnings = []
         if lacking := [name for name in known if name not in stored]:
-            found.append(f"{RESULTS} is older than {listed(lacking)}; run `mrwork respond` again for it.")
+            warnings.append(f"{RESULTS} is older than {listed(lacking)}; run `mrwork respond` again for it.")
         if unknown := [name for name in stored if name not in known]:
-            found.append(f"{RESULTS} has {listed(unknown)}, no criterion of this version; it is left out.")
-        return tuple(found)
+            warnings.append(f"{RESULTS} has {listed(unknown)}, no criterion of this version; it is left out.")
+        return tuple(warnings)
 
     @property
     def checked(self) -> frozenset[Key] | None:
@@ -419,8 +419,8 @@ def study_document(results: StudyResults) -> dict[str, Any]:
             [row.label for row in results.rows], results.row_of("passive_off"), results.judged
         ),
     )
-    found: dict[str, Any] = finite(asdict(document))
-    return found
+    content: dict[str, Any] = finite(asdict(document))
+    return content
 
 
 def _criteria_csv(results: StudyResults) -> str:
@@ -490,5 +490,5 @@ def _store_step_check(results: StudyResults, row: int, motion: int) -> StoredSte
 
 
 def _every_criterion(numbers: Mapping[str, float] | None) -> _Criteria:
-    found = numbers or {}
-    return {entry.name: found.get(entry.name, math.nan) for entry in criteria()}
+    values = numbers or {}
+    return {entry.name: values.get(entry.name, math.nan) for entry in criteria()}

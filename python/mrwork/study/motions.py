@@ -50,15 +50,15 @@ def motions_of_study(
     """The motions of all tables, one for each factor or peak of each record; files are relative to `folder`."""
     bare = [each for table in tables for each in _bare_motions(table, folder, seed)]
     _refuse_both_uses(bare)
-    found: list[MotionOfStudy] = []
+    motions: list[MotionOfStudy] = []
     for each in bare:
         _refuse_still(each, sample_time)
         with each.table.place.prefixed(SettingError):
-            found += [
+            motions += [
                 MotionOfStudy(ground=ground, use=each.table.use, synthetic=each.file is None)
                 for ground in _scale(each.ground, each.table)
             ]
-    return tuple(found)
+    return tuple(motions)
 
 
 def _bare_motions(table: MotionTable, folder: Path, seed: int) -> Iterator[_Bare]:
@@ -68,11 +68,11 @@ def _bare_motions(table: MotionTable, folder: Path, seed: int) -> Iterator[_Bare
     if table.factor is not None and table.pga is not None:
         place.within("pga").refuse("a motion is scaled by factor or to a pga; keep one")
     if table.file is not None:
-        found = _read(table, table.file, folder)
+        bare = _read(table, table.file, folder)
     else:
         _refuse_keys(table, ("unit", "column", "channel"), "is for files, and this motion is synthetic")
-        found = _suite(table, table.suite, seed) if table.suite else _synthetic(table, seed)
-    for ground, file in found:
+        bare = _suite(table, table.suite, seed) if table.suite else _synthetic(table, seed)
+    for ground, file in bare:
         with place.prefixed(SettingError):
             yield _Bare(ground=_process(ground, table), table=table, file=file)
 
@@ -89,7 +89,7 @@ _Found = list[tuple[GroundMotion, Path | None]]
 def _read(table: MotionTable, file: str, folder: Path) -> _Found:
     with table.place.within("file").prefixed(SettingError):
         files = motion_files(folder / file)
-        found: _Found = []
+        bare: _Found = []
         for path in files:
             motion = read_motion(
                 path, unit=table.unit, dt=table.dt, column=table.column, channel=table.channel
@@ -97,8 +97,8 @@ def _read(table: MotionTable, file: str, folder: Path) -> _Found:
             if table.name:
                 name = table.name if len(files) == 1 else f"{table.name}, {motion.name}"
                 motion = replace(motion, name=name)
-            found.append((motion, path.resolve()))
-    return found
+            bare.append((motion, path.resolve()))
+    return bare
 
 
 def _suite(table: MotionTable, suite_table: SuiteTable, seed: int) -> _Found:

@@ -17,7 +17,7 @@ from mrwork.closed_loop.clairvoyant_search import Clairvoyant
 from mrwork.closed_loop.evaluation import SCORE, Spread, criteria, criterion, ratio, score, values
 from mrwork.closed_loop.responses import ENERGY_TOLERANCE
 from mrwork.errors import SettingError
-from mrwork.numbers import rounded
+from mrwork.numbers import format_rounded
 from mrwork.store.codec import OrInfinite, OrNan
 from mrwork.study.run_result import DeviceDemand, RunEnd, RunResult, damper_warnings, demands_of
 from mrwork.study.schema import Use
@@ -252,7 +252,7 @@ class StudyCriteria(Summarised, ABC):
         if above is None or below is None or reference is None:
             return {entry.name: float("nan") for entry in criteria()}
         bare = self.rows[reference].kind == "uncontrolled"
-        named = {entry.name: entry.uncontrolled if bare else entry.name for entry in criteria()}
+        named = {entry.name: entry.reference_criterion if bare else entry.name for entry in criteria()}
         return {
             name: float(ratio(np.array(above[name]), np.array(below[other]))) if other else float("nan")
             for name, other in named.items()
@@ -321,7 +321,10 @@ class StudyCriteria(Summarised, ABC):
             rows=[
                 (
                     row.label,
-                    *(rounded((self.criteria(number, motion) or {}).get("peak_drift")) for motion in shown),
+                    *(
+                        format_rounded((self.criteria(number, motion) or {}).get("peak_drift"))
+                        for motion in shown
+                    ),
                 )
                 for number, row in enumerate(self.rows)
             ],

@@ -172,9 +172,9 @@ def run_study(
             row = len(arrangements)
             for motion in range(len(study.motions)):
                 # The searches start from the commands of the best law, too.
-                found = played.searched(motion, arrangements, results(), journal, report)
-                clairvoyants[motion] = found
-                runs[row, motion], drawn = played.run(motion, found, histories=True)
+                optimum = played.search_optimum(motion, arrangements, results(), journal, report)
+                clairvoyants[motion] = optimum
+                runs[row, motion], drawn = played.run(motion, optimum, histories=True)
                 if motion in study.histories and runs[row, motion].finished and not kept(row, motion):
                     assert drawn is not None
                     keep(row, motion, drawn)
@@ -184,8 +184,8 @@ def run_study(
                 report(f"{arrangement.row.label}, half the step")
                 for motion, result in runs_of(study, arrangement, journal, threads, step_factor=2):
                     halved[row, motion] = result
-            for motion, found in clairvoyants.items():
-                halved[len(arrangements), motion], _ = played.run(motion, found, step_factor=2)
+            for motion, optimum in clairvoyants.items():
+                halved[len(arrangements), motion], _ = played.run(motion, optimum, step_factor=2)
         if study.realisations is not None:
             for row, arrangement in enumerate(arrangements):
                 report(f"{arrangement.row.label}, realisations")
@@ -319,8 +319,10 @@ def _choose_best_constant(
         tried = replace(arrangement, law=constant_commands(devices, commands))
         responses = _simulate(tried, study.chosen_on, study, threads=threads)
         n_motions = len(study.chosen_on)
-        found = results_of(responses, arrangement)
-        levels = [found[start : start + n_motions] for start in range(0, len(found), n_motions)]
+        results_of_runs = results_of(responses, arrangement)
+        levels = [
+            results_of_runs[start : start + n_motions] for start in range(0, len(results_of_runs), n_motions)
+        ]
         criteria = [[_criteria(result, weight) for result in level] for level in levels]
         # The first level is i = 0. A command has no score if one of its runs failed.
         scores = [float(score(each, criteria[0])) for each in criteria]
@@ -360,8 +362,8 @@ def _choose_best_constant(
 
 
 def _criteria(result: RunResult, weight: float) -> dict[str, Floats]:
-    found = values(result, weight=weight)
-    return found if result.finished else {name: np.array(np.nan) for name in found}
+    criterion_values = values(result, weight=weight)
+    return criterion_values if result.finished else {name: np.array(np.nan) for name in criterion_values}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -371,7 +373,7 @@ class PlayedCommands:
     study: Study
     threads: int
 
-    def searched(
+    def search_optimum(
         self,
         motion: int,
         arrangements: Sequence[Arrangement],
@@ -412,14 +414,14 @@ class PlayedCommands:
         )
 
     def run(
-        self, motion: int, found: Clairvoyant, *, histories: bool = False, step_factor: int = 1
+        self, motion: int, optimum: Clairvoyant, *, histories: bool = False, step_factor: int = 1
     ) -> tuple[RunResult, RunHistory | None]:
         """The run of the loop with the commands that were found, and its history."""
         base = self.study.at_zero
         responses = simulate_prescribed(
             base.building,
             base.devices,
-            found.commands,
+            optimum.commands,
             self.study.grounds[motion],
             self.study.hardware,
             histories=histories,
@@ -488,7 +490,7 @@ def simulate_criteria(
         )
         for n in range(len(realisations))
     ]
-    found: dict[int, tuple[Floats, Floats]] = {}
+    by_draw: dict[int, tuple[Floats, Floats]] = {}
     seconds = 0.0
     fitted, law = with_devices(arrangement, law)
     # Without dampers of its own an arrangement has a device without parameters to vary.
@@ -518,11 +520,11 @@ def simulate_criteria(
         error = responses.energy_error.reshape(responses.shape)
         for place, member in enumerate(members):
             draw = place if responses.shape[2] > 1 else 0
-            found[member] = (numbers[..., draw], error[..., draw])
+            by_draw[member] = (numbers[..., draw], error[..., draw])
     order = range(len(realisations))
     return RunCriteria(
-        numbers=np.stack([found[n][0] for n in order], axis=-1),
-        energy_error=np.stack([found[n][1] for n in order], axis=-1),
+        numbers=np.stack([by_draw[n][0] for n in order], axis=-1),
+        energy_error=np.stack([by_draw[n][1] for n in order], axis=-1),
         seconds=seconds,
     )
 

@@ -24,7 +24,7 @@ from mrwork.dampers.spec import worst_laws
 from mrwork.errors import RecordError
 from mrwork.simulate import Outcome
 from mrwork.store.codec import OneOf, array_of, plain, rebuilt
-from mrwork.store.input_file import finite_numbers, is_there, read_arrays, stored
+from mrwork.store.input_file import finite_numbers, is_there, make_stored_kind, read_arrays
 from mrwork.store.output_file import refuse_link, replacing
 from mrwork.store.run_folder import HISTORIES, part_of, real_place
 from mrwork.study.study import Arrangement, Study, StudyLaw, commands_force
@@ -298,7 +298,7 @@ def damper_warnings(demands: Mapping[tuple[str, str], Sequence[DeviceDemand]]) -
 
 
 # Hours of a tall building.
-_KIND = replace(stored("respond", name="the history of a run"), largest=4 << 30)
+_KIND = replace(make_stored_kind("respond", name="the history of a run"), largest=4 << 30)
 
 
 class Histories:

@@ -228,8 +228,8 @@ class Study(Summarised):
     def building_warnings(self) -> tuple[str, ...]:
         """Sentences on modes without damping or stiffness, of the building or, if it has none, of the baselines."""
         baselines = [each.building for each in self.arrangements if each.row.kind == "baseline"]
-        found = (each.damping_warnings for each in (self.building, *baselines))
-        return next((sentences for sentences in found if sentences), ())
+        warnings = (each.damping_warnings for each in (self.building, *baselines))
+        return next((sentences for sentences in warnings if sentences), ())
 
     @property
     def at_zero(self) -> Arrangement:
@@ -278,7 +278,7 @@ class Study(Summarised):
 
     @property
     def design_notes(self) -> tuple[tuple[str, tuple[str, ...]], ...]:
-        """Label of each row whose weights were designed, and what the design says."""
+        """Label of each row with designed weights, and the notes of its design."""
         return tuple(
             (each.row.label, each.law.notes)
             for each in self.arrangements
@@ -301,10 +301,10 @@ class Study(Summarised):
 
 
 def uses_in_words(uses: Sequence[Use]) -> str:
-    """How many motions are for testing and how many for training, as "16 test and 24 training motions"."""
+    """Numbers of test and training motions in words, such as "16 test and 24 training motions"."""
     counts = {use: uses.count(use) for use in get_args(Use)}
-    found = " and ".join(f"{count} {use}" for use, count in counts.items() if count)
-    return f"{found} motion{'' if len(uses) == 1 else 's'}"
+    text = " and ".join(f"{count} {use}" for use, count in counts.items() if count)
+    return f"{text} motion{'' if len(uses) == 1 else 's'}"
 
 
 def make_arrangement(

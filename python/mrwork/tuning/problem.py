@@ -1,4 +1,4 @@
-"""The benches of a tuning: candidates in, criteria and judgements out, by few calls of the simulation."""
+"""Benches of a tuning: simulate candidates in batches, and return their criteria and judgements."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class Bench(Summarised):
     constant: RunCriteria | None = None
 
     def baseline(self, objective: TuningObjective) -> RunCriteria:
-        """What the criteria of an objective are divided by."""
+        """Criteria of the baseline that normalise the criteria of an objective."""
         if objective.relative_to == "passive_off":
             return self.passive
         assert self.constant is not None
@@ -153,7 +153,7 @@ class Bench(Summarised):
         )
 
     def certificate(self, law: str, candidate: LawCandidate) -> str:
-        """What is proved of a law with these settings."""
+        """Stability certificate of a law with these settings, in words."""
         try:
             return settings_of(law, candidate.settings).certificate(
                 self.problem.limited_to(candidate.largest_command)
@@ -193,23 +193,23 @@ class Scores(Summarised):
         return self.objective.shape
 
     @property
-    def penalised(self) -> Floats:
-        """What a search minimises: a candidate that exceeds a limit is worse by `PENALTY` times the share."""
+    def penalised_scores(self) -> Floats:
+        """Objective plus `PENALTY` times the relative violation of the limits, which a search minimises."""
         return np.asarray(self.objective + PENALTY * self.violation)
 
     @property
     def best(self) -> int:
         """The candidate of the least penalised objective; the first of equal ones."""
-        return int(np.argmin(self.penalised))
+        return int(np.argmin(self.penalised_scores))
 
 
 def score_candidates(
     bench: Bench, objective: TuningObjective, law: str, candidates: Sequence[LawCandidate]
 ) -> Scores:
     """The scores of candidates on a bench."""
-    found = bench.run(law, candidates)
-    value = objective.value(objective.run_scores(found, bench.baseline(objective)))
-    violation = objective.violation(found)
+    criteria = bench.run(law, candidates)
+    value = objective.value(objective.run_scores(criteria, bench.baseline(objective)))
+    violation = objective.violation(criteria)
     return Scores(objective=value, violation=np.where(np.isfinite(value), violation, 0.0))
 
 
@@ -282,16 +282,16 @@ class Benches(Summarised):
     training_varied: Bench | None
     testing_varied: Bench | None
 
-    def searched(self, *, robust: bool) -> Bench:
+    def select_search_bench(self, *, robust: bool) -> Bench:
         """The bench on which candidates are scored."""
         return self.training_varied if robust and self.training_varied is not None else self.training
 
-    def tested(self, *, robust: bool) -> Bench | None:
+    def select_test_bench(self, *, robust: bool) -> Bench | None:
         """The bench with the test motions on which points of a front are judged."""
         return self.testing_varied if robust and self.testing_varied is not None else self.testing
 
     def with_constant(self, constant: LawCandidate) -> Benches:
-        """With the criteria under the best constant command, a baseline of objectives."""
+        """Benches with the criteria under the best constant command, a baseline of objectives."""
         benches = {name: bench for name in _BENCHES if (bench := getattr(self, name)) is not None}
         return replace(
             self,
@@ -311,10 +311,12 @@ class Benches(Summarised):
     ) -> tuple[TuningJudgement, TuningJudgement | None]:
         """A candidate on the training and on the test motions; bands are of the test motions, if there are any."""
         wide = self.training_varied if robust or self.testing is None else None
-        train = self._judged(self.training, wide, law, candidate, objective, robust)
+        train = self._judge_candidate(self.training, wide, law, candidate, objective, robust)
         if self.testing is None:
             return train, None
-        return train, self._judged(self.testing, self.testing_varied, law, candidate, objective, robust)
+        return train, self._judge_candidate(
+            self.testing, self.testing_varied, law, candidate, objective, robust
+        )
 
     def demands(
         self, law: str, candidate: LawCandidate, label: str
@@ -334,7 +336,7 @@ class Benches(Summarised):
             for number, run in runs
         }
 
-    def _judged(
+    def _judge_candidate(
         self,
         bench: Bench,
         wide: Bench | None,
@@ -349,9 +351,9 @@ class Benches(Summarised):
             )
             return each.recall_or_run("judgement", inputs, law, [candidate])
 
-        found = on(bench)
+        criteria = on(bench)
         varied = None if wide is None else Varied(bench=wide, found=on(wide))
-        return judge(bench, objective, found, varied, robust=robust)
+        return judge(bench, objective, criteria, varied, robust=robust)
 
 
 def recall_or_compute(
@@ -388,7 +390,7 @@ def benches_of(
 
         def passive() -> RunCriteria:
             assert arrangement.law is not None
-            found = simulate_criteria(
+            criteria = simulate_criteria(
                 arrangement,
                 arrangement.law,
                 motions,
@@ -397,8 +399,8 @@ def benches_of(
                 bare=study.building,
                 threads=threads,
             )
-            clock.simulating += found.seconds
-            return found
+            clock.simulating += criteria.seconds
+            return criteria
 
         inputs = digest_of([motion.name for motion in motions], len(realisations))
         return Bench(
@@ -484,7 +486,7 @@ def _bands(ratios: Mapping[str, Floats]) -> dict[str, RealisationBand]:
 
 
 def count_better(law: TuningJudgement, constant: TuningJudgement) -> Better:
-    """How often a law is better than a constant command, motion by motion."""
+    """Number of motions under which a law is better than a constant command."""
     pairs: Sequence[tuple[MotionScore, MotionScore]] = list(zip(law.motions, constant.motions, strict=True))
 
     def lower(name: str) -> list[bool]:

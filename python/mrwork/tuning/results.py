@@ -13,7 +13,7 @@ from typing import Any, Literal
 from mrwork.arguments import NotNegative, Whole, checked
 from mrwork.closed_loop.evaluation import Spread
 from mrwork.errors import RecordError
-from mrwork.numbers import rounded, with_decimals
+from mrwork.numbers import format_rounded, with_decimals
 from mrwork.store.codec import OrInfinite, OrNan, Related, finite, json_document, read_document
 from mrwork.store.output_folder import Destination, write_folder
 from mrwork.store.parse import toml_table
@@ -277,7 +277,7 @@ def settings_in_words(settings: Mapping[str, Any], command_unit: str) -> str:
     """Settings in one line, the largest command last."""
     parts = [f"{name} {_value(value)}" for name, value in settings.items() if name != LARGEST]
     if LARGEST in settings:
-        parts.append(f"at most {rounded(settings[LARGEST])} {command_unit}")
+        parts.append(f"at most {format_rounded(settings[LARGEST])} {command_unit}")
     return ", ".join(parts)
 
 
@@ -285,7 +285,7 @@ def _value(value: Any) -> str:
     if value is None or isinstance(value, str):
         return value or "-"
     if isinstance(value, int | float):
-        return rounded(float(value))
+        return format_rounded(float(value))
     if isinstance(value, Mapping):
         return f"({', '.join(f'{name} {_value(each)}' for name, each in value.items())})"
     if len(value) > _MOST_IN_WORDS:

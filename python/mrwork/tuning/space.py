@@ -1,4 +1,4 @@
-"""What a tuning searches and minimises: the free settings of a law as a unit cube, and the objective."""
+"""Search space and objective of a tuning: the free settings of a law as a unit cube, and the risk of their scores."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Limit:
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class TuningObjective(Summarised):
-    """What a tuning minimises.
+    """Objective of a tuning.
 
     The score of a run is the mean (or the largest, by `combine`) of its criteria over those of the baseline
     `relative_to` under the same motion and realisation, with `weights`. `risk` takes one number of the scores of all
@@ -58,9 +58,9 @@ class TuningObjective(Summarised):
     relative_to: Baseline = "passive_off"
     combine: Combination = "mean"
 
-    def run_scores(self, found: RunCriteria, baseline: RunCriteria) -> Floats:
+    def run_scores(self, criteria: RunCriteria, baseline: RunCriteria) -> Floats:
         """Score of each run, shape (n_candidates, n_motions, n_realisations); infinite where a run has none."""
-        ratios = {name: over(found.of(name), baseline.of(name)) for name in self.weights}
+        ratios = {name: over(criteria.of(name), baseline.of(name)) for name in self.weights}
         if self.combine == "largest":
             return np.asarray(
                 np.max([weight * ratios[name] for name, weight in self.weights.items()], axis=0)
@@ -73,16 +73,16 @@ class TuningObjective(Summarised):
         """The risk of the scores of runs, shape (n_candidates,)."""
         return risk_of(scores.reshape(len(scores), -1), self.risk, self.tail)
 
-    def violation(self, found: RunCriteria) -> Floats:
-        """By how much each candidate exceeds its limits, relative to these and summed, shape (n_candidates,)."""
-        violation = np.zeros(found.numbers.shape[1])
+    def violation(self, criteria: RunCriteria) -> Floats:
+        """Sum of the relative violations of the limits by each candidate, shape (n_candidates,)."""
+        violation = np.zeros(criteria.numbers.shape[1])
         for each in self.limits:
-            largest = found.of(each.criterion).max(axis=(1, 2))
+            largest = criteria.of(each.criterion).max(axis=(1, 2))
             violation += np.maximum(largest / each.limit - 1.0, 0.0)
         return violation
 
     def in_words(self, *, robust: bool) -> str:
-        """What is minimised, as the end of a sentence; `robust` where the realisations belong to it."""
+        """The objective as the end of a sentence; `robust` if it includes the realisations."""
         names = " and ".join(_weighted_name(name, weight) for name, weight in self.weights.items())
         motions = "motions and realisations" if robust else "motions"
         risk = {
@@ -237,7 +237,7 @@ class FreeSetting(Related):
     start: Share = 0.5
 
     def disagreement(self) -> str:
-        """Whether its range has a width, and a logarithm where it is searched in that."""
+        """First contradiction: a range that cannot be searched on its scale."""
         has_logarithm = self.lower > 0.0 and self.upper <= _WIDEST * self.lower
         if self.lower < self.upper and (self.scale == "linear" or has_logarithm) and self.levels != 1:
             return ""
@@ -292,12 +292,12 @@ class SettingSpace(Summarised):
 
     def candidate(self, unit: Floats, *, exact: bool = False) -> LawCandidate:
         """The candidate at a point of the unit cube, shape (n_free,); `exact` without rounding of its settings."""
-        found: dict[str, Any] = {}
+        values: dict[str, Any] = {}
         for each, place in zip(self.free, unit, strict=True):
             value = each.value(float(place), exact=exact)
-            found[each.name] = value if each.entry is None else (*found.get(each.name, ()), value)
-        largest = found.pop(LARGEST, self.largest_command)
-        return LawCandidate(settings={**self.held, **found}, largest_command=largest)
+            values[each.name] = value if each.entry is None else (*values.get(each.name, ()), value)
+        largest = values.pop(LARGEST, self.largest_command)
+        return LawCandidate(settings={**self.held, **values}, largest_command=largest)
 
     def unit(self, candidate: LawCandidate) -> Floats | None:
         """The point of a candidate, shape (n_free,); `None` where it is outside of the space.

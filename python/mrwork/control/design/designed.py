@@ -19,7 +19,7 @@ from mrwork.control.design.system import DesignSystem, LyapunovEquations
 from mrwork.control.lqr import Weights
 from mrwork.control.plant import Plant
 from mrwork.errors import SettingError
-from mrwork.numbers import rounded
+from mrwork.numbers import format_rounded
 from mrwork.summary import Summarised, Summary
 from mrwork.values import Floats, holds_arrays
 
@@ -94,7 +94,7 @@ class WeightCertificate(Summarised):
             columns=("output", "unit", "rms", "limit", "rms / limit"),
             rows=[
                 *(
-                    (name, unit, rounded(rms), rounded(limit), rounded(rms / limit))
+                    (name, unit, format_rounded(rms), format_rounded(limit), format_rounded(rms / limit))
                     for name, unit, rms, limit in zip(
                         self.names, self.units, self.rms, self.limits, strict=True
                     )
@@ -103,9 +103,9 @@ class WeightCertificate(Summarised):
                     (
                         f"force, device {number + 1}",
                         "N",
-                        rounded(force),
-                        rounded(budget),
-                        rounded(force / budget),
+                        format_rounded(force),
+                        format_rounded(budget),
+                        format_rounded(force / budget),
                     )
                     for number, (force, budget) in enumerate(zip(self.forces, self.budgets, strict=True))
                 ),
@@ -292,11 +292,11 @@ class DesignedWeights(Summarised):
                 ("engine", self.engine),
                 ("certificate", f"violation {check.violation:.1e}, gap to the bound {check.gap:.1e}"),
                 ("law's gain", check.law_in_words),
-                ("control weight", f"{', '.join(rounded(each) for each in self.control_weight)} 1/N2"),
+                ("control weight", f"{', '.join(format_rounded(each) for each in self.control_weight)} 1/N2"),
             ),
             columns=("output", "weight", "rms / limit"),
             rows=[
-                (name, rounded(weight), rounded(float(rms / limit)))
+                (name, format_rounded(weight), format_rounded(float(rms / limit)))
                 for name, weight, rms, limit in sorted(
                     zip(self.outputs.names, self.output_weights, check.rms, check.limits, strict=True),
                     key=lambda each: -each[2] / each[3],

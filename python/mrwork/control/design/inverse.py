@@ -17,7 +17,7 @@ from mrwork.control.riccati import solve_riccati
 from mrwork.errors import SettingError
 from mrwork.keys import Within
 from mrwork.motions.spectral_density import KanaiTajimi, SpectralDensity
-from mrwork.numbers import rounded
+from mrwork.numbers import format_rounded
 from mrwork.summary import Summarised, Summary
 from mrwork.values import Floats, holds_arrays
 
@@ -60,8 +60,11 @@ class InverseWeights(Summarised):
             title="Weights of a gain",
             facts=(
                 ("distance", f"{self.distance:.2e} of the rms wanted force"),
-                ("control weight", f"{', '.join(rounded(float(each)) for each in self.control_weight)} 1/N2"),
-                ("largest weight", rounded(float(np.abs(self.state_weight).max()))),
+                (
+                    "control weight",
+                    f"{', '.join(format_rounded(float(each)) for each in self.control_weight)} 1/N2",
+                ),
+                ("largest weight", format_rounded(float(np.abs(self.state_weight).max()))),
             ),
             notes=(says,),
         )

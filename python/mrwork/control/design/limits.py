@@ -14,7 +14,7 @@ import numpy as np
 
 from mrwork.arguments import Count, Level, NotNegative, Positive, checked
 from mrwork.buildings.matrices import Building, Device, elongation_rows
-from mrwork.control.plant import Outputs, Plant, accelerations, displacements, drifts, stacked
+from mrwork.control.plant import Outputs, Plant, accelerations, displacements, drifts, stack_outputs
 from mrwork.errors import InvalidSettingError, SettingError
 from mrwork.keys import key, plain_values, refuse_repeated
 from mrwork.motions.spectral_density import KanaiTajimi, SpectralDensity
@@ -140,7 +140,7 @@ class LimitedOutputs:
 
     def of_plant(self, plant: Plant) -> Outputs:
         """These outputs of a plant of the same floors, storeys and devices."""
-        return stacked(*(_outputs(setting, plant) for setting in _QUANTITIES)).select(self.names)
+        return stack_outputs(*(_outputs(setting, plant) for setting in _QUANTITIES)).select(self.names)
 
 
 def _outputs(setting: str, plant: Plant) -> Outputs:

@@ -1,4 +1,4 @@
-"""What the formulas of the room share: ranges in which none overflows, common shapes, roots of monotonic functions."""
+"""Shared by the formulas of damper design: ranges without overflow, common shapes, roots of monotonic functions."""
 
 from __future__ import annotations
 

@@ -126,9 +126,13 @@ def _table(classes: Sequence[_HalfCycles], every: _HalfCycles) -> Table:
         "Errors by amplitude of the half cycles",
         (
             TableColumn(heading="amplitude", cell=lambda each: "all" if each is every else each.in_words),
-            TableColumn(heading="half cycles", cell=lambda each: numbers.fixed(each.amplitude.size, 0)),
-            TableColumn(heading="samples", cell=lambda each: numbers.fixed(each.count.sum(), 0)),
-            TableColumn(heading="RMSE", unit="N", cell=lambda each: numbers.fixed(each.rmse, decimals)),
+            TableColumn(
+                heading="half cycles", cell=lambda each: numbers.format_fixed(each.amplitude.size, 0)
+            ),
+            TableColumn(heading="samples", cell=lambda each: numbers.format_fixed(each.count.sum(), 0)),
+            TableColumn(
+                heading="RMSE", unit="N", cell=lambda each: numbers.format_fixed(each.rmse, decimals)
+            ),
             TableColumn(
                 heading="RMSE / RMS force", unit="%", cell=lambda each: numbers.percent(each.relative)
             ),
@@ -136,7 +140,7 @@ def _table(classes: Sequence[_HalfCycles], every: _HalfCycles) -> Table:
             TableColumn(heading="RMSE elsewhere", unit="N", cell=rmse(1)),
             TableColumn(
                 heading="at reversals / elsewhere",
-                cell=lambda each: numbers.fixed(each.excess_at_reversals, 2),
+                cell=lambda each: numbers.format_fixed(each.excess_at_reversals, 2),
             ),
         ),
         rows,
@@ -176,8 +180,8 @@ def _sums(test: DamperTest, ends: NDArray[np.intp], residual: Array) -> Array:
     weights = counts[sample] * np.stack(
         [np.ones(sample.size), residual[sample] ** 2, (test.force[sample] - test.force.mean()) ** 2]
     )
-    found = [np.bincount(place, weights=each, minlength=2 * (ends.size - 1)) for each in weights]
-    return np.reshape(found, (3, 2, -1))
+    sums = [np.bincount(place, weights=each, minlength=2 * (ends.size - 1)) for each in weights]
+    return np.reshape(sums, (3, 2, -1))
 
 
 def _classes(amplitude: Array) -> NDArray[np.intp]:

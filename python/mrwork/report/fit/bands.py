@@ -85,7 +85,7 @@ def _section(run: StoredRun, comparisons: Sequence[Comparison]) -> Section | Non
     for number, each in enumerate(worst, start=1):
         groups += _own_groups(number, fit, each, draws, bands, unit)
     if bands is not None and len(bands.predictions) > 1:
-        for number, prediction in enumerate(filter(bands.others, _chosen(bands)), start=1):
+        for number, prediction in enumerate(filter(bands.others, _choose_predictions(bands)), start=1):
             groups += _left_out_groups(number, prediction, bands, unit)
     return Section(anchor="bands", title="Bands", summary=_summary(bands), groups=tuple(groups))
 
@@ -201,14 +201,14 @@ def _left_out_groups(
     )
 
 
-def _chosen(bands: StoredBands) -> list[Prediction]:
+def _choose_predictions(bands: StoredBands) -> list[Prediction]:
     """All tests, or as many as are drawn, spread from the least covered to the best covered."""
 
-    def covered(prediction: Prediction) -> float:
+    def find_coverage(prediction: Prediction) -> float:
         row = bands.row(prediction, MAIN_LEVEL)
         return 0.0 if row is None else row.samples.coverage
 
-    ordered = sorted(bands.predictions, key=covered)
+    ordered = sorted(bands.predictions, key=find_coverage)
     if len(ordered) <= _LEFT_OUT:
         return list(bands.predictions)
     chosen = np.linspace(0, len(ordered) - 1, _LEFT_OUT).round().astype(int)
@@ -311,7 +311,7 @@ class Banded:
 
     @property
     def data_label(self) -> str:
-        """What the data are called in a legend."""
+        """Label of the data in a legend."""
         return "synthetic" if self.prediction.test.synthetic else "measured"
 
 

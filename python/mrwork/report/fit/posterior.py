@@ -98,8 +98,9 @@ def _section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
 
 
 def _summary(draws: Draws) -> str:
-    """How the sampling ended, without the list of what it lacks."""
-    return f"Posterior: {_ENDED[draws.status]} {draws.n_steps} steps, {numbers.fixed(len(draws.theta), 0)} draws."
+    """End of the sampling in words, without its unmet criteria."""
+    n_draws = numbers.format_fixed(len(draws.theta), 0)
+    return f"Posterior: {_ENDED[draws.status]} {draws.n_steps} steps, {n_draws} draws."
 
 
 def _prose(draws: Draws) -> tuple[str, ...]:
@@ -126,11 +127,11 @@ def _table(draws: Draws) -> Table:
             TableColumn(heading="2.5 %", cell=lambda each: numbers.significant(each.lower, 5)),
             TableColumn(heading="97.5 %", cell=lambda each: numbers.significant(each.upper, 5)),
             TableColumn(heading="unit", cell=lambda each: shown_unit(each.unit), words=True),
-            TableColumn(heading="ESS bulk", cell=lambda each: numbers.fixed(each.ess_bulk, 0)),
-            TableColumn(heading="ESS tail", cell=lambda each: numbers.fixed(each.ess_tail, 0)),
+            TableColumn(heading="ESS bulk", cell=lambda each: numbers.format_fixed(each.ess_bulk, 0)),
+            TableColumn(heading="ESS tail", cell=lambda each: numbers.format_fixed(each.ess_tail, 0)),
             TableColumn(
                 heading="R-hat",
-                cell=lambda each: numbers.fixed(each.rhat if math.isfinite(each.rhat) else None, 3),
+                cell=lambda each: numbers.format_fixed(each.rhat if math.isfinite(each.rhat) else None, 3),
             ),
             TableColumn(heading="remark", cell=lambda each: each.reason or each.remark, words=True),
         ),

@@ -40,11 +40,11 @@ def _section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
         return None
     open_ended = [each.name for each in profiles.profiles if each.lower is None or each.upper is None]
     count = len(profiles.profiles)
-    found = f"open for {', '.join(open_ended)}" if open_ended else "closed for every parameter"
+    ends_in_words = f"open for {', '.join(open_ended)}" if open_ended else "closed for every parameter"
     return Section(
         anchor="profiles",
         title="Profile likelihood",
-        summary=f"Profile likelihood: {100 * profiles.level:g} % intervals of {count} parameters, {found}.",
+        summary=f"Profile likelihood: {100 * profiles.level:g} % intervals of {count} parameters, {ends_in_words}.",
         groups=(
             Group(
                 prose=_prose(profiles),

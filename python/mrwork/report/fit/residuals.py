@@ -47,7 +47,7 @@ _LINE_POINTS = 300
 
 def residual_section(comparisons: Sequence[Comparison]) -> Section:
     """Tests of the residuals of all tests, with figures of the worst fitted."""
-    found = [residual_tests(comparison) for comparison in comparisons]
+    tests = [residual_tests(comparison) for comparison in comparisons]
     worst = sorted(range(len(comparisons)), key=lambda index: -comparisons[index].quality.nrmse)[:_DRAWN]
     note = (
         f"The figures show the {_DRAWN} tests with the largest misfit." if len(comparisons) > _DRAWN else ""
@@ -55,14 +55,14 @@ def residual_section(comparisons: Sequence[Comparison]) -> Section:
     return Section(
         anchor="residuals",
         title="Residuals",
-        summary=_summary(found),
+        summary=_summary(tests),
         groups=(
-            Group(prose=(*_prose(found), *filter(None, (note,))), table=_table(comparisons, found)),
+            Group(prose=(*_prose(tests), *filter(None, (note,))), table=_table(comparisons, tests)),
             *(
                 Group(
                     title=comparisons[index].test.name,
                     synthetic=comparisons[index].test.synthetic,
-                    panels=_panels(index + 1, comparisons[index], found[index], comparisons),
+                    panels=_panels(index + 1, comparisons[index], tests[index], comparisons),
                 )
                 for index in sorted(worst)
             ),
@@ -70,21 +70,21 @@ def residual_section(comparisons: Sequence[Comparison]) -> Section:
     )
 
 
-def _summary(found: Sequence[ResidualTests]) -> str:
-    correlated = sum(not each.is_white for each in found)
-    places = [each.in_words for each in _places(found)]
+def _summary(tests: Sequence[ResidualTests]) -> str:
+    correlated = sum(not each.is_white for each in tests)
+    places = [each.in_words for each in _places(tests)]
     if correlated == 0:
         if not places:
             return "Residuals: consistent with white noise."
         return f"Residuals {'; those '.join(places)}."
-    repeating = _repeating(found)
+    repeating = _repeating(tests)
     share = (
         [f"{most_of(float(np.median(repeating)))} % of their mean square repeats in every cycle"]
         if repeating
         else []
     )
     parts = [
-        f"correlated on {tests_of(correlated, len(found))}",
+        f"correlated on {tests_of(correlated, len(tests))}",
         *share,
         *(f"those {each}" for each in places),
     ]
@@ -103,25 +103,25 @@ class _Place:
 
     @property
     def in_words(self) -> str:
-        """What is said of residuals, as in "after steps of the command are 4 times as large as elsewhere"."""
+        """Text on residuals such as "after steps of the command are 4 times as large as elsewhere"."""
         times = f"{shortest(self.ratio, 2)} times as large as elsewhere"
         if self.total == 1:
             return f"{self.where} are {times}"
         return f"{self.where} are up to {times} on {tests_of(self.count, self.total)}"
 
 
-def _places(found: Sequence[ResidualTests]) -> tuple[_Place, ...]:
+def _places(tests: Sequence[ResidualTests]) -> tuple[_Place, ...]:
     """Where white noise is rejected because the residuals are larger than elsewhere."""
     places = (
         (
             "after steps of the command",
-            [each.after_steps for each in found],
+            [each.after_steps for each in tests],
             "the model does not follow the command as the damper does, so look at its lag, its laws and at the times "
             "of the recorded command",
         ),
         (
             "at reversals of the motion",
-            [each.at_reversals for each in found],
+            [each.at_reversals for each in tests],
             "the force of the model does not change sides as that of the damper does",
         ),
     )
@@ -138,15 +138,15 @@ def _places(found: Sequence[ResidualTests]) -> tuple[_Place, ...]:
     )
 
 
-def _repeating(found: Sequence[ResidualTests]) -> list[float]:
+def _repeating(tests: Sequence[ResidualTests]) -> list[float]:
     """Repeating shares of the residuals that are not white, where they are known."""
-    return [each.repeating for each in found if not each.is_white and np.isfinite(each.repeating)]
+    return [each.repeating for each in tests if not each.is_white and np.isfinite(each.repeating)]
 
 
-def _prose(found: Sequence[ResidualTests]) -> tuple[str, ...]:
-    correlated = sum(not each.is_white for each in found)
-    varying = sum(not each.has_constant_variance for each in found)
-    places = tuple(f"Residuals {each.in_words}: {each.meaning}." for each in _places(found))
+def _prose(tests: Sequence[ResidualTests]) -> tuple[str, ...]:
+    correlated = sum(not each.is_white for each in tests)
+    varying = sum(not each.has_constant_variance for each in tests)
+    places = tuple(f"Residuals {each.in_words}: {each.meaning}." for each in _places(tests))
     if correlated == 0 and places:
         first = (
             "The autocorrelation of the residuals is that of white noise, but they are larger at times than at others: "
@@ -159,22 +159,22 @@ def _prose(found: Sequence[ResidualTests]) -> tuple[str, ...]:
         )
     else:
         first = (
-            f"On {tests_of(correlated, len(found))} the residuals are correlated from sample to sample. Standard "
+            f"On {tests_of(correlated, len(tests))} the residuals are correlated from sample to sample. Standard "
             "errors and bands that count every sample as independent are then too narrow; prediction bands are "
-            f"calibrated on tests that the fit has not seen. {_origin(_repeating(found))}"
+            f"calibrated on tests that the fit has not seen. {_origin(_repeating(tests))}"
         )
     if varying == 0:
         second = "The tests show no dependence of their variance on speed or stroke."
     else:
         second = (
-            f"On {tests_of(varying, len(found))} their variance depends on speed and stroke: a band of constant width "
+            f"On {tests_of(varying, len(tests))} their variance depends on speed and stroke: a band of constant width "
             "is too wide in one part of the cycle and too narrow in another."
         )
     return first, *places, second
 
 
 def _origin(repeating: Sequence[float]) -> str:
-    """Whether the residuals are mostly model error, from the share that repeats in every cycle."""
+    """Sentence on whether the residuals are mostly model error, from the share that repeats in every cycle."""
     if not repeating:
         return "Model error and correlated noise cannot be distinguished without repeated cycles."
     low, high = most_of(min(repeating)), most_of(max(repeating))
@@ -188,7 +188,7 @@ def _origin(repeating: Sequence[float]) -> str:
     return f"{text}: most of the residual is not a systematic error of the model."
 
 
-def _table(comparisons: Sequence[Comparison], found: Sequence[ResidualTests]) -> Table:
+def _table(comparisons: Sequence[Comparison], tests: Sequence[ResidualTests]) -> Table:
     def column(heading: str, cell: Callable[[ResidualTests], str], unit: str = "") -> TableColumn:
         return TableColumn(heading=heading, unit=unit, cell=lambda row: cell(row[1]))
 
@@ -196,20 +196,22 @@ def _table(comparisons: Sequence[Comparison], found: Sequence[ResidualTests]) ->
         "Tests of the residuals",
         (
             TableColumn(heading="test", cell=lambda row: row[0].test.name),
-            column("lag-1 autocorr.", lambda each: numbers.fixed(each.lag_one, 3)),
+            column("lag-1 autocorr.", lambda each: numbers.format_fixed(each.lag_one, 3)),
             column("Ljung-Box p", lambda each: probability(each.ljung_box_p)),
             column(
                 "effective samples",
-                lambda each: f"{numbers.fixed(each.n_effective, 0)} of {numbers.fixed(each.n_time, 0)}",
+                lambda each: (
+                    f"{numbers.format_fixed(each.n_effective, 0)} of {numbers.format_fixed(each.n_time, 0)}"
+                ),
             ),
             column("repeats each cycle", lambda each: percent(each.repeating), unit="%"),
             column("RMS after steps / elsewhere", lambda each: _ratio(each.after_steps)),
             column("RMS at reversals / elsewhere", lambda each: _ratio(each.at_reversals)),
             column("Breusch-Pagan p", lambda each: probability(each.breusch_pagan_p)),
-            column("RMS fast / slow", lambda each: numbers.fixed(each.fast_to_slow, 2)),
-            column("excess kurtosis", lambda each: numbers.fixed(each.excess, 1)),
+            column("RMS fast / slow", lambda each: numbers.format_fixed(each.fast_to_slow, 2)),
+            column("excess kurtosis", lambda each: numbers.format_fixed(each.excess, 1)),
         ),
-        zip(comparisons, found, strict=True),
+        zip(comparisons, tests, strict=True),
         note=f"Ljung-Box p: probability that white noise shows at least this autocorrelation over {LAGS} lags. "
         "RMS after steps of the command, and at reversals of the motion: ratio of the RMS residuals there to that "
         f"elsewhere, in windows of {', '.join(map(str, WINDOWS))} samples, of those that differ most; "
@@ -221,15 +223,15 @@ def _table(comparisons: Sequence[Comparison], found: Sequence[ResidualTests]) ->
     )
 
 
-def _ratio(found: Excess) -> str:
-    if np.isnan(found.p):
-        return numbers.fixed(None, 2)
-    p = probability(found.p)
-    return f"{numbers.fixed(found.ratio, 2)} (p {p if p.startswith('<') else f'= {p}'})"
+def _ratio(excess: Excess) -> str:
+    if np.isnan(excess.p):
+        return numbers.format_fixed(None, 2)
+    p = probability(excess.p)
+    return f"{numbers.format_fixed(excess.ratio, 2)} (p {p if p.startswith('<') else f'= {p}'})"
 
 
 def _panels(
-    number: int, comparison: Comparison, found: ResidualTests, comparisons: Sequence[Comparison]
+    number: int, comparison: Comparison, tests: ResidualTests, comparisons: Sequence[Comparison]
 ) -> tuple[Panel, ...]:
     unit = common_force_unit(comparisons)
     name = comparison.test.name + (" (synthetic)" if comparison.test.synthetic else "")
@@ -244,7 +246,7 @@ def _panels(
             autocorrelation_figure(comparison),
             "Autocorrelation of the residual against lag, with the limits of white noise",
             "White noise stays in the band from the first lag on. A peak at one cycle shows an error that repeats."
-            if not found.is_white
+            if not tests.is_white
             else "The residual stays in the band of white noise.",
         ),
         of(
@@ -316,10 +318,10 @@ def quantile_figure(comparison: Comparison) -> Figure:
     below = [normal.cdf(each) for each in np.linspace(ends[0], ends[1], _QUANTILES)]
     drawn = np.unique(np.searchsorted(share, below).clip(0, residual.size - 1))
     expected = [normal.inv_cdf(each) for each in share[drawn]]
-    found = (residual[drawn] - residual.mean()) / (float(np.std(residual)) or 1.0)
+    standardised = (residual[drawn] - residual.mean()) / (float(np.std(residual)) or 1.0)
     figure, axes = column_axes()
     axes.plot(ends, ends, color=style.FAINT_INK, linewidth=1.0, label="normal")
-    draw_points(axes, expected, found, size=3.2, colour=style.RESIDUAL, label="residual")
+    draw_points(axes, expected, standardised, size=3.2, colour=style.RESIDUAL, label="residual")
     finish_signed(axes, "Residual / standard deviation", "Normal quantile")
     legend(axes)
     return figure

@@ -53,10 +53,10 @@ def search_facts(fit: Fit) -> list[tuple[str, str]]:
     return [
         ("Local minimisations", _local_minimisations_in_words(fit)),
         ("Search ended", _ENDED.get(fit.trace.stop_reason, fit.trace.stop_reason)),
-        ("Generations or iterations", numbers.fixed(len(fit.trace.evaluations), 0)),
-        ("Simulated candidates", numbers.fixed(fit.evaluations, 0)),
-        ("Refinement steps", numbers.fixed(fit.refinement_steps, 0)),
-        ("Samples compared", numbers.fixed(fit.n_time, 0)),
+        ("Generations or iterations", numbers.format_fixed(len(fit.trace.evaluations), 0)),
+        ("Simulated candidates", numbers.format_fixed(fit.evaluations, 0)),
+        ("Refinement steps", numbers.format_fixed(fit.refinement_steps, 0)),
+        ("Samples compared", numbers.format_fixed(fit.n_time, 0)),
         ("Duration", f"{numbers.significant(fit.seconds, 3)} s"),
     ]
 
@@ -147,7 +147,9 @@ def _local_minimisations(fit: Fit) -> tuple[NDArray[np.float64], int]:
 def _local_minimisations_in_words(fit: Fit) -> str:
     ends, reached = _local_minimisations(fit)
     return (
-        f"{numbers.fixed(ends.size, 0)}, {numbers.fixed(reached, 0)} at the least misfit" if ends.size else ""
+        f"{numbers.format_fixed(ends.size, 0)}, {numbers.format_fixed(reached, 0)} at the least misfit"
+        if ends.size
+        else ""
     )
 
 

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from mrwork.closed_loop.responses import axis_of
-from mrwork.numbers import NOTHING, fixed, significant
+from mrwork.numbers import NOTHING, format_fixed, significant
 from mrwork.report import style
 from mrwork.report.canvas import (
     column_axes,
@@ -63,18 +63,18 @@ class Stroke:
 
 def strokes(results: StudyResults) -> tuple[Stroke, ...]:
     """The stroke of each row: grey without dampers, dark for i = 0, a hue for each other row."""
-    found: list[Stroke] = []
+    strokes_of_rows: list[Stroke] = []
     number = 0
     for row in results.rows:
         if row.kind == "uncontrolled":
-            found.append(Stroke(colour=style.DATA, pattern=_DOTTED, width=1.7))
+            strokes_of_rows.append(Stroke(colour=style.DATA, pattern=_DOTTED, width=1.7))
         elif row.kind == "passive_off":
-            found.append(Stroke(colour=style.INK, pattern=_DASHED, width=1.3))
+            strokes_of_rows.append(Stroke(colour=style.INK, pattern=_DASHED, width=1.3))
         else:
             pattern = _PATTERNS[(number // len(HUES)) % len(_PATTERNS)]
-            found.append(Stroke(colour=HUES[number % len(HUES)], pattern=pattern))
+            strokes_of_rows.append(Stroke(colour=HUES[number % len(HUES)], pattern=pattern))
             number += 1
-    return tuple(found)
+    return tuple(strokes_of_rows)
 
 
 @style.drawn_in_style()
@@ -412,8 +412,8 @@ def _spread_in_words(comparison: StudyComparison) -> str:
     if leading is not None and math.isfinite(results.score(leading)):
         spread = results.spread(leading)
         parts.append(
-            f"the score of {results.rows[leading].label} is {fixed(spread.mean, 3)}, under single motions "
-            f"{fixed(spread.least, 3)} to {fixed(spread.most, 3)}"
+            f"the score of {results.rows[leading].label} is {format_fixed(spread.mean, 3)}, under single motions "
+            f"{format_fixed(spread.least, 3)} to {format_fixed(spread.most, 3)}"
         )
         better = None if passive in (None, leading) else times_better(results, leading, passive)
         if better is not None and passive is not None:
@@ -431,13 +431,13 @@ def _spread_table(comparison: StudyComparison, rows: list[int]) -> Table:
     def better(row: int, *names: str) -> str:
         if passive is None or row == passive:
             return NOTHING
-        return fixed(times_better(results, row, passive, names), 0)
+        return format_fixed(times_better(results, row, passive, names), 0)
 
     cells = tuple(
         (
             results.rows[row].label,
             *(
-                fixed(number, 3)
+                format_fixed(number, 3)
                 for number in (
                     spreads[row].mean,
                     spreads[row].least,
@@ -480,11 +480,11 @@ def _group_table(results: StudyResults, rows: list[int]) -> Table:
         label="Score under groups of motions",
         columns=("", *(f"{group.name[:1].upper()}{group.name[1:]}" for group in groups)),
         rows=(
-            ("Motions", *(fixed(len(group.motions), 0) for group in groups)),
+            ("Motions", *(format_fixed(len(group.motions), 0) for group in groups)),
             *(
                 (
                     results.rows[row].label,
-                    *(fixed(results.score_under(row, group.motions), 3) for group in groups),
+                    *(format_fixed(results.score_under(row, group.motions), 3) for group in groups),
                 )
                 for row in rows
             ),

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mrwork.closed_loop.evaluation import SCORE, criterion, ratio
-from mrwork.numbers import MINUS, NOTHING, fixed, significant
-from mrwork.report.html import filled_in
+from mrwork.numbers import MINUS, NOTHING, format_fixed, significant
+from mrwork.report.html import fill_template
 from mrwork.report.section import Group, Section, panel
 from mrwork.report.study.figures import (
     ReadHistory,
@@ -52,7 +52,7 @@ _QUANTITIES = (("peak_drift", "Peak drift"), ("peak_acceleration", "Peak acceler
 
 
 def profile_section(results: StudyResults, detailed: int, shown: ShownRows) -> Section:
-    """Peak drift and acceleration over the height: of the motion of the time histories, and of others if few."""
+    """Section of peak drift and acceleration over the height, for the detailed motion and, if few, for the others."""
     others = range(len(results.motions)) if len(results.motions) <= MOST_IN_DETAIL else ()
     order = [detailed, *(number for number in others if number != detailed)]
     groups = tuple(
@@ -168,9 +168,9 @@ def _balance_table(results: StudyResults, listed: Sequence[int]) -> Table:
         rows.append(
             (
                 row.label,
-                fixed(100.0 * float(np.mean(spent)), 1),
+                format_fixed(100.0 * float(np.mean(spent)), 1),
                 significant(max(run.energy_error for run in done), 2),
-                fixed(max(run.steps for run in done), 0),
+                format_fixed(max(run.steps for run in done), 0),
             )
         )
     return Table(
@@ -267,7 +267,7 @@ def study_page(
     heading, value and note of the last number of the headline, `command` the command line.
     """
     comparison = compared(results)
-    shown = shown_rows(comparison, report.drawn([row.label for row in results.rows]))
+    shown = shown_rows(comparison, report.select_drawn([row.label for row in results.rows]))
     sections = [
         _comparison_section(comparison, shown),
         spread_section(comparison, shown),
@@ -281,7 +281,7 @@ def study_page(
         step_section(results, shown),
         motion_section(results),
     ]
-    return filled_in(
+    return fill_template(
         "study.html.j2",
         title=results.title,
         what=f"response to {len(results.motions)} ground motion{'' if len(results.motions) == 1 else 's'}",
@@ -376,8 +376,8 @@ def _headline(comparison: StudyComparison) -> list[_Number]:
     results, row = comparison.results, comparison.leading
     if row is None or comparison.uncontrolled is None:
         return [
-            _Number(title="Arrangements", value=fixed(len(results.rows), 0)),
-            _Number(title="Ground motions", value=fixed(len(results.motions), 0)),
+            _Number(title="Arrangements", value=format_fixed(len(results.rows), 0)),
+            _Number(title="Ground motions", value=format_fixed(len(results.motions), 0)),
         ]
     numbers = []
     for name in _HEADLINE:

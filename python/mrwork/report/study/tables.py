@@ -14,7 +14,7 @@ from types import MappingProxyType
 import numpy as np
 
 from mrwork.closed_loop.evaluation import SCORE, Criterion, criterion
-from mrwork.numbers import NOTHING, fixed, significant
+from mrwork.numbers import NOTHING, format_fixed, significant
 from mrwork.report.section import Group, Section
 from mrwork.study.comparison import (
     LAWS,
@@ -78,7 +78,7 @@ def shown_rows(comparison: StudyComparison, chosen: Collection[int]) -> ShownRow
 
 
 def _best_rows(comparison: StudyComparison, among: Collection[int], most: int) -> tuple[int, ...]:
-    """All of few rows; of more, the references, the first of each rank, and then the others from rank to rank."""
+    """Rows to show: all if few, else the references, the best of each rank, and further rows by rank."""
     if len(among) <= most:
         return tuple(among)
     rows = set(among)
@@ -147,8 +147,10 @@ def _ratio_columns(results: StudyCriteria, rows: Sequence[int], motions: Sequenc
     """A column for each reference and ratio: its mean over the motions for each row."""
     columns: list[list[float]] = []
     for against in _AGAINST:
-        found = [[results.ratios(row, motion, against) for motion in motions] for row in rows]
-        columns += [[float(np.mean([each[name] for each in of_row])) for of_row in found] for name in _RATIOS]
+        ratios = [[results.ratios(row, motion, against) for motion in motions] for row in rows]
+        columns += [
+            [float(np.mean([each[name] for each in of_row])) for of_row in ratios] for name in _RATIOS
+        ]
     return columns
 
 
@@ -158,9 +160,9 @@ def value_table(results: StudyResults, motions: Sequence[int], rows: Sequence[in
     several, under = len(motions) > 1, results.motions[motions[0]].name
     cells: list[tuple[str, ...]] = []
     columns: list[list[float]] = []
-    found = [[_values(results, row, motion) for motion in motions] for row in rows]
+    values = [[_values(results, row, motion) for motion in motions] for row in rows]
     for name, _, _, factor in _VALUES:
-        numbers = [factor * float(np.median([each[name] for each in of_row])) for of_row in found]
+        numbers = [factor * float(np.median([each[name] for each in of_row])) for of_row in values]
         columns.append(numbers)
         cells.append(tuple(significant(number, 3) for number in numbers))
     drive = f"RMS {'current' if unit == 'A' else 'voltage'} ({unit})"
@@ -179,12 +181,12 @@ def value_table(results: StudyResults, motions: Sequence[int], rows: Sequence[in
 
 def _values(results: StudyResults, row: int, motion: int) -> dict[str, float]:
     """The criteria; NaN if the run did not finish, or has nothing of a quantity: no dampers, no stroke."""
-    found = results.criteria(row, motion)
-    if found is None:
+    criteria = results.criteria(row, motion)
+    if criteria is None:
         return {name: math.nan for name, *_ in _VALUES}
     run = results.runs[row, motion]
     return {
-        name: found[name] if np.size(getattr(run, criterion(name).quantity)) else math.nan
+        name: criteria[name] if np.size(getattr(run, criterion(name).quantity)) else math.nan
         for name, *_ in _VALUES
     }
 
@@ -199,7 +201,7 @@ def _ratio_table(
     note: str,
     headings: Mapping[int, str] = MappingProxyType({}),
 ) -> Table:
-    cells = [[fixed(number, _DECIMALS) for number in column] for column in columns]
+    cells = [[format_fixed(number, _DECIMALS) for number in column] for column in columns]
     return Table(
         label=label,
         columns=("", *first, *(criterion(name).short for _ in _AGAINST for name in _RATIOS)),
@@ -327,14 +329,14 @@ def change_table(comparison: StudyComparison, reference: int, shown: Collection[
 
 def signed_percent(change: float) -> str:
     """A change in whole per cent, with its sign."""
-    text = fixed(100.0 * change, 0)
+    text = format_fixed(100.0 * change, 0)
     return f"+{text}" if rounds_to_increase(change) else text
 
 
 def _largest(changes: dict[str, QuantityChange], quantities: tuple[Criterion, ...]) -> str:
     """The largest increase of a quantity under one motion; empty if none increases."""
-    found = [(changes[entry.name], entry) for entry in quantities]
-    known = [(change.largest, change.motion, entry) for change, entry in found if not math.isnan(change.mean)]
+    sizes = [(changes[entry.name], entry) for entry in quantities]
+    known = [(change.largest, change.motion, entry) for change, entry in sizes if not math.isnan(change.mean)]
     if not known:
         return NOTHING
     largest, motion, entry = max(known, key=lambda each: each[0])
@@ -350,7 +352,7 @@ def _worse_laws(comparison: StudyComparison, reference: int, *, several: bool) -
     counts = comparison.worse_counts(reference)
     return (
         f"Control laws that are worse, of {laws}",
-        *(fixed(counts[entry.name], 0) for entry in compared_quantities()),
+        *(format_fixed(counts[entry.name], 0) for entry in compared_quantities()),
         *([""] if several else []),
     )
 
@@ -379,4 +381,4 @@ def band_section(
 def _band(band: RealisationBand | None) -> str:
     if band is None:
         return NOTHING
-    return f"{fixed(band.median, 3)} ({fixed(band.lower, 3)}–{fixed(band.upper, 3)})"
+    return f"{format_fixed(band.median, 3)} ({format_fixed(band.lower, 3)}–{format_fixed(band.upper, 3)})"

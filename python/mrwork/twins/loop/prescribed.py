@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from mrwork.dampers.spec import DamperSpec
 from mrwork.twins.loop.plant import Devices, LoopDevice, LoopPlant, pulls_of
-from mrwork.twins.loop.run import LoopState, StepGround, at_rest, half_steps, step
+from mrwork.twins.loop.stepping import LoopState, StepGround, at_rest, half_steps, step
 from mrwork.twins.models import begin
 from mrwork.values import holds_arrays
 
@@ -243,8 +243,8 @@ def _pull_back(fixed: _Fixed, carry: _Carry, inputs: _Inputs, pull: _Carry) -> t
     _, back = jax.vjp(
         lambda start, command: _stretch(fixed, start, inputs._replace(command=command)), carry, inputs.command
     )
-    found: tuple[_Carry, Array] = back(pull)
-    return found
+    pulled: tuple[_Carry, Array] = back(pull)
+    return pulled
 
 
 @jax.jit

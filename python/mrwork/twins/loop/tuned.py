@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from mrwork.dampers.spec import DamperSpec
 from mrwork.twins.loop.plant import Devices, LoopDevice, LoopPlant
-from mrwork.twins.loop.run import Law, Measurement, half_steps, run_loop
+from mrwork.twins.loop.stepping import Law, Measurement, half_steps, run_loop
 from mrwork.twins.models import begin
 from mrwork.values import holds_arrays
 
@@ -108,7 +108,7 @@ class TunedLoop:
         total = sum(weights.values())
 
         def score(gains: Gains, largest: Array, ground: Array, counted: Array, below: Array) -> Array:
-            found = run_loop(
+            responses = run_loop(
                 plant,
                 devices,
                 SMOOTH[law](gains),
@@ -120,7 +120,7 @@ class TunedLoop:
                 believed=own,
                 counted=counted,
             )
-            values = jnp.stack([found.worst(name) for name in weights])
+            values = jnp.stack([responses.worst(name) for name in weights])
             return jnp.sum(jnp.asarray(list(weights.values())) / total * values / below)
 
         self._rates = jax.jit(jax.vmap(jax.value_and_grad(score), in_axes=(None, None, 0, 0, 0)))

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from mrwork.arguments import Level, NotNegative, checked
 from mrwork.errors import RecordError, SettingError
-from mrwork.numbers import rounded
+from mrwork.numbers import format_rounded
 from mrwork.records import DamperTest, Likeness, RecordedMotion
 from mrwork.records.likeness import alike_groups, likenesses_in_words, likest
 from mrwork.store.codec import OrNan, Related
@@ -61,7 +61,7 @@ class ErrorShape(Related):
     bias: tuple[float, ...] = ()
 
     def disagreement(self) -> str:
-        """Whether the scale is positive, and the bias has its bins."""
+        """First contradiction: a scale that is not positive, or a bias without a value for each bin."""
         if self.bias and len(self.bias) != _BINS:
             return f"its bias has {len(self.bias)} bins where a cycle has {_BINS}"
         return "" if self.level + self.slope + self.floor > 0.0 else "its scale is zero"
@@ -311,7 +311,7 @@ class Calibration(Summarised, Related):
     seen: tuple[Likeness, ...] = ()
 
     def disagreement(self) -> str:
-        """Whether there are errors of every test."""
+        """First contradiction: a test without errors."""
         if not self.tests or len(self.scores) != len(self.tests):
             return f"it has the errors of {len(self.scores)} tests for {len(self.tests)}"
         empty = [name for name, scores in zip(self.tests, self.scores, strict=True) if not scores.size]
@@ -373,7 +373,10 @@ class Calibration(Summarised, Related):
             notes=list(self.remarks),
             columns=("test", "median score", "90 % score"),
             rows=[
-                (test, *(rounded(float(np.quantile(np.abs(scores), share)), 3) for share in (0.5, 0.9)))
+                (
+                    test,
+                    *(format_rounded(float(np.quantile(np.abs(scores), share)), 3) for share in (0.5, 0.9)),
+                )
                 for test, scores in zip(self.tests, self.scores, strict=True)
             ],
         )
@@ -404,7 +407,7 @@ def calibrate(predictions: Sequence[Prediction], *, held_out: str) -> Calibratio
         raise SettingError(
             "a band is calibrated on tests that the fit has not seen, none was given; name at least one"
         )
-    groups, motions, seen = _held_out(predictions)
+    groups, motions, seen = _select_held_out(predictions)
     if not groups:
         raise SettingError(
             f"a band is calibrated on tests that the fit has not seen, but {likenesses_in_words(seen)}; "
@@ -422,10 +425,10 @@ def calibrate(predictions: Sequence[Prediction], *, held_out: str) -> Calibratio
     )
 
 
-def _held_out(
+def _select_held_out(
     predictions: Sequence[Prediction],
 ) -> tuple[list[list[Prediction]], tuple[RecordedMotion, ...], tuple[Likeness, ...]]:
-    """Predictions of tests that the fit has not seen, in groups of alike tests; their motions; and the others."""
+    """Predictions of held-out tests in groups of alike tests, their motions, and the likeness of the seen tests."""
     unseen = [each for each in predictions if each.seen is None]
     motions = tuple(RecordedMotion.of(each.test) for each in unseen)
     groups = [[unseen[index] for index in members] for members in alike_groups(motions)]
@@ -446,7 +449,7 @@ def measured_coverage(
     predictions: Sequence[Prediction], levels: Sequence[Level] = LEVELS
 ) -> tuple[LeftOutCoverage, ...]:
     """Coverage of each test by bands calibrated on the others, at each level; alike tests are left out together."""
-    groups, _, _ = _held_out(predictions)
+    groups, _, _ = _select_held_out(predictions)
     if len(groups) < 2:
         count = f"{len(predictions)} was given in all"
         if len(predictions) > 1:

@@ -16,7 +16,7 @@ from mrwork.identification.fit import Fit
 from mrwork.identification.nuisance import NuisanceName
 from mrwork.identification.problem import prediction_warning
 from mrwork.identification.residual import ObservedTest
-from mrwork.identification.result import explained_by
+from mrwork.identification.result import explain_failures
 from mrwork.records import DamperTest, Likeness, RecordedMotion
 from mrwork.records.damper_test import same_commands
 from mrwork.records.likeness import alike_groups, likenesses_in_words, likest
@@ -165,8 +165,8 @@ def _predict_test(
 ) -> Prediction:
     test = fit.observed(test)
     observed = ObservedTest.of(fit.spec, test, fit.nuisances if nuisances is None else nuisances)
-    with explained_by(fit, test):
-        force, _, _ = observed.predicted(np.array(fit.theta))
+    with explain_failures(fit, test):
+        force, _, _ = observed.predict_force(np.array(fit.theta))
     return Prediction(test=test, model_force=force, seen=fit.seen(test), outside=fit.outside(test, force))
 
 
@@ -291,10 +291,10 @@ def held_out_errors(
     """Mean NRMSE of each fold left out, or of each later cycle of a single test."""
     if len(tests) == 1:
         return _later_cycles(tests[0], identify_rest)
-    found = predict_left_out(tests, fold, identify_rest)
-    if found.failures:
-        raise SimulationError(f"what was left out cannot be predicted: {found.failures[0]}")
-    errors = [prediction.nrmse for prediction in found.predictions]
+    left_out = predict_left_out(tests, fold, identify_rest)
+    if left_out.failures:
+        raise SimulationError(f"what was left out cannot be predicted: {left_out.failures[0]}")
+    errors = [prediction.nrmse for prediction in left_out.predictions]
     return tuple(float(np.mean([errors[index] for index in members])) for members in folds_of(tests, fold))
 
 

@@ -124,7 +124,7 @@ class FoldedTests:
 
         def fill(index: int, threads: int) -> None:
             each = replace(self.observed[index], spec=spec)
-            residuals, jacobian, failed = each.linearised(theta, box.free, threads=threads)
+            residuals, jacobian, failed = each.linearise_residuals(theta, box.free, threads=threads)
             residuals *= each.weight(1)
             jacobian *= each.weight(1) * slope[..., None]
             squared[:, index] = np.einsum("bt,bt->b", residuals, residuals)
@@ -172,15 +172,15 @@ class FoldedTests:
             step = within_stiffness(tests, box, latent[rows], step, damped, gradient)
             tried = np.moveaxis(latent[rows, None] + step, 1, 0)
             candidates = np.asarray(box.theta_from_latent(tried.reshape(-1, n_free)))
-            found = self.squared_nrmse(spec, candidates).reshape(len(tried), rows.size, -1)
-            after = np.stack([self.misfit(each, shares) for each in found])
+            errors = self.squared_nrmse(spec, candidates).reshape(len(tried), rows.size, -1)
+            after = np.stack([self.misfit(each, shares) for each in errors])
             best = np.argmin(after, axis=0)
             each = np.arange(rows.size)
             better = after[best, each] < misfit[rows]
             decrease = 1.0 - after[best, each] / misfit[rows]
             moved = rows[better]
             latent[moved] = tried[best, each][better]
-            squared[moved] = found[best, each][better]
+            squared[moved] = errors[best, each][better]
             misfit[moved] = after[best, each][better]
             factor = np.where(better, np.array(_DAMPING_FACTORS)[best] / 3.0, 100.0)
             damping[rows] = np.maximum(damping[rows] * factor, 1e-12)
@@ -279,7 +279,7 @@ class LawSearch:
         self._enrich()
 
     def distinct(self) -> list[FittedLaws]:
-        """The candidates without those whose force is that of one with fewer parameters."""
+        """The candidates except those with the same force as a candidate with fewer parameters."""
         kept = list[FittedLaws]()
         for each in sorted(self.found, key=lambda each: each.tried.n_params):
             if not any(self._is_same_force(each, other) for other in kept):
@@ -296,7 +296,7 @@ class LawSearch:
                 return False
         return True
 
-    def started_from(self, tried: TriedLaws) -> tuple[FittedLaws, Start]:
+    def make_start(self, tried: TriedLaws) -> tuple[FittedLaws, Start]:
         """The candidate of these laws, and the start that its fit to all tests is."""
         candidate = next(each for each in self.found if each.tried.laws == tried.laws)
         return candidate, dict(zip(candidate.spec.names, candidate.fit.theta[0].tolist(), strict=True))
@@ -363,12 +363,12 @@ class LawSearch:
                 move_box.latent_from_theta(self._transfer_starts(current, move_spec, move_box)[:1])
             )
 
-            def lifted(rows: Array, move_spec: DamperSpec = move_spec, move_box: Box = move_box) -> Array:
+            def lift_rows(rows: Array, move_spec: DamperSpec = move_spec, move_box: Box = move_box) -> Array:
                 theta = np.asarray(move_box.theta_from_latent(rows))
                 inside = [with_other_laws(move_spec, row, spec, self.commands) for row in theta]
                 return np.asarray(box.latent_from_theta(box.inside(np.clip(inside, box.lower, box.upper))))
 
-            moved = lifted(np.concatenate([start, start + _SMALL * np.eye(start.shape[1])]))
+            moved = lift_rows(np.concatenate([start, start + _SMALL * np.eye(start.shape[1])]))
             away, along = moved[0] - latent[0], (moved[1:] - moved[0]).T / _SMALL
             step = away + along @ _best_step(along.T @ matrix @ along, along.T @ (gradient + matrix @ away))
             after = squared + 2.0 * float(gradient @ step) + float(step @ matrix @ step)

@@ -110,7 +110,7 @@ class Likelihood:
     rng: int = 0
     threads: int = 0
 
-    def shared(self, fits: Sequence[Fit], tests: tuple[DamperTest, ...]) -> SharedLikelihood:
+    def share_settings(self, fits: Sequence[Fit], tests: tuple[DamperTest, ...]) -> SharedLikelihood:
         """Tempering by n_eff of the best fit, and blocks longer than the autocorrelation time of every fit."""
         best = min(fits, key=lambda fit: fit.nrmse)
         residuals = [residuals_of(fit, tests) for fit in fits]
@@ -144,14 +144,14 @@ class SharedLikelihood:
     def leave_one_out(self, fit: Fit, journal: Journal | None = None) -> LeaveOneOut:
         """PSIS-LOO of a fitted family."""
         if journal is None:
-            return self._left_out(fit)
+            return self._leave_one_out(fit)
         facts = digest_of(
             fit.model, fit.theta, self.temper, self.blocks, self.likelihood.noise.name, self.likelihood.rng
         )
         step = "chain" if self.likelihood.sampled else "ellipsoid"
-        return journal.once(step, facts, LeaveOneOut, lambda: self._left_out(fit))
+        return journal.once(step, facts, LeaveOneOut, lambda: self._leave_one_out(fit))
 
-    def _left_out(self, fit: Fit) -> LeaveOneOut:
+    def _leave_one_out(self, fit: Fit) -> LeaveOneOut:
         own = self.likelihood
         target, start = target_of(fit, self.tests, own.noise, temper=self.temper, threads=own.threads)
         if own.sampled:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec
-from mrwork.identification.objective import Objective, linearised
+from mrwork.identification.objective import Objective, linearise_residuals
 from mrwork.uncertainty.identifiability.verdicts import Scale
 from mrwork.values import holds_arrays
 
@@ -76,7 +76,7 @@ class Scaled:
         theta[..., np.array(self.free, dtype=int)] = self.values(position)
         return theta
 
-    def moved(self, position: Array, step: Array, held: int | None) -> Array:
+    def move_position(self, position: Array, step: Array, held: int | None) -> Array:
         """Position after a step, clipped to the box; the step of a spring is one in k and k x0, unless x0 is held."""
         there = position + step
         if self.spring is not None and held != self.spring[1]:
@@ -128,7 +128,7 @@ def linearise(objective: Objective, columns: Sequence[int]) -> Linearise:
 
     def in_chunks(theta: Array) -> Iterator[tuple[Array, Array]]:
         for first in range(0, len(theta), rows):
-            residuals, jacobian = linearised(objective, theta[first : first + rows], columns)
+            residuals, jacobian = linearise_residuals(objective, theta[first : first + rows], columns)
             for own, slope in zip(residuals, jacobian, strict=True):
                 yield own, slope.T
 
@@ -225,7 +225,7 @@ def _bracket_limit(scaled: Scaled, index: int, points: list[Point], limit: float
 def _minimise_held(scaled: Scaled, index: int, start: Point, target: float, dof: float) -> Minimisation:
     """Minimise with the parameter held at `target`, from the prediction of the quadratic model at `start`."""
     step, _ = _step(scaled, start, index, dof, shift=target - float(start.position[index]))
-    position = scaled.moved(start.position, step, index)
+    position = scaled.move_position(start.position, step, index)
     position[index] = target
     point = yield position
     if np.isfinite(point.squared):
@@ -240,7 +240,7 @@ def minimise(scaled: Scaled, index: int | None, point: Point, dof: float) -> Min
         step, fall = _step(scaled, point, index, dof, damping=damping)
         if dof * fall < _GAIN * point.squared:
             break
-        trial = yield scaled.moved(point.position, step, index)
+        trial = yield scaled.move_position(point.position, step, index)
         if trial.squared < point.squared:
             point = trial
             damping = damping / 10.0 if damping > _LEAST_DAMPING else 0.0
@@ -333,7 +333,7 @@ def run_together(
     for key in walks:
         advance(key, None)
     while pending:
-        found = simulated(np.array(list(pending.values())))
-        for key, point in zip(list(pending), found, strict=True):
+        points = simulated(np.array(list(pending.values())))
+        for key, point in zip(list(pending), points, strict=True):
             advance(key, point)
         on_batch(sides)

@@ -240,11 +240,11 @@ def simple_combinations(changes: Sequence[ParameterChange], *, within: float = _
     """
     if any(change.of_range for change in changes):
         return ()
-    found = []
+    combinations = []
     for number, second in enumerate(changes):
         joined = (_combination(first, second, within) for first in changes[:number])
-        found += list(filter(None, joined))[:1]
-    return tuple(found)
+        combinations += list(filter(None, joined))[:1]
+    return tuple(combinations)
 
 
 def _combination(first: ParameterChange, second: ParameterChange, within: float) -> str:
@@ -261,7 +261,7 @@ def _power(name: str, exponent: int) -> str:
     return name if exponent == 1 else f"{name}^{exponent}"
 
 
-def listed(parts: Sequence[str]) -> str:
+def join_parts(parts: Sequence[str]) -> str:
     """Enumeration such as "a, b and c"."""
     return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}"
 
@@ -340,14 +340,14 @@ def _unidentifiable_direction(
         sentence = f"the residuals do not depend on {changes[0].name}"
     else:
         combinations = simple_combinations(changes)
-        only = f"; combinations such as {listed(combinations)} can be identified" if combinations else ""
+        only = f"; combinations such as {join_parts(combinations)} can be identified" if combinations else ""
         sentence = (
-            f"{listed([each.name for each in changes])} cannot be distinguished: {_joint_change(changes)} "
+            f"{join_parts([each.name for each in changes])} cannot be distinguished: {_joint_change(changes)} "
             f"does not change the force{only}"
         )
     kept = [each.name for each in changes if each.name in held]
     if kept:
-        sentence += f"; {listed(kept)} was held fixed for this reason"
+        sentence += f"; {join_parts(kept)} was held fixed for this reason"
     return Direction(
         changes=changes, effect=_effect(changes, jacobian, scales), seen=False, sentence=sentence
     )
@@ -358,7 +358,7 @@ def _weak_directions(cov: Array, jacobian: Array, scales: Sequence[ParameterScal
     if not len(cov):
         return ()
     variances, vectors = np.linalg.eigh(cov)
-    found = []
+    directions = []
     for variance, vector in zip(variances[::-1], vectors.T[::-1], strict=True):
         if np.sqrt(variance) <= WEAK:
             break
@@ -370,19 +370,19 @@ def _weak_directions(cov: Array, jacobian: Array, scales: Sequence[ParameterScal
         names = [each.name for each in scales]
         in_order = sorted(changes, key=lambda change: names.index(change.name))
         combinations = simple_combinations(in_order, within=_APPROXIMATE)
-        better = f"; {listed(combinations)} is better identifiable" if combinations else ""
+        better = f"; {join_parts(combinations)} is better identifiable" if combinations else ""
         along = float(np.sqrt(variance)) * abs(vector[largest])
         sentence = (
             f"{_joint_change(changes)} changes the force by no more than {100.0 * effect:.1g} % of its deviation, so "
             f"along it the standard error of {changes[0].name} is {scales[largest].share(along)}{better}"
         )
-        found.append(Direction(changes=changes, effect=effect, seen=True, sentence=sentence))
-    return tuple(found)
+        directions.append(Direction(changes=changes, effect=effect, seen=True, sentence=sentence))
+    return tuple(directions)
 
 
 def _joint_change(changes: Sequence[ParameterChange]) -> str:
     first, *rest = [each.in_words for each in changes]
-    return f"{first} with {listed(rest)}" if rest else first
+    return f"{first} with {join_parts(rest)}" if rest else first
 
 
 def _effect(changes: Sequence[ParameterChange], jacobian: Array, scales: Sequence[ParameterScale]) -> float:
@@ -407,12 +407,12 @@ def _verdict(
         ]
         reason = "the residuals do not depend on it"
         if others and np.any(jacobian[:, number] != 0.0):
-            reason = f"identifiable only in combination with {listed(others)}"
+            reason = f"identifiable only in combination with {join_parts(others)}"
         return Verdict(name=scale.name, verdict="not identifiable", standard_error=None, reason=reason)
     error = float(np.sqrt(cov[number, number]))
-    found = judge_error(error * scale.size, scale)
-    reason = found.reason
-    if found.verdict in ("weakly identifiable", "sign unknown"):
+    verdict = judge_error(error * scale.size, scale)
+    reason = verdict.reason
+    if verdict.verdict in ("weakly identifiable", "sign unknown"):
         deviation = np.sqrt(np.diag(cov))
         correlation = np.where(
             undetermined, 0.0, cov[number] / np.where(undetermined, 1.0, error * deviation)
@@ -424,7 +424,7 @@ def _verdict(
             reason += (
                 f"; mostly because {other} can compensate for it (correlation {correlation[partner]:.3f})"
             )
-    return Verdict(name=scale.name, verdict=found.verdict, standard_error=error * scale.size, reason=reason)
+    return Verdict(name=scale.name, verdict=verdict.verdict, standard_error=error * scale.size, reason=reason)
 
 
 @checked
@@ -453,7 +453,7 @@ def identifiability_of(
     scale = Scale.of(spec, box, problem.objective.tests, theta)
     # Signed, so that the magnitude of a negative value increases, and products and ratios keep their form.
     size = (np.where(scale.of_range | (theta >= 0.0), 1.0, -1.0) * scale.size)[taken]
-    found = identifiability_from(
+    identifiability = identifiability_from(
         derivative[:, taken] * size,
         covariance[np.ix_(taken, taken)] / np.outer(size, size),
         scales=[scale.of_parameter(spec, index, derivative[:, index]) for index in taken],
@@ -470,5 +470,5 @@ def identifiability_of(
         for index in box.free
         if remarks[index].startswith("at ")
     )
-    verdicts = sorted((*found.verdicts, *on_bound), key=lambda each: spec.names.index(each.name))
-    return replace(found, verdicts=tuple(verdicts))
+    verdicts = sorted((*identifiability.verdicts, *on_bound), key=lambda each: spec.names.index(each.name))
+    return replace(identifiability, verdicts=tuple(verdicts))

@@ -1,4 +1,4 @@
-"""Plan of the next test: the expected reduction of a variance by each candidate.
+"""Optimal experiment design: the expected reduction of a variance by each candidate for the next test.
 
 The gains follow from the linearised posterior; nested Monte Carlo with draws of the posterior checks them.
 """
@@ -18,7 +18,7 @@ from mrwork.identification.fit import Fit
 from mrwork.identification.nuisance import NuisanceName, without_nuisance
 from mrwork.identification.problem import Problem
 from mrwork.identification.result import effective_samples, residuals_by_test
-from mrwork.numbers import NOTHING, of_unit, percent, rounded, significant
+from mrwork.numbers import NOTHING, format_rounded, of_unit, percent, significant
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
 from mrwork.simulate import Outcome, simulate_forces
@@ -73,7 +73,7 @@ class Plan(Summarised, Related):
     left_out: tuple[Candidate, ...]
 
     def disagreement(self) -> str:
-        """Whether there is a candidate."""
+        """First contradiction: a plan without candidates."""
         return "" if self.gains else "it ranks no candidate"
 
     def _summary(self) -> Summary:
@@ -89,11 +89,11 @@ class Plan(Summarised, Related):
             ),
             rows=[
                 (
-                    rounded(1e3 * each.candidate.amplitude, 3),
-                    rounded(each.candidate.frequency, 3),
-                    rounded(each.candidate.command, 3),
+                    format_rounded(1e3 * each.candidate.amplitude, 3),
+                    format_rounded(each.candidate.frequency, 3),
+                    format_rounded(each.candidate.command, 3),
                     f"{100.0 * each.gain:.1f} %",
-                    rounded(each.deviation, 3),
+                    format_rounded(each.deviation, 3),
                 )
                 for each in self.gains
             ],
@@ -243,7 +243,7 @@ def responses(posterior: LinearisedPosterior, candidates: Sequence[Candidate]) -
         [position[None], np.where(steps, ahead, position), np.where(steps, behind, position)]
     )
     theta = scaled.parameters(points)
-    found = []
+    responses_by_candidate = []
     for candidate in candidates:
         loading, counted = motion_of(candidate, posterior.spec)
         run = simulate_forces(posterior.spec, theta, loading.history(), threads=posterior.threads)
@@ -254,7 +254,7 @@ def responses(posterior: LinearisedPosterior, candidates: Sequence[Candidate]) -
         cycles = (counted.stop - counted.start) * loading.dt * candidate.frequency
         assert loading.velocity is not None
         energy = force @ loading.velocity[counted] * loading.dt / cycles
-        found.append(
+        responses_by_candidate.append(
             Response(
                 candidate=candidate,
                 force=force[0],
@@ -264,7 +264,7 @@ def responses(posterior: LinearisedPosterior, candidates: Sequence[Candidate]) -
                 energy_derivative=_quotient(energy[:, None], ahead - behind)[0],
             )
         )
-    return found
+    return responses_by_candidate
 
 
 def information(posterior: LinearisedPosterior, response: Response) -> Array:
@@ -332,8 +332,8 @@ class CheckedPlan(Summarised):
             plan,
             facts=(
                 *plan.facts,
-                ("rank correlation with draws", rounded(self.agreement, 2)),
-                ("effective draws after a test", f"at least {rounded(self.least_effective, 3)}"),
+                ("rank correlation with draws", format_rounded(self.agreement, 2)),
+                ("effective draws after a test", f"at least {format_rounded(self.least_effective, 3)}"),
             ),
         )
 
@@ -398,7 +398,7 @@ class _Forces:
 
 
 def _forces(posterior: LinearisedPosterior, draws: Array, candidates: Sequence[Candidate]) -> list[_Forces]:
-    found = []
+    forces = []
     for candidate in candidates:
         loading, counted = motion_of(candidate, posterior.spec)
         run = simulate_forces(posterior.spec, draws, loading.history(), threads=posterior.threads)
@@ -409,14 +409,14 @@ def _forces(posterior: LinearisedPosterior, draws: Array, candidates: Sequence[C
             2.0 * np.pi * candidate.frequency * loading.dt * np.arange(counted.start, counted.stop)
         )
         energy = force @ velocity
-        found.append(
+        forces.append(
             _Forces(
                 force=(force - middle) / size,
                 corrected=without_nuisance(force, middle, posterior.nuisances) / size,
                 energy=energy / float(np.nanmean(energy)),
             )
         )
-    return found
+    return forces
 
 
 def _band_gram(

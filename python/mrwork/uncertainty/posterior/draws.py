@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 from mrwork.arguments import Count, NotNegative, Positive, Shape, checked
 from mrwork.errors import RecordError
 from mrwork.identification.fit import Fit, Interval, Intervals, Provenance, VerdictName
-from mrwork.numbers import rounded, with_decimals
+from mrwork.numbers import format_rounded, with_decimals
 from mrwork.store.child_reader import Member, UnreadableError, read_members
 from mrwork.store.codec import Related, record_of
-from mrwork.store.input_file import bytes_of, is_there, stored
+from mrwork.store.input_file import bytes_of, is_there, make_stored_kind
 from mrwork.store.run_folder import DRAWS
 from mrwork.summary import Summarised, Summary
 from mrwork.uncertainty.identifiability.verdicts import ParameterScale, judge_interval
@@ -67,24 +67,24 @@ class Diagnosis:
     @property
     def shortcomings(self) -> tuple[str, ...]:
         """Criteria that are not met, in words; empty where the chain has converged."""
-        found = []
+        criteria = []
         if not self.length >= _LEAST_LENGTH:
-            found.append(
+            criteria.append(
                 f"the chain is {self.length:.0f} autocorrelation times long where {_LEAST_LENGTH:.0f} are required"
             )
         worst = int(np.argmax(np.where(np.isnan(self.rhat), np.inf, self.rhat)))
         if not self.rhat[worst] < LARGEST_RHAT:
-            found.append(
+            criteria.append(
                 f"walkers disagree most on {self.names[worst]} (R-hat {self.rhat[worst]:.3f}, below {LARGEST_RHAT} "
                 "is required)"
             )
         ess = np.minimum(self.ess_bulk, self.ess_tail)
         least = int(np.argmin(np.where(np.isnan(ess), -np.inf, ess)))
         if not ess[least] >= LEAST_ESS:
-            found.append(
+            criteria.append(
                 f"{self.names[least]} has {ess[least]:.0f} effective draws where {LEAST_ESS:.0f} are required"
             )
-        return tuple(found)
+        return tuple(criteria)
 
 
 def diagnose(values: Array, names: tuple[str, ...]) -> Diagnosis:
@@ -135,7 +135,7 @@ def autocorrelation_times(values: Array) -> Array:
         return np.asarray(integrated_time(values, tol=0, has_walkers=True))
 
 
-def kept(n_steps: int) -> slice:
+def select_kept_rows(n_steps: int) -> slice:
     """Rows of a chain after the burn-in; its first row is the start."""
     return slice(1 + int(_BURN_IN * n_steps), n_steps + 1)
 
@@ -209,12 +209,12 @@ class DrawSummary:
         )
 
     def judge(self, scale: ParameterScale) -> DrawSummary:
-        """With the verdict: as for a profile, where an end at which the draws pile up is open."""
+        """The summary with a verdict by the rule of profiles; an end at which the draws pile up counts as open."""
         if self.fixed:
             return self
         ends = self.interval.lower, self.interval.upper
-        found = judge_interval(ends, _DEVIATIONS, scale, opened=f"it {self.remark}")
-        return replace(self, verdict=found.verdict, reason=found.reason)
+        verdict = judge_interval(ends, _DEVIATIONS, scale, opened=f"it {self.remark}")
+        return replace(self, verdict=verdict.verdict, reason=verdict.reason)
 
 
 @holds_arrays
@@ -347,9 +347,9 @@ class Draws(Summarised):
             rows=[
                 (
                     each.name,
-                    rounded(each.median, 5),
-                    rounded(each.lower, 5),
-                    rounded(each.upper, 5),
+                    format_rounded(each.median, 5),
+                    format_rounded(each.lower, 5),
+                    format_rounded(each.upper, 5),
                     each.unit,
                     with_decimals(each.rhat, 3),
                     with_decimals(each.ess_bulk, 0),
@@ -399,12 +399,12 @@ def _pile(chain: Array, bounds: tuple[float, float], width: float) -> Remark:
 _OF_FIT = "of_fit"
 # Share by which a draw may exceed a bound after a conversion between forms of a model.
 _ROUNDING = 1e-6
-_KIND = stored("sample", name="the draws")
+_KIND = make_stored_kind("sample", name="the draws")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Stated:
-    """What the file says of the sampling."""
+    """Facts of the sampling, as stored in the file."""
 
     noise: str
     verdict: str
@@ -417,7 +417,7 @@ class _Stated:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _OfVariable(Related):
-    """What the file says of a parameter."""
+    """Facts of a parameter, as stored in the file."""
 
     median: float
     lower: float
@@ -426,7 +426,7 @@ class _OfVariable(Related):
     reason: str = ""
 
     def disagreement(self) -> str:
-        """Whether the ends of the interval are in order."""
+        """First contradiction: ends of the interval that are not in order."""
         return "" if self.lower <= self.upper else f"its interval is from {self.lower:g} to {self.upper:g}"
 
 

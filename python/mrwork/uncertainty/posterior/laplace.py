@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.errors import SettingError
-from mrwork.identification.objective import linearised
+from mrwork.identification.objective import linearise_residuals
 from mrwork.uncertainty.posterior.target import Target
 from mrwork.values import holds_arrays
 
@@ -44,7 +44,7 @@ def residual_slope(target: Target, position: Array) -> tuple[Array, Array]:
     space, objective = target.space, target.objective
     values = np.asarray(space.values(position)[0])
     theta = np.ascontiguousarray(values[: space.n_params])
-    residuals, slopes = linearised(objective.plain, theta[None], target.form.box.free)
+    residuals, slopes = linearise_residuals(objective.plain, theta[None], target.form.box.free)
     # The objective weights tests equally, a likelihood by their samples.
     n_tests = len(objective.tests)
     own = np.concatenate(

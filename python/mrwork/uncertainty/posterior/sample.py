@@ -41,8 +41,8 @@ from mrwork.uncertainty.posterior.draws import (
     DrawSummary,
     autocorrelation_times,
     diagnose,
-    kept,
     next_check,
+    select_kept_rows,
     summary_of,
 )
 from mrwork.uncertainty.posterior.laplace import first_walkers, mode_near
@@ -253,14 +253,14 @@ class SamplingProblem:
     def diagnosis(self, ensemble: Ensemble) -> Diagnosis:
         """Convergence diagnostics of a chain after its burn-in."""
         space = self.target.space
-        values, _ = space.values(ensemble.positions[kept(ensemble.n_steps)])
+        values, _ = space.values(ensemble.positions[select_kept_rows(ensemble.n_steps)])
         return diagnose(np.asarray(values)[..., np.array(space.box.free)], space.names)
 
     def draws(
         self, ensemble: Ensemble, diagnosis: Diagnosis, *, seconds: float, interrupted: bool = False
     ) -> Draws:
         """Draws from a chain of at least one step, after its burn-in and thinned."""
-        rows = kept(ensemble.n_steps)
+        rows = select_kept_rows(ensemble.n_steps)
         space = self.target.space
         values = np.moveaxis(np.asarray(space.values(ensemble.positions[rows])[0]), 0, 1)
         chains = np.asarray(self.target.form.to_model(values[..., : space.n_params]))
@@ -304,7 +304,7 @@ class SamplingProblem:
         upper = own.upper + space.box.upper[space.n_params :]
         tau = autocorrelation_times(np.moveaxis(chains, 0, 1))
         strided = chains[:, :: max(1, ceil(chains.shape[1] / _MOST_ROWS))]
-        found = [
+        summaries = [
             summary_of(
                 np.ascontiguousarray(strided[..., index]),
                 name=name,
@@ -320,9 +320,9 @@ class SamplingProblem:
         derivative = Slopes.at(objective.plain, self.target.form, self.start).by_model()
         judged = [
             each.judge(scale.of_parameter(self.spec, index, derivative[:, index]))
-            for index, each in enumerate(found[: theta.size])
+            for index, each in enumerate(summaries[: theta.size])
         ]
-        return (*judged, *found[theta.size :])
+        return (*judged, *summaries[theta.size :])
 
     def _verdict(self, n_steps: int, diagnosis: Diagnosis, summaries: tuple[DrawSummary, ...]) -> str:
         if diagnosis.shortcomings:
@@ -512,7 +512,7 @@ def _run(problem: SamplingProblem, ensemble: Ensemble, monitor: _Monitor) -> Dia
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Journalled:
-    """Log density of proposals, from the journal where it is recorded; all else in a step follows from the seed."""
+    """Log density of proposals, recalled from the journal or computed; the seed determines the rest of a step."""
 
     target: Callable[[Array], Array]
     journal: Journal

@@ -374,10 +374,10 @@ class Target(Summarised):
 
     def noise_at(self, theta: Array) -> Array:
         """Moment estimates of the noise parameters, (n_noise,), at `theta` (n_params,), averaged over tests."""
-        found = [
+        estimates = [
             self.noise.estimate(residual[0], force[0]) for residual, force, _ in self.residuals(theta[None])
         ]
-        return np.asarray(np.mean(found, axis=0))
+        return np.asarray(np.mean(estimates, axis=0))
 
     def position_of(self, theta: Array) -> Array:
         """Position (n_dim,) of parameters (n_params,), clipped to the box, with the noise of the residuals."""

@@ -26,7 +26,7 @@ from mrwork.values import holds_arrays
 @holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Measurement:
-    """What a law may use at a control sample, with one entry a device in all but the state s, shape (2n,).
+    """Measurements for a law at a control sample: one entry per device, and the state s, shape (2n,).
 
     The elongation of a device [m], its rate [m/s], its force [N], and the forces at other coil currents.
     """
@@ -324,11 +324,11 @@ def run_loop(
         if believed is None:
             return force(motion, currents)
         x, v = rows @ motion.q, rows @ motion.v
-        found = [
+        forces = [
             device.respond(device.parameters(currents[i]), device.at_rest, x[i], v[i])[0]
             for i, device in enumerate(believed)
         ]
-        return jnp.stack(found)
+        return jnp.stack(forces)
 
     def integrate(carry: _RunCarry, inputs: tuple[Array, Array, StepGround]) -> tuple[_RunCarry, None]:
         age, counts, accelerations = inputs
