@@ -12,6 +12,7 @@ import pytest
 from scipy.io import savemat
 from sentences import Refused
 
+from mrwork.annotations import Within
 from mrwork.buildings import (
     Building,
     building,
@@ -31,7 +32,7 @@ from mrwork.buildings import (
     with_yielding_damper,
 )
 from mrwork.buildings.from_file import Addition, BuildingTable
-from mrwork.keys import Place, Within, keys_of, read_table
+from mrwork.keys import Place, keys_of, read_table
 
 FIELDS = ("mass", "damping", "stiffness", "influence", "floors", "storeys")
 MATRICES = """

@@ -10,6 +10,7 @@ from typing import Annotated, Final
 
 import numpy as np
 
+from mrwork.annotations import Within
 from mrwork.arguments import Level, NotNegative, Positive, checked
 from mrwork.buildings.additions import (
     mode_at_floor,
@@ -18,7 +19,6 @@ from mrwork.buildings.additions import (
 )
 from mrwork.buildings.matrices import Building, PassiveElement
 from mrwork.errors import SettingError, UnknownNameError
-from mrwork.keys import Within
 from mrwork.units import STANDARD_GRAVITY
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import logging
+import traceback
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -76,7 +77,9 @@ def status_of(arguments: Sequence[str], signals: StopSignals) -> int:
         # How to continue is told by what has kept something.
         note("; ".join(["interrupted", *getattr(interrupt, "__notes__", ())]))
         return signals.status
-    except _SAID as error:
+    except Exception as error:
+        if not (isinstance(error, _SAID) or _is_of_loading(error)):
+            raise
         note(sentence_on(error))
         return 2
     return signals.status if status == 130 else status
@@ -92,7 +95,8 @@ def _run_command(arguments: Sequence[str], signals: StopSignals) -> int:
         return int(end.code or 0)
 
 
-# What ends a command in a sentence. Any other error is a defect of mrwork, whose traceback is wanted.
+# What ends a command in a sentence, beside what a library raises while it is loaded. Any other error is a defect of
+# mrwork, whose traceback is wanted.
 _SAID = (MrworkError, OSError, MemoryError, RecursionError, OverflowError, UnicodeError, ImportError)
 
 
@@ -112,7 +116,18 @@ def sentence_on(error: BaseException) -> str:
         return f"a number is too large ({reason_of(error)}); give a smaller one"
     if isinstance(error, UnicodeError):
         return f"a text cannot be read or written ({reason_of(error)}); save it as UTF-8"
-    return f"a library cannot be loaded ({reason_of(error)}); install mrwork again"
+    what = f"a library cannot be loaded ({reason_of(error)})"
+    if isinstance(error, ImportError):
+        return f"{what}; install mrwork again"
+    return f"{what}; correct or unset the environment variable that it reads"
+
+
+def _is_of_loading(error: BaseException) -> bool:
+    """Whether a library has raised an error while it was loaded, as where an environment variable has a wrong value."""
+    frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
+    own = [str(frame.f_globals.get("__name__", "")).partition(".")[0] == "mrwork" for frame in frames]
+    after = len(own) - own[::-1].index(True) if True in own else len(own)
+    return any(frame.f_code.co_name == "<module>" for frame in frames[after:])
 
 
 @contextmanager

@@ -8,8 +8,8 @@ from typing import Any, Literal
 
 import numpy as np
 
+from mrwork.annotations import SMALLEST
 from mrwork.dampers.spec import DamperSpec
-from mrwork.keys import SMALLEST
 from mrwork.records import DamperTest
 from mrwork.records.checks import FORCE_OFFSET
 from mrwork.records.damper_test import delay_signal

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.annotations import SMALLEST
 from mrwork.arguments import checked
 from mrwork.errors import SettingError
-from mrwork.keys import SMALLEST
 from mrwork.values import Floats, holds_arrays
 
 Complexes = NDArray[np.complex128]

@@ -14,6 +14,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.annotations import Within
 from mrwork.arguments import NotNegative, checked
 from mrwork.dampers.design.flow import PRESSURES, FlowModel, Slot
 from mrwork.dampers.design.magnetic_circuit import (
@@ -35,7 +36,6 @@ from mrwork.dampers.design.ranges import (
 from mrwork.dampers.parameters import LawName
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import SettingError
-from mrwork.keys import Within
 from mrwork.numbers import of_unit
 from mrwork.summary import Summarised, Summary
 

@@ -13,6 +13,7 @@ from typing import Annotated, ClassVar, Final, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mrwork.annotations import Within
 from mrwork.arguments import Positive, checked
 from mrwork.dampers.design.ranges import (
     FlowIndex,
@@ -23,7 +24,6 @@ from mrwork.dampers.design.ranges import (
     broadcast,
     roots_between,
 )
-from mrwork.keys import Within
 from mrwork.summary import Summarised
 
 Floats = NDArray[np.float64]

@@ -10,11 +10,11 @@ from typing import Annotated, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.annotations import Within
 from mrwork.arguments import Share, checked
 from mrwork.dampers.design.materials import MRFluid, Steel
 from mrwork.dampers.design.ranges import Current, Currents, Fields, Length, Turns, Voltage, roots_between
 from mrwork.errors import SettingError
-from mrwork.keys import Within
 from mrwork.summary import Summarised
 
 Floats = NDArray[np.float64]

@@ -14,10 +14,10 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mrwork.annotations import Within
 from mrwork.arguments import checked
 from mrwork.dampers.design.ranges import Fields, FlowIndex, Viscosity
 from mrwork.errors import SettingError, UnknownNameError
-from mrwork.keys import Within
 from mrwork.summary import Summarised
 
 Floats = NDArray[np.float64]

@@ -8,8 +8,8 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mrwork.annotations import Within
 from mrwork.errors import SettingError
-from mrwork.keys import Within
 
 # From a micrometre to a hundred metres.
 Length = Annotated[float, Within(least=1e-6, most=100.0)]

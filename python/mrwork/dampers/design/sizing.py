@@ -13,6 +13,7 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.annotations import Within
 from mrwork.arguments import Count, NotNegative, Positive, Seed, checked
 from mrwork.dampers.design.damper_design import DamperDesign
 from mrwork.dampers.design.flow import FlowModel
@@ -20,7 +21,6 @@ from mrwork.dampers.design.magnetic_circuit import wire_diameter
 from mrwork.dampers.design.materials import MRFluid, Steel
 from mrwork.dampers.design.ranges import Current, Length, Speed, Voltage
 from mrwork.errors import Interrupted, SettingError, UnknownNameError
-from mrwork.keys import Within
 from mrwork.search import SearchResult, StopRules, run_search
 from mrwork.search.peers import nondominated, run_front
 from mrwork.search.registry import ALL_OPTIMISERS
