@@ -13,12 +13,12 @@ from mrwork.arguments import Count, Level, NotNegative, Positive, Samples, Whole
 from mrwork.dampers.parameters import CurrentLaws
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import UnknownNameError
-from mrwork.identification.nuisance import NONE, Nuisance, NuisanceName
+from mrwork.identification.residual import NONE, Nuisance, NuisanceName
 from mrwork.identification.settings import FitSettings, Reading
 from mrwork.numbers import of_unit, rounded
 from mrwork.records import AS_IT_IS, DamperTest, Observation, observed
+from mrwork.records.damper_test import OperatingRange, Outside, range_of_test
 from mrwork.records.likeness import Likeness, RecordedMotion, likest_of_other_force, likest_of_same_force
-from mrwork.records.operating_range import OperatingRange, Outside, range_of_test
 from mrwork.store.codec import LowerBound, OrInfinite, Related, UpperBound, digest_of
 from mrwork.summary import Summarised, Summary, listed
 from mrwork.tested_range import outside_of

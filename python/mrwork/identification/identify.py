@@ -23,10 +23,10 @@ from mrwork.identification.global_search import (
     points_from_optimiser,
 )
 from mrwork.identification.levenberg_marquardt import LocalMinimum
-from mrwork.identification.nuisance import NuisanceName
 from mrwork.identification.polish import polish_with_wanted_lag
 from mrwork.identification.problem import Problem, fingerprint_of
 from mrwork.identification.progress import Progress, Reporter, interruptible
+from mrwork.identification.residual import NuisanceName
 from mrwork.identification.result import BuildingCost, cost_warning, fit_at
 from mrwork.identification.settings import Engine, FitSettings, Multistart, Search, Start, UnregisteredSearch
 from mrwork.records import DamperTest

@@ -16,8 +16,8 @@ import optimistix as optx
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec
 from mrwork.identification.levenberg_marquardt import check_recalled_minimum
-from mrwork.identification.nuisance import NuisanceName, columns_of, scale_columns
 from mrwork.identification.objective import Objective
+from mrwork.identification.residual import NuisanceName, columns_of, scale_columns
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import loading_of
 from mrwork.twins.models import begin, simulate

@@ -31,13 +31,11 @@ from mrwork.identification.fit import (
     Remark,
     SearchTrace,
 )
-from mrwork.identification.nuisance import NONE, Nuisance, NuisanceName
 from mrwork.identification.objective import Objective, linearised
 from mrwork.identification.problem import Problem, provenance_of
-from mrwork.identification.residual import ObservedTest
+from mrwork.identification.residual import NONE, Nuisance, NuisanceName, ObservedTest
 from mrwork.records import DamperTest, RecordedMotion
-from mrwork.records.damper_test import loading_of
-from mrwork.records.operating_range import range_of_tests
+from mrwork.records.damper_test import loading_of, range_of_tests
 from mrwork.simulate import stiffness_shares
 from mrwork.summary import listed
 from mrwork.tested_range import OperatingRange

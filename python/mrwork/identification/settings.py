@@ -11,7 +11,7 @@ from typing import Any, Literal, TypeAlias, get_args, get_type_hints
 
 from mrwork.arguments import Count, Level, Seed, checked
 from mrwork.errors import RecordError, SettingError, UnknownNameError
-from mrwork.identification.nuisance import NuisanceName
+from mrwork.identification.residual import NuisanceName
 from mrwork.records import DamperTest, read_damper_test, repair
 from mrwork.records.repairs import DETECT, RepairKind, as_words
 from mrwork.records.window import counted_from, cut

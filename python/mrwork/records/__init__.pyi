@@ -1,8 +1,8 @@
 from .damper_test import DamperTest as DamperTest
 from .damper_test import Finding as Finding
 from .damper_test import Observation as Observation
+from .damper_test import OperatingRange as OperatingRange
 from .loop_branches import branches as branches
-from .operating_range import OperatingRange as OperatingRange
 from .read import build_damper_test as build_damper_test
 from .read import guess_tests as guess_tests
 from .read import read_damper_test as read_damper_test

@@ -23,8 +23,17 @@ from jax import Array, lax
 from numpy.typing import NDArray
 
 from mrwork.dampers.spec import DamperSpec
-from mrwork.twins.loop.plant import Devices, LoopDevice, LoopPlant, pulls_of
-from mrwork.twins.loop.run import LoopState, StepGround, at_rest, half_steps, step
+from mrwork.twins.loop.run import (
+    Devices,
+    LoopDevice,
+    LoopPlant,
+    LoopState,
+    StepGround,
+    at_rest,
+    half_steps,
+    pulls_of,
+    step,
+)
 from mrwork.twins.models import begin
 from mrwork.values import holds_arrays
 

@@ -18,8 +18,7 @@ from jax import Array
 from numpy.typing import NDArray
 
 from mrwork.dampers.spec import DamperSpec
-from mrwork.twins.loop.plant import Devices, LoopDevice, LoopPlant
-from mrwork.twins.loop.run import Law, Measurement, half_steps, run_loop
+from mrwork.twins.loop.run import Devices, Law, LoopDevice, LoopPlant, Measurement, half_steps, run_loop
 from mrwork.twins.models import begin
 from mrwork.values import holds_arrays
 

@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 from mrwork.arguments import checked
 from mrwork.errors import MrworkWarning, SettingError, SimulationError
 from mrwork.identification.fit import Fit
-from mrwork.identification.nuisance import NuisanceName
 from mrwork.identification.problem import prediction_warning
-from mrwork.identification.residual import ObservedTest
+from mrwork.identification.residual import NuisanceName, ObservedTest
 from mrwork.identification.result import explained_by
 from mrwork.records import DamperTest, Likeness, RecordedMotion
 from mrwork.records.damper_test import same_commands
