@@ -25,11 +25,10 @@ from mrwork.control.weights import CostWeights
 from mrwork.errors import SettingError
 from mrwork.keys import key
 from mrwork.summary import Summarised
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class LyapunovFunction(Summarised):
     """`V = s'P s / 2` with `V' = -s'Q_P s / 2 + sigma f`, `sigma = vectors @ s`; `weight` is Q_P.
 

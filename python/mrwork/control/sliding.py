@@ -18,11 +18,10 @@ from mrwork.control.riccati import solve_riccati
 from mrwork.errors import MrworkWarning, SettingError
 from mrwork.keys import Within, key, keys_of
 from mrwork.summary import Summarised
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class SlidingSurface(Summarised):
     """`sigma = S s`, scaled so that S B = 1: `sigma' = drift s + f + ground a_g`, and sigma is an impulse [N s].
 
@@ -40,8 +39,7 @@ class SlidingSurface(Summarised):
     poles: NDArray[np.complex128]
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class SlidingGains(Summarised):
     """Gains of the sliding mode laws for one surface, one number for each device, shape (n_devices,).
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from mrwork.errors import RecordError
 from mrwork.files.layout import DECIMAL_COMMA, MISSING, NUMBER, RULE, split
-from mrwork.values import holds_arrays
+from mrwork.values import array_dataclass
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -109,8 +109,7 @@ class RowForm:
         return frozenset(range(len(self.cells.names))).difference(self.texts)
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class Rows:
     """What was read: columns of shape (n_rows,) by place, and what must be refused.
 

@@ -22,7 +22,7 @@ from mrwork.records.likeness import Likeness, RecordedMotion, likest_of_other_fo
 from mrwork.store.codec import LowerBound, OrInfinite, Related, UpperBound, digest_of
 from mrwork.summary import Summarised, Summary, listed
 from mrwork.tested_range import outside_of
-from mrwork.values import holds_arrays
+from mrwork.values import array_dataclass
 
 # Decided in `uncertainty/identifiability/verdicts.py` alone, and read from `Fit.verdict_on`.
 VerdictName = Literal["identifiable", "weakly identifiable", "sign unknown", "negligible", "not identifiable"]
@@ -300,8 +300,7 @@ class Provenance:
     created: str
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class Fit(Summarised, Related):
     """An identified damper: estimates in the order of the model's spec, quality per test, provenance.
 

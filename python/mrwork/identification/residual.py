@@ -23,7 +23,7 @@ from mrwork.records.damper_test import delayed, loading_of
 from mrwork.records.detectors.velocity import refuse_velocity
 from mrwork.simulate import Outcome, simulate_forces, simulate_sensitivities
 from mrwork.summary import listed
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 NuisanceName = Literal["offset", "level", "delay"]
 
@@ -207,8 +207,7 @@ def _slope(name: NuisanceName, slope: Floats) -> Floats:
     return np.zeros_like(slope) if name == "offset" else np.asarray(_column(name, slope))
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class ObservedTest:
     """One test that a model is compared with; the splines of its `history` are computed once for all candidates.
 

@@ -39,7 +39,7 @@ from mrwork.records.damper_test import loading_of, range_of_tests
 from mrwork.simulate import stiffness_shares
 from mrwork.summary import listed
 from mrwork.tested_range import OperatingRange
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 
 def free_run(
@@ -340,8 +340,7 @@ def _remedy(fit: Fit, cheap: Sequence[Fit]) -> str:
 INSENSITIVE = 1e-7
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class Slopes:
     """Residuals of an objective at `theta`, (n_residuals,), and derivatives by what varies, (n_free, n_residuals).
 

@@ -14,13 +14,12 @@ from numpy.typing import NDArray
 from mrwork.arguments import checked
 from mrwork.errors import SettingError
 from mrwork.keys import SMALLEST
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 Complexes = NDArray[np.complex128]
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class FilterMatrices:
     """Shaping filter `s' = state s + noise w`, `a_g = output s`, with white noise w of density `intensity`."""
 

@@ -27,7 +27,7 @@ from mrwork.tested_range import OperatingRange as OperatingRange
 from mrwork.tested_range import Outside as Outside
 from mrwork.tested_range import covering, least_stroke
 from mrwork.units import COMMAND_SCALES, CommandUnit
-from mrwork.values import Floats, frozen, holds_arrays, keep_arrays
+from mrwork.values import Floats, array_dataclass, frozen, keep_arrays
 
 RANGES: Final = {
     "delay_seconds": (-1e6, 1e6, "s"),
@@ -214,8 +214,7 @@ class Smoothing:
 
 
 @checked
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class DamperTest(Summarised):
     """A force-motion record of one damper, uniformly sampled, in SI.
 

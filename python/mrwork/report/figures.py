@@ -22,11 +22,10 @@ from mrwork.records.motion import upward_crossings
 from mrwork.report import canvas, style
 from mrwork.report.canvas import axes_between, draw_points, finish_signed, legend
 from mrwork.report.style import DisplayUnit
-from mrwork.values import holds_arrays
+from mrwork.values import array_dataclass
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class Comparison:
     """A test, the free-run `model_force` [N] on its samples, shape (n_time,), and how well they agree."""
 

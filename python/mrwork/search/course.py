@@ -17,11 +17,10 @@ from mrwork.keys import Within
 from mrwork.search.rules import EliteRule, StopRules, check_ranges, distinct_best, reason_of
 from mrwork.search.unit_cube import Streams
 from mrwork.summary import Summarised
-from mrwork.values import holds_arrays
+from mrwork.values import array_dataclass
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class Proposal(Summarised):
     """One generation of the running replicates, to be simulated in one call.
 
@@ -85,8 +84,7 @@ Replicate = Annotated[int, Within(least=0, most=2**63 - 1)]
 ScalarT = TypeVar("ScalarT", bound=np.generic)
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class Trace(Summarised):
     """Progress, one entry per generation, each of shape (n_replicates, n_generations).
 
@@ -101,8 +99,7 @@ class Trace(Summarised):
     median: NDArray[np.float64]
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class Course(Summarised):
     """Progress of `n` replicates, the part of the state that all optimisers share.
 
@@ -340,8 +337,7 @@ def _with_parts(value: T, change: Callable[[Any], Any]) -> T:
     return dataclasses.replace(value, **changed)  # type: ignore[type-var] # T is a dataclass
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class PopulationState(Summarised):
     """A population and its misfits, (n_replicates, n_population, n_params) and (n_replicates, n_population).
 

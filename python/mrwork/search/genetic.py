@@ -58,7 +58,7 @@ from mrwork.search.course import (
 from mrwork.search.rules import LARGEST_POPULATION, EliteRule, StopRules, check_ranges
 from mrwork.search.unit_cube import latin_hypercube, reflect
 from mrwork.summary import Summarised
-from mrwork.values import holds_arrays
+from mrwork.values import array_dataclass
 
 
 @checked
@@ -162,8 +162,7 @@ def _roulette(fitness: NDArray[np.float64], uniform: NDArray[np.float64]) -> NDA
     return np.asarray(np.minimum(member, fitness.shape[1] - 1))
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class GAState(Summarised):
     """State of the efficient genetic algorithm.
 

@@ -18,7 +18,7 @@ from mrwork.search.rules import EliteRule, StopRules
 from mrwork.store.codec import array_of, digest_of, plain
 from mrwork.store.journal import Journal
 from mrwork.summary import Summarised, Summary
-from mrwork.values import holds_arrays
+from mrwork.values import array_dataclass
 
 
 class RunTrace(NamedTuple):
@@ -29,8 +29,7 @@ class RunTrace(NamedTuple):
     median: NDArray[np.float64]
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class SearchResult(Summarised, Generic[StateT]):
     """Result of one replicate, its stop reason, and the state from which it can be resumed alone.
 
@@ -162,8 +161,7 @@ class Optimiser(Protocol[StateT]):
         """State after the misfits of the proposal's rows, shape (n_ask,); `inf` marks a failed simulation."""
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class GenerationEvent(Summarised, Generic[StateT]):
     """Progress after one generation of all running replicates.
 
@@ -330,8 +328,7 @@ def _event(state: StateT, misfit: NDArray[np.float64], began: float) -> Generati
 _STEP = "generation"
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class Generation:
     """Record of a generation: accepted misfits (n_ask,) and time since the search began [s]."""
 

@@ -37,11 +37,10 @@ from mrwork.search.course import (
 from mrwork.search.rules import LARGEST_POPULATION, EliteRule, StopRules, check_ranges
 from mrwork.search.unit_cube import latin_hypercube, reflect
 from mrwork.summary import Summarised
-from mrwork.values import holds_arrays
+from mrwork.values import array_dataclass
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class SwarmState(Summarised):
     """State of a swarm.
 

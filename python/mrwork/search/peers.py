@@ -29,7 +29,7 @@ from mrwork.search.unit_cube import latin_hypercube
 from mrwork.store.codec import digest_of
 from mrwork.store.journal import Journal
 from mrwork.summary import Summarised
-from mrwork.values import holds_arrays
+from mrwork.values import array_dataclass
 
 # Misfit of a failed simulation for a library that needs finite numbers, above any misfit.
 _FAILURE = 1e100
@@ -84,8 +84,7 @@ class PeerSearch:
             )
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class PeerState:
     """Searches of another library, one for each replicate.
 
@@ -330,8 +329,7 @@ SeveralObjectives = Callable[[Floats], Floats]
 """Maps points of the unit cube, shape (m, n_params), to objectives, shape (m, n_objectives); `inf` marks a failure."""
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class FrontResult(Summarised):
     """Points of which no other simulated one is lower in every objective, and the number of candidates.
 
@@ -343,8 +341,7 @@ class FrontResult(Summarised):
     evaluations: int
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class _Generation:
     objectives: Floats
 

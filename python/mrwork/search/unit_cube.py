@@ -9,7 +9,6 @@ numbers drawn (Salmon et al., SC'11, 2011).
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
@@ -19,7 +18,7 @@ from mrwork.arguments import Seed, Shape, checked
 from mrwork.errors import SettingError
 from mrwork.keys import Within
 from mrwork.summary import Summarised
-from mrwork.values import holds_arrays
+from mrwork.values import array_dataclass
 
 # Most numbers of one call, 8 bytes each.
 _MOST = 10**9
@@ -67,8 +66,7 @@ _UNIFORM, _NORMAL, _LIBRARY_SEED = range(3)
 
 
 @checked
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class Streams(Summarised):
     """Random streams of replicates with these numbers (n,) at these generations (n,), under one seed."""
 

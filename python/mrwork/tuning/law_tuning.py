@@ -37,7 +37,7 @@ from mrwork.tuning.results import (
     judgement_of_objective,
 )
 from mrwork.tuning.space import LARGEST, PENALTY, LawCandidate, SettingSpace, TuningObjective, refuse_within
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 if TYPE_CHECKING:
     from mrwork.twins.loop.tuned import TunedLoop
@@ -88,8 +88,7 @@ def check_finish(table: TuneTable, study: Study) -> None:
         )
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class Finish:
     """The point of the unit cube that the gradients have reached, shape (n_free,), and how many there were."""
 

@@ -21,7 +21,7 @@ from mrwork.motions.spectral_density import KanaiTajimi, SpectralDensity
 from mrwork.simulate import Loading, simulate_force
 from mrwork.summary import Summarised
 from mrwork.units import number_in
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 Limit = float | tuple[float, ...]
 """One limit for all places, or one for each."""
@@ -95,8 +95,7 @@ def _in_si(name: str, given: object, unit: str) -> Any:
     return given
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class LimitedOutputs:
     """The outputs with a limit: their names, units, limits in SI, shape (n_outputs,), and the setting of each."""
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +14,7 @@ from mrwork.report.figures import Comparison
 from mrwork.report.section import Group, Section, SectionKind
 from mrwork.table import Table, TableColumn, page_table
 from mrwork.tested_range import half_cycle_ends
-from mrwork.values import holds_arrays
+from mrwork.values import array_dataclass
 
 Array = NDArray[np.float64]
 
@@ -27,8 +26,7 @@ _REVERSAL = 0.1
 _LARGER = 2.0
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class _HalfCycles:
     """Half cycles of all tests: amplitude [m] and class of each; sums over samples, rows at and between reversals.
 

@@ -47,7 +47,7 @@ from mrwork.uncertainty.noise import noise_model
 from mrwork.uncertainty.posterior.draws import Draws
 from mrwork.uncertainty.posterior.laplace import first_walkers
 from mrwork.uncertainty.posterior.target import Target
-from mrwork.values import holds_arrays
+from mrwork.values import array_dataclass
 
 Array = NDArray[np.float64]
 
@@ -62,8 +62,7 @@ _QUANTITIES: dict[CycleQuantity, tuple[str, float]] = {
 }
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class _ParameterDraws:
     """Parameters `theta`, shape (n_draws, n_params), and the distribution they are drawn from, in words."""
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import NamedTuple
 
 import jax
@@ -35,7 +35,7 @@ from mrwork.twins.loop.run import (
     step,
 )
 from mrwork.twins.models import begin
-from mrwork.values import holds_arrays
+from mrwork.values import array_dataclass
 
 Floats = NDArray[np.float64]
 
@@ -87,8 +87,7 @@ class _Inputs(NamedTuple):
     weight: Array
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class PrescribedLoop:
     """A building with devices under one ground motion [m/s^2], for commands that are constant over intervals.
 

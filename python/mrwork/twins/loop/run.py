@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 from typing import Any, NamedTuple, Protocol
 
@@ -22,7 +21,7 @@ from mrwork.arguments import Count, Positive
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
 from mrwork.twins.models import parameters_at, twin_of
-from mrwork.values import holds_arrays
+from mrwork.values import array_dataclass
 
 
 class LoopPlant(NamedTuple):
@@ -69,8 +68,7 @@ class LoopPlant(NamedTuple):
     data_fields=["theta", "row", "count"],
     meta_fields=["spec", "differential"],
 )
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class LoopDevice:
     """Dampers across a storey with one command: `F = count f(x, v)`, or `count (f(x, v) - f(-x, -v))` if differential.
 
@@ -129,8 +127,7 @@ def pulls_of(plant: LoopPlant, devices: Devices) -> Array:
     return pulls
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class Measurement:
     """What a law may use at a control sample, with one entry a device in all but the state s, shape (2n,).
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import jax
@@ -20,7 +19,7 @@ from numpy.typing import NDArray
 from mrwork.dampers.spec import DamperSpec
 from mrwork.twins.loop.run import Devices, Law, LoopDevice, LoopPlant, Measurement, half_steps, run_loop
 from mrwork.twins.models import begin
-from mrwork.values import holds_arrays
+from mrwork.values import array_dataclass
 
 Floats = NDArray[np.float64]
 _SIDE_BY_SIDE = 8
@@ -67,8 +66,7 @@ SMOOTH: Mapping[str, Callable[[Gains], Law]] = {
 """Laws that are smooth in their numbers, by the name of the law in the core: the law of the twin from its gains."""
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class TwinDamper:
     """A damper across a storey, as `mrwork.buildings.matrices.Device`, and its parameters, shape (n_params,)."""
 

@@ -33,7 +33,7 @@ from mrwork.records.motion import whole_cycles
 from mrwork.summary import Summarised
 from mrwork.uncertainty.bands.prediction import Prediction
 from mrwork.uncertainty.noise import Noise
-from mrwork.values import holds_arrays
+from mrwork.values import array_dataclass
 
 Array = NDArray[np.float64]
 
@@ -48,8 +48,7 @@ measurements need not lie in it. A prediction band is to contain the given share
 
 
 @checked
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class Band(Summarised):
     """Lower and upper limits, shape (n,), of nominal coverage `level`; `basis` is its origin in words."""
 
@@ -226,8 +225,7 @@ CycleQuantity = Literal["energy", "stiffness", "damping"]
 QUANTITIES: tuple[CycleQuantity, ...] = get_args(CycleQuantity)
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class Cycles:
     """Dissipated energy [J], fitted stiffness [N/m] and damping [N s/m] of whole cycles, shape (n_cycles,)."""
 

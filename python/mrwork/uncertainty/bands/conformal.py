@@ -36,7 +36,7 @@ from mrwork.uncertainty.bands.band import (
     weighted_quantile,
 )
 from mrwork.uncertainty.bands.prediction import Prediction, has_regular_cycles
-from mrwork.values import holds_arrays
+from mrwork.values import array_dataclass
 
 Array = NDArray[np.float64]
 
@@ -290,8 +290,7 @@ BEYOND_TESTED = "the level holds only where the calibration had such tests"
 """Remark on a band outside the tested range of the fit."""
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class Calibration(Summarised, Related):
     """Calibration of prediction bands from the errors on several tests.
 

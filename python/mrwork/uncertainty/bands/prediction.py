@@ -22,7 +22,7 @@ from mrwork.records.likeness import alike_groups, likenesses_in_words, likest
 from mrwork.records.motion import regular_cycles, whole_cycles
 from mrwork.summary import Summarised, Summary
 from mrwork.tested_range import Outside
-from mrwork.values import holds_arrays
+from mrwork.values import array_dataclass
 
 Fold = Literal["test", "motion", "command"]
 """Unit that is left out: each test by itself, all of one amplitude and frequency, all at one current or voltage."""
@@ -47,8 +47,7 @@ _SAME_MOTION = 0.15
 _REACH = 0.02
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class Prediction(Summarised):
     """A test and the model's force on it [N], shape (n_time,), with the observation model applied.
 

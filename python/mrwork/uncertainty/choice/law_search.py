@@ -34,7 +34,7 @@ from mrwork.uncertainty.bands.prediction import Fold, folds_of
 from mrwork.uncertainty.choice.law_table import TriedLaws
 from mrwork.uncertainty.choice.ranking import is_as_good
 from mrwork.units import CommandUnit
-from mrwork.values import holds_arrays
+from mrwork.values import array_dataclass
 
 Array = NDArray[np.float64]
 
@@ -49,8 +49,7 @@ _MOST_DAMPING = 1e6
 _LEAST_SENSITIVITY = 1e-7
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class NormalEquations:
     """Squared NRMSE (n_rows, n_tests), half its latent gradient (..., n_free), and J'J (..., n_free, n_free)."""
 
@@ -59,8 +58,7 @@ class NormalEquations:
     matrix: Array
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class FoldedFit:
     """Parameters of each row, shape (n_rows, n_params), and its squared NRMSE of each test, (n_rows, n_tests)."""
 
@@ -68,8 +66,7 @@ class FoldedFit:
     squared: Array
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class FoldedTests:
     """Tests, and their shares in the mean squared NRMSE of each row, shape (n_rows, n_tests): 0 for a test left out."""
 
@@ -212,16 +209,14 @@ _SAME_MISFIT = 1e-3
 _MOTIONS = 3
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class _Promise:
     """Fits to all tests that the linearised fit promises for each move [%], in the order of the moves."""
 
     fit_percent: Array
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class _Predictions:
     """NRMSE of each whole test by the fit without its fold, shape (n_tests,); infinite where not simulated."""
 

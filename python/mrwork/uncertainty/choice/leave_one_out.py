@@ -26,7 +26,7 @@ from mrwork.store.journal import Journal
 from mrwork.uncertainty.noise import NOISES, Noise
 from mrwork.uncertainty.posterior.laplace import draw_about
 from mrwork.uncertainty.posterior.target import Target, in_chunks
-from mrwork.values import holds_arrays
+from mrwork.values import array_dataclass
 
 Array = NDArray[np.float64]
 
@@ -37,8 +37,7 @@ UNRELIABLE = 0.7
 _N_DRAWS = 2000
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class LeaveOneOut:
     """Expected log predictive density of each block given the others, and its Pareto k, shape (n_blocks,)."""
 

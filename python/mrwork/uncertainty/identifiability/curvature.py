@@ -18,7 +18,7 @@ from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec
 from mrwork.identification.objective import Objective, linearised
 from mrwork.uncertainty.identifiability.verdicts import Scale
-from mrwork.values import holds_arrays
+from mrwork.values import array_dataclass
 
 Array = NDArray[np.float64]
 
@@ -30,8 +30,7 @@ _LARGEST_BATCH = 2**24
 Linearise = Callable[[Array], Iterable[tuple[Array, Array]]]
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class Scaled:
     """Scaled coordinates of the free parameters of a box: logarithms, or multiples of their size; shape (n_free,).
 
@@ -91,8 +90,7 @@ class Scaled:
         return np.asarray(np.where(self.log, self.values(position), self.size))
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class Point:
     """A position, shape (n_free,), with the squared misfit S, half its gradient and J'J there."""
 

@@ -24,7 +24,7 @@ from mrwork.identification.result import INSENSITIVE, Slopes, covariance_at, rem
 from mrwork.numbers import of_unit
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
-from mrwork.values import holds_arrays
+from mrwork.values import array_dataclass
 
 Array = NDArray[np.float64]
 
@@ -65,8 +65,7 @@ class ParameterScale:
         return _times(share, whole)
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class Scale:
     """Size of a relevant change of each parameter, shape (n_params,): its value, or half its range where `of_range`.
 

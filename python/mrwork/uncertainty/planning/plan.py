@@ -29,7 +29,7 @@ from mrwork.uncertainty.identifiability.curvature import Scaled, linearise, poin
 from mrwork.uncertainty.identifiability.verdicts import Scale
 from mrwork.uncertainty.planning.candidates import Candidate, check_possible, motion_of
 from mrwork.units import CommandUnit
-from mrwork.values import holds_arrays
+from mrwork.values import array_dataclass
 
 Array = NDArray[np.float64]
 
@@ -101,8 +101,7 @@ class Plan(Summarised, Related):
         )
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class Response:
     """Force of a candidate [N], (n_counted,), and energy of a cycle [J], with derivatives by coordinate, (..., n_free).
 
@@ -117,8 +116,7 @@ class Response:
     energy_derivative: Array
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class LinearisedPosterior:
     """Linearised posterior before the next test about `position`, (n_free,), with the inverse covariance `precision`.
 
@@ -384,8 +382,7 @@ def checked_with_draws(
     return CheckedPlan(plan=replace(plan, gains=tuple(gains)), agreement=agreement, least_effective=least)
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class _Forces:
     """Forces of the draws minus their mean, (n_draws, n_counted), per its deviation and root n; energies of a cycle."""
 

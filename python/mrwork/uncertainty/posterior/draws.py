@@ -28,7 +28,7 @@ from mrwork.summary import Summarised, Summary
 from mrwork.uncertainty.identifiability.verdicts import ParameterScale, judge_interval
 from mrwork.uncertainty.noise import noise_model
 from mrwork.uncertainty.posterior.target import NOISE
-from mrwork.values import holds_arrays
+from mrwork.values import array_dataclass
 
 if TYPE_CHECKING:
     from xarray import DataTree
@@ -46,8 +46,7 @@ _BURN_IN = 0.25
 _MOST_DRAWS = 1000
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class Diagnosis:
     """Convergence after the burn-in, shape (n_params,), NaN for what did not vary; `tau` in steps."""
 
@@ -217,8 +216,7 @@ class DrawSummary:
         return replace(self, verdict=found.verdict, reason=found.reason)
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class Draws(Summarised):
     """Draws from a posterior, by walker.
 

@@ -5,7 +5,7 @@ Weighted draws cost far less than a chain, and their weights show how well the a
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from importlib import import_module
 from typing import Any
 
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from mrwork.errors import SettingError
 from mrwork.identification.objective import linearised
 from mrwork.uncertainty.posterior.target import Target
-from mrwork.values import holds_arrays
+from mrwork.values import array_dataclass
 
 Array = NDArray[np.float64]
 
@@ -112,8 +112,7 @@ def centre_and_root(target: Target, start: Array) -> tuple[Array, Array]:
     return origin, np.linalg.cholesky(np.linalg.inv(fisher_information(target, origin)))
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class Ellipsoid:
     """Centre (n_dim,) in a target's space, and covariance (n_moving, n_moving) of the coordinates that move."""
 
@@ -176,8 +175,7 @@ def _off_faces(target: Target, position: Array) -> NDArray[np.intp]:
     return np.flatnonzero((unit > _ON_FACE) & (unit < 1.0 - _ON_FACE))
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class WeightedDraws:
     """Positions of a target's space, (n_draws, n_dim), and log of target over proposal density, (n_draws,)."""
 

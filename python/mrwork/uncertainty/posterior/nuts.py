@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from importlib import import_module
 from typing import Any
 
@@ -20,7 +20,7 @@ from mrwork.twins.models import begin, simulate
 from mrwork.uncertainty.noise import NOISES, names_in_words
 from mrwork.uncertainty.posterior.laplace import centre_and_root
 from mrwork.uncertainty.posterior.target import Target
-from mrwork.values import holds_arrays
+from mrwork.values import array_dataclass
 
 Array = NDArray[np.float64]
 LogDensity = Callable[[jax.Array], jax.Array]
@@ -70,8 +70,7 @@ def substeps_at(target: Target, theta: Any) -> tuple[int, ...]:
     return tuple(max(1, int(run.substeps[0])) for run in runs)
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class NutsDraws(Summarised):
     """Parameters and noise, shape (n_chains, n_draws, n_params + n_noise), and the number of divergent trajectories."""
 
@@ -80,8 +79,7 @@ class NutsDraws(Summarised):
     evaluations: int
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class Trajectories:
     """Unbounded coordinates in which the target is nearly standard normal: logits, scaled by the Fisher ellipsoid.
 

@@ -47,7 +47,7 @@ from mrwork.uncertainty.posterior.draws import (
 )
 from mrwork.uncertainty.posterior.laplace import first_walkers, mode_near
 from mrwork.uncertainty.posterior.target import Prior, Target, Tempering
-from mrwork.values import holds_arrays
+from mrwork.values import array_dataclass
 
 Array = NDArray[np.float64]
 # As returned by `numpy.random.RandomState.get_state`.
@@ -160,8 +160,7 @@ _PACKAGES = ("mrwork", "numpy", "emcee", "arviz-stats")
 _MOST_ROWS = 1000
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class SamplingProblem:
     """Target and settings of a sampling run; `start`, shape (n_params,), is in the form that is sampled."""
 
