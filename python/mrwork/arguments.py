@@ -19,13 +19,13 @@ from functools import wraps
 from types import SimpleNamespace
 from typing import Annotated, Any, TypeVar, cast, get_type_hints
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from mrwork.argument_kinds import Kind, May, Refusal, Shape, kind_of, shape_of
 from mrwork.errors import InvalidSettingError, MrworkError, SettingError
 from mrwork.escaping import escaped
 from mrwork.keys import Within, keys_of
+from mrwork.values import Floats
 
 __all__ = [
     "AnyArray",
@@ -58,10 +58,10 @@ Seed = Annotated[int, Within(least=0, most=2**64 - 1)]
 # 0 is all.
 Threads = Annotated[int, Within(least=0, most=1024)]
 # Misfits of failed candidates are infinite, and the functions say more of a wrong number than its place.
-AnyNumbers = Annotated[NDArray[np.float64], May.BE_INFINITE, May.BE_NAN]
+AnyNumbers = Annotated[Floats, May.BE_INFINITE, May.BE_NAN]
 # A force, or a history of something else; draws or candidates in rows.
-Samples = Annotated[NDArray[np.float64], Shape(("n_time",))]
-Rows = Annotated[NDArray[np.float64], Shape(("n_batch", "n_time"))]
+Samples = Annotated[Floats, Shape(("n_time",))]
+Rows = Annotated[Floats, Shape(("n_batch", "n_time"))]
 # Of NumPy or JAX.
 AnyArray = Annotated[Any, May.BE_TRACED, May.BE_INFINITE, May.BE_NAN]
 AnyArrayLike = Annotated[ArrayLike, May.BE_INFINITE, May.BE_NAN]

@@ -227,7 +227,7 @@ def simulate_sensitivities(
 @checked
 def simulate_force(
     spec: DamperSpec, theta: ArrayLike, loading: Loading, *, substep_factor: Count = 1
-) -> NDArray[np.float64]:
+) -> Floats:
     """Simulate one damper from rest and return its force [N], shape (n_time,).
 
     Raises

@@ -32,7 +32,7 @@ from mrwork.summary import Summarised, Summary
 from mrwork.values import Floats, array_dataclass
 
 if TYPE_CHECKING:
-    from mrwork.twins.loop.prescribed import PrescribedLoop
+    from mrwork.twins.loop.derivatives import PrescribedLoop
 
 
 # Longest step of the twin [s], and the difference of its criteria from those of the loop above which it is halved.
@@ -199,7 +199,7 @@ class ClairvoyantProblem:
 
     def _twin_of(self, step: float) -> PrescribedLoop:
         # JAX takes a second to load, and no verb needs it unless a clairvoyant is asked for.
-        from mrwork.twins.loop.prescribed import CriteriaAtRest, prescribed_loop
+        from mrwork.twins.loop.derivatives import CriteriaAtRest, prescribed_loop
 
         return prescribed_loop(
             matrices={
@@ -242,13 +242,7 @@ _MEMORY = 20
 @checked
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClairvoyantSettings:
-    """Settings of the search for the non-causal optimum; the seed is that of the random starts.
-
-    Raises
-    ------
-    SettingError
-        If a number is out of range.
-    """
+    """Settings of the search for the non-causal optimum; the seed is that of the random starts."""
 
     _made_by: ClassVar[str] = "mr.closed_loop.ClairvoyantSettings(interval=...)"
 

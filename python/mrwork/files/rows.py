@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from mrwork.errors import RecordError
 from mrwork.files.layout import DECIMAL_COMMA, MISSING, NUMBER, RULE, split
-from mrwork.values import array_dataclass
+from mrwork.values import Floats, array_dataclass
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -118,7 +118,7 @@ class Rows:
     """
 
     n_rows: int
-    columns: Mapping[int, NDArray[np.float64]] = field(default_factory=dict)
+    columns: Mapping[int, Floats] = field(default_factory=dict)
     width: tuple[int, int] | None = None
     no_numbers: Mapping[int, tuple[int, str]] = field(default_factory=dict)
 

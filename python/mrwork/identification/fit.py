@@ -6,9 +6,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any, ClassVar, Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
 from mrwork.arguments import Count, Level, NotNegative, Positive, Samples, Whole, checked
 from mrwork.dampers.parameters import CurrentLaws
 from mrwork.dampers.spec import DamperSpec, damper
@@ -22,7 +19,7 @@ from mrwork.records.likeness import Likeness, RecordedMotion, likest_of_other_fo
 from mrwork.store.codec import LowerBound, OrInfinite, Related, UpperBound, digest_of
 from mrwork.summary import Summarised, Summary, listed
 from mrwork.tested_range import outside_of
-from mrwork.values import array_dataclass
+from mrwork.values import Floats, array_dataclass
 
 # Decided in `uncertainty/identifiability/verdicts.py` alone, and read from `Fit.verdict_on`.
 VerdictName = Literal["identifiable", "weakly identifiable", "sign unknown", "negligible", "not identifiable"]
@@ -343,7 +340,7 @@ class Fit(Summarised, Related):
     status_reason: str = ""
     motions: tuple[RecordedMotion, ...] = ()
     tested: OperatingRange | None = None
-    forces: tuple[NDArray[np.float64], ...] = field(default=(), compare=False)
+    forces: tuple[Floats, ...] = field(default=(), compare=False)
     live_settings: FitSettings | None = field(default=None, compare=False)
 
     @property

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,17 +53,13 @@ class KanaiTajimi:
         S0 [m^2/s^3], two-sided in circular frequency.
     """
 
+    name: ClassVar[str] = "Kanai-Tajimi"
     frequency: float = 15.0
     damping: float = 0.6
     intensity: float = 0.01
 
     def __post_init__(self) -> None:
         _refuse_not_positive(self, "frequency", "damping", "intensity")
-
-    @property
-    def name(self) -> str:
-        """Name in reports."""
-        return "Kanai-Tajimi"
 
     @checked
     def transfer(self, w: Floats) -> Complexes:
@@ -94,17 +91,13 @@ class CloughPenzien:
     Structures, 1975). The defaults are firm soil as in `KanaiTajimi`.
     """
 
+    name: ClassVar[str] = "Clough-Penzien"
     soil: KanaiTajimi = KanaiTajimi()
     frequency: float = 1.5
     damping: float = 0.6
 
     def __post_init__(self) -> None:
         _refuse_not_positive(self, "frequency", "damping")
-
-    @property
-    def name(self) -> str:
-        """Name in reports."""
-        return "Clough-Penzien"
 
     @property
     def intensity(self) -> float:

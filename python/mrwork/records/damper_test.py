@@ -88,7 +88,7 @@ class Observation:
         return ceil(before - _ROUNDING), ceil(after - _ROUNDING)
 
     @checked
-    def observe(self, force: AnyNumbers, dt: Positive) -> NDArray[np.float64]:
+    def observe(self, force: AnyNumbers, dt: Positive) -> Floats:
         """Recorded force for a damper force [N], shape (..., n_time), sampled every `dt` [s]."""
         if force.ndim < 1 or force.shape[-1] < 2:
             raise SettingError(f"`force` has shape {force.shape}; give two samples or more")
@@ -366,7 +366,7 @@ class DamperTest(Summarised):
         )
 
     @property
-    def time(self) -> NDArray[np.float64]:
+    def time(self) -> Floats:
         """Sample times [s], shape (n_time,)."""
         return self.start_time + self.dt * np.arange(self.n_time, dtype=np.float64)
 

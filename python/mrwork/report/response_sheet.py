@@ -11,7 +11,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
-from numpy.typing import NDArray
 
 from mrwork.arguments import Positive, checked
 from mrwork.buildings.matrices import Building
@@ -23,9 +22,8 @@ from mrwork.keys import Within
 from mrwork.report import style
 from mrwork.report.canvas import axes_between, legend, name_ordinate, symmetric
 from mrwork.report.figures import envelope, strong_part
-from mrwork.values import array_dataclass
+from mrwork.values import Floats, array_dataclass
 
-Floats = NDArray[np.float64]
 Index = Annotated[int, Within(least=0, most=10_000)]
 
 # Inches: height of a panel, of the title above it, of the labels of the time below it, and the margins at the sides.

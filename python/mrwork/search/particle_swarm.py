@@ -22,7 +22,6 @@ from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.arguments import AnyNumbers, Seed, checked
 from mrwork.search.course import (
@@ -37,7 +36,7 @@ from mrwork.search.course import (
 from mrwork.search.rules import LARGEST_POPULATION, EliteRule, StopRules, check_ranges
 from mrwork.search.unit_cube import latin_hypercube, reflect
 from mrwork.summary import Summarised
-from mrwork.values import array_dataclass
+from mrwork.values import Floats, array_dataclass
 
 
 @array_dataclass(repr=False)
@@ -52,10 +51,10 @@ class SwarmState(Summarised):
     _made_by: ClassVar[str] = "optimiser.start(n_params, rng)"
 
     course: Course
-    population: NDArray[np.float64]
-    misfit: NDArray[np.float64]
-    position: NDArray[np.float64]
-    velocity: NDArray[np.float64]
+    population: Floats
+    misfit: Floats
+    position: Floats
+    velocity: Floats
 
 
 @checked

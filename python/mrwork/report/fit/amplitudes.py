@@ -14,9 +14,7 @@ from mrwork.report.figures import Comparison
 from mrwork.report.section import Group, Section, SectionKind
 from mrwork.table import Table, TableColumn, page_table
 from mrwork.tested_range import half_cycle_ends
-from mrwork.values import array_dataclass
-
-Array = NDArray[np.float64]
+from mrwork.values import Floats, array_dataclass
 
 # Upper ends of the classes in each decade of millimetres; the amplitudes that rigs are set to lie between them.
 _ENDS = (1.7, 3.4, 7.0)
@@ -33,11 +31,11 @@ class _HalfCycles:
     `count`, `squared_error` and `squared_force` [N^2] have the shape (2, n_half_cycles).
     """
 
-    amplitude: Array
+    amplitude: Floats
     number: NDArray[np.intp]
-    count: Array
-    squared_error: Array
-    squared_force: Array
+    count: Floats
+    squared_error: Floats
+    squared_force: Floats
 
     def of_class(self, number: int) -> _HalfCycles:
         """Those of one class."""
@@ -162,7 +160,7 @@ def _half_cycles(comparisons: Sequence[Comparison]) -> _HalfCycles:
     )
 
 
-def _sums(test: DamperTest, ends: NDArray[np.intp], residual: Array) -> Array:
+def _sums(test: DamperTest, ends: NDArray[np.intp], residual: Floats) -> Floats:
     """Samples that count, their squared residuals and forces, shape (3, 2, n_half_cycles)."""
     counts = np.zeros(test.n_time)
     counts[test.counted] = 1.0
@@ -178,7 +176,7 @@ def _sums(test: DamperTest, ends: NDArray[np.intp], residual: Array) -> Array:
     return np.reshape(found, (3, 2, -1))
 
 
-def _classes(amplitude: Array) -> NDArray[np.intp]:
+def _classes(amplitude: Floats) -> NDArray[np.intp]:
     """Number of the class of each amplitude [m], ascending."""
     decade = np.floor(np.log10(np.maximum(1e3 * amplitude, np.finfo(float).tiny)))
     within = np.searchsorted(_ENDS, 1e3 * amplitude / 10.0**decade)

@@ -29,8 +29,7 @@ from mrwork.report.section import Group, Panel, Section, SectionKind, panel
 from mrwork.report.style import DisplayUnit
 from mrwork.table import Table, TableColumn, page_table
 from mrwork.uncertainty.bands.prediction import Prediction, has_regular_cycles, mean_cycle
-
-Array = NDArray[np.float64]
+from mrwork.values import Floats
 
 # Lags of the Ljung-Box test, and the significance level of both tests.
 LAGS = 10
@@ -132,7 +131,7 @@ def residual_tests(comparison: Comparison) -> ResidualTests:
     )
 
 
-def _excesses(test: DamperTest, centred: Array, share: float) -> tuple[Excess, Excess]:
+def _excesses(test: DamperTest, centred: Floats, share: float) -> tuple[Excess, Excess]:
     """Excess of the counted residuals after steps of the command, and at reversals; `share` of them is independent.
 
     Windows of several lengths are compared with the rest by the Savage scores of the squared residuals, -ln of the
@@ -171,7 +170,7 @@ def _windows(starts: NDArray[np.intp], width: int, test: DamperTest) -> NDArray[
     return inside
 
 
-def _excess(squared: Array, scores: Array, inside: NDArray[np.bool_], share: float) -> Excess:
+def _excess(squared: Floats, scores: Floats, inside: NDArray[np.bool_], share: float) -> Excess:
     """Excess of the residuals inside over those outside.
 
     The mean of the `scores` inside over that outside is nearly F under white noise of any distribution: they are those
@@ -201,7 +200,7 @@ def f_beyond(ratio: float, above: float, below: float) -> float:
     return 0.5 * math.erfc(distance / math.sqrt(2.0))
 
 
-def autocorrelation(residual: Array, lags: int) -> Array:
+def autocorrelation(residual: Floats, lags: int) -> Floats:
     """Autocorrelation about the mean at lags 0 to `lags`, shape (lags + 1,)."""
     centred = residual - residual.mean()
     spectrum = np.abs(np.fft.rfft(centred, 2 * centred.size)) ** 2
@@ -209,13 +208,13 @@ def autocorrelation(residual: Array, lags: int) -> Array:
     return np.asarray(covariance / (covariance[0] or 1.0))
 
 
-def _ljung_box(rho: Array, n_time: int) -> float:
+def _ljung_box(rho: Floats, n_time: int) -> float:
     lag = np.arange(1, LAGS + 1)
     statistic = n_time * (n_time + 2) * float(np.sum(rho[1:] ** 2 / (n_time - lag)))
     return chi_squared_beyond(statistic, LAGS)
 
 
-def _breusch_pagan(squared: Array, over: Array, n_effective: float) -> float:
+def _breusch_pagan(squared: Floats, over: Floats, n_effective: float) -> float:
     """Under constant variance, n R^2 of a regression of the squared residuals is chi-squared."""
     design = np.column_stack([np.ones(squared.size), over / over.max(axis=0)])
     left = squared - design @ np.linalg.lstsq(design, squared, rcond=None)[0]
@@ -240,13 +239,13 @@ def chi_squared_beyond(statistic: float, degrees: int) -> float:
     return beyond
 
 
-def _excess_kurtosis(values: Array) -> float:
+def _excess_kurtosis(values: Floats) -> float:
     """Fourth central moment over the squared second, less the 3 of a normal distribution."""
     squares = (values - values.mean()) ** 2
     return float(np.mean(squares**2) / np.mean(squares) ** 2 - 3.0)
 
 
-def _fast_to_slow(centred: Array, speed: Array) -> float:
+def _fast_to_slow(centred: Floats, speed: Floats) -> float:
     fast = speed > np.median(speed)
     slow = float(np.mean(centred[~fast] ** 2))
     return float(np.sqrt(np.mean(centred[fast] ** 2) / slow)) if fast.any() and slow > 0.0 else np.nan
@@ -577,7 +576,7 @@ def motion_figure(comparison: Comparison, unit: DisplayUnit, over: Motion) -> Fi
 
 @style.drawn_in_style()
 def _over(
-    abscissa: Array, label: str, comparison: Comparison, unit: DisplayUnit, *, degrees: bool = False
+    abscissa: Floats, label: str, comparison: Comparison, unit: DisplayUnit, *, degrees: bool = False
 ) -> Figure:
     residual = comparison.residual[comparison.test.counted]
     unit = style.residual_unit(float(np.max(np.abs(residual), initial=0.0)), unit)
@@ -595,7 +594,7 @@ def _over(
     return figure
 
 
-def _means(abscissa: Array, residual: Array) -> tuple[Array, Array]:
+def _means(abscissa: Floats, residual: Floats) -> tuple[Floats, Floats]:
     """Mean residual in equal bins of the abscissa that have samples."""
     edges = np.linspace(abscissa.min(), abscissa.max(), _BINS + 1)
     index = np.clip(np.searchsorted(edges, abscissa, side="right") - 1, 0, _BINS - 1)

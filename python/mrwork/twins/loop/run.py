@@ -15,13 +15,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array, lax
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from mrwork.arguments import Count, Positive
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
 from mrwork.twins.models import parameters_at, twin_of
-from mrwork.values import array_dataclass
+from mrwork.values import Floats, array_dataclass
 
 
 class LoopPlant(NamedTuple):
@@ -506,9 +506,6 @@ def _samples(ground: Array, steps_per_sample: int, delay: int) -> int:
             "and a delay of 0 or more"
         )
     return n_steps // steps_per_sample
-
-
-Floats = NDArray[np.float64]
 
 
 def half_steps(acceleration: Floats, dt: Positive, step: Positive, n_steps: Count) -> Floats:
