@@ -240,7 +240,6 @@ _MEMORY = 20
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class ClairvoyantSettings:
     """Settings of the search for the non-causal optimum; the seed is that of the random starts."""
 

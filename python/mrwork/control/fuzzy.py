@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cache
 from typing import Annotated
 
@@ -106,7 +105,6 @@ def memberships(value: ArrayLike) -> Floats:
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class FuzzySettings(LawSettings):
     """Scales of the inputs of the fuzzy controller."""
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import ClassVar, Self
 
 import numpy as np
@@ -123,7 +122,6 @@ def _check_weight(weight: ArrayLike, T: Floats) -> Floats:
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class LyapunovSettings(CostWeights, LawSettings):
     """A Lyapunov function; without weights of outputs or states its weight is the energy of the building.
 
@@ -166,7 +164,6 @@ class LyapunovSettings(CostWeights, LawSettings):
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class ProportionalSettings(LyapunovSettings):
     """The smooth law kappa sigma G; with a control weight sigma is that of a regulator with the same weights."""
 

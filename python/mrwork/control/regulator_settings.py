@@ -30,7 +30,6 @@ from mrwork.values import Floats
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class RegulatorSettings(CostWeights, LawSettings):
     """A linear quadratic regulator; without weights of outputs or states it weighs the energy of the building."""
 
@@ -126,7 +125,6 @@ class RegulatorSettings(CostWeights, LawSettings):
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class ClippedSettings(RegulatorSettings):
     """A regulator with a command in proportion to the wanted force."""
 
@@ -152,7 +150,6 @@ _trained_network = lru_cache(maxsize=32)(train_inverse_network)
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class NetworkSettings(RegulatorSettings):
     """A regulator with a neural network from the wanted force to the command.
 
@@ -230,7 +227,6 @@ class SignalSettings(RegulatorSettings):
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class SignalNetworkSettings(SignalSettings):
     """A regulator with a small network of measured signals, whose numbers are learned; all devices have the same."""
 
@@ -256,7 +252,6 @@ class SignalNetworkSettings(SignalSettings):
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class SignalPolynomialSettings(SignalSettings):
     """A regulator with a polynomial of measured signals, each over its scale and within -1 to 1."""
 

@@ -262,7 +262,6 @@ class _SurfaceSettings(LawSettings):
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class SlidingSettings(_SurfaceSettings):
     """A sliding mode with a boundary layer."""
 
@@ -273,7 +272,6 @@ class SlidingSettings(_SurfaceSettings):
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class AdaptiveSlidingSettings(_SurfaceSettings):
     """A sliding mode whose gain adapts."""
 
@@ -285,7 +283,6 @@ class AdaptiveSlidingSettings(_SurfaceSettings):
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class SuperTwistingSettings(_SurfaceSettings):
     """A second-order sliding mode."""
 

@@ -157,7 +157,6 @@ def rescaled_bouc_wen(theta: AnyArray, A: float) -> Array:
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class OpenSeesBoucWen:
     """Uniaxial material `BoucWen` of OpenSees, with its names and order of arguments.
 

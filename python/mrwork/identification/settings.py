@@ -24,7 +24,6 @@ _MULTISTART = "multistart"
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Multistart:
     """Settings of the multistart search: local minimisations from the best of many samples, in rounds.
 
@@ -265,7 +264,6 @@ def _number_option(says: str, *, metavar: str, default: float, least: float, mos
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class FitSettings:
     """Settings of `identify`, where each is described. The fields are recorded with a fit and in its journal.
 

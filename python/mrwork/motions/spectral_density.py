@@ -6,7 +6,6 @@ Densities are two-sided in circular frequency: the variance is the integral over
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -37,7 +36,6 @@ def _refuse_not_positive(spectrum: SpectralDensity, *names: str) -> None:
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class KanaiTajimi:
     """Kanai-Tajimi spectrum: white noise at the bedrock filtered by one layer of soil (Kanai 1957, Tajimi 1960).
 
@@ -83,7 +81,6 @@ class KanaiTajimi:
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class CloughPenzien:
     """Clough-Penzien spectrum: Kanai-Tajimi with a high-pass filter, which keeps ground displacements finite.
 

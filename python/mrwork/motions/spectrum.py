@@ -279,7 +279,6 @@ class TableDemand(Summarised):
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class ShakeTable:
     """A shake table: an actuator with limits and a bandwidth, on which the specimen has no effect.
 

@@ -40,7 +40,6 @@ RANGES: Final = {
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Observation:
     """Effects of rig and processing on the recorded force, in this order; the default has no effect.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Annotated, Any, ClassVar, Protocol, TypeVar, get_type_hints
 
 import numpy as np
@@ -439,7 +439,6 @@ def relative_fitness(misfit: Floats) -> Floats:
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Ceiling:
     """Misfit at or above which a chromosome counts as failed; the lower of the two limits applies, `None` is no limit.
 

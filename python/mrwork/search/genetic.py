@@ -37,7 +37,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import ClassVar
 
 import numpy as np
@@ -62,7 +62,6 @@ from mrwork.values import Floats, array_dataclass
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class StandardGA:
     """Settings of the standard genetic algorithm; its methods are pure functions of the state.
 
@@ -180,7 +179,6 @@ class GAState(Summarised):
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class EfficientGA:
     """Settings of the efficient genetic algorithm; its methods are pure functions of the state.
 

@@ -120,7 +120,6 @@ Objective = Callable[[Floats], Floats]
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class AbortableObjective:
     """An objective that may stop the simulation of a candidate when its misfit reaches a threshold.
 

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import ClassVar
 
 import numpy as np
@@ -58,7 +58,6 @@ class SwarmState(Summarised):
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class ParticleSwarm:
     """Settings of a particle swarm; its methods are pure functions of the state.
 

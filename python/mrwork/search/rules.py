@@ -27,7 +27,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -195,7 +194,6 @@ def reason_of(code: int) -> str | None:
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class StopRules:
     """Rules that end a replicate; the description of each begins with its stop reason. `None` switches a rule off.
 
@@ -305,7 +303,6 @@ class StopRules:
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class EliteRule:
     """Elite of a run: its best mutually distant points, which are kept as starts of a local minimisation.
 

@@ -109,7 +109,6 @@ StudyLaw = ControlLaw | UserLaw
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class MotionOfStudy:
     """A ground motion of a study as it is simulated, its use, and whether it was generated."""
 

@@ -28,7 +28,6 @@ Limit = float | tuple[float, ...]
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class RmsLimits:
     """Limits on rms responses, one for all places or one for each; only their ratios to each other matter.
 
@@ -170,7 +169,6 @@ _QUANTITIES: Mapping[str, tuple[str, str]] = {
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class SemiActiveCondition:
     """`E[(f - c v)^2] <= b^2 E[f^2]`: the wanted force is that of a damper up to a share b.
 
@@ -194,7 +192,6 @@ class SemiActiveCondition:
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class LoopTiming:
     """Sample time [s], delay and driver of a loop, for a design in discrete time.
 

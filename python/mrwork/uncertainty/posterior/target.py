@@ -43,7 +43,6 @@ class Prior(Protocol):
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Normal:
     """Normal about `mean` with standard `deviation`."""
 
@@ -60,7 +59,6 @@ class Normal:
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Lognormal:
     """Lognormal about `median`, with the standard `deviation` of the natural logarithm."""
 
@@ -84,7 +82,6 @@ class Lognormal:
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Uniform:
     """Uniform in the value between two limits, regardless of the scale of the parameter."""
 
