@@ -1,11 +1,11 @@
 """Arguments of public functions, checked against the annotations that the functions have anyway.
 
-`@checked` stands on functions, and on dataclasses that users build. A number or an array is finite unless its default
-is infinite or NaN, or its annotation says otherwise, as `Annotated[ArrayLike, May.BE_NAN]`; a range is written
-`Annotated[float, Within(above=0.0)]`, or declared by the `key` of a field. What must be above zero is at least 1e-100,
-so that its inverse and its square are finite; other numbers are taken as they are. Lists become tuples, and numbers
-become arrays, where the annotation says so. An annotation that cannot be checked, such as `Any` or a type of a library
-that is loaded late, takes everything.
+`@checked` stands on functions, and on classes of data that users build, which it makes dataclasses. A number or an
+array is finite unless its default is infinite or NaN, or its annotation says otherwise, as
+`Annotated[ArrayLike, May.BE_NAN]`; a range is written `Annotated[float, Within(above=0.0)]`, or declared by the `key`
+of a field. What must be above zero is at least 1e-100, so that its inverse and its square are finite; other numbers are
+taken as they are. Lists become tuples, and numbers become arrays, where the annotation says so. An annotation that
+cannot be checked, such as `Any` or a type of a library that is loaded late, takes everything.
 A class says in `_made_by` how a user gets one of its objects.
 """
 
@@ -13,12 +13,11 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Mapping
-from dataclasses import is_dataclass
+from dataclasses import dataclass, field, is_dataclass
 from functools import wraps
-from typing import Annotated, Any, TypeVar, cast
+from typing import Annotated, Any, TypeVar, cast, dataclass_transform
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from mrwork.annotations import (
     May,
@@ -34,6 +33,7 @@ from mrwork.annotations import (
 from mrwork.argument_kinds import Kind, Refusal, check_shape, kind_of
 from mrwork.errors import InvalidSettingError, MrworkError, SettingError
 from mrwork.escaping import escape_text
+from mrwork.values import Floats
 
 __all__ = [
     "AnyArray",
@@ -66,10 +66,10 @@ Seed = Annotated[int, Within(least=0, most=2**64 - 1)]
 # 0 is all.
 Threads = Annotated[int, Within(least=0, most=1024)]
 # Misfits of failed candidates are infinite, and the functions say more of a wrong number than its place.
-AnyNumbers = Annotated[NDArray[np.float64], May.BE_INFINITE, May.BE_NAN]
+AnyNumbers = Annotated[Floats, May.BE_INFINITE, May.BE_NAN]
 # A force, or a history of something else; draws or candidates in rows.
-Samples = Annotated[NDArray[np.float64], Shape(("n_time",))]
-Rows = Annotated[NDArray[np.float64], Shape(("n_batch", "n_time"))]
+Samples = Annotated[Floats, Shape(("n_time",))]
+Rows = Annotated[Floats, Shape(("n_batch", "n_time"))]
 # Of NumPy or JAX.
 AnyArray = Annotated[Any, May.BE_TRACED, May.BE_INFINITE, May.BE_NAN]
 AnyArrayLike = Annotated[ArrayLike, May.BE_INFINITE, May.BE_NAN]
@@ -77,17 +77,22 @@ AnyArrayLike = Annotated[ArrayLike, May.BE_INFINITE, May.BE_NAN]
 TargetT = TypeVar("TargetT", bound=Callable[..., Any])
 
 
+@dataclass_transform(frozen_default=True, kw_only_default=True, field_specifiers=(field,))
 def checked(target: TargetT) -> TargetT:
     """Check the arguments of a function, or of the constructor of a dataclass, before it runs.
 
-    The function raises an `ArgumentError` for an argument of another kind than its annotation, and a `SettingError` for
-    a number that is not finite or out of its range, or a name that is none of those to choose from.
+    A class becomes a frozen, slotted, keyword-only dataclass, unless it is a dataclass already. The function raises an
+    `ArgumentError` for an argument of another kind than its annotation, and a `SettingError` for a number that is not
+    finite or out of its range, or a name that is none of those to choose from.
     """
     if isinstance(target, type):
-        if not is_dataclass(target):
-            raise TypeError(f"{target.__name__} is no dataclass; put `checked` on its constructor")
-        setattr(target, "__init__", _checking(target.__init__, target.__name__, target))  # noqa: B010 # not for a type checker
-        return target
+        kind: Any = target
+        if "__dataclass_fields__" not in vars(target):
+            if "__init__" in vars(target):
+                raise TypeError(f"{target.__name__} is no dataclass; put `checked` on its constructor")
+            kind = dataclass(frozen=True, slots=True, kw_only=True)(target)
+        kind.__init__ = _checking(kind.__init__, kind.__name__, kind)
+        return cast(TargetT, kind)
     # A method is named with its class, a constructor by its class, a function within a function by its own name.
     name = target.__qualname__.rpartition("<locals>.")[2].removesuffix(".__init__")
     return cast(TargetT, _checking(target, name))

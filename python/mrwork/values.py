@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import fields
-from typing import Any, TypeVar
+from dataclasses import dataclass, field, fields
+from typing import Any, TypeVar, dataclass_transform
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,11 +20,13 @@ Floats = NDArray[np.float64]
 """An array of numbers in double precision."""
 
 
-def holds_arrays(kind: type[T]) -> type[T]:
-    """Class decorator, above `dataclass`: objects are equal by value, and stay read-only where they are copied.
+@dataclass_transform(frozen_default=True, kw_only_default=True, field_specifiers=(field,))
+def array_dataclass(*, repr: bool = True) -> Callable[[type[T]], type[T]]:
+    """Class decorator for a frozen, slotted, keyword-only dataclass that holds arrays.
 
     Two objects are equal if they have one class and their fields, those with `compare=False` excepted, are equal:
-    arrays of one dtype and shape with equal numbers, where NaN equals NaN. The objects have no hash.
+    arrays of one dtype and shape with equal numbers, where NaN equals NaN. The objects have no hash, and stay read-only
+    where they are copied. Without `repr` the class has the one of its base.
 
     Examples
     --------
@@ -35,9 +37,14 @@ def holds_arrays(kind: type[T]) -> type[T]:
     >>> copy == test, copy.force.flags.writeable
     (True, False)
     """
-    for name, method in _METHODS.items():
-        setattr(kind, name, method)
-    return kind
+
+    def make_dataclass(kind: type[T]) -> type[T]:
+        made = dataclass(frozen=True, slots=True, kw_only=True, repr=repr)(kind)
+        for name, method in _METHODS.items():
+            setattr(made, name, method)
+        return made
+
+    return make_dataclass
 
 
 def keep_arrays(made: object, *names: str) -> None:

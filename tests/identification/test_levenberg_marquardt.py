@@ -27,8 +27,8 @@ from mrwork.identification import (
 )
 from mrwork.identification.equivalent import Form
 from mrwork.identification.levenberg_marquardt_twin import TwinResiduals, arrays_of
-from mrwork.identification.nuisance import NuisanceName, bounds_without_offsets
 from mrwork.identification.objective import linearise_residuals
+from mrwork.identification.residual import NuisanceName, bounds_without_offsets
 from mrwork.identification.result import Slopes, covariance_at, remark_of, standard_errors
 from mrwork.identification.settings import FitSettings
 from mrwork.records import DamperTest, Observation

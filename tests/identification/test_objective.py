@@ -9,8 +9,8 @@ import pytest
 
 from mrwork.dampers import damper
 from mrwork.identification import FitSettings, Objective
-from mrwork.identification.nuisance import NuisanceName
 from mrwork.identification.objective import linearise_residuals
+from mrwork.identification.residual import NuisanceName
 from mrwork.records import DamperTest, Observation, cut
 from mrwork.simulate import Loading, simulate_force
 from mrwork.synthetic import synthetic_test

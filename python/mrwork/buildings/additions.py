@@ -108,8 +108,6 @@ def with_viscous_damper(building: Building, *, storey: int | str, damping: NotNe
 
     Raises
     ------
-    SettingError
-        If the damping is negative.
     UnknownNameError
         If there is no such storey.
     """
@@ -197,8 +195,6 @@ def with_brace(
 
     Raises
     ------
-    SettingError
-        If the stiffness or the mass is not positive, or the damping is negative.
     UnknownNameError
         If there is no such storey.
     """
@@ -238,11 +234,6 @@ def with_base_isolation(
         Mass of the slab [kg].
     stiffness, damping
         Sum over all isolators [N/m], [N s/m].
-
-    Raises
-    ------
-    SettingError
-        If the mass or the stiffness is not positive, or the damping is negative.
     """
     # Displacements relative to the slab, q - r u.
     relative = np.hstack([-building.influence[:, None], np.eye(building.n_coordinates)])
@@ -282,11 +273,6 @@ def with_base_isolation_of_period(
         Period of the rigid building on its isolators [s].
     ratio
         Damping ratio of that motion.
-
-    Raises
-    ------
-    SettingError
-        If the mass or the period is not positive, or the ratio is negative.
     """
     omega = 2.0 * np.pi / period
     total = building.total_mass + mass

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Annotated, ClassVar, Final
 
 import numpy as np
@@ -19,12 +19,11 @@ from mrwork.keys import control_in
 from mrwork.numbers import format_rounded
 from mrwork.summary import Summarised, Summary
 from mrwork.tested_range import OperatingRange, Outside, outside_of
-from mrwork.values import Floats, freeze_samples, holds_arrays, keep_arrays
+from mrwork.values import Floats, array_dataclass, freeze_samples, keep_arrays
 
 
-@holds_arrays
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class PassiveElement(Summarised):
     """A passive device `f = k x + c v + d |v| v + f_y w` across a row of a building, x its elongation and v = x'.
 
@@ -86,9 +85,8 @@ def transform_elements(elements: Sequence[PassiveElement], onto: Floats) -> tupl
     return tuple(replace(element, row=element.row @ onto) for element in elements)
 
 
-@holds_arrays
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class Building(Summarised):
     """Plane building `M q'' + C q' + K q = -sum_d e_d' f_d - M r a_g`, with q relative to the ground.
 
@@ -440,8 +438,7 @@ _CONSTANT = 0.9
 
 
 @checked
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class Device(Summarised):
     """Dampers at one place that follow one command between 0 and `largest_command`.
 

@@ -8,14 +8,13 @@ damped throughout. The poles are computed only where that is not certain.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 UNDAMPED: Final = 1e-6
 """Damping ratio below which a mode counts as undamped."""
@@ -31,8 +30,7 @@ _OF_ADDITIONS: Final = 0.9
 _MOST_COUPLED: Final = 300
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class ModalDamping:
     """Frequencies [Hz] and damping ratios of the modes with stiffness, lowest first, and how many have none.
 

@@ -18,15 +18,14 @@ from mrwork.buildings.modes import modes_of
 from mrwork.buildings.shear import number_names
 from mrwork.errors import ArgumentError, SettingError, UnknownNameError
 from mrwork.summary import Summarised
-from mrwork.values import Floats, freeze_samples, holds_arrays
+from mrwork.values import Floats, array_dataclass, freeze_samples
 
 if TYPE_CHECKING:
     from control import StateSpace
 
 
 @checked
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class LinearSystem(Summarised):
     """Continuous-time linear system `s' = A s + B u`, `y = C s + D u`. The arrays are stored as read-only copies.
 
@@ -406,8 +405,7 @@ def modal_truncation(building: Building, *, n_modes: int) -> Building:
     )
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class BalancedReduction(Summarised):
     """A reduced system, the Hankel singular values of the full system, shape (n,), and an error bound.
 

@@ -7,7 +7,6 @@ from dataclasses import asdict
 from typing import Any, Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.cli.numbers import SCALE, add_number
 from mrwork.cli.options import end_parser, parsed_number
@@ -26,6 +25,7 @@ from mrwork.dampers.conversions import (
 )
 from mrwork.dampers.spec import damper
 from mrwork.errors import SettingError
+from mrwork.values import Floats
 
 Convention = Literal["spencer", "normalised", "opensees"]
 
@@ -122,7 +122,7 @@ def _parse(convention: Convention, texts: list[str]) -> dict[str, float]:
     return {name: values.get(name, 0.0) for name in names}
 
 
-def _spencer(convention: Convention, values: dict[str, float], scale: float | None) -> NDArray[np.float64]:
+def _spencer(convention: Convention, values: dict[str, float], scale: float | None) -> Floats:
     """The given parameters as those of `bouc_wen`, shape (8,)."""
     if convention == "opensees":
         c0 = values.pop("c0")
@@ -134,12 +134,12 @@ def _spencer(convention: Convention, values: dict[str, float], scale: float | No
         if values[name] <= 0.0:
             raise SettingError(f"{name} is {values[name]:g}; it must be positive for the loop to dissipate")
     nominal = damper("bouc_wen").nominal[_SPENCER.index("A")]
-    spencer: NDArray[np.float64] = bouc_wen_from_normalised(theta, A=nominal if scale is None else scale)
+    spencer: Floats = bouc_wen_from_normalised(theta, A=nominal if scale is None else scale)
     return spencer
 
 
 def _convert_parameters(
-    convention: Convention, theta: NDArray[np.float64], scale: float | None
+    convention: Convention, theta: Floats, scale: float | None
 ) -> tuple[dict[str, float], tuple[str, ...]]:
     """The parameters in a convention, and remarks on their use."""
     if convention == "opensees":

@@ -14,7 +14,7 @@ from mrwork.cli.terminal import note
 from mrwork.dampers.parameters import LawName
 from mrwork.errors import SettingError
 from mrwork.identification.fit_file import OpenedRun, reopen
-from mrwork.identification.nuisance import NuisanceName
+from mrwork.identification.residual import NuisanceName
 from mrwork.identification.settings import Reading, is_synthetic
 from mrwork.records import DamperTest, parse_column_option
 from mrwork.records.repairs import (

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.cli.numbers import AMPLITUDES, COMMANDS, FREQUENCIES, STROKE, VELOCITY, add_number, named_path
 from mrwork.cli.options import add_run, add_seed, add_threads, end_parser, opened_run
@@ -23,6 +22,7 @@ from mrwork.store.run_folder import PLAN, REPORT
 from mrwork.table import text_table
 from mrwork.uncertainty.planning.candidates import Candidate, Limits, candidate_grid, read_candidates
 from mrwork.units import CommandUnit
+from mrwork.values import Floats
 
 if TYPE_CHECKING:
     from mrwork.uncertainty.planning.plan import CheckedPlan, LinearisedPosterior
@@ -127,9 +127,7 @@ def _candidates(options: argparse.Namespace, opened: OpenedRun, limits: Limits) 
     return read_candidates(options.candidates, opened.fit.spec, limits)
 
 
-def _draws(
-    opened: OpenedRun, posterior: LinearisedPosterior, rng: np.random.Generator
-) -> tuple[NDArray[np.float64], str]:
+def _draws(opened: OpenedRun, posterior: LinearisedPosterior, rng: np.random.Generator) -> tuple[Floats, str]:
     """Draws of the parameters in the order of `posterior`, and the name of their distribution."""
     from mrwork.uncertainty.planning.plan import normal_draws
     from mrwork.uncertainty.posterior.draws import read_draws

@@ -22,8 +22,8 @@ from mrwork.cli.output import print_json, told_findings
 from mrwork.cli.terminal import show
 from mrwork.dampers.spec import LawLimit, worst_laws
 from mrwork.identification.fit_file import read_fit
-from mrwork.identification.nuisance import estimated_in_words, missing_warnings
 from mrwork.identification.problem import prediction_warning
+from mrwork.identification.residual import estimated_in_words, missing_warnings
 from mrwork.identification.result import FitSpread, explain_failures, free_run
 from mrwork.records import Likeness, observed
 from mrwork.records.likeness import likenesses_in_words

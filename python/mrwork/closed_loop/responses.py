@@ -18,7 +18,7 @@ from mrwork.errors import SettingError
 from mrwork.numbers import format_rounded
 from mrwork.summary import Summarised, Summary
 from mrwork.tested_range import Exceedance, OperatingRange, Outside, least_stroke, worst_of
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 ENERGY_TOLERANCE = 1e-6
 """Energy errors above this are reported: 1e-8 is normal, a chattering law or a long step gives more."""
@@ -116,8 +116,7 @@ _SHOWN = ("peak_drift", "peak_acceleration", "peak_force", "peak_current", "ener
 _SHOWN_SIGNALS = ("drift", "acceleration", "force", "current")
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class History(Labelled, Summarised):
     """One run over time, at the control samples; first axis n_time.
 
@@ -163,8 +162,7 @@ class History(Labelled, Summarised):
         )
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class Responses(Labelled, Summarised):
     """Runs in the order candidate, motion, draw, the last varying fastest; infinite for a run that did not finish.
 

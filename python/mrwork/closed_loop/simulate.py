@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
@@ -34,7 +34,7 @@ from mrwork.errors import MrworkWarning, SettingError
 from mrwork.motions.ground_motion import GroundMotion
 from mrwork.simulate import core_refusals
 from mrwork.summary import Summarised
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 # Seconds of the factors of the mass matrix and of the bounds on the frequencies, per coordinate cubed.
 _SECONDS = 3e-9
@@ -426,9 +426,8 @@ def _responses(
 _MOST_PER_INTERVAL = 10_000_000
 
 
-@holds_arrays
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class PrescribedCommands(Summarised):
     """Commands that are held over equal intervals, from the start of a motion; the last one until its end.
 

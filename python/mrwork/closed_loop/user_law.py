@@ -27,7 +27,7 @@ from mrwork.buildings.matrices import Device
 from mrwork.control.laws import ControlLaw
 from mrwork.errors import SettingError
 from mrwork.summary import Summarised, Summary
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 
 class Undone:
@@ -128,8 +128,7 @@ Ask = Callable[[int, NDArray[np.uintp], Floats, Floats, Floats, Floats, Floats],
 """The form in which the core asks: number of the sample, places of the runs, and what is measured."""
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class LoopSample(Summarised):
     """Input of a law in Python at a control sample, one row per run.
 

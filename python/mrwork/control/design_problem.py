@@ -24,7 +24,7 @@ from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
 from mrwork.keys import DeclaredTable, plain_values, refuse_repeated
 from mrwork.summary import Summarised
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 
 @checked
@@ -128,8 +128,7 @@ class DesignProblem(Summarised):
         return np.full(len(self.devices), number)
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class Design(Summarised):
     """Gains of a law by name, one number or one row over the state for each device; and its tables."""
 

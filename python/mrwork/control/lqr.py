@@ -17,7 +17,7 @@ from mrwork.control.plant import Outputs, Plant, accelerations, check_outputs
 from mrwork.control.riccati import RiccatiStatus, kalman_gains, regulator_gains
 from mrwork.errors import InvalidSettingError, SettingError, UnknownNameError
 from mrwork.summary import Summarised
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 MatrixRows = tuple[tuple[float, ...], ...]
 """A matrix, row by row."""
@@ -78,8 +78,7 @@ def weight_matrix(name: str, given: ArrayLike, size: int, each: str) -> Floats:
     return 0.5 * (matrix + matrix.T)
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class Weighed:
     """Cost of the weights over a state s and device forces f: `s'Q s + 2 s'N f + f'S f`.
 
@@ -106,8 +105,7 @@ def weighed_state(plant: Plant, weights: Floats) -> Weighed:
     return Weighed(Q=weights, N=np.zeros((len(weights), n_devices)), S=np.zeros((n_devices, n_devices)))
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class Regulator(Summarised):
     """The regulator that minimises `int s'Q s + 2 s'N f + f'R f dt` over the forces f of the devices.
 
@@ -339,8 +337,7 @@ PUBLISHED_REGULATORS = (
 )
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class Observer(Summarised):
     """`x_{k+1} = Ad x_k + Bd f_k + L (y_k - C x_k - D f_k)`: x_k is the state predicted before y_k is measured.
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import ClassVar, Self
 
 import numpy as np
@@ -25,11 +24,10 @@ from mrwork.control.weights import CostWeights
 from mrwork.errors import SettingError
 from mrwork.keys import key
 from mrwork.summary import Summarised
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class LyapunovFunction(Summarised):
     """`V = s'P s / 2` with `V' = -s'Q_P s / 2 + sigma f`, `sigma = vectors @ s`; `weight` is Q_P.
 
@@ -124,7 +122,6 @@ def _check_weight(weight: ArrayLike, T: Floats) -> Floats:
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class LyapunovSettings(CostWeights, LawSettings):
     """A Lyapunov function; without weights of outputs or states its weight is the energy of the building.
 
@@ -167,7 +164,6 @@ class LyapunovSettings(CostWeights, LawSettings):
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class ProportionalSettings(LyapunovSettings):
     """The smooth law kappa sigma G; with a control weight sigma is that of a regulator with the same weights."""
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import IntEnum
 from typing import Literal
 
@@ -13,7 +12,7 @@ from mrwork import _rust
 from mrwork.arguments import Threads, checked
 from mrwork.errors import SettingError
 from mrwork.summary import Summarised, Summary
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 Time = Literal["continuous", "discrete"]
 """Whether a plant is a differential equation or goes from sample to sample."""
@@ -41,8 +40,7 @@ class RiccatiStatus(IntEnum):
         }[self]
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class RiccatiSolutions(Summarised):
     """Solutions of a batch of equations, one row for each; infinite in a row that is not solved.
 
@@ -159,8 +157,7 @@ def regulator_gains(
     return _solve(given, time, threads)
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class RiccatiSolution(Summarised):
     """The only row of a batch: P, shape (n, n), the gain K of f = -K s, shape (m, n), and the relative residual."""
 

@@ -19,11 +19,10 @@ from mrwork.control.riccati import solve_riccati
 from mrwork.errors import MrworkWarning, SettingError
 from mrwork.keys import key, keys_of
 from mrwork.summary import Summarised
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class SlidingSurface(Summarised):
     """`sigma = S s`, scaled so that S B = 1: `sigma' = drift s + f + ground a_g`, and sigma is an impulse [N s].
 
@@ -41,8 +40,7 @@ class SlidingSurface(Summarised):
     poles: NDArray[np.complex128]
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class SlidingGains(Summarised):
     """Gains of the sliding mode laws for one surface, one number for each device, shape (n_devices,).
 
@@ -265,7 +263,6 @@ class _SurfaceSettings(LawSettings):
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class SlidingSettings(_SurfaceSettings):
     """A sliding mode with a boundary layer."""
 
@@ -276,7 +273,6 @@ class SlidingSettings(_SurfaceSettings):
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class AdaptiveSlidingSettings(_SurfaceSettings):
     """A sliding mode whose gain adapts."""
 
@@ -288,7 +284,6 @@ class AdaptiveSlidingSettings(_SurfaceSettings):
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class SuperTwistingSettings(_SurfaceSettings):
     """A second-order sliding mode."""
 

@@ -39,7 +39,6 @@ _LIMITS = ("rms_drift", "rms_acceleration", "rms_displacement", "rms_force")
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class WeightWishes(RmsLimits, metaclass=DeclaredTable):
     """Weights of a law from limits on rms responses and a budget of force, see `design_weights`.
 

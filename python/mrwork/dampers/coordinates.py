@@ -7,7 +7,7 @@ that they accept NumPy and JAX arrays; the last axis is the parameter.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import isfinite
 from typing import Any, ClassVar
 
@@ -27,7 +27,6 @@ _LEAST_RATIO = 1.0 + 1e-14
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Box:
     """A range for each parameter; `theta` has all parameters of the model, `unit` and `latent` the free ones only.
 

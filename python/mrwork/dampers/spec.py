@@ -8,7 +8,7 @@ from functools import cache
 from typing import ClassVar, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from mrwork import _rust
 from mrwork.arguments import checked
@@ -26,6 +26,7 @@ from mrwork.errors import SettingError, UnknownNameError
 from mrwork.numbers import format_rounded, of_unit
 from mrwork.summary import Summarised, Summary
 from mrwork.units import CommandUnit
+from mrwork.values import Floats
 
 # In place of the name of one model: every model.
 ALL = "all"
@@ -189,7 +190,7 @@ class DamperSpec(Summarised):
         return tuple(parameter.name for parameter in self.parameters)
 
     @property
-    def nominal(self) -> NDArray[np.float64]:
+    def nominal(self) -> Floats:
         """Typical parameter values, shape (n_params,)."""
         return np.array([parameter.nominal for parameter in self.parameters])
 
@@ -470,9 +471,7 @@ def worst_laws(limits: Iterable[LawLimit]) -> list[LawLimit]:
     return list(worst.values())
 
 
-def _values(
-    spec: DamperSpec, theta: NDArray[np.float64], command: NDArray[np.float64]
-) -> Iterator[tuple[ParamSpec, NDArray[np.float64]]]:
+def _values(spec: DamperSpec, theta: Floats, command: Floats) -> Iterator[tuple[ParamSpec, Floats]]:
     """Each parameter that follows the command, with the values that its law gives."""
     assert spec.current is not None
     start = 0

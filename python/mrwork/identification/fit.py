@@ -6,23 +6,20 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any, ClassVar, Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
 from mrwork.arguments import Count, Level, NotNegative, Positive, Samples, Whole, checked
 from mrwork.dampers.parameters import CurrentLaws
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import UnknownNameError
-from mrwork.identification.nuisance import NONE, Nuisance, NuisanceName
+from mrwork.identification.residual import NONE, Nuisance, NuisanceName
 from mrwork.identification.settings import FitSettings, Reading
 from mrwork.numbers import format_rounded, of_unit
 from mrwork.records import AS_IT_IS, DamperTest, Observation, observed
+from mrwork.records.damper_test import OperatingRange, Outside, range_of_test
 from mrwork.records.likeness import Likeness, RecordedMotion, likest_of_other_force, likest_of_same_force
-from mrwork.records.operating_range import OperatingRange, Outside, range_of_test
 from mrwork.store.codec import LowerBound, OrInfinite, Related, UpperBound, digest_of
 from mrwork.summary import Summarised, Summary, listed
 from mrwork.tested_range import outside_of
-from mrwork.values import holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 # Decided in `uncertainty/identifiability/verdicts.py` alone, and read from `Fit.verdict_on`.
 VerdictName = Literal["identifiable", "weakly identifiable", "sign unknown", "negligible", "not identifiable"]
@@ -300,8 +297,7 @@ class Provenance:
     created: str
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class Fit(Summarised, Related):
     """An identified damper: estimates in the order of the model's spec, quality per test, provenance.
 
@@ -344,7 +340,7 @@ class Fit(Summarised, Related):
     status_reason: str = ""
     motions: tuple[RecordedMotion, ...] = ()
     tested: OperatingRange | None = None
-    forces: tuple[NDArray[np.float64], ...] = field(default=(), compare=False)
+    forces: tuple[Floats, ...] = field(default=(), compare=False)
     live_settings: FitSettings | None = field(default=None, compare=False)
 
     @property

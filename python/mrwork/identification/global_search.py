@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -29,7 +29,7 @@ from mrwork.identification.objective import Objective
 from mrwork.identification.problem import Problem
 from mrwork.identification.settings import Multistart, Start
 from mrwork.records.window import excerpt
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 if TYPE_CHECKING:
     from mrwork.search import Optimiser, SearchResult
@@ -48,8 +48,7 @@ _NESTED_ITERATIONS = 30
 _NEAR = 0.1
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class NestedFit:
     """Fit of a simpler `model` that the searched one contains.
 
@@ -133,8 +132,7 @@ _STARTS = 16
 OnSearch = Callable[[int, float, float, float], None]
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class StartingPoints:
     """Starting points, shape (n_starts, n_params), best first, and the trace of the search that found them.
 

@@ -7,9 +7,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from warnings import warn
 
-import numpy as np
-from numpy.typing import NDArray
-
 from mrwork.arguments import Seed, Threads, checked
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec, damper, damper_models
@@ -23,16 +20,17 @@ from mrwork.identification.global_search import (
     points_from_optimiser,
 )
 from mrwork.identification.levenberg_marquardt import LocalMinimum
-from mrwork.identification.nuisance import NuisanceName
 from mrwork.identification.polish import polish_with_wanted_lag
 from mrwork.identification.problem import Problem, fingerprint_of
 from mrwork.identification.progress import Progress, Reporter, interruptible
+from mrwork.identification.residual import NuisanceName
 from mrwork.identification.result import BuildingCost, cost_warning, fit_at
 from mrwork.identification.settings import Engine, FitSettings, Multistart, Search, Start, UnregisteredSearch
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
 from mrwork.records.repairs import DETECT, as_words
 from mrwork.store.journal import Journal
+from mrwork.values import Floats
 
 
 @checked
@@ -248,8 +246,8 @@ class _Ending:
     compares: bool = False
     examines: bool = True
 
-    def at(self, interrupt: KeyboardInterrupt, theta: NDArray[np.float64], trace: SearchTrace) -> Fit:
-        """The fit at the best point so far; raised as an interrupt unless the callback stopped the run."""
+    def at(self, interrupt: KeyboardInterrupt, theta: Floats, trace: SearchTrace) -> Fit:
+        """The fit at the best point so far: returned where it was stopped by the callback, else raised."""
         if self.journal is not None:
             # The abandoned thread of a local minimisation must not write to it any more.
             self.journal.finish()

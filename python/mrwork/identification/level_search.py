@@ -7,7 +7,7 @@ is limited to it, has no slope there, and no local minimisation returns from tha
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Annotated, Any
 
 import numpy as np
@@ -60,7 +60,7 @@ from mrwork.records.damper_test import loading_of
 from mrwork.records.window import middle_excerpt
 from mrwork.search import Optimiser
 from mrwork.summary import Summarised
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 # Samples of a cycle in the excerpts on which laws are searched: fits differ by 0.02 points from those with 400.
 PER_CYCLE = 100
@@ -86,8 +86,7 @@ _SPREAD = 0.25
 
 
 @checked
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class LevelFit(Summarised):
     """Minima of the plain model at one command [A or V], shape (n_minima, n_plain), best first."""
 
@@ -227,8 +226,7 @@ def points_from_levels(
     )
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class _OwnFits:
     """Fits of the plain model to each test alone: command, parameters (n_tests, n_plain), NRMSE; NaN if it varies."""
 

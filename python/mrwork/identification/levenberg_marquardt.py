@@ -24,7 +24,7 @@ from mrwork.errors import JournalError
 from mrwork.identification.objective import Objective, linearise_residuals
 from mrwork.identification.residual import ObservedTest
 from mrwork.simulate import stiffness_shares
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 # Distance from the limit that a step along it keeps, in the logarithm of the stiffness: the limit is curved.
 _MARGIN = 0.02
@@ -142,8 +142,7 @@ _MOST_DAMPING = 1e8
 _PACED = 5
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class LocalMinimum:
     """Result of a local minimisation: parameters (n_params,), misfit, number of evaluations, whether it converged."""
 
@@ -256,8 +255,7 @@ class _Linearisations:
         return residuals, jacobian
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class LocalMinima:
     """Results of a batch: parameters (n_starts, n_params), misfits (n_starts,), which converged, iterations."""
 
@@ -332,8 +330,7 @@ def find_minima(
     return _minima(box, state, iterations)
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class _State:
     """State of the batch, one row for each start, as it is recorded in the journal.
 

@@ -16,12 +16,12 @@ import optimistix as optx
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec
 from mrwork.identification.levenberg_marquardt import check_recalled_minimum
-from mrwork.identification.nuisance import NuisanceName, columns_of, scale_columns
 from mrwork.identification.objective import Objective
+from mrwork.identification.residual import NuisanceName, columns_of, scale_columns
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import loading_of
 from mrwork.twins.models import begin, simulate
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 
 class RecordArrays(NamedTuple):
@@ -154,8 +154,7 @@ OnStep = Callable[[int, float], None]
 _Data = tuple[RecordArrays, ...]
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class TwinMinimum:
     """Result of a local minimisation: parameters (n_params,), misfit, number of steps, whether it converged."""
 

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +27,7 @@ from mrwork.identification.settings import Multistart
 from mrwork.records import DamperTest
 from mrwork.search.unit_cube import Streams, latin_hypercube
 from mrwork.summary import Summarised, listed
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 # A fit whose misfit is not below this share of that of a linear spring and dashpot has lost its non-linear part.
 LINEAR_SHARE = 0.98
@@ -133,8 +132,7 @@ _CROSSED = 3
 _REPLACED = 0.3
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class MultistartResult(Summarised):
     """Minima, best first, shape (n_minima, n_params), with their misfits (n_minima,), and why the search ended.
 

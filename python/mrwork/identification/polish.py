@@ -25,7 +25,7 @@ from mrwork.identification.multistart import distinct_minima, minima_from, mirro
 from mrwork.identification.objective import Objective
 from mrwork.identification.problem import Problem, rate_is_shown
 from mrwork.identification.result import Slopes, covariance_at, standard_errors
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 # Largest number of evaluations: of the final fit, of the screening of each start, and of the second screening, which
 # takes this number of the best.
@@ -40,8 +40,7 @@ OnStart = Callable[[LocalMinimum, float], None]
 OnStep = Callable[[int, float], None]
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class Polished:
     """A minimum: parameters and standard errors for `n_effective` samples, (n_params,), steps, whether it converged."""
 
@@ -219,8 +218,7 @@ _CHANCE = 6.63
 _WITHIN_A_SAMPLE = 0.01
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class Ended:
     """The minimum at which a fit ends, of the problem that it solves, and sentences on the driver's lag."""
 

@@ -20,8 +20,8 @@ from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.identification.equivalent import Form, identifiable_form
 from mrwork.identification.fit import Fit, Provenance
-from mrwork.identification.nuisance import bounds_without_offsets, offset_warning
 from mrwork.identification.objective import Objective
+from mrwork.identification.residual import bounds_without_offsets, offset_warning
 from mrwork.identification.settings import (
     ROOT_MEAN_SQUARE,
     FitSettings,

@@ -31,17 +31,15 @@ from mrwork.identification.fit import (
     Remark,
     SearchTrace,
 )
-from mrwork.identification.nuisance import NONE, Nuisance, NuisanceName
 from mrwork.identification.objective import Objective, linearise_residuals
 from mrwork.identification.problem import Problem, provenance_of
-from mrwork.identification.residual import ObservedTest
+from mrwork.identification.residual import NONE, Nuisance, NuisanceName, ObservedTest
 from mrwork.records import DamperTest, RecordedMotion
-from mrwork.records.damper_test import loading_of
-from mrwork.records.operating_range import range_of_tests
+from mrwork.records.damper_test import loading_of, range_of_tests
 from mrwork.simulate import stiffness_shares
 from mrwork.summary import listed
 from mrwork.tested_range import OperatingRange
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 
 def free_run(
@@ -342,8 +340,7 @@ def _remedy(fit: Fit, cheap: Sequence[Fit]) -> str:
 INSENSITIVE = 1e-7
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class Slopes:
     """Residuals of an objective at `theta`, (n_residuals,), and derivatives by what varies, (n_free, n_residuals).
 

@@ -11,7 +11,7 @@ from typing import Any, Literal, TypeAlias
 from mrwork.annotations import Record, fields_of, hints_of
 from mrwork.arguments import Count, Level, Seed, checked
 from mrwork.errors import RecordError, SettingError, UnknownNameError
-from mrwork.identification.nuisance import NuisanceName
+from mrwork.identification.residual import NuisanceName
 from mrwork.records import DamperTest, read_damper_test, repair
 from mrwork.records.repairs import DETECT, RepairKind, as_words
 from mrwork.records.window import count_samples_from, cut
@@ -24,7 +24,6 @@ _MULTISTART = "multistart"
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Multistart:
     """Settings of the multistart search: local minimisations from the best of many samples, in rounds.
 
@@ -265,7 +264,6 @@ def _number_option(says: str, *, metavar: str, default: float, least: float, mos
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class FitSettings:
     """Settings of `identify`, where each is described. The fields are recorded with a fit and in its journal.
 

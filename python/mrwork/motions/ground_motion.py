@@ -6,7 +6,7 @@ Each function of the processing returns a new motion; its `changes` state what w
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from fractions import Fraction
 from typing import Annotated, ClassVar
 
@@ -17,12 +17,11 @@ from mrwork.annotations import SMALLEST
 from mrwork.arguments import AnyNumbers, May, checked
 from mrwork.errors import RecordError, SettingError
 from mrwork.summary import Summarised, Summary
-from mrwork.values import Floats, holds_arrays, keep_arrays
+from mrwork.values import Floats, array_dataclass, keep_arrays
 
 
 @checked
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class GroundMotion(Summarised):
     """Ground acceleration [m/s^2], shape (n_time,), every `dt` [s], linear between samples.
 

@@ -16,7 +16,7 @@ from mrwork.errors import RecordError, SettingError
 from mrwork.files.delimited import decode_text
 from mrwork.motions.ground_motion import GroundMotion
 from mrwork.units import FACTORS, factor_to_si
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 _HEADER_SHOWN = 60
 # Characters of a line of a header: what searches it takes longer than in proportion.
@@ -213,8 +213,7 @@ _COMMENTS = re.compile(r"\s*([0-9]{1,9})\s+Comment", re.IGNORECASE)
 _UNIT = re.compile(r"units\s*=\s*([^\s,()]+)", re.IGNORECASE)
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class _Series:
     """A channel: its title, first line, unit, step [s], and numbers in the unit of the file."""
 

@@ -17,7 +17,7 @@ from mrwork.motions.ground_motion import GroundMotion, changed, resampled, scale
 from mrwork.motions.spectral_density import CloughPenzien, KanaiTajimi, SpectralDensity
 from mrwork.numbers import format_rounded
 from mrwork.summary import Summarised, Summary
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 Complexes = NDArray[np.complex128]
 
@@ -31,8 +31,7 @@ _MOST_PLACES = 64
 _AT_ONCE = 1 << 20
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class ResponseSpectrum(Summarised):
     """Peak responses, each of shape (n_periods,), at one damping ratio.
 
@@ -280,7 +279,6 @@ class TableDemand(Summarised):
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class ShakeTable:
     """A shake table: an actuator with limits and a bandwidth, on which the specimen has no effect.
 

@@ -1,4 +1,4 @@
-"""Damper test: a record in SI on a uniform time step, with its findings and its observation model.
+"""Damper test: a record in SI on a uniform time step, with its findings, observation model and operating ranges.
 
 The observation model states how the recorded force follows from the force of the damper.
 """
@@ -19,10 +19,15 @@ from mrwork.arguments import AnyNumbers, Count, NotNegative, Positive, Samples, 
 from mrwork.command_signal import Command, command_in_words, part_of_command, same_command
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import RecordError, SettingError
+from mrwork.records.motion import whole_cycles
 from mrwork.simulate import Loading
 from mrwork.summary import Summarised, Summary
-from mrwork.units import CommandUnit
-from mrwork.values import Floats, freeze_samples, holds_arrays, keep_arrays
+from mrwork.tested_range import Exceedance as Exceedance
+from mrwork.tested_range import OperatingRange as OperatingRange
+from mrwork.tested_range import Outside as Outside
+from mrwork.tested_range import covering, least_stroke
+from mrwork.units import COMMAND_SCALES, CommandUnit
+from mrwork.values import Floats, array_dataclass, freeze_samples, keep_arrays
 
 RANGES: Final = {
     "delay_seconds": (-1e6, 1e6, "s"),
@@ -35,7 +40,6 @@ RANGES: Final = {
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Observation:
     """Effects of rig and processing on the recorded force, in this order; the default has no effect.
 
@@ -83,7 +87,7 @@ class Observation:
         return ceil(before - _ROUNDING), ceil(after - _ROUNDING)
 
     @checked
-    def observe(self, force: AnyNumbers, dt: Positive) -> NDArray[np.float64]:
+    def observe(self, force: AnyNumbers, dt: Positive) -> Floats:
         """Recorded force for a damper force [N], shape (..., n_time), sampled every `dt` [s]."""
         if force.ndim < 1 or force.shape[-1] < 2:
             raise SettingError(f"`force` has shape {force.shape}; give two samples or more")
@@ -209,8 +213,7 @@ class Smoothing:
 
 
 @checked
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class DamperTest(Summarised):
     """A force-motion record of one damper, uniformly sampled, in SI.
 
@@ -362,7 +365,7 @@ class DamperTest(Summarised):
         )
 
     @property
-    def time(self) -> NDArray[np.float64]:
+    def time(self) -> Floats:
         """Sample times [s], shape (n_time,)."""
         return self.start_time + self.dt * np.arange(self.n_time, dtype=np.float64)
 
@@ -446,3 +449,48 @@ def loading_of(test: DamperTest, spec: DamperSpec) -> Loading:
         f"{test.label}: the model takes its command in {spec.current.unit}, the test has "
         f"{test.command_in_words or 'none'}; give a column for it, or a model in the other unit"
     )
+
+
+# Share of the cycles that are longer, and that are shorter, than those of the frequency range.
+_RARE = 0.1
+
+
+def range_of_test(test: DamperTest, unit: CommandUnit | None, force: Samples | None = None) -> OperatingRange:
+    """Ranges of a test with its command in `unit`; `force` replaces the measured one [N], shape (n_time,)."""
+    load = test.force if force is None else force
+    if load.size != test.n_time:
+        raise SettingError(
+            f"`force` has {load.size} samples; give one for each of the {test.n_time} of {test.label}"
+        )
+    command = test.command_in(unit)
+    return OperatingRange(
+        stroke=0.5 * float(np.ptp(test.displacement)),
+        velocity=float(np.abs(test.velocity).max()),
+        frequency=_frequencies(test),
+        command=None if command is None else (float(np.min(command)), float(np.max(command))),
+        command_unit=None if command is None else unit,
+        force=float(np.abs(load).max()),
+        power=max(0.0, float(np.mean(load * test.velocity))),
+        least_stroke=least_stroke(test.displacement),
+    )
+
+
+def range_of_tests(tests: Sequence[DamperTest], unit: CommandUnit | None = None) -> OperatingRange:
+    """Ranges of one or more tests together; without a `unit`, that in which most of the commands are known."""
+    if not tests:
+        raise SettingError("the range of no test was asked for; give at least one test")
+    if unit is None:
+        # Of several units with as many commands a current, then a voltage.
+        units: Sequence[CommandUnit] = [own for test in tests for _, own in test.commands]
+        known: list[CommandUnit] = [each for each in COMMAND_SCALES if each in units]
+        unit = max(known, key=units.count) if known else None
+    return covering([range_of_test(test, unit) for test in tests])
+
+
+def _frequencies(test: DamperTest) -> tuple[float, float] | None:
+    """Frequencies of the cycles [Hz], without the slowest and the fastest tenth; `None` without a whole cycle."""
+    seconds = [test.dt * (cycle.stop - cycle.start) for cycle in whole_cycles(test.displacement)]
+    if not seconds:
+        return None
+    lowest, highest = np.quantile(1.0 / np.array(seconds), [_RARE, 1.0 - _RARE])
+    return float(lowest), float(highest)

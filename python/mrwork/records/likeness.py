@@ -20,7 +20,7 @@ from mrwork.records.damper_test import DamperTest
 from mrwork.records.motion import regular_cycles, spectrum
 from mrwork.store.codec import Related
 from mrwork.units import CommandUnit
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 # Samples of a cycle, and most samples of a motion that is not periodic.
 _PER_CYCLE: Final = 32
@@ -187,8 +187,7 @@ class RecordedMotion(Related):
         return _find_pattern(own, record, least=least, limit=_IRREGULAR)
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class _Alignment:
     """Correlation of two motions, and what overlaps: displacement, force and commands of each, shape (n, n_samples)."""
 

@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 
 # Tests of one rig have few windows and steps, and each has several derivatives.
@@ -160,8 +160,7 @@ class Smoother:
         return weights(self.window, _ORDER, derivative=order, step=self.dt)
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class SmoothMotion:
     """Smoothed motion: displacement [m], velocity [m/s], acceleration [m/s^2], shape (n_time,).
 

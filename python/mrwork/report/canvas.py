@@ -18,11 +18,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from mrwork.escaping import escaped_lines
 from mrwork.numbers import shortest
 from mrwork.report import style
+from mrwork.values import Floats
 
 LEFT, RIGHT, TOP, BOTTOM = 0.62, 0.20, 0.34, 0.5
 # One of several figures side by side in a study, and one that fills its page.
@@ -135,7 +136,7 @@ def plain_ticks(axes: Axes, digits: int, axis: Literal["x", "y"] = "x") -> None:
     chosen.set_major_formatter(FuncFormatter(lambda value, _: shortest(value, digits)))
 
 
-def logarithmic(axes: Axes, values: NDArray[np.float64]) -> None:
+def logarithmic(axes: Axes, values: Floats) -> None:
     """A logarithmic ordinate for positive `values`, with ticks over any range."""
     axes.set_yscale("log")
     low, high = (float(values.min()), float(values.max())) if values.size else (0.1, 1.0)
@@ -201,9 +202,7 @@ def draw_points(
     )
 
 
-def tested_points(
-    axes: Axes, abscissa: NDArray[np.float64], force: NDArray[np.float64], cycle: slice
-) -> None:
+def tested_points(axes: Axes, abscissa: Floats, force: Floats, cycle: slice) -> None:
     """One cycle of a test as points, thinned so that they can be distinguished."""
     drawn = slice(cycle.start, cycle.stop, max(1, (cycle.stop - cycle.start) // _LOOP_POINTS))
     draw_points(axes, abscissa[drawn], force[drawn], size=4.5)

@@ -9,7 +9,7 @@ the simulation of a trial may stop when its misfit reaches that of the parent.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Literal
 
 import numpy as np
@@ -30,7 +30,6 @@ from mrwork.search.unit_cube import latin_hypercube, others, reflect
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class DifferentialEvolution:
     """Settings of differential evolution; its methods are pure functions of the state.
 

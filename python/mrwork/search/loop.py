@@ -18,19 +18,18 @@ from mrwork.search.rules import EliteRule, StopRules
 from mrwork.store.codec import array_of, digest_of, plain
 from mrwork.store.journal import Journal
 from mrwork.summary import Summarised, Summary
-from mrwork.values import holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 
 class RunTrace(NamedTuple):
     """Progress of one replicate, as in `Trace`, each of shape (n_generations,)."""
 
     evaluations: NDArray[np.int64]
-    best: NDArray[np.float64]
-    median: NDArray[np.float64]
+    best: Floats
+    median: Floats
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class SearchResult(Summarised, Generic[StateT]):
     """Result of one replicate, its stop reason, and the state from which it can be resumed alone.
 
@@ -43,10 +42,10 @@ class SearchResult(Summarised, Generic[StateT]):
     _made_by: ClassVar[str] = "mr.search.run_search(optimiser, objective, rng=..., n_params=...)"
 
     replicate: int
-    best_unit: NDArray[np.float64]
+    best_unit: Floats
     best_misfit: float
-    elite: NDArray[np.float64]
-    elite_misfit: NDArray[np.float64]
+    elite: Floats
+    elite_misfit: Floats
     trace: RunTrace
     evaluations: int
     generations: int
@@ -117,11 +116,10 @@ def _result(state: StateT, reason: str, seconds: float) -> SearchResult[StateT]:
     )
 
 
-Objective = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+Objective = Callable[[Floats], Floats]
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class AbortableObjective:
     """An objective that may stop the simulation of a candidate when its misfit reaches a threshold.
 
@@ -129,7 +127,7 @@ class AbortableObjective:
     number at or above it, or `inf`, otherwise.
     """
 
-    misfits: Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
+    misfits: Callable[[Floats, Floats], Floats]
 
 
 class Optimiser(Protocol[StateT]):
@@ -158,12 +156,11 @@ class Optimiser(Protocol[StateT]):
     def ask(self, state: StateT) -> Proposal:
         """Candidates of the next generation of all running replicates."""
 
-    def tell(self, state: StateT, proposal: Proposal, misfit: NDArray[np.float64]) -> StateT:
+    def tell(self, state: StateT, proposal: Proposal, misfit: Floats) -> StateT:
         """State after the misfits of the proposal's rows, shape (n_ask,); `inf` marks a failed simulation."""
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class GenerationEvent(Summarised, Generic[StateT]):
     """Progress after one generation of all running replicates.
 
@@ -180,9 +177,9 @@ class GenerationEvent(Summarised, Generic[StateT]):
     best_misfit: float
     median_misfit: float
     seconds: float
-    best_unit: NDArray[np.float64]
+    best_unit: Floats
     n_running: int
-    misfit: NDArray[np.float64]
+    misfit: Floats
     state: StateT
 
 
@@ -294,7 +291,7 @@ def run_replicates(
     return _results_of(state, reason, time.perf_counter() - began)
 
 
-def _misfits(objective: Objective | AbortableObjective, proposal: Proposal) -> NDArray[np.float64]:
+def _misfits(objective: Objective | AbortableObjective, proposal: Proposal) -> Floats:
     if isinstance(objective, AbortableObjective):
         return proposal.accepted(objective.misfits(proposal.unit, proposal.threshold))
     return proposal.accepted(objective(proposal.unit))
@@ -311,7 +308,7 @@ def _check_same_search(state: SearchState, rng: int, n_params: int, replicates: 
         )
 
 
-def _event(state: StateT, misfit: NDArray[np.float64], began: float) -> GenerationEvent[StateT]:
+def _event(state: StateT, misfit: Floats, began: float) -> GenerationEvent[StateT]:
     course = state.course
     leader = int(np.argmin(course.best_misfit))
     return GenerationEvent(
@@ -330,12 +327,11 @@ def _event(state: StateT, misfit: NDArray[np.float64], began: float) -> Generati
 _STEP = "generation"
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class Generation:
     """Record of a generation: accepted misfits (n_ask,) and time since the search began [s]."""
 
-    misfit: NDArray[np.float64]
+    misfit: Floats
     seconds: float
 
 

@@ -17,7 +17,6 @@ import subprocess
 import sys
 import threading
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any, Final, Literal, cast
 
@@ -27,7 +26,7 @@ from numpy.typing import NDArray
 from mrwork.errors import LibraryError
 from mrwork.store.child_program import NO_MEMORY, limit_of
 from mrwork.store.input_file import compute_allowance
-from mrwork.values import holds_arrays
+from mrwork.values import array_dataclass
 
 Format = Literal["hdf5", "parquet", "xlsx"]
 
@@ -63,8 +62,7 @@ class TooLargeError(UnreadableError):
     """The data of the file claim more than what is `allowed`."""
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class Member:
     """A group, data set or column: its attributes that are numbers or texts, and its array if that has real numbers."""
 

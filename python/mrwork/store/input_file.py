@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 
 from mrwork.errors import RecordError, reason_of
 from mrwork.escaping import escape_text
+from mrwork.values import Floats
 
 LEAST: Final = 96 << 20
 """Bytes that the contents of any file may take, however small it is: columns that do not change shrink a thousandfold.
@@ -239,7 +240,7 @@ def read_arrays(path: Path, kind: FileKind) -> dict[str, NDArray[Any]]:
         raise RecordError(escape_text(f"{path} is damaged ({reason_of(reason)}); {kind.remedy}")) from None
 
 
-def finite_numbers(arrays: Mapping[str, NDArray[Any]], name: str) -> NDArray[np.float64]:
+def finite_numbers(arrays: Mapping[str, NDArray[Any]], name: str) -> Floats:
     """One of the arrays of a file, of floating-point numbers."""
     if name not in arrays:
         raise ValueError(f"it has no {name}")

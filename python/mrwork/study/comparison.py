@@ -190,12 +190,6 @@ class StudyComparison(Summarised):
         return "controller" in kinds and "best_passive" not in kinds
 
     @checked
-    def rank_of(self, row: int) -> Rank:
-        """The rank of a row."""
-        self._known(row)
-        return next(rank for rank, rows in self.ranks if row in rows)
-
-    @checked
     def changes(self, row: int, reference: int) -> dict[str, QuantityChange]:
         """Changes of the compared quantities of a row against one of the references, by name."""
         self._known(row)

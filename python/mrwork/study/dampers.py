@@ -22,14 +22,13 @@ from mrwork.keys import Place, suggestion
 from mrwork.study.schema import DamperTable
 from mrwork.tested_range import FittedDamper, OperatingRange
 from mrwork.units import CommandUnit, DriverUnit, number_in
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 Identified = Callable[[Path], FittedDamper]
 """Reads the damper from the folder of an identified run."""
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class ChosenDamper:
     """A model with current laws and its parameters; the command lies between 0 and `largest_command`.
 

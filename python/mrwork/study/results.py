@@ -24,14 +24,13 @@ from mrwork.study.schema import Use
 from mrwork.study.study import Kind, MotionOfStudy, Row
 from mrwork.summary import Summarised, Summary, listed
 from mrwork.units import STANDARD_GRAVITY
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 Key = tuple[int, int]
 """Indices of the row and the motion of a run."""
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class RunCriteria(Summarised):
     """Criteria of candidates under motions and realisations.
 

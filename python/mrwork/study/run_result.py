@@ -29,7 +29,7 @@ from mrwork.store.output_file import refuse_link, replacing
 from mrwork.store.run_folder import HISTORIES, part_of, real_place
 from mrwork.study.study import Arrangement, Study, StudyLaw, commands_force
 from mrwork.tested_range import Exceedance, OperatingRange, Outside, covering, least_stroke, worst_of
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 _ENDS = {
     Outcome.FINISHED: "finished",
@@ -82,8 +82,7 @@ _SIGNALS_LEFT_OUT = {"input_energy", "damping_energy", "device_energy"}
 _N_ENERGIES = 5
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class RunResult(Labelled, RunEnd):
     """How a run ended, and its quantities, each an attribute; those of floors, storeys and devices have an axis.
 
@@ -107,8 +106,7 @@ class RunResult(Labelled, RunEnd):
         return {name: plain(value) for name, value in (*self.numbers.items(), *own.items())}
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class RunHistory(Labelled):
     """The history of a run, each signal an attribute: shapes (n_time,), for floors, storeys and devices (n_time, n).
 

@@ -56,7 +56,6 @@ class UncertaintyTable:
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class TuneTable:
     """Laws whose settings `mrwork tune` searches, each for itself, on the training motions of the study.
 

@@ -27,11 +27,10 @@ from mrwork.search.unit_cube import Streams, latin_hypercube
 from mrwork.store.codec import digest_of, package_version
 from mrwork.study.schema import ReportTable, TuneTable, UncertaintyTable, Use
 from mrwork.summary import Summarised, Summary, listed
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class Realisations(Summarised):
     """Realisations of the uncertain quantities of a study, each array of shape (n,).
 
@@ -110,7 +109,6 @@ StudyLaw = ControlLaw | UserLaw
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class MotionOfStudy:
     """A ground motion of a study as it is simulated, its use, and whether it was generated."""
 

@@ -37,10 +37,10 @@ from mrwork.tuning.results import (
     judgement_of_objective,
 )
 from mrwork.tuning.space import LARGEST, PENALTY, LawCandidate, SettingSpace, TuningObjective, refuse_within
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 if TYPE_CHECKING:
-    from mrwork.twins.loop.tuned import TunedLoop
+    from mrwork.twins.loop.derivatives import TunedLoop
 
 
 # Difference of the unit coordinate of a setting for the derivative of the gains.
@@ -54,7 +54,7 @@ def check_finish(table: TuneTable, study: Study) -> None:
     if not table.gradient_steps:
         return
     # JAX is loaded only here.
-    from mrwork.twins.loop.tuned import SMOOTH
+    from mrwork.twins.loop.derivatives import SMOOTH
 
     for law in table.laws:
         if law not in SMOOTH:
@@ -88,8 +88,7 @@ def check_finish(table: TuneTable, study: Study) -> None:
         )
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class Finish:
     """The point of the unit cube that the gradients have reached, shape (n_free,), and how many there were."""
 
@@ -183,7 +182,7 @@ def _gain_change(space: SettingSpace, bench: Bench, unit: Floats, place: int) ->
 
 
 def _twin(law: str, bench: Bench, objective: TuningObjective, largest: float) -> TunedLoop:
-    from mrwork.twins.loop.tuned import TunedLoop, TwinDamper
+    from mrwork.twins.loop.derivatives import TunedLoop, TwinDamper
 
     building, hardware = bench.arrangement.building, bench.study.hardware
     if any(criterion(name).summed or criterion(name).over_weight for name in objective.weights):

@@ -25,7 +25,7 @@ from mrwork.study.study import Arrangement, Realisations, Row, Study, nominal
 from mrwork.summary import Summarised
 from mrwork.tuning.results import Better, MotionScore, TuningJudgement
 from mrwork.tuning.space import PENALTY, LawCandidate, TuningObjective, over
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 
 @dataclass(slots=True, kw_only=True)
@@ -173,8 +173,7 @@ def check_controllable(study: Study) -> None:
         )
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class Scores(Summarised):
     """Objective of candidates, by how much they exceed their limits, and both together, shape (n,) each."""
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -21,11 +20,10 @@ from mrwork.control.plant import Plant
 from mrwork.errors import SettingError
 from mrwork.numbers import format_rounded
 from mrwork.summary import Summarised, Summary
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class CaseCheck(Summarised):
     """A case under two gains, by Lyapunov equations.
 
@@ -41,8 +39,7 @@ class CaseCheck(Summarised):
     law_forces: Floats
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class WeightCertificate(Summarised):
     """What the weights reach, checked by Lyapunov equations, over a lower bound that no linear law passes.
 
@@ -188,8 +185,7 @@ _SHOWN = 4
 _BINDING = 1e-4
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class DesignedWeights(Summarised):
     """Weights of a regulator from limits on rms responses and a budget of force.
 

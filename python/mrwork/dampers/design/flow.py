@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Annotated, ClassVar, Final, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from mrwork.annotations import Within
 from mrwork.arguments import Positive, checked
@@ -25,8 +25,8 @@ from mrwork.dampers.design.ranges import (
     roots_between,
 )
 from mrwork.summary import Summarised
+from mrwork.values import Floats
 
-Floats = NDArray[np.float64]
 FlowModel = Literal["annulus", "plates", "sum"]
 WallSpeeds = Annotated[ArrayLike, Within(least=0.0, most=1e3)]
 

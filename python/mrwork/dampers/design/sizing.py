@@ -11,13 +11,11 @@ from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.annotations import Within
 from mrwork.arguments import Count, NotNegative, Positive, Seed, checked
-from mrwork.dampers.design.damper_design import DamperDesign
+from mrwork.dampers.design.damper_design import DamperDesign, wire_diameter
 from mrwork.dampers.design.flow import FlowModel
-from mrwork.dampers.design.magnetic_circuit import wire_diameter
 from mrwork.dampers.design.materials import MRFluid, Steel
 from mrwork.dampers.design.ranges import Current, Length, Speed, Voltage
 from mrwork.errors import Interrupted, SettingError, UnknownNameError
@@ -25,8 +23,7 @@ from mrwork.search import SearchResult, StopRules, run_search
 from mrwork.search.peers import nondominated, run_front
 from mrwork.search.registry import ALL_OPTIMISERS
 from mrwork.summary import Summarised, Summary
-
-Floats = NDArray[np.float64]
+from mrwork.values import Floats
 
 # Free dimensions with their ranges, in log scale: shares of the largest outer diameter, the gap over the least one,
 # and the depth of a groove as a share of what the rod leaves.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import permutations
 from typing import Final
 
@@ -14,7 +13,7 @@ from mrwork.errors import RecordError
 from mrwork.records.damper_test import DamperTest, Finding, Measured, VelocitySource
 from mrwork.records.motion import Smoother, SmoothMotion
 from mrwork.units import FACTORS
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 _MISFIT: Final = 0.10
 _NOISE: Final = 0.5
@@ -140,8 +139,7 @@ def _inconsistent(message: str, action: str, measured: Measured | None = None) -
     return Finding.warning("velocity_inconsistent", message, action=action, measured=measured)
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class _VelocityMisfit:
     """Smoothed velocity, derivative with its mean square `power`, and mean square difference `expected` from noise."""
 

@@ -36,9 +36,7 @@ from mrwork.uncertainty.bands.band import (
     weighted_quantile,
 )
 from mrwork.uncertainty.bands.prediction import Prediction, has_regular_cycles
-from mrwork.values import holds_arrays
-
-Array = NDArray[np.float64]
+from mrwork.values import Floats, array_dataclass
 
 # Bins of the phase for the mean error; level at which variants of the shape are compared, and groups that takes.
 _BINS = 24
@@ -66,17 +64,17 @@ class ErrorShape(Related):
             return f"its bias has {len(self.bias)} bins where a cycle has {_BINS}"
         return "" if self.level + self.slope + self.floor > 0.0 else "its scale is zero"
 
-    def scale(self, deviation: Array | float, steepness: Array) -> Array:
+    def scale(self, deviation: Floats | float, steepness: Floats) -> Floats:
         """Scale of the error [N], shape of `steepness`."""
         return np.asarray(deviation * (self.level + self.slope * steepness) + self.floor)
 
-    def bias_at(self, phase: Array) -> Array:
+    def bias_at(self, phase: Floats) -> Floats:
         """Mean error [deviations], shape of `phase`."""
         if not self.bias:
             return np.zeros_like(phase)
         return np.asarray(np.interp(phase, _CENTRES, self.bias, period=2.0 * np.pi))
 
-    def of(self, prediction: Prediction) -> tuple[Array, Array]:
+    def of(self, prediction: Prediction) -> tuple[Floats, Floats]:
         """Expected measured force and the scale of the error about it [N], shape (n_counted,)."""
         deviation = prediction.deviation
         centre = prediction.force
@@ -115,24 +113,24 @@ class ErrorTable:
     the measured force [N], and the group of each sample, all samples of a group in a row.
     """
 
-    error: Array
-    steepness: Array
-    phase: Array
-    deviation: Array
-    measured: Array
+    error: Floats
+    steepness: Floats
+    phase: Floats
+    deviation: Floats
+    measured: Floats
     group: NDArray[np.intp]
     periodic: NDArray[np.bool_]
     _slices: list[slice] = field(init=False)
-    _share: Array = field(init=False)
-    _normal: Array = field(init=False)
-    _right: Array = field(init=False)
-    _curves: Array = field(init=False)
-    _place: tuple[NDArray[np.intp], NDArray[np.intp], Array] = field(init=False)
+    _share: Floats = field(init=False)
+    _normal: Floats = field(init=False)
+    _right: Floats = field(init=False)
+    _curves: Floats = field(init=False)
+    _place: tuple[NDArray[np.intp], NDArray[np.intp], Floats] = field(init=False)
 
     @classmethod
     def of(cls, groups: Sequence[Sequence[Prediction]]) -> ErrorTable:
         """Sample the errors of the predictions of each group."""
-        columns: list[tuple[Array, ...]] = []
+        columns: list[tuple[Floats, ...]] = []
         sizes = []
         for members in groups:
             before = sum(each[0].size for each in columns)
@@ -179,7 +177,7 @@ class ErrorTable:
         """Number of groups."""
         return len(self._slices)
 
-    def calibrate(self, variant: Variant, without: Sequence[int] = ()) -> tuple[ErrorShape, list[Array]]:
+    def calibrate(self, variant: Variant, without: Sequence[int] = ()) -> tuple[ErrorShape, list[Floats]]:
         """Shape fitted without some groups, and the absolute errors of each other group in its scale."""
         shape, scores, _ = self._fit_shape(variant, without)
         return shape, [scores[own] for index, own in enumerate(self._slices) if index not in without]
@@ -225,13 +223,13 @@ class ErrorTable:
             result.append(float(np.mean(width / self.measured[own])))
         return result
 
-    def _weights(self, without: Sequence[int]) -> Array:
+    def _weights(self, without: Sequence[int]) -> Floats:
         weights = self._share / (self.n_groups - len(without))
         for index in without:
             weights[self._slices[index]] = 0.0
         return weights
 
-    def _fit_shape(self, variant: Variant, without: Sequence[int]) -> tuple[ErrorShape, Array, Array]:
+    def _fit_shape(self, variant: Variant, without: Sequence[int]) -> tuple[ErrorShape, Floats, Floats]:
         """Shape fitted without some groups; absolute errors in its scale, and the scale [N], of all samples."""
         inside = np.ones(self.n_groups, dtype=bool)
         inside[list(without)] = False
@@ -266,7 +264,7 @@ class ErrorTable:
         return shape if shape.level + shape.floor > 0.0 else ErrorShape()
 
 
-def _non_negative(normal: Array, right: Array) -> Array:
+def _non_negative(normal: Floats, right: Floats) -> Floats:
     """Minimum of x' N x / 2 - r' x over x >= 0, by trying every set of positive unknowns, of which there are few."""
     # The floor is in newtons, the others are ratios: unknowns of equal size for the solver.
     size = np.sqrt(np.maximum(np.diag(normal), 1e-300))
@@ -290,8 +288,7 @@ BEYOND_TESTED = "the level holds only where the calibration had such tests"
 """Remark on a band outside the tested range of the fit."""
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class Calibration(Summarised, Related):
     """Calibration of prediction bands from the errors on several tests.
 
@@ -304,7 +301,7 @@ class Calibration(Summarised, Related):
     _made_by: ClassVar[str] = "mr.calibrate(predictions, held_out=...)"
 
     shape: ErrorShape
-    scores: tuple[NDArray[np.float64], ...]
+    scores: tuple[Floats, ...]
     tests: tuple[str, ...]
     held_out: str
     motions: tuple[RecordedMotion, ...] = ()
@@ -324,13 +321,7 @@ class Calibration(Summarised, Related):
 
     @checked
     def band(self, prediction: Prediction, level: Level) -> Band:
-        """Prediction band of the force, shape (n_counted,); its basis names what lies outside the tested ranges.
-
-        Raises
-        ------
-        SettingError
-            Where the level is not between 0 and 1.
-        """
+        """Prediction band of the force, shape (n_counted,); its basis names what lies outside the tested ranges."""
         centre, scale = self.shape.of(prediction)
         half = next_test_quantile(self.scores, level) * scale
         outside = ", ".join(prediction.outside.names)
@@ -485,7 +476,7 @@ def measured_coverage(
     return tuple(rows)
 
 
-def _energy_errors(prediction: Prediction) -> NDArray[np.float64]:
+def _energy_errors(prediction: Prediction) -> Floats:
     try:
         return errors_over_cycles(prediction, "energy")
     except RecordError:

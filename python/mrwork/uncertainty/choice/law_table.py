@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from typing import ClassVar, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.arguments import NotNegative, Whole
 from mrwork.dampers.parameters import LawName
@@ -17,6 +16,7 @@ from mrwork.summary import Summarised, Summary
 from mrwork.table import Table, TableColumn, page_table, text_table
 from mrwork.uncertainty.choice.ranking import error_of_mean, is_as_good
 from mrwork.units import CommandUnit
+from mrwork.values import Floats
 
 # Floor of the NRMSE, for synthetic tests without noise.
 _EXACT = 1e-9
@@ -72,7 +72,7 @@ class TriedLaws(Summarised):
         *,
         n_params: int,
         fit_percent: float,
-        left_out: Sequence[NDArray[np.float64]],
+        left_out: Sequence[Floats],
         not_predicted: Sequence[str] = (),
     ) -> TriedLaws:
         """Laws with the NRMSE of the tests of each fold that was left out."""

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.arguments import NotNegative, Positive, Whole
 from mrwork.dampers.coordinates import Box
@@ -25,9 +24,10 @@ from mrwork.summary import Summarised, Summary, listed
 from mrwork.table import Table, TableColumn, page_table, text_table
 from mrwork.uncertainty.choice.leave_one_out import UNRELIABLE, LeaveOneOut
 from mrwork.uncertainty.identifiability.verdicts import Scale
+from mrwork.values import Floats
 
 # Residuals of each test, in deviations of its force, shape (n_counted,).
-Residuals = Sequence[NDArray[np.float64]]
+Residuals = Sequence[Floats]
 
 # Gain in the log-likelihood ratio, for each further parameter, that is not more than chance (Akaike's criterion).
 _CHANCE = 2.0
@@ -296,16 +296,16 @@ def _bic(own: Evidence, n_effective: float | None) -> float | None:
     return float(n_effective * np.log(own.variance) + own.n_params * np.log(n_effective))
 
 
-def _elpd(own: Evidence) -> NDArray[np.float64]:
+def _elpd(own: Evidence) -> Floats:
     return np.empty(0) if own.leave_one_out is None else own.leave_one_out.elpd
 
 
-def error_of_mean(values: NDArray[np.float64]) -> float | None:
+def error_of_mean(values: Floats) -> float | None:
     """Standard error of the mean, `None` for a single value."""
     return float(np.std(values, ddof=1) / np.sqrt(values.size)) if values.size > 1 else None
 
 
-def _error_of_sum(values: NDArray[np.float64]) -> float | None:
+def _error_of_sum(values: Floats) -> float | None:
     return float(np.std(values, ddof=1) * np.sqrt(values.size)) if values.size > 1 else None
 
 

@@ -13,7 +13,6 @@ from statistics import NormalDist
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.arguments import Count, Level, NotNegative, Positive, Threads, Whole, checked
 from mrwork.dampers.coordinates import Box
@@ -49,6 +48,7 @@ from mrwork.uncertainty.identifiability.verdicts import (
     Scale,
     judge_interval,
 )
+from mrwork.values import Floats
 
 # Share by which an end may pass the estimate in a conversion from the scaled coordinate.
 _ROUNDING = 1e-6
@@ -208,7 +208,7 @@ def _profile_of(
     return replace(profile, verdict=verdict.verdict, reason=verdict.reason)
 
 
-def _crossing(position: NDArray[np.float64], roots: NDArray[np.float64], limit: float) -> float | None:
+def _crossing(position: Floats, roots: Floats, limit: float) -> float | None:
     """First crossing of the limit outwards, by linear interpolation of the root of the likelihood ratio."""
     beyond = np.flatnonzero(roots > limit)
     if beyond.size == 0:
@@ -318,7 +318,7 @@ def profile(
     scaled = Scaled.of(spec, box, scale, theta)
     derivatives = linearise(objective, box.free)
 
-    def simulate_position(position: NDArray[np.float64]) -> list[Point]:
+    def simulate_position(position: Floats) -> list[Point]:
         return points_at(derivatives, scaled, position)
 
     (start,) = simulate_position(scaled.position(theta)[None])

@@ -24,9 +24,7 @@ from mrwork.identification.result import INSENSITIVE, Slopes, covariance_at, rem
 from mrwork.numbers import of_unit
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
-from mrwork.values import holds_arrays
-
-Array = NDArray[np.float64]
+from mrwork.values import Floats, array_dataclass
 
 # A standard deviation above this share of the value, or of 1 in the logarithm, is no determination.
 WEAK = 0.25
@@ -65,8 +63,7 @@ class ParameterScale:
         return _times(share, whole)
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class Scale:
     """Size of a relevant change of each parameter, shape (n_params,): its value, or half its range where `of_range`.
 
@@ -76,12 +73,12 @@ class Scale:
 
     box: Box
     ranges: Box
-    theta: Array
-    size: Array
+    theta: Floats
+    size: Floats
     of_range: NDArray[np.bool_]
 
     @classmethod
-    def of(cls, spec: DamperSpec, box: Box, tests: tuple[DamperTest, ...], theta: Array) -> Scale:
+    def of(cls, spec: DamperSpec, box: Box, tests: tuple[DamperTest, ...], theta: Floats) -> Scale:
         """Scales at `theta`, shape (n_params,)."""
         ranges = _scaled_ranges(spec, box, tests, theta)
         half = 0.5 * (np.array(ranges.upper) - np.array(ranges.lower))
@@ -91,7 +88,7 @@ class Scale:
             box=box, ranges=ranges, theta=theta, size=np.where(of_range, half, size), of_range=of_range
         )
 
-    def of_parameter(self, spec: DamperSpec, index: int, derivative: Array) -> ParameterScale:
+    def of_parameter(self, spec: DamperSpec, index: int, derivative: Floats) -> ParameterScale:
         """Scale of one parameter of the model, with the derivative of the residuals by it, shape (n_residuals,)."""
         return ParameterScale(
             name=spec.names[index],
@@ -107,7 +104,7 @@ class Scale:
         )
 
 
-def _scaled_ranges(spec: DamperSpec, box: Box, tests: tuple[DamperTest, ...], theta: Array) -> Box:
+def _scaled_ranges(spec: DamperSpec, box: Box, tests: tuple[DamperTest, ...], theta: Floats) -> Box:
     """The box narrowed to the scales of the records, else to the size of the value, or of the nominal one."""
     searched = search_box(spec, box, tests)
     own = {}
@@ -196,7 +193,7 @@ _LARGEST_EXPONENT = 3
 
 
 def changes_along(
-    direction: Array, scales: Sequence[ParameterScale], effects: Array | None = None
+    direction: Floats, scales: Sequence[ParameterScale], effects: Floats | None = None
 ) -> tuple[ParameterChange, ...]:
     """Changes of the parameters along a direction, shape (n_params,), in shares of their scales; the first is by 1 %.
 
@@ -218,7 +215,7 @@ def changes_along(
     )
 
 
-def sparse_basis(null: Array) -> Array:
+def sparse_basis(null: Floats) -> Floats:
     """Sparse basis of the row space of `null`, (n_directions, n_params), by Gauss-Jordan elimination with pivoting."""
     rows = np.array(null)
     pivots: list[int] = []
@@ -273,8 +270,8 @@ _STRONG_CORRELATION = 0.9
 
 
 def identifiability_from(
-    jacobian: Array,
-    covariance: Array,
+    jacobian: Floats,
+    covariance: Floats,
     *,
     scales: Sequence[ParameterScale],
     n_effective: float,
@@ -314,7 +311,7 @@ def identifiability_from(
     )
 
 
-def _null_space(jacobian: Array) -> Array:
+def _null_space(jacobian: Floats) -> Floats:
     """Sparse basis of the unidentifiable directions in units of unit sensitivity, shape (n_directions, n_params)."""
     if jacobian.shape[1] == 0:
         return np.empty((0, 0))
@@ -325,14 +322,14 @@ def _null_space(jacobian: Array) -> Array:
     return sparse_basis(null) if len(null) else null
 
 
-def _effects(jacobian: Array) -> Array:
+def _effects(jacobian: Floats) -> Floats:
     """Change of the force per change of each parameter, shape (n_params,); 1 for one without effect."""
     norm = np.linalg.norm(jacobian, axis=0)
     return np.asarray(np.where(norm == 0.0, 1.0, norm))
 
 
 def _unidentifiable_direction(
-    direction: Array, jacobian: Array, scales: Sequence[ParameterScale], held: set[str] | frozenset[str]
+    direction: Floats, jacobian: Floats, scales: Sequence[ParameterScale], held: set[str] | frozenset[str]
 ) -> Direction:
     effects = _effects(jacobian)
     changes = changes_along(direction / effects, scales, effects)
@@ -353,7 +350,9 @@ def _unidentifiable_direction(
     )
 
 
-def _weak_directions(cov: Array, jacobian: Array, scales: Sequence[ParameterScale]) -> tuple[Direction, ...]:
+def _weak_directions(
+    cov: Floats, jacobian: Floats, scales: Sequence[ParameterScale]
+) -> tuple[Direction, ...]:
     """Directions along which the standard error exceeds `WEAK` of the scales, largest first."""
     if not len(cov):
         return ()
@@ -385,7 +384,7 @@ def _joint_change(changes: Sequence[ParameterChange]) -> str:
     return f"{first} with {join_parts(rest)}" if rest else first
 
 
-def _effect(changes: Sequence[ParameterChange], jacobian: Array, scales: Sequence[ParameterScale]) -> float:
+def _effect(changes: Sequence[ParameterChange], jacobian: Floats, scales: Sequence[ParameterScale]) -> float:
     column = {each.name: number for number, each in enumerate(scales)}
     moved = sum(0.01 * each.percent * jacobian[:, column[each.name]] for each in changes)
     return float(np.linalg.norm(moved))
@@ -394,8 +393,8 @@ def _effect(changes: Sequence[ParameterChange], jacobian: Array, scales: Sequenc
 def _verdict(
     number: int,
     scales: Sequence[ParameterScale],
-    cov: Array,
-    jacobian: Array,
+    cov: Floats,
+    jacobian: Floats,
     undetermined: NDArray[np.bool_],
 ) -> Verdict:
     scale = scales[number]

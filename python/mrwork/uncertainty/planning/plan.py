@@ -15,8 +15,8 @@ from mrwork.arguments import NotNegative, Threads, checked
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError, SimulationError, UnknownNameError
 from mrwork.identification.fit import Fit
-from mrwork.identification.nuisance import NuisanceName, without_nuisance
 from mrwork.identification.problem import Problem
+from mrwork.identification.residual import NuisanceName, without_nuisance
 from mrwork.identification.result import effective_samples, residuals_by_test
 from mrwork.numbers import NOTHING, format_rounded, of_unit, percent, significant
 from mrwork.records import DamperTest
@@ -29,9 +29,7 @@ from mrwork.uncertainty.identifiability.curvature import Scaled, linearise, poin
 from mrwork.uncertainty.identifiability.verdicts import Scale
 from mrwork.uncertainty.planning.candidates import Candidate, check_possible, motion_of
 from mrwork.units import CommandUnit
-from mrwork.values import holds_arrays
-
-Array = NDArray[np.float64]
+from mrwork.values import Floats, array_dataclass
 
 # Finite-difference step in scaled coordinates.
 _STEP = 1e-5
@@ -101,8 +99,7 @@ class Plan(Summarised, Related):
         )
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class Response:
     """Force of a candidate [N], (n_counted,), and energy of a cycle [J], with derivatives by coordinate, (..., n_free).
 
@@ -110,15 +107,14 @@ class Response:
     """
 
     candidate: Candidate
-    force: Array
-    derivative: Array
-    corrected: Array
+    force: Floats
+    derivative: Floats
+    corrected: Floats
     energy: float
-    energy_derivative: Array
+    energy_derivative: Floats
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class LinearisedPosterior:
     """Linearised posterior before the next test about `position`, (n_free,), with the inverse covariance `precision`.
 
@@ -127,8 +123,8 @@ class LinearisedPosterior:
 
     spec: DamperSpec
     scaled: Scaled
-    position: Array
-    precision: Array
+    position: Floats
+    precision: Floats
     weight: float
     nuisances: tuple[NuisanceName, ...]
     threads: int
@@ -267,13 +263,13 @@ def responses(posterior: LinearisedPosterior, candidates: Sequence[Candidate]) -
     return responses_by_candidate
 
 
-def information(posterior: LinearisedPosterior, response: Response) -> Array:
+def information(posterior: LinearisedPosterior, response: Response) -> Floats:
     """Precision that a candidate adds, shape (n_free, n_free)."""
     unit = response.corrected / (np.std(response.force) * np.sqrt(response.force.size))
     return np.asarray(posterior.weight * unit.T @ unit)
 
 
-def band_matrix(posterior: LinearisedPosterior, targets: Sequence[Response], band: str) -> tuple[Array, str]:
+def band_matrix(posterior: LinearisedPosterior, targets: Sequence[Response], band: str) -> tuple[Floats, str]:
     """Matrix M of a band with variance trace(M cov), shape (n_free, n_free), and the unit of its deviation."""
     if band == "force":
         parts = [each.derivative / (np.std(each.force) * np.sqrt(each.force.size)) for each in targets]
@@ -297,7 +293,7 @@ def _column_of(posterior: LinearisedPosterior, band: str) -> int:
     raise UnknownNameError(f"there is no band {band!r}; take force, energy, {', '.join(free)}")
 
 
-def _quotient(rows: Array, width: Array) -> Array:
+def _quotient(rows: Floats, width: Floats) -> Floats:
     """Difference quotients, shape (n_time, n_free), of rows: the centre, those ahead, those behind."""
     ahead, behind = np.split(rows[1:], 2)
     return np.asarray(((ahead - behind) / width[:, None]).T)
@@ -338,7 +334,7 @@ class CheckedPlan(Summarised):
         )
 
 
-def normal_draws(posterior: LinearisedPosterior, n_draws: int, rng: np.random.Generator) -> Array:
+def normal_draws(posterior: LinearisedPosterior, n_draws: int, rng: np.random.Generator) -> Floats:
     """Draws of the linearised posterior as parameters, shape (n_draws, n_params), clipped to the box."""
     root = np.linalg.cholesky(np.linalg.inv(posterior.precision))
     position = posterior.position + rng.standard_normal((n_draws, posterior.position.size)) @ root.T
@@ -348,7 +344,7 @@ def normal_draws(posterior: LinearisedPosterior, n_draws: int, rng: np.random.Ge
 def checked_with_draws(
     plan: Plan,
     posterior: LinearisedPosterior,
-    draws: Array,
+    draws: Floats,
     *,
     targets: Sequence[Candidate] = (),
     rng: np.random.Generator,
@@ -384,20 +380,19 @@ def checked_with_draws(
     return CheckedPlan(plan=replace(plan, gains=tuple(gains)), agreement=agreement, least_effective=least)
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class _Forces:
     """Forces of the draws minus their mean, (n_draws, n_counted), per its deviation and root n; energies of a cycle."""
 
-    force: Array
-    corrected: Array
-    energy: Array
+    force: Floats
+    corrected: Floats
+    energy: Floats
 
     def of_draws(self, usable: NDArray[np.bool_]) -> _Forces:
         return _Forces(force=self.force[usable], corrected=self.corrected[usable], energy=self.energy[usable])
 
 
-def _forces(posterior: LinearisedPosterior, draws: Array, candidates: Sequence[Candidate]) -> list[_Forces]:
+def _forces(posterior: LinearisedPosterior, draws: Floats, candidates: Sequence[Candidate]) -> list[_Forces]:
     forces = []
     for candidate in candidates:
         loading, counted = motion_of(candidate, posterior.spec)
@@ -420,8 +415,8 @@ def _forces(posterior: LinearisedPosterior, draws: Array, candidates: Sequence[C
 
 
 def _band_gram(
-    posterior: LinearisedPosterior, draws: Array, of_targets: Sequence[_Forces], band: str
-) -> Array:
+    posterior: LinearisedPosterior, draws: Floats, of_targets: Sequence[_Forces], band: str
+) -> Floats:
     """Inner products of the draws in the quantity of the band, shape (n_draws, n_draws)."""
     if band == "force":
         return np.asarray(np.mean([each.force @ each.force.T for each in of_targets], axis=0))
@@ -433,8 +428,8 @@ def _band_gram(
 
 
 def _weights(
-    posterior: LinearisedPosterior, corrected: Array, truths: NDArray[np.int64], rng: np.random.Generator
-) -> Array:
+    posterior: LinearisedPosterior, corrected: Floats, truths: NDArray[np.int64], rng: np.random.Generator
+) -> Floats:
     """Posterior weight of each draw after the test of each truth, shape (n_truths, n_draws), rows of sum 1."""
     measured = corrected[truths] + rng.standard_normal((truths.size, corrected.shape[1])) / np.sqrt(
         posterior.weight
@@ -448,5 +443,5 @@ def _weights(
     return np.asarray(weights / weights.sum(axis=1, keepdims=True))
 
 
-def _variances(gram: Array, weights: Array) -> Array:
+def _variances(gram: Floats, weights: Floats) -> Floats:
     return np.asarray(weights @ np.diag(gram) - np.einsum("kj,kj->k", weights @ gram, weights))

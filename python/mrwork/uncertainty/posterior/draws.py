@@ -14,7 +14,6 @@ from statistics import NormalDist
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.arguments import Count, NotNegative, Positive, Shape, checked
 from mrwork.errors import RecordError
@@ -28,13 +27,11 @@ from mrwork.summary import Summarised, Summary
 from mrwork.uncertainty.identifiability.verdicts import ParameterScale, judge_interval
 from mrwork.uncertainty.noise import noise_model
 from mrwork.uncertainty.posterior.target import NOISE
-from mrwork.values import holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 if TYPE_CHECKING:
     from xarray import DataTree
 
-
-Array = NDArray[np.float64]
 
 # Limits on R-hat and effective sizes: Vehtari et al. (2021); on the length in autocorrelation times: emcee.
 LARGEST_RHAT = 1.01
@@ -46,17 +43,16 @@ _BURN_IN = 0.25
 _MOST_DRAWS = 1000
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class Diagnosis:
     """Convergence after the burn-in, shape (n_params,), NaN for what did not vary; `tau` in steps."""
 
     names: tuple[str, ...]
     n_steps: int
-    tau: Array
-    rhat: Array
-    ess_bulk: Array
-    ess_tail: Array
+    tau: Floats
+    rhat: Floats
+    ess_bulk: Floats
+    ess_tail: Floats
 
     @property
     def length(self) -> float:
@@ -87,7 +83,7 @@ class Diagnosis:
         return tuple(criteria)
 
 
-def diagnose(values: Array, names: tuple[str, ...]) -> Diagnosis:
+def diagnose(values: Floats, names: tuple[str, ...]) -> Diagnosis:
     """Diagnose a chain without its burn-in, shape (n_steps, n_walkers, n_params); walkers count as chains."""
     n_steps = len(values)
     by_chain = np.moveaxis(values[:: max(1, ceil(n_steps / _MOST_DRAWS))], 0, 1)
@@ -113,7 +109,7 @@ class Convergence(NamedTuple):
 
 
 @checked
-def convergence(chains: Annotated[Array, Shape(("n_chains", "n_draws"))]) -> Convergence:
+def convergence(chains: Annotated[Floats, Shape(("n_chains", "n_draws"))]) -> Convergence:
     """Rank-normalised R-hat, effective sizes and Monte-Carlo error of draws, shape (n_chains, n_draws)."""
     # ArviZ takes a second to load, and has no type annotations.
     statistics: Any = import_module("arviz_stats.base").array_stats
@@ -127,7 +123,7 @@ def convergence(chains: Annotated[Array, Shape(("n_chains", "n_draws"))]) -> Con
         )
 
 
-def autocorrelation_times(values: Array) -> Array:
+def autocorrelation_times(values: Floats) -> Floats:
     """Integrated autocorrelation time in steps, shape (n_params,), of a chain, (n_steps, n_walkers, n_params)."""
     from emcee.autocorr import integrated_time
 
@@ -217,8 +213,7 @@ class DrawSummary:
         return replace(self, verdict=verdict.verdict, reason=verdict.reason)
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class Draws(Summarised):
     """Draws from a posterior, by walker.
 
@@ -236,9 +231,9 @@ class Draws(Summarised):
     names: tuple[str, ...]
     noise_model: str
     noise_names: tuple[str, ...]
-    chains: Array
-    noise_chains: Array
-    densities: Array
+    chains: Floats
+    noise_chains: Floats
+    densities: Floats
     summaries: tuple[DrawSummary, ...]
     status: DrawsStatus
     verdict: str
@@ -247,15 +242,15 @@ class Draws(Summarised):
     thinning: int
     seconds: float
     provenance: Provenance | None
-    measured: Mapping[str, Array]
+    measured: Mapping[str, Floats]
 
     @property
-    def theta(self) -> Array:
+    def theta(self) -> Floats:
         """Parameters of all draws, shape (n_draws, n_params)."""
         return self.chains.reshape(-1, len(self.names))
 
     @property
-    def noise(self) -> Array:
+    def noise(self) -> Floats:
         """Noise parameters of all draws, shape (n_draws, n_noise)."""
         return self.noise_chains.reshape(-1, len(self.noise_names))
 
@@ -265,7 +260,7 @@ class Draws(Summarised):
         return tuple(each for each in self.summaries if not each.fixed)
 
     @checked
-    def chain(self, name: str) -> Array:
+    def chain(self, name: str) -> Floats:
         """Draws of one parameter or noise parameter, shape (n_walkers, n_kept)."""
         if name in self.noise_names:
             return self.noise_chains[..., self.noise_names.index(name)]
@@ -281,7 +276,7 @@ class Draws(Summarised):
         )
 
     @property
-    def log_posterior(self) -> Array:
+    def log_posterior(self) -> Floats:
         """Log posterior of all draws, shape (n_draws,)."""
         return self.densities.reshape(-1)
 
@@ -361,7 +356,9 @@ class Draws(Summarised):
         )
 
 
-def summary_of(chain: Array, *, name: str, unit: str, bounds: tuple[float, float], tau: float) -> DrawSummary:
+def summary_of(
+    chain: Floats, *, name: str, unit: str, bounds: tuple[float, float], tau: float
+) -> DrawSummary:
     """Summarise the draws of one parameter, shape (n_walkers, n_kept)."""
     tail = 0.5 * (1.0 - LEVEL)
     first, lower, median, upper, last = np.quantile(chain, [tail, 0.05, 0.5, 0.95, 1.0 - tail]).tolist()
@@ -383,7 +380,7 @@ def summary_of(chain: Array, *, name: str, unit: str, bounds: tuple[float, float
     )
 
 
-def _pile(chain: Array, bounds: tuple[float, float], width: float) -> Remark:
+def _pile(chain: Floats, bounds: tuple[float, float], width: float) -> Remark:
     """Remark where the outermost 1 % of the draws comes within 2 % of their width of a bound.
 
     A half-normal density, truncated at its mode, comes within 0.7 %, a normal one truncated at two deviations within 5
@@ -532,7 +529,7 @@ def _variables(members: Mapping[str, Member], group: str) -> dict[str, Member]:
     }
 
 
-def _numbers(member: Member) -> Array:
+def _numbers(member: Member) -> Floats:
     if member.array is None:
         raise ValueError("one of its variables has no numbers")
     return member.array.astype(np.float64)

@@ -47,9 +47,8 @@ from mrwork.uncertainty.posterior.draws import (
 )
 from mrwork.uncertainty.posterior.laplace import first_walkers, mode_near
 from mrwork.uncertainty.posterior.target import Prior, Steps, Target, Tempering, Walkers
-from mrwork.values import holds_arrays
+from mrwork.values import Floats, array_dataclass
 
-Array = NDArray[np.float64]
 # As returned by `numpy.random.RandomState.get_state`.
 RandomState = tuple[str, NDArray[np.uint32], int, int, float]
 
@@ -67,7 +66,7 @@ class PastDifferences(Move):  # type: ignore[misc] # a base class without types
     would.
     """
 
-    def __init__(self, target: Callable[[Array], Array], past: Callable[[], Array]) -> None:
+    def __init__(self, target: Callable[[Floats], Floats], past: Callable[[], Floats]) -> None:
         self._target = target
         self._past = past
 
@@ -99,13 +98,13 @@ class Ensemble(Summarised):
     the two. The arrays may be longer than the chain.
     """
 
-    target: Callable[[Array], Array]
-    positions: Array
-    densities: Array
+    target: Callable[[Floats], Floats]
+    positions: Floats
+    densities: Floats
     at: tuple[int, RandomState]
 
     @classmethod
-    def begin(cls, target: Callable[[Array], Array], walkers: Array, rng: int) -> Ensemble:
+    def begin(cls, target: Callable[[Floats], Floats], walkers: Floats, rng: int) -> Ensemble:
         """An ensemble at its start, shape (n_walkers, n_dim), with its own random stream."""
         # emcee uses the legacy generator.
         stream = np.random.RandomState(np.random.MT19937(np.random.SeedSequence(rng)))
@@ -160,8 +159,7 @@ _PACKAGES = ("mrwork", "numpy", "emcee", "arviz-stats")
 _MOST_ROWS = 1000
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class SamplingProblem:
     """Target and settings of a sampling run; `start`, shape (n_params,), is in the form that is sampled."""
 
@@ -169,7 +167,7 @@ class SamplingProblem:
     target: Target
     bounds: Mapping[str, tuple[float, float]]
     priors: Mapping[str, Prior]
-    start: Array
+    start: Floats
     walkers: int
     rng: int
 
@@ -293,7 +291,7 @@ class SamplingProblem:
             measured={test.name: test.force for test in self.target.objective.tests},
         )
 
-    def _summaries(self, chains: Array) -> tuple[DrawSummary, ...]:
+    def _summaries(self, chains: Floats) -> tuple[DrawSummary, ...]:
         """Summaries of the model's parameters, then the noise parameters; chains (n_walkers, n_kept, n_all)."""
         own, space = Box.of(self.spec).with_bounds(self.bounds), self.target.space
         names = self.spec.names + space.box.names[space.n_params :]
@@ -458,7 +456,7 @@ def sample(
         threads=threads,
     )
     _refuse_long_chain(walkers, most_steps, problem.target.space.n_dim)
-    density: Callable[[Array], Array] = problem.target
+    density: Callable[[Floats], Floats] = problem.target
     if journal is not None:
         journal.agree("sampling", problem.fingerprint())
         density = _Journalled(target=problem.target, journal=journal)
@@ -514,10 +512,10 @@ def _run(problem: SamplingProblem, ensemble: Ensemble, monitor: _Monitor) -> Dia
 class _Journalled:
     """Log density of proposals, recalled from the journal or computed; the seed determines the rest of a step."""
 
-    target: Callable[[Array], Array]
+    target: Callable[[Floats], Floats]
     journal: Journal
 
-    def __call__(self, positions: Array) -> Array:
+    def __call__(self, positions: Floats) -> Floats:
         inputs = digest_of(positions)
         recorded = self.journal.recall(
             "step", inputs, lambda record: _recorded_densities(record, len(positions))
@@ -530,7 +528,7 @@ class _Journalled:
         return densities
 
 
-def _recorded_densities(record: Mapping[str, Any], n_walkers: int) -> Array:
+def _recorded_densities(record: Mapping[str, Any], n_walkers: int) -> Floats:
     """Log densities of a step, (n_walkers,), -inf outside the support; ValueError where one is no such number."""
     densities = array_of(record["densities"]).reshape(n_walkers)
     if not np.all(densities < np.inf):
