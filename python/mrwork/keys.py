@@ -16,6 +16,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass, replace
 from difflib import get_close_matches
+from functools import cache
 from typing import Any, Literal, NoReturn, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
 from mrwork.errors import InvalidSettingError, MrworkError, SettingError
@@ -37,6 +38,9 @@ _WIDTH = 110
 _WORDS = {str: "text", float: "number", int: "whole number", bool: "true or false", Any: "any"}
 # Controls, separators of lines and paragraphs.
 _CONTROLS = frozenset({"Cc", "Zl", "Zp"})
+
+hints_of = cache(get_type_hints)
+"""Types of the fields of a class: annotations are text, and to evaluate them takes longer than to read a table."""
 
 KeyPath = tuple[str | int, ...]
 """Keys and array indices that lead to a value, as ("damper", 0, "storey")."""
@@ -302,7 +306,7 @@ def read_table(kind: type[T], table: Mapping[str, Any], place: Place) -> T:
     for entry in keys_of(kind):
         if is_required(entry):
             refuse_missing(entry, values, place)
-    if "place" in get_type_hints(kind):
+    if "place" in hints_of(kind):
         values["place"] = place
     with place.prefixed(SettingError):
         return kind(**values)
@@ -321,7 +325,7 @@ def given_values(kind: type, table: Mapping[str, Any], place: Place) -> dict[str
         if name not in known:
             near = suggestion(name, list(known), otherwise="it has")
             place.within(name).refuse(f"{place.table} has no key {name!r}{near}")
-    hints = get_type_hints(kind)
+    hints = hints_of(kind)
     return {
         entry.name: _value(hints[entry.name], table[name], place.within(name), entry)
         for name, entry in known.items()
@@ -481,7 +485,7 @@ def tables(kind: type, path: str = "") -> Iterator[tuple[str, type]]:
     """Headings and declarations of a table and all tables in it, outer tables first, each declaration once."""
     found = {path: kind}
     for entry in keys_of(kind):
-        inner, repeated = _inner(get_type_hints(kind)[entry.name])
+        inner, repeated = _inner(hints_of(kind)[entry.name])
         if inner is not None:
             name = ".".join(filter(None, (path.strip("[]"), name_in_file(entry))))
             for heading, each in tables(inner, f"[[{name}]]" if repeated else f"[{name}]"):
@@ -507,7 +511,7 @@ def heading_lines(heading: str, prose: str) -> list[str]:
 
 def key_lines(kind: type) -> list[str]:
     """The keys of a table, their meanings, defaults and types."""
-    keys, hints = keys_of(kind), get_type_hints(kind)
+    keys, hints = keys_of(kind), hints_of(kind)
     names = max((len(name_in_file(entry)) for entry in keys), default=0)
     defaults = max((len(_default(entry)) for entry in keys), default=0)
     lines = []

@@ -23,14 +23,14 @@ from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, fields, is_dataclass
 from functools import cache
 from pathlib import Path, PurePath
-from typing import Annotated, Any, Literal, TypeVar, Union, cast, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Literal, TypeVar, Union, cast, get_args, get_origin
 
 import numpy as np
 
 from mrwork.arguments import May
 from mrwork.errors import MrworkError, RecordError
 from mrwork.escaping import escaped
-from mrwork.keys import LARGEST, Within
+from mrwork.keys import LARGEST, Within, hints_of
 from mrwork.store.input_file import is_there, stored, text_of
 from mrwork.store.parse import json_value
 
@@ -64,7 +64,7 @@ def plain(value: object) -> Any:
 
 def rebuilt(kind: type[T], record: Mapping[str, Any]) -> T:
     """Inverse of `plain` for a dataclass of numbers, flags and arrays of them."""
-    hints = get_type_hints(kind)
+    hints = hints_of(kind)
     return kind(**{name: _entry(hints[name], value) for name, value in record.items()})
 
 
@@ -294,7 +294,7 @@ def _built(kind: Any, value: Any, place: str, notes: tuple[Any, ...]) -> Any:
 
 def _built_record(kind: type, value: Any, place: str) -> Any:
     _accepted(isinstance(value, Mapping), value, place, "an object")
-    hints = get_type_hints(kind, include_extras=True)
+    hints = hints_of(kind, include_extras=True)
     known = fields(kind)
     names = [field.name for field in known if field.name in value]
     # A field that has a default may be newer than the document.
