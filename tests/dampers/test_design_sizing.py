@@ -115,9 +115,9 @@ def test_interrupted_sizing_keeps_what_it_found(monkeypatch: pytest.MonkeyPatch)
             generations.append(len(units))
             if len(generations) > 8:
                 raise KeyboardInterrupt
-            return objective(units)  # type: ignore[operator, no-any-return]
+            return objective(units)  # type: ignore[operator, no-any-return] # an objective of any kind
 
-        return run_search(optimiser, counted, **given)  # type: ignore[arg-type, type-var]
+        return run_search(optimiser, counted, **given)  # type: ignore[arg-type] # an optimiser of any kind
 
     monkeypatch.setattr("mrwork.dampers.design.sizing.run_search", stopping)
     with pytest.raises(Interrupted) as interrupt:

@@ -164,7 +164,7 @@ def test_minima_that_are_close_count_once() -> None:
 
 def test_impossible_settings_are_named(refused: Refused) -> None:
     for setting in ({"starts": 0}, {"closeness": 0.0}, {"found": 0}, {"most_iterations": -1}):
-        refused(Multistart, **setting)  # type: ignore[arg-type]
+        refused(Multistart, **setting)
 
 
 def test_an_insensitive_parameter_does_not_move() -> None:
