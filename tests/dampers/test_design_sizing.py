@@ -222,7 +222,7 @@ def test_every_point_of_the_cube_is_a_damper_within_its_supply_or_none(unit: lis
 
 def test_front_trades_size_for_range_and_power() -> None:
     pytest.importorskip("pymoo")
-    front = size_front(WISHES, fluid=FLUID, steel=STEEL, population=16, budget=480)
+    front = size_front(WISHES, fluid=FLUID, steel=STEEL, population=16, budget=320)
     assert len(front.designs) > 3
     assert all(not WISHES.missed(design) for design in front.designs)
     values = np.array([(each.envelope_volume, -each.dynamic_range, each.power) for each in front.designs])
