@@ -12,7 +12,7 @@ import types
 import unicodedata
 from abc import ABCMeta
 from collections import Counter
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass, replace
 from difflib import get_close_matches
@@ -39,7 +39,7 @@ _WORDS = {str: "text", float: "number", int: "whole number", bool: "true or fals
 # Controls, separators of lines and paragraphs.
 _CONTROLS = frozenset({"Cc", "Zl", "Zp"})
 
-hints_of = cache(get_type_hints)
+hints_of: Callable[..., dict[str, Any]] = cache(get_type_hints)
 """Types of the fields of a class: annotations are text, and to evaluate them takes longer than to read a table."""
 
 KeyPath = tuple[str | int, ...]
