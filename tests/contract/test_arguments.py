@@ -174,6 +174,6 @@ def test_what_makes_an_object_exists() -> None:
         made = getattr(target, "_made_by", "")
         if isinstance(target, type) and made.startswith("mr."):
             place: Any = import_module("mrwork")
-            for word in re.match(r"[\w.]+", made)[0].split(".")[1:]:  # type: ignore[index]
+            for word in re.match(r"[\w.]+", made)[0].split(".")[1:]:  # type: ignore[index] # the text matches
                 place = getattr(place, word)
             assert callable(place), made

@@ -177,7 +177,7 @@ def test_an_observation_is_refused_on_the_twin_before_anything_is_searched() -> 
 
 def test_an_engine_that_does_not_exist_is_named() -> None:
     with pytest.raises(SettingError, match="`engine` of identify is 'jax'; choose one of lanes, twin"):
-        identify("static_hysteretic", joint_tests()[0], engine="jax")  # type: ignore[arg-type]
+        identify("static_hysteretic", joint_tests()[0], engine="jax")  # type: ignore[arg-type] # no engine, on purpose
 
 
 def test_the_twin_can_be_asked_for_and_finds_the_same() -> None:

@@ -70,7 +70,7 @@ def test_a_fit_has_the_settings_it_was_made_with() -> None:
     fit = mr.identify(
         SPEC,
         TEST,
-        **{each.name: getattr(settings, each.name) for each in fields(FitSettings)},  # type: ignore[arg-type]
+        **{each.name: getattr(settings, each.name) for each in fields(FitSettings)},
     )
     assert fit.settings == settings
 

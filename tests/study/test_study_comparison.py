@@ -37,7 +37,7 @@ def shaken(rows: tuple[Row, ...] = study_samples.ROWS, **changes: object) -> Stu
         runs[3, motion] = runs[3, motion].with_numbers(rms_drift=2.0 * runs[3, motion].rms_drift)
     peak = WORSE * runs[0, 1].peak_acceleration
     runs[SHAKEN, 1] = runs[SHAKEN, 1].with_numbers(peak_acceleration=peak)
-    return replace(whole, runs=runs, rows=rows, **changes)  # type: ignore[arg-type]
+    return replace(whole, runs=runs, rows=rows, **changes)  # type: ignore[arg-type] # settings of several kinds by name
 
 
 def with_constant() -> StudyResults:

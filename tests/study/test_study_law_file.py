@@ -117,7 +117,7 @@ def test_a_file_that_is_no_law_is_refused_with_its_line(tmp_path: Path, refused:
         {"more": "law = 'fuzzy'"},
         {"more": "settings = { slope = 1 }"},
     ):
-        refused(mr.read_study, write(tmp_path, **changes))  # type: ignore[arg-type]
+        refused(mr.read_study, write(tmp_path, **changes))
 
 
 def test_a_row_without_any_law_is_refused(tmp_path: Path, refused: Refused) -> None:

@@ -29,7 +29,7 @@ def test_a_linear_swing_has_the_ratios_of_its_amplitudes() -> None:
 def test_ratios_of_the_references_themselves_are_one() -> None:
     results = study_samples.results()
     for row, against in ((0, "uncontrolled"), (1, "passive_off")):
-        found = results.ratios(row, 0, against)  # type: ignore[arg-type]
+        found = results.ratios(row, 0, against)  # type: ignore[arg-type] # one of two words
         assert {found[entry.name] for entry in criteria() if entry.ratio} == {1.0}
 
 
@@ -119,7 +119,7 @@ def test_an_energy_balance_that_does_not_hold_is_said_once_for_each_row() -> Non
 
 def test_a_balance_that_is_no_number_does_not_hold() -> None:
     results = study_samples.results()
-    runs = results.runs | {(2, 0): results.runs[2, 0].with_numbers(energy_error=math.nan)}  # type: ignore[operator]
+    runs = results.runs | {(2, 0): results.runs[2, 0].with_numbers(energy_error=math.nan)}  # type: ignore[operator] # the runs are a dictionary
     assert any(text.startswith("Isolation") for text in replace(results, runs=runs).warnings())
 
 

@@ -218,7 +218,7 @@ def test_a_history_is_the_same_with_its_run_and_by_itself(study: Study, tmp_path
             study,
             journal=journal,
             kept=lambda row, motion: False,
-            keep=lambda row, motion, history, into=histories: into.update({(row, motion): history}),  # type: ignore[misc]
+            keep=lambda row, motion, history, into=histories: into.update({(row, motion): history}),  # type: ignore[misc] # the default holds the dictionary
         )
         journal.close()
         found.append(histories)

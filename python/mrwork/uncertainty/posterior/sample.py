@@ -221,7 +221,7 @@ class SamplingProblem:
             "bounds": {name: list(self.bounds[name]) for name in sorted(self.bounds)},
             "priors": {
                 # Priors are dataclasses, which a protocol cannot state.
-                name: {"kind": type(prior).__name__} | asdict(prior)  # type: ignore[call-overload]
+                name: {"kind": type(prior).__name__} | asdict(prior)  # type: ignore[call-overload] # priors are dataclasses
                 for name, prior in sorted(self.priors.items())
             },
             "nuisances": list(objective.settings.nuisances),
