@@ -12,7 +12,7 @@ unexport CONDA_PREFIX
 # Compiled Python files are kept: a hundred tests start a process, which would compile the package anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test sentences faults lint format bench licences clean
+.PHONY: demo test sentences faults lint format bench dist licences clean
 
 demo: $(VENV)/.built
 	$(BIN)/mrwork identify synthetic:spencer1997 --model normalised_bouc_wen --seed 1 --out out/demo
@@ -50,11 +50,15 @@ bench: $(VENV)/.built $(VENV)/.dev
 	$(BIN)/python studies/speed/study.py kernels
 	$(BIN)/python studies/speed/study.py models
 
-licences: $(VENV)/.dev
+# A source distribution and a wheel in dist/, checked, and used where there is no Rust, no compiler and no font.
+dist: $(VENV)/.dist
+	.ci/dist
+
+licences: $(VENV)/.dev $(VENV)/.dist
 	$(BIN)/python .ci/licences.py
 
 clean:
-	rm -rf $(VENV) target out
+	rm -rf $(VENV) target out dist
 
 $(BIN)/python:
 	$(PYTHON) -c 'import sys; sys.exit(0 if sys.version_info >= (3, 11) else "mrwork needs Python >= 3.11; set PYTHON=")'
@@ -72,4 +76,8 @@ $(VENV)/.built: $(VENV)/.installed $(RUST_SOURCES)
 
 $(VENV)/.dev: pyproject.toml constraints.txt | $(VENV)/.installed
 	$(PIP) --no-build-isolation --editable '.[dev]'
+	touch $@
+
+$(VENV)/.dist: pyproject.toml constraints.txt | $(VENV)/.installed
+	$(PIP) --no-build-isolation --editable '.[dist]'
 	touch $@

@@ -167,7 +167,8 @@ def _frame() -> Building:
         name="frame",
         masses=[300.0],
         stiffnesses=[300.0 * (2.0 * np.pi * 3.0) ** 2],
-        source="one-storey frame in the manner of Nguyen, PhD thesis, UTS, 2009, ch. 7; 300 kg, 3 Hz and 1 % are ours",
+        source="one-storey frame in the manner of Nguyen, PhD thesis, University of Technology, Sydney, 2009, ch. 7; "
+        "300 kg, 3 Hz and 1 % are ours",
         status="ours",
     )
     return with_modal_damping(one_storey, ratios=[0.01])

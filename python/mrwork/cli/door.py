@@ -29,6 +29,7 @@ _VERBS = {
     "respond": "simulate a building with MR dampers under earthquakes",
     "tune": "tune control laws on training motions and judge them on test motions",
     "convert": "convert Bouc-Wen parameters between conventions",
+    "cite": "print what to cite for a run, as BibTeX",
 }
 
 

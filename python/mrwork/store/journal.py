@@ -24,7 +24,7 @@ from mrwork.store.output_file import Lock, explain_failure, open_to_write, refus
 
 T = TypeVar("T")
 # Without O_NONBLOCK, a named pipe in the place of the journal would wait for a reader.
-_FLAGS = os.O_WRONLY | os.O_CREAT | os.O_APPEND | getattr(os, "O_NONBLOCK", 0)
+_FLAGS = os.O_WRONLY | os.O_CREAT | os.O_APPEND | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
 
 # Largest share of the run time spent waiting for the disk. Lines that were written survive the death of the process;
 # only a power cut loses those that have not reached the disk.

@@ -17,6 +17,7 @@ import errno
 import os
 import shutil
 import stat
+import sys
 import tempfile
 import time
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -402,7 +403,12 @@ def _discard(beside: Path) -> None:
 
 
 def _flush(folder: Path) -> None:
-    """Flush a folder and its files to the disk, so that they survive a power cut; links of the user have nothing."""
+    """Flush a folder and its files to the disk, so that they survive a power cut; links of the user have nothing.
+
+    Windows opens no folder, and flushes a file only for who may write it.
+    """
+    if sys.platform == "win32":
+        return
     for path in (*folder.rglob("*"), folder):
         if path.is_symlink():
             continue
