@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from mrwork.arguments import checked
 from mrwork.errors import UnknownNameError
+from mrwork.keys import suggestion
 
 Array = NDArray[np.float64]
 
@@ -314,5 +315,5 @@ def noise_model(name: str) -> Noise:
         Where there is none.
     """
     if name not in NOISES:
-        raise UnknownNameError(f"there is no noise model {name!r}; known: {', '.join(NOISES)}")
+        raise UnknownNameError(f"there is no noise model {name!r}{suggestion(name, [*NOISES])}")
     return NOISES[name]
