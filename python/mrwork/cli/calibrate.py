@@ -10,7 +10,7 @@ from typing import Any, get_args
 
 import numpy as np
 
-from mrwork.cli.command_parser import VerbParser, examples
+from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.options import (
     add_files,
     add_observation,
@@ -52,7 +52,7 @@ _LEVEL = 0.9
 _Predicted = tuple[Fit, tuple[Prediction, ...], list[dict[str, Any]]]
 
 
-def add_options(parser: VerbParser) -> None:
+def add_options(parser: CommandParser) -> None:
     """Declare the options."""
     parser.description = (
         "Calibrate prediction bands with the errors of the model on tests that were not used for the fit, "

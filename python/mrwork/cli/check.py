@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from mrwork.cli.command_parser import OUTPUT, VerbParser, examples
+from mrwork.cli.command_parser import OUTPUT, CommandParser, examples
 from mrwork.cli.numbers import named_path
 from mrwork.cli.options import add_files, end_parser, reading_of
 from mrwork.cli.output import print_json
@@ -26,7 +26,7 @@ from mrwork.records.rig_table import EVERY_USE, TABLE_NAME, files_not_read, reco
 from mrwork.store.input_file import is_folder
 
 
-def add_options(parser: VerbParser) -> None:
+def add_options(parser: CommandParser) -> None:
     """Declare the options."""
     parser.description = (
         "Read test records and report findings: wrong signs, offsets, delays, smoothing, clipping, drift "

@@ -33,7 +33,7 @@ def examples_in(epilog: str | None) -> tuple[str, ...]:
     return tuple(line.removeprefix(_INDENT) for line in lines) if heading == _EXAMPLES else ()
 
 
-class _VerbHelp(argparse.HelpFormatter):
+class VerbHelp(argparse.HelpFormatter):
     """Wraps a description, but no example, and leaves the options to their groups instead of the usage as well."""
 
     def add_usage(
@@ -109,13 +109,6 @@ class CommandParser(argparse.ArgumentParser):
         """The group of options with this title, which is made when it is first asked for."""
         made = next((each for each in self._action_groups if each.title == title), None)
         return made or self.add_argument_group(title)
-
-
-class VerbParser(CommandParser):
-    """The parser of a verb."""
-
-    def _get_formatter(self) -> argparse.HelpFormatter:
-        return _VerbHelp(prog=self.prog)
 
 
 def _is_option(word: str) -> bool:

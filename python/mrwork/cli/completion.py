@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from mrwork.cli.command_parser import CommandParser, VerbParser, examples
+from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.numbers import named_path
 from mrwork.cli.options import end_parser
 from mrwork.cli.output import print_result
@@ -14,7 +14,7 @@ _SHELLS = ("bash", "zsh", "fish")
 _FOLDERS = ("RUN", "DIR")
 
 
-def add_options(parser: VerbParser) -> None:
+def add_options(parser: CommandParser) -> None:
     """Declare the options."""
     parser.description = (
         "Print the completion of mrwork for a shell. bash: write it to "
@@ -48,7 +48,7 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def subcommands(parser: CommandParser) -> dict[str, VerbParser]:
+def subcommands(parser: CommandParser) -> dict[str, CommandParser]:
     """The parsers of the verbs."""
     (verbs,) = (each for each in parser._actions if isinstance(each, argparse._SubParsersAction))
     return dict(verbs.choices)

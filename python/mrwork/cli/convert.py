@@ -9,7 +9,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.cli.command_parser import VerbParser, examples
+from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.numbers import SCALE, add_number
 from mrwork.cli.options import end_parser, parsed_number
 from mrwork.cli.output import print_json
@@ -43,7 +43,7 @@ _NAMES: dict[Convention, tuple[str, ...]] = {
 _OPTIONAL = ("c0", "k0", "x0", "c", "k", "deltaA", "deltaNu", "deltaEta")
 
 
-def add_options(parser: VerbParser) -> None:
+def add_options(parser: CommandParser) -> None:
     """Declare the options."""
     parser.description = (
         "Convert Bouc-Wen parameters to another convention that gives the same force. "

@@ -6,7 +6,7 @@ import argparse
 import shlex
 from pathlib import Path
 
-from mrwork.cli.command_parser import VerbParser, examples
+from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.options import add_out, add_seed, add_threads, end_parser
 from mrwork.cli.terminal import show
 
@@ -16,7 +16,7 @@ _SEED = 1
 _OUT = Path("out") / "demo"
 
 
-def add_options(parser: VerbParser) -> None:
+def add_options(parser: CommandParser) -> None:
     """Declare the options."""
     parser.description = (
         f"Identify the model {_MODEL} from the embedded test {_FILE}: simulated with published parameters and sensor "

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from importlib import import_module
 from typing import TextIO
 
-from mrwork.cli.command_parser import CommandParser, VerbParser
+from mrwork.cli.command_parser import CommandParser, VerbHelp
 from mrwork.cli.signals import StopSignals
 from mrwork.cli.terminal import note, show, show_all
 from mrwork.errors import MrworkError, MrworkWarning, reason_of
@@ -62,9 +62,9 @@ def _parser_with(declared: Collection[str]) -> CommandParser:
     )
     root.add_argument("--version", action="version", version=f"mrwork {__version__}")
     root.set_defaults(run=_show_tour)
-    commands = root.add_subparsers(title="verbs", metavar="VERB", parser_class=VerbParser)
+    commands = root.add_subparsers(title="verbs", metavar="VERB", parser_class=CommandParser)
     for verb, purpose in _VERBS.items():
-        command = commands.add_parser(verb, help=purpose)
+        command = commands.add_parser(verb, help=purpose, formatter_class=VerbHelp)
         if verb in declared:
             import_module(f"mrwork.cli.{verb}").add_options(command)
     return root
@@ -77,7 +77,7 @@ test records, and simulates buildings with such dampers.
 Try in an empty folder:
   mrwork demo
   mrwork init rig rig
-  mrwork identify rig --law k_w=quadratic --law c=linear
+  mrwork identify rig --law k_w=quadratic --law c=linear --out out/rig
   mrwork init study study.toml
   mrwork respond study.toml
 

@@ -9,7 +9,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
-from mrwork.cli.command_parser import SEARCH, VerbParser, examples
+from mrwork.cli.command_parser import SEARCH, CommandParser, examples
 from mrwork.cli.identified import (
     Identification,
     summary_of,
@@ -63,7 +63,7 @@ if TYPE_CHECKING:
     from mrwork.uncertainty.choice.ranking import Ranking
 
 
-def add_options(parser: VerbParser) -> None:
+def add_options(parser: CommandParser) -> None:
     """Declare the options."""
     parser.description = "Identify one damper model from one or several tests of the same damper."
     parser.epilog = examples(
@@ -269,7 +269,7 @@ def _search(options: argparse.Namespace) -> Search | None:
 _WIDTH = 118
 
 
-def add_choice(parser: VerbParser) -> None:
+def add_choice(parser: CommandParser) -> None:
     """Declare the options that only a comparison takes."""
     comparison = parser.group("comparison of models and laws")
     comparison.add_argument(

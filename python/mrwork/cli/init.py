@@ -11,7 +11,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Literal, get_args
 
-from mrwork.cli.command_parser import VerbParser, examples
+from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.numbers import named_path
 from mrwork.cli.options import end_parser
 from mrwork.cli.output import print_result
@@ -23,7 +23,7 @@ Sample = Literal["rig", "study"]
 _STUDY = "study.toml"
 
 
-def add_options(parser: VerbParser) -> None:
+def add_options(parser: CommandParser) -> None:
     """Declare the options."""
     parser.description = (
         "Write a sample to begin with. rig: a folder with synthetic tests of a damper and their table, tests.csv, for "

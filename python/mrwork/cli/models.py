@@ -6,7 +6,7 @@ import argparse
 from dataclasses import asdict
 from typing import Any
 
-from mrwork.cli.command_parser import VerbParser, examples
+from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.numbers import AMPLITUDE, FREQUENCY, add_number, named_path
 from mrwork.cli.options import end_parser
 from mrwork.cli.output import print_json
@@ -28,7 +28,7 @@ _PARAMETER_COLUMNS = (
 )
 
 
-def add_options(parser: VerbParser) -> None:
+def add_options(parser: CommandParser) -> None:
     """Declare the options."""
     parser.description = "List the damper models, or show one in full."
     parser.epilog = examples(

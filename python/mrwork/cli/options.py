@@ -8,7 +8,7 @@ from math import isfinite
 from pathlib import Path
 from typing import get_args
 
-from mrwork.cli.command_parser import COMPUTATION, MEASUREMENT, OUTPUT, RECORDS, VerbParser
+from mrwork.cli.command_parser import COMPUTATION, MEASUREMENT, OUTPUT, RECORDS, CommandParser
 from mrwork.cli.numbers import EVERY, INSTANT, SEED, SETTLE, THREADS, add_number, named_path
 from mrwork.cli.progress import reading_line
 from mrwork.cli.terminal import note
@@ -41,7 +41,7 @@ _NONE = "none"
 _AUTO = "auto"
 
 
-def add_files(parser: VerbParser, *, required: bool = True) -> None:
+def add_files(parser: CommandParser, *, required: bool = True) -> None:
     """FILE... and the options for reading the files."""
     records = parser.group(RECORDS)
     records.add_argument(
@@ -81,7 +81,7 @@ def add_files(parser: VerbParser, *, required: bool = True) -> None:
     )
 
 
-def add_observation(parser: VerbParser, *, default: str = DETECT, nuisances: str = _NONE) -> None:
+def add_observation(parser: CommandParser, *, default: str = DETECT, nuisances: str = _NONE) -> None:
     """--observe and --nuisance, whose defaults `default` and `nuisances` say."""
     measurement = parser.group(MEASUREMENT)
     measurement.add_argument(
@@ -104,12 +104,12 @@ def add_observation(parser: VerbParser, *, default: str = DETECT, nuisances: str
     )
 
 
-def add_run(parser: VerbParser) -> None:
+def add_run(parser: CommandParser) -> None:
     """RUN, the folder of an identification, as `options.run_folder`."""
     parser.add_argument("run_folder", type=named_path, metavar="RUN", help="run folder of mrwork identify")
 
 
-def add_threads(parser: VerbParser) -> None:
+def add_threads(parser: CommandParser) -> None:
     """--threads."""
     add_number(
         parser.group(COMPUTATION),
@@ -121,7 +121,7 @@ def add_threads(parser: VerbParser) -> None:
     )
 
 
-def add_seed(parser: VerbParser, of: str, default: int = 0) -> None:
+def add_seed(parser: CommandParser, of: str, default: int = 0) -> None:
     """--seed, of what `of` names."""
     add_number(
         parser.group(COMPUTATION),
@@ -133,7 +133,7 @@ def add_seed(parser: VerbParser, of: str, default: int = 0) -> None:
     )
 
 
-def add_out(parser: VerbParser, what: str) -> None:
+def add_out(parser: CommandParser, what: str) -> None:
     """--out, which `what` describes, and --replace."""
     output = parser.group(OUTPUT)
     output.add_argument("--out", type=named_path, metavar="DIR", help=what)
@@ -146,7 +146,7 @@ def add_out(parser: VerbParser, what: str) -> None:
 
 
 def end_parser(
-    parser: VerbParser,
+    parser: CommandParser,
     run: Callable[[argparse.Namespace], int],
     *,
     resume: str = "",

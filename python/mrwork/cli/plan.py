@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.cli.command_parser import VerbParser, examples
+from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.numbers import AMPLITUDES, COMMANDS, FREQUENCIES, STROKE, VELOCITY, add_number, named_path
 from mrwork.cli.options import add_run, add_seed, add_threads, end_parser, opened_run
 from mrwork.cli.output import end_addition, told_findings
@@ -33,7 +33,7 @@ _SHOWN = 15
 _DRAWS = 400
 
 
-def add_options(parser: VerbParser) -> None:
+def add_options(parser: CommandParser) -> None:
     """Declare the options."""
     parser.description = "Rank sinusoidal tests by how much each would reduce the variance of a band."
     parser.epilog = examples(

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from mrwork.cli.command_parser import VerbParser, examples
+from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.numbers import SHARE, SUBSTEP_FACTOR, add_number
 from mrwork.cli.options import (
     add_files,
@@ -51,7 +51,7 @@ _BAND_COLUMNS = (
 )
 
 
-def add_options(parser: VerbParser) -> None:
+def add_options(parser: CommandParser) -> None:
     """Declare the options."""
     parser.description = (
         "Simulate other tests with a stored fit and compare the simulated force with the measured one. "

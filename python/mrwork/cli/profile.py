@@ -8,7 +8,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mrwork.cli.command_parser import VerbParser, examples
+from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.numbers import SHARE, add_number
 from mrwork.cli.options import add_run, add_threads, end_parser, is_quiet, opened_run
 from mrwork.cli.output import end_addition, print_result, result_lines, told_findings, verdicts_elsewhere
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from mrwork.uncertainty.identifiability.profile import Profiles
 
 
-def add_options(parser: VerbParser) -> None:
+def add_options(parser: CommandParser) -> None:
     """Declare the options."""
     parser.description = (
         "Compute the profile likelihood of each parameter of a fit: intervals, which may be open, "

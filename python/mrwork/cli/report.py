@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from mrwork.cli.command_parser import VerbParser, examples
+from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.options import add_run, end_parser, is_quiet
 from mrwork.cli.output import drawing, print_json, told_findings
 from mrwork.cli.terminal import show
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from mrwork.report.section import OnDrawn
 
 
-def add_options(parser: VerbParser) -> None:
+def add_options(parser: CommandParser) -> None:
     """Declare the options."""
     parser.description = "Draw the page of a run again, with everything that its folder holds."
     parser.epilog = examples(

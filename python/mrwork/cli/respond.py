@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mrwork.cli.command_parser import VerbParser, examples
+from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.numbers import named_path
 from mrwork.cli.options import add_out, add_seed, add_threads, end_parser, is_quiet
 from mrwork.cli.progress import progress_line, study_described
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from mrwork.study.study import Study
 
 
-def add_options(parser: VerbParser) -> None:
+def add_options(parser: CommandParser) -> None:
     """Declare the options."""
     parser.description = (
         "Simulate a building with dampers and control laws under ground motions, as described in a study "

@@ -8,7 +8,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mrwork.cli.command_parser import VerbParser, examples
+from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.numbers import STEPS, TEMPERING, WALKERS, add_number
 from mrwork.cli.options import (
     add_run,
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from mrwork.uncertainty.posterior.draws import Draws
 
 
-def add_options(parser: VerbParser) -> None:
+def add_options(parser: CommandParser) -> None:
     """Declare the options."""
     parser.description = (
         "Sample the posterior of the parameters of a fit, given its tests. Writes the journal of the "

@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mrwork.cli.command_parser import SEARCH, VerbParser, examples
+from mrwork.cli.command_parser import SEARCH, CommandParser, examples
 from mrwork.cli.numbers import named_path
 from mrwork.cli.options import add_out, add_seed, add_threads, end_parser, is_quiet
 from mrwork.cli.output import table_lines
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 _QUICK = (48, 12)
 
 
-def add_options(parser: VerbParser) -> None:
+def add_options(parser: CommandParser) -> None:
     """Declare the options."""
     parser.description = (
         "Tune the settings of the laws in the [[tune]] tables of a study file on its training motions, and "
