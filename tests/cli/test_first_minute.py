@@ -240,6 +240,7 @@ MISSPELT = [
     ("identify", "synthetic:spencer1997", "--modle", "bouc_wen"),
     ("identify", "--modle=bouc_wen"),
     ("tune", "--qick"),
+    ("identify", "f.csv", "-q"),
     ("check", "f.csv", "--leave-out", "test"),
     ("report", "out", "figures"),
     ("calibrate", "out", "--threads", "1", "f.csv"),

@@ -72,6 +72,8 @@ class CommandParser(argparse.ArgumentParser):
         words = list(sys.argv[1:] if args is None else args)
         self._refuse_unknown_option(words)
         found, left = super().parse_known_args(words, namespace)
+        if left and left[0].startswith("-"):
+            self.error(f"no option is called {left[0]!r}")
         if left:
             several = any(each.nargs in ("+", "*") and not each.option_strings for each in self._actions)
             together = "; give all files together, with no option between" if several else ""
