@@ -30,6 +30,7 @@ HOMES = {
     ("matplotlib", "fontTools", "jinja2"): ("report",),
     ("control",): ("buildings.state_space",),
     ("cvxpy", "clarabel"): ("control.design",),
+    ("shtab",): ("cli.completion",),
 }
 
 TESTS = """

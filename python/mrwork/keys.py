@@ -120,8 +120,14 @@ def shown(value: object) -> str:
 
 def suggestion(name: object, known: Sequence[str], *, otherwise: str = "choose one of") -> str:
     """End of a message on an unknown name: the closest known name, or all known names if none is close."""
+    near = closest(name, known)
+    return f", did you mean {near}" if near else f"; {otherwise} {', '.join(known) or 'none'}"
+
+
+def closest(name: object, known: Sequence[str]) -> str:
+    """The known name that is closest to an unknown one; empty if none is close."""
     near = get_close_matches(name, known, n=1) if isinstance(name, str) else []
-    return f", did you mean {near[0]}" if near else f"; {otherwise} {', '.join(known) or 'none'}"
+    return near[0] if near else ""
 
 
 def key(

@@ -78,6 +78,8 @@ def arguments_of(verb: str, record: Path, run: Path, folder: Path) -> list[objec
     study = folder / "study.toml"
     study.write_text(study_text("control_weight = 1e-13"))
     arguments: dict[str, list[object]] = {
+        "demo": ["--out", folder / "demo"],
+        "init": ["study", folder / "sample"],
         "models": [],
         "check": [record],
         "identify": [record, "--model", "static_hysteretic", "--out", folder / "new"],
@@ -90,6 +92,7 @@ def arguments_of(verb: str, record: Path, run: Path, folder: Path) -> list[objec
         "respond": [study, "--out", folder / "study"],
         "tune": [study, "--out", folder / "tuned", "--quick"],
         "convert": ["spencer", "--to", "normalised", "alpha=1", "A=1", "n=2", "gamma=1", "beta=1"],
+        "completion": ["bash"],
     }
     return arguments[verb]
 

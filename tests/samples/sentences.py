@@ -27,7 +27,6 @@ WRITES = os.environ.get("MRWORK_SENTENCES") == "write"
 PLACES = {TESTS: "{tests}", DATA: "{data}"}
 # What is of the machine, or of this Python.
 VARYING = {
-    r"\(choose from [^)]*\)": "(choose from {choices})",
     r"\bprocess \d+ on \S+": "process {number} on {machine}",
     r"is not TOML(:| \()[^()]*\(at": r"is not TOML\1{reason} (at",
 }

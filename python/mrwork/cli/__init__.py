@@ -1,4 +1,4 @@
-"""The command line: one module per verb, each with `add_parser` and `run`.
+"""The command line: one module per verb, each with `add_options` and `run`.
 
 Exit status: 0 done; 2 bad input, or no stdout, space or memory (one line on stderr); 130 interrupted by Ctrl-C,
 143 ended by SIGTERM (what was finished is kept).

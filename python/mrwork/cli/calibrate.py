@@ -10,6 +10,7 @@ from typing import Any, get_args
 
 import numpy as np
 
+from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.options import (
     add_files,
     add_observation,
@@ -51,19 +52,22 @@ _LEVEL = 0.9
 _Predicted = tuple[Fit, tuple[Prediction, ...], list[dict[str, Any]]]
 
 
-def add_parser(verbs: Any) -> None:
-    """Declare the verb."""
-    parser = verbs.add_parser(
-        "calibrate",
-        description="Calibrate prediction bands with the errors of the model on tests that were not used for the fit, "
+def add_options(parser: CommandParser) -> None:
+    """Declare the options."""
+    parser.description = (
+        "Calibrate prediction bands with the errors of the model on tests that were not used for the fit, "
         "and write them into the run folder, where mrwork predict RUN --level uses them. A test with the motion and "
         "command of a fitted one, such as its raw record or a repeated run, has been seen and is not used. Without "
-        "files, the tests of the run are left out in turn, and each is predicted by a fit to the others.",
+        "files, the tests of the run are left out in turn, and each is predicted by a fit to the others."
+    )
+    parser.epilog = examples(
+        "mrwork calibrate out/rig rig",
+        "mrwork calibrate out/rig --leave-out motion",
     )
     add_run(parser)
     add_files(parser, required=False)
     add_observation(parser, default=_AS_FITTED, nuisances=_AS_FITTED)
-    parser.add_argument(
+    parser.group("cross-validation").add_argument(
         "--leave-out",
         choices=get_args(Fold),
         default="test",

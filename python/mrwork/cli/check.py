@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from mrwork.cli.command_parser import OUTPUT, CommandParser, examples
 from mrwork.cli.numbers import named_path
 from mrwork.cli.options import add_files, end_parser, reading_of
 from mrwork.cli.output import print_json
@@ -25,15 +26,18 @@ from mrwork.records.rig_table import EVERY_USE, TABLE_NAME, files_not_read, reco
 from mrwork.store.input_file import is_folder
 
 
-def add_parser(verbs: Any) -> None:
-    """Declare the verb."""
-    parser = verbs.add_parser(
-        "check",
-        description="Read test records and report findings: wrong signs, offsets, delays, smoothing, clipping, drift "
-        "and others.",
+def add_options(parser: CommandParser) -> None:
+    """Declare the options."""
+    parser.description = (
+        "Read test records and report findings: wrong signs, offsets, delays, smoothing, clipping, drift "
+        "and others."
+    )
+    parser.epilog = examples(
+        "mrwork check rig",
+        "mrwork check rig/10mm1Hz0A.csv --table guess.csv --json",
     )
     add_files(parser)
-    parser.add_argument(
+    parser.group(OUTPUT).add_argument(
         "--table",
         nargs="?",
         type=named_path,

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.numbers import SHARE, SUBSTEP_FACTOR, add_number
 from mrwork.cli.options import (
     add_files,
@@ -50,18 +51,22 @@ _BAND_COLUMNS = (
 )
 
 
-def add_parser(verbs: Any) -> None:
-    """Declare the verb."""
-    parser = verbs.add_parser(
-        "predict",
-        description="Simulate other tests with a stored fit and compare the simulated force with the measured one. "
-        "Tests with the motion and command of a fitted one are named as seen.",
+def add_options(parser: CommandParser) -> None:
+    """Declare the options."""
+    parser.description = (
+        "Simulate other tests with a stored fit and compare the simulated force with the measured one. "
+        "Tests with the motion and command of a fitted one are named as seen."
+    )
+    parser.epilog = examples(
+        "mrwork predict out/rig rig --level 0.9",
+        "mrwork predict out/demo synthetic:spencer1997_slow --substep-factor 4",
     )
     add_run(parser)
     add_files(parser)
     add_observation(parser, default=_AS_FITTED, nuisances=_AS_FITTED)
+    prediction = parser.group("prediction")
     add_number(
-        parser,
+        prediction,
         "--substep-factor",
         SUBSTEP_FACTOR,
         "multiply the integration steps by N = 2, 4, ... to check that the result does not change",
@@ -69,7 +74,7 @@ def add_parser(verbs: Any) -> None:
         metavar="N",
     )
     add_number(
-        parser,
+        prediction,
         "--level",
         SHARE,
         "also print the half width and the coverage of the prediction band of this level, such as 0.9; needs mrwork "

@@ -16,6 +16,7 @@ import numpy as np
 from mrwork.arguments import AnyArray, checked
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
+from mrwork.keys import suggestion
 
 # NumPy or JAX array; no annotation covers both without importing JAX.
 Array = Any
@@ -81,7 +82,8 @@ class Box:
         lower, upper = list(self.lower), list(self.upper)
         for name, (low, high) in bounds.items():
             if name not in self.names:
-                raise SettingError(f"no parameter is called {name!r}; this model has {', '.join(self.names)}")
+                near = suggestion(name, self.names, otherwise="this model has")
+                raise SettingError(f"no parameter is called {name!r}{near}")
             index = self.names.index(name)
             if not (isfinite(low) and isfinite(high)):
                 raise SettingError(f"bounds of {name} are {low:g} and {high:g}; both must be finite numbers")

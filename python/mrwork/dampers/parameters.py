@@ -92,9 +92,8 @@ def laws_in_order(
     names = [parameter.name for parameter in plain]
     for name in laws:
         if name not in names:
-            raise UnknownNameError(
-                f"{model} has no parameter {name!r} to follow the command; it has {', '.join(names)}"
-            )
+            near = suggestion(name, names, otherwise="it has")
+            raise UnknownNameError(f"{model} has no parameter {name!r} to follow the command{near}")
     return tuple(law_named(laws.get(name, polynomial_laws()[0])).name for name in names)
 
 

@@ -23,6 +23,7 @@ from mrwork.dampers.parameters import (
     polynomial_laws,
 )
 from mrwork.errors import SettingError, UnknownNameError
+from mrwork.keys import suggestion
 from mrwork.numbers import format_rounded, of_unit
 from mrwork.summary import Summarised, Summary
 from mrwork.units import CommandUnit
@@ -280,8 +281,8 @@ class DamperSpec(Summarised):
         for entry in PUBLISHED_SETS:
             if (entry.model, entry.name) == (self.name, name):
                 return _preset(self, entry)
-        known = ", ".join(self.presets) or "none"
-        raise UnknownNameError(f"{self.name} has no published set called {name!r}; it has {known}")
+        near = suggestion(name, self.presets, otherwise="it has")
+        raise UnknownNameError(f"{self.name} has no published set called {name!r}{near}")
 
     def _summary(self) -> Summary:
         return Summary(
@@ -384,8 +385,8 @@ def damper(name: str) -> DamperSpec:
     for spec in damper_models():
         if spec.name == name:
             return spec
-    known = ", ".join(spec.name for spec in damper_models())
-    raise UnknownNameError(f"no damper model is called {name!r}; choose one of {known}")
+    near = suggestion(name, [spec.name for spec in damper_models()])
+    raise UnknownNameError(f"no damper model is called {name!r}{near}")
 
 
 # Commands at which a law is evaluated.

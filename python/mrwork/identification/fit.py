@@ -12,6 +12,7 @@ from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import UnknownNameError
 from mrwork.identification.residual import NONE, Nuisance, NuisanceName
 from mrwork.identification.settings import FitSettings, Reading
+from mrwork.keys import suggestion
 from mrwork.numbers import format_rounded, of_unit
 from mrwork.records import AS_IT_IS, DamperTest, Observation, observed
 from mrwork.records.damper_test import OperatingRange, Outside, range_of_test
@@ -501,8 +502,8 @@ class Fit(Summarised, Related):
         """
         named = [each for each in self.estimates if each.name == name]
         if not named:
-            names = ", ".join(each.name for each in self.estimates)
-            raise UnknownNameError(f"{self.model} has no parameter {name!r}; it has {names}")
+            near = suggestion(name, [each.name for each in self.estimates], otherwise="it has")
+            raise UnknownNameError(f"{self.model} has no parameter {name!r}{near}")
         (estimate,) = named
         if estimate.remark == "fixed":
             return "fixed", ""

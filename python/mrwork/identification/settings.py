@@ -12,6 +12,7 @@ from mrwork.annotations import Record, fields_of, hints_of
 from mrwork.arguments import Count, Level, Seed, checked
 from mrwork.errors import RecordError, SettingError, UnknownNameError
 from mrwork.identification.residual import NuisanceName
+from mrwork.keys import suggestion
 from mrwork.records import DamperTest, read_damper_test, repair
 from mrwork.records.repairs import DETECT, RepairKind, as_words
 from mrwork.records.window import count_samples_from, cut
@@ -109,7 +110,7 @@ def searches() -> Mapping[str, Search]:
 def search_named(name: str) -> Search:
     """The search called `name`, with its default settings."""
     if name not in searches():
-        raise UnknownNameError(f"there is no search called {name!r}; choose one of {', '.join(searches())}")
+        raise UnknownNameError(f"there is no search called {name!r}{suggestion(name, [*searches()])}")
     return searches()[name]
 
 

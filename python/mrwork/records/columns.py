@@ -26,6 +26,7 @@ from mrwork.files.named_columns import (
     unit_in_name,
     without_unit,
 )
+from mrwork.keys import closest, suggestion
 from mrwork.summary import listed
 from mrwork.units import (
     FACTORS,
@@ -438,9 +439,8 @@ def _quantity(name: str) -> TestQuantity:
     for quantity in QUANTITIES:
         if quantity == name:
             return quantity
-    raise SettingError(
-        f"'{name}' is not a quantity of a damper test; use one of {', '.join((*QUANTITIES, COMMAND))}"
-    )
+    near = suggestion(name, (*QUANTITIES, COMMAND), otherwise="use one of")
+    raise SettingError(f"'{name}' is not a quantity of a damper test{near}")
 
 
 def _parse_specification(quantity: TestQuantity, specification: str) -> tuple[str, str]:
@@ -478,7 +478,9 @@ def _find(column: str, names: Sequence[str], source: str) -> str:
     if alike:
         raise RecordError(f"{source}: the column name '{column}' occurs {len(alike)} times; make it unique")
     shown = ", ".join(f"'{name}'" for name in names)
-    raise RecordError(f"{source}: there is no column '{column}'; the columns are {shown}")
+    near = closest(column, names)
+    columns = f", did you mean '{near}'" if near else f"; the columns are {shown}"
+    raise RecordError(f"{source}: there is no column '{column}'{columns}")
 
 
 def tells_a_test(table: ColumnTable, *, source: str) -> bool:

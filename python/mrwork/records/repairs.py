@@ -14,6 +14,7 @@ import numpy as np
 
 from mrwork.arguments import checked
 from mrwork.errors import SettingError
+from mrwork.keys import closest
 from mrwork.records.checks import mean_over_travel, rest_before_motion, samples_at_rest
 from mrwork.records.damper_test import AS_IT_IS, RANGES, DamperTest, Finding, Measured, Observation
 from mrwork.records.detectors.cycles import force_delay, moving_mass
@@ -294,8 +295,10 @@ def _value(word: str, *, period: float) -> tuple[str, float]:
     """Name and value of WHAT=VALUE, or WHAT=VALUET with a share of the period [s]."""
     name, _, text = word.partition("=")
     if name not in _FIELDS:
+        near = closest(name, [DETECT, NONE, *_FIELDS])
+        values = ", ".join(f"{key}=VALUE" for key in _FIELDS)
         raise SettingError(
-            f"--observe is {word!r}; give {DETECT}, {NONE}, or {', '.join(f'{key}=VALUE' for key in _FIELDS)}"
+            f"--observe is {word!r}{f', did you mean {near}' if near else f'; give {DETECT}, {NONE}, or {values}'}"
         )
     share = text.endswith("T") and name in _OF_PERIOD
     try:

@@ -14,6 +14,7 @@ from mrwork.files.delimited import decode_text, read_text_bytes
 from mrwork.files.layout import delimiter_of, is_data, split
 from mrwork.files.named_columns import listed_files
 from mrwork.files.open_table import EXTENSIONS, TEXT_EXTENSIONS
+from mrwork.keys import closest, suggestion
 from mrwork.records.columns import COMMAND, REQUIRED, check_specification
 from mrwork.store.input_file import RECORD, exists, is_file, is_folder, start_of
 from mrwork.store.output_file import replacing
@@ -174,9 +175,11 @@ def read_test_table(path: str | os.PathLike[str]) -> tuple[ListedTest, ...]:
         header.pop()
     unknown = [name for name in header if name not in _HEADER]
     if unknown or "file" not in header or len(set(header)) < len(header):
+        near = closest(unknown[0], _HEADER) if unknown else ""
+        meant = f", did you mean {near}" if near else ""
         raise RecordError(
             f"{place}, line {filled[0][0]}: a table of tests has the columns {', '.join(_HEADER)}, each at most once; "
-            f"{f'there is none called {unknown[0]!r}' if unknown else f'these are {listed(header, 8)}'}"
+            f"{f'there is none called {unknown[0]!r}{meant}' if unknown else f'these are {listed(header, 8)}'}"
         )
     rows: dict[str, ListedTest] = {}
     for number, line in filled[1:]:
@@ -235,7 +238,8 @@ def _row(entries: Mapping[str, str], folder: Path) -> ListedTest:
     name = entries.get("use", UNUSED).casefold()
     use = next((each for each in get_args(Use) if each == name), None)
     if use is None and name != UNUSED:
-        raise SettingError(f"the use is '{name}'; give one of {', '.join((*get_args(Use), UNUSED))}")
+        near = suggestion(name, (*get_args(Use), UNUSED), otherwise="give one of")
+        raise SettingError(f"the use is '{name}'{near}")
     columns = {key: entries[key] for key in _SPECIFIED if key in entries}
     if use is not None:
         for key, specification in columns.items():

@@ -17,6 +17,7 @@ import numpy as np
 
 from mrwork.arguments import checked
 from mrwork.errors import UnknownNameError
+from mrwork.keys import suggestion
 from mrwork.values import Floats
 
 _LOG_2_PI = float(np.log(2.0 * np.pi))
@@ -312,5 +313,5 @@ def noise_model(name: str) -> Noise:
         Where there is none.
     """
     if name not in NOISES:
-        raise UnknownNameError(f"there is no noise model {name!r}; known: {', '.join(NOISES)}")
+        raise UnknownNameError(f"there is no noise model {name!r}{suggestion(name, [*NOISES])}")
     return NOISES[name]

@@ -23,6 +23,7 @@ from mrwork.identification.objective import linearise_residuals
 from mrwork.identification.problem import Problem
 from mrwork.identification.result import effective_samples, residuals_by_test
 from mrwork.identification.settings import ROOT_MEAN_SQUARE
+from mrwork.keys import suggestion
 from mrwork.numbers import format_rounded, of_unit
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
@@ -399,7 +400,8 @@ def _profiled_indices(box: Box, parameters: Sequence[str]) -> list[int]:
         raise SettingError(f"`parameters` are {', '.join(parameters)}; name each once")
     for name in parameters:
         if name not in box.names:
-            raise UnknownNameError(f"no parameter is called {name!r}; this model has {', '.join(box.names)}")
+            near = suggestion(name, box.names, otherwise="this model has")
+            raise UnknownNameError(f"no parameter is called {name!r}{near}")
         if name not in free:
             raise SettingError(f"{name} is fixed; only free parameters have a profile: {', '.join(free)}")
     return [number for number, name in enumerate(free) if not parameters or name in parameters]

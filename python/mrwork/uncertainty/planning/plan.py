@@ -18,6 +18,7 @@ from mrwork.identification.fit import Fit
 from mrwork.identification.problem import Problem
 from mrwork.identification.residual import NuisanceName, without_nuisance
 from mrwork.identification.result import effective_samples, residuals_by_test
+from mrwork.keys import suggestion
 from mrwork.numbers import NOTHING, format_rounded, of_unit, percent, significant
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
@@ -290,7 +291,9 @@ def _column_of(posterior: LinearisedPosterior, band: str) -> int:
         return free.index(band)
     if band in posterior.spec.names:
         raise SettingError(f"{band} is fixed, no test narrows it; take force, energy, {', '.join(free)}")
-    raise UnknownNameError(f"there is no band {band!r}; take force, energy, {', '.join(free)}")
+    raise UnknownNameError(
+        f"there is no band {band!r}{suggestion(band, ['force', 'energy', *free], otherwise='take')}"
+    )
 
 
 def _quotient(rows: Floats, width: Floats) -> Floats:
