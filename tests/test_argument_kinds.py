@@ -15,7 +15,7 @@ from sentences import Refused
 
 from mrwork.arguments import AnyArray, May, Positive, Rows, Shape, checked
 from mrwork.errors import ArgumentError
-from mrwork.keys import Within
+from mrwork.hints import Within
 
 
 @checked

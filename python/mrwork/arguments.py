@@ -12,20 +12,28 @@ A class says in `_made_by` how a user gets one of its objects.
 from __future__ import annotations
 
 import inspect
-import sys
 from collections.abc import Callable, Mapping
 from dataclasses import is_dataclass
 from functools import wraps
-from types import SimpleNamespace
-from typing import Annotated, Any, TypeVar, cast, get_type_hints
+from typing import Annotated, Any, TypeVar, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mrwork.argument_kinds import Kind, May, Refusal, Shape, kind_of, shape_of
+from mrwork.argument_kinds import Kind, Refusal, check_shape, kind_of
 from mrwork.errors import InvalidSettingError, MrworkError, SettingError
 from mrwork.escaping import escaped
-from mrwork.keys import Within, keys_of
+from mrwork.hints import (
+    May,
+    Node,
+    Shape,
+    Within,
+    fields_of,
+    hint_in,
+    node_of,
+    notes_of_default,
+    shape_of,
+)
 
 __all__ = [
     "AnyArray",
@@ -101,8 +109,9 @@ def _checking(function: Any, name: str, owner: type = object) -> Any:
     @wraps(function)
     def checking(*args: Any, **given: Any) -> Any:
         if not kinds:
-            kinds.update(_kinds_of(function, signature, owner))
-            shapes.update(_shapes_of(function, signature))
+            nodes = nodes_of(function, signature, owner)
+            kinds.update({name: kind_of(node) for name, node in nodes.items()})
+            shapes.update({name: shape for name, node in nodes.items() if (shape := shape_of(node))})
         values = [
             _accepted(kinds, name, parameter, value, owner)
             for parameter, value in zip(positional, args, strict=False)
@@ -147,41 +156,19 @@ def _agree(shapes: Mapping[str, Shape], function: str, given: Mapping[str, Any])
         if value is None or isinstance(value, int | float):
             continue
         try:
-            shape.check(value, known, parameter)
+            check_shape(shape, value, known, parameter)
         except Refusal as refusal:
             raise _error(parameter, function, refusal) from None
 
 
-def _shapes_of(function: Any, signature: inspect.Signature) -> dict[str, Shape]:
+def nodes_of(function: Any, signature: inspect.Signature, owner: type = object) -> dict[str, Node]:
+    """What each parameter of a function declares, or of the constructor of a dataclass."""
     own = inspect.unwrap(function).__globals__
-    found = {
-        name: shape_of(_resolved(parameter.annotation, own))
-        for name, parameter in signature.parameters.items()
-    }
-    return {name: shape for name, shape in found.items() if shape is not None}
-
-
-def _kinds_of(function: Any, signature: inspect.Signature, owner: type = object) -> dict[str, Kind]:
-    # An inherited field is annotated with names of the module of its own class.
-    homes = {
-        name: vars(sys.modules[each.__module__])
-        for each in reversed(owner.__mro__)
-        for name in vars(each).get("__annotations__", ())
-    }
-    own = inspect.unwrap(function).__globals__
-    declared = {entry.name: entry.metadata for entry in keys_of(owner)} if is_dataclass(owner) else {}
+    declared = fields_of(owner) if is_dataclass(owner) else {}
     return {
-        name: kind_of(
-            _resolved(parameter.annotation, homes.get(name, own)), parameter.default, declared.get(name)
-        )
+        name: declared[name]
+        if name in declared
+        else node_of(hint_in(own, parameter.annotation), notes_of_default(parameter.default))
         for name, parameter in signature.parameters.items()
         if parameter.annotation is not parameter.empty and parameter.kind is not parameter.VAR_KEYWORD
     }
-
-
-def _resolved(annotation: Any, names: dict[str, Any]) -> Any:
-    alone = SimpleNamespace(__annotations__={"annotation": annotation})
-    try:
-        return get_type_hints(alone, names, include_extras=True)["annotation"]
-    except NameError:
-        return Any

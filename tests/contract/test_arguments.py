@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mrwork.argument_kinds import Kind
-from mrwork.arguments import _kinds_of
+from mrwork.argument_kinds import Kind, kind_of
+from mrwork.arguments import nodes_of
 from mrwork.errors import ArgumentError, MrworkError
 
 NAMESPACES: tuple[str, ...] = (
@@ -131,7 +131,8 @@ def kinds(target: Any) -> dict[str, Kind]:
 def declared(target: Any) -> dict[str, Kind]:
     function = vars(target)["__init__"] if isinstance(target, type) else target
     owner = target if isinstance(target, type) else object
-    return _kinds_of(inspect.unwrap(function), inspect.signature(target), owner)
+    nodes = nodes_of(inspect.unwrap(function), inspect.signature(target), owner)
+    return {name: kind_of(node) for name, node in nodes.items()}
 
 
 def shown(target: Any) -> str:

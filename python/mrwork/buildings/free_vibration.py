@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from mrwork.arguments import NotNegative, Positive, checked
 from mrwork.errors import RecordError, SettingError
-from mrwork.keys import Within
+from mrwork.hints import Within
 from mrwork.summary import Summarised
 from mrwork.values import Floats
 

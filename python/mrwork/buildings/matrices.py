@@ -14,7 +14,8 @@ from mrwork.arguments import NotNegative, Positive, checked
 from mrwork.buildings.modes import damping_ratios_of, damping_warnings, growing_modes, is_positive, modes_of
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError, UnknownNameError
-from mrwork.keys import Within, control_in
+from mrwork.hints import Within
+from mrwork.keys import control_in
 from mrwork.numbers import rounded
 from mrwork.summary import Summarised, Summary
 from mrwork.tested_range import OperatingRange, Outside, outside_of

@@ -18,7 +18,7 @@ from mrwork.buildings.additions import (
 )
 from mrwork.buildings.matrices import Building, PassiveElement
 from mrwork.errors import SettingError, UnknownNameError
-from mrwork.keys import Within
+from mrwork.hints import Within
 from mrwork.units import STANDARD_GRAVITY
 
 

@@ -8,7 +8,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mrwork.cli.numbers import STEPS, TEMPERING, WALKERS, add_number
+from mrwork.cli.numbers import TEMPERING, Range, add_number
 from mrwork.cli.options import (
     add_run,
     add_seed,
@@ -32,7 +32,7 @@ from mrwork.store.output_file import write_files
 from mrwork.store.run_folder import CHAIN, DRAWS, FIT
 from mrwork.store.unfinished import addition_journal, keep_addition
 from mrwork.uncertainty.noise import NOISES, names_in_words
-from mrwork.uncertainty.posterior.target import Prior, parse_prior
+from mrwork.uncertainty.posterior.target import Prior, Steps, Walkers, parse_prior
 
 if TYPE_CHECKING:
     from mrwork.store.journal import Journal
@@ -69,9 +69,16 @@ def add_parser(verbs: Any) -> None:
         "effective, 1 for noise models with correlation",
         metavar="SHARE",
     )
-    add_number(parser, "--walkers", WALKERS, "number of walkers, default 64", default=64, metavar="N")
     add_number(
-        parser, "--steps", STEPS, "largest number of steps, default 20000", default=20_000, metavar="N"
+        parser, "--walkers", Range.of(Walkers), "number of walkers, default 64", default=64, metavar="N"
+    )
+    add_number(
+        parser,
+        "--steps",
+        Range.of(Steps),
+        "largest number of steps, default 20000",
+        default=20_000,
+        metavar="N",
     )
     add_seed(parser, "the walkers")
     add_threads(parser)

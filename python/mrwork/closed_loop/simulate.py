@@ -30,7 +30,7 @@ from mrwork.control.plant import accelerations, deformations, plant_of, stacked
 from mrwork.dampers.parameters import law_named
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import MrworkWarning, SettingError
-from mrwork.keys import Within
+from mrwork.hints import Within
 from mrwork.motions.ground_motion import GroundMotion
 from mrwork.simulate import core_refusals
 from mrwork.summary import Summarised

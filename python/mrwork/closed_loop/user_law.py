@@ -25,7 +25,7 @@ from mrwork.arguments import AnyNumbers, checked
 from mrwork.buildings.matrices import Device
 from mrwork.control.laws import ControlLaw
 from mrwork.errors import SettingError
-from mrwork.keys import Within
+from mrwork.hints import Within, node_of
 from mrwork.summary import Summarised, Summary
 from mrwork.values import Floats, holds_arrays
 
@@ -120,7 +120,7 @@ def _working_directory() -> str:
 MOST_MEMORY = 1_000_000
 """Most numbers that a run may keep from sample to sample."""
 # A command that is not a number fails safe where a reading is not.
-_COMMANDS = kind_of(AnyNumbers)
+_COMMANDS = kind_of(node_of(AnyNumbers))
 # A run with larger readings [m, m/s, N] diverges, and a law may overflow on them.
 _LARGEST_READING = 1e30
 

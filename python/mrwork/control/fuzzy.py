@@ -12,7 +12,8 @@ from numpy.typing import ArrayLike
 from mrwork.arguments import Positive, checked
 from mrwork.control.design_problem import Design, DesignProblem, LawSettings, Span
 from mrwork.errors import SettingError
-from mrwork.keys import Within, key
+from mrwork.hints import Within
+from mrwork.keys import key
 from mrwork.summary import Summarised
 from mrwork.values import Floats, holds_arrays
 

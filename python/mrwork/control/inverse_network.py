@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from mrwork.arguments import Positive, Seed, checked
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import SettingError
-from mrwork.keys import Within
+from mrwork.hints import Within
 from mrwork.simulate import Loading, simulate_force
 from mrwork.summary import Summarised
 from mrwork.units import CommandUnit

@@ -15,7 +15,7 @@ from mrwork.control.design_problem import attempt_each, solve_together
 from mrwork.control.plant import Outputs, Plant, accelerations, check_outputs
 from mrwork.control.riccati import RiccatiStatus, kalman_gains, regulator_gains
 from mrwork.errors import InvalidSettingError, SettingError, UnknownNameError
-from mrwork.keys import Within
+from mrwork.hints import Within
 from mrwork.summary import Summarised
 from mrwork.values import Floats, holds_arrays
 

@@ -16,7 +16,8 @@ from mrwork.control.design_problem import Design, DesignProblem, LawSettings, Sp
 from mrwork.control.plant import Plant
 from mrwork.control.riccati import solve_riccati
 from mrwork.errors import MrworkWarning, SettingError
-from mrwork.keys import Within, key, keys_of
+from mrwork.hints import Within
+from mrwork.keys import key, keys_of
 from mrwork.summary import Summarised
 from mrwork.values import Floats, holds_arrays
 

@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from mrwork.dampers.spec import DamperSpec
-from mrwork.keys import SMALLEST
+from mrwork.hints import SMALLEST
 from mrwork.records import DamperTest
 from mrwork.records.checks import FORCE_OFFSET
 from mrwork.records.damper_test import delayed

@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal, TypeVar
 import numpy as np
 
 from mrwork.errors import Interrupted
-from mrwork.keys import Within
+from mrwork.hints import Within
 from mrwork.store.codec import built
 from mrwork.store.journal import Journal
 

@@ -6,11 +6,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
 from functools import cache
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any, Literal, TypeAlias, get_args, get_type_hints
+from typing import Any, Literal, TypeAlias
 
 from mrwork.arguments import Count, Level, Seed, checked
 from mrwork.errors import RecordError, SettingError, UnknownNameError
+from mrwork.hints import Record, fields_of, hints_of
 from mrwork.identification.nuisance import NuisanceName
 from mrwork.records import DamperTest, read_damper_test, repair
 from mrwork.records.repairs import DETECT, RepairKind, as_words
@@ -158,12 +158,12 @@ def _search_of_record(record: Mapping[str, Any]) -> Search:
 
 
 def _refuse_unknown(kind: type, settings: Mapping[str, Any]) -> None:
-    hints = get_type_hints(kind)
+    known = fields_of(kind)
     for name, value in settings.items():
-        if name not in hints:
+        if name not in known:
             raise ValueError(f"{kind.__name__} has no setting {name!r}")
-        if is_dataclass(hints[name]) and isinstance(value, Mapping):
-            _refuse_unknown(hints[name], value)
+        if isinstance(inner := known[name], Record) and isinstance(value, Mapping):
+            _refuse_unknown(inner.kind, value)
 
 
 # Where the final fit runs: in lanes, with derivatives by dual numbers, or on the JAX twin.
@@ -308,8 +308,6 @@ class FitSettings:
         if isinstance(self.search, str):
             object.__setattr__(self, "search", search_named(self.search))
         object.__setattr__(self, "observe", as_words(self.observe))
-        if self.engine not in get_args(Engine):
-            raise SettingError(f"`engine` is {self.engine!r}; choose one of {', '.join(get_args(Engine))}")
         if not ROOT_MEAN_SQUARE <= self.power <= LARGEST_POWER:
             raise SettingError(
                 f"the power of the mean over tests is {self.power:g}; give 2, where all weigh the same, "
@@ -319,11 +317,6 @@ class FitSettings:
             raise SettingError(
                 f"the exponent of the force is {self.force_exponent:g}; give 1, where all tests weigh the same, down "
                 "to 0, where errors in newtons do"
-            )
-        unknown = [name for name in self.nuisances if name not in get_args(NuisanceName)]
-        if unknown:
-            raise SettingError(
-                f"`nuisances` names {unknown[0]!r}; choose from {', '.join(get_args(NuisanceName))}"
             )
 
     def as_record(self) -> dict[str, Any]:
@@ -354,8 +347,8 @@ class FitSettings:
             search = record.get("search")
             known = {
                 name: built(kind, record[name], name)
-                for name, kind in _recorded_kinds().items()
-                if name in record
+                for name, kind in hints_of(cls).items()
+                if name in record and name != "search"
             }
             return cls(
                 search=None if search is None else _search_of_record(search),
@@ -373,9 +366,3 @@ def _plain(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [_plain(entry) for entry in value]
     return value
-
-
-def _recorded_kinds() -> dict[str, Any]:
-    """Annotations of the fields that records have as they are: all but the search."""
-    own = {name: kind for name, kind in FitSettings.__annotations__.items() if name != "search"}
-    return get_type_hints(SimpleNamespace(__annotations__=own), globals(), include_extras=True)

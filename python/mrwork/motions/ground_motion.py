@@ -15,7 +15,7 @@ from numpy.polynomial import Legendre
 
 from mrwork.arguments import AnyNumbers, May, checked
 from mrwork.errors import RecordError, SettingError
-from mrwork.keys import SMALLEST
+from mrwork.hints import SMALLEST
 from mrwork.summary import Summarised, Summary
 from mrwork.values import Floats, holds_arrays, keep_arrays
 

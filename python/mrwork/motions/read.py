@@ -21,7 +21,7 @@ from mrwork.files.delimited import DelimitedTable, encoding_of, read_text_bytes,
 from mrwork.files.layout import DECIMAL_COMMA
 from mrwork.files.matlab import open_matlab, read_matlab_matrices
 from mrwork.files.named_columns import LONGEST_NAME, ColumnTable, VectorTable, listed_files, rounded_grid
-from mrwork.keys import SMALLEST
+from mrwork.hints import SMALLEST
 from mrwork.motions.ground_motion import GroundMotion
 from mrwork.motions.networks import (
     COSMOS,

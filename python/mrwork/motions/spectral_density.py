@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from mrwork.arguments import checked
 from mrwork.errors import SettingError
-from mrwork.keys import SMALLEST
+from mrwork.hints import SMALLEST
 from mrwork.values import Floats, holds_arrays
 
 Complexes = NDArray[np.complex128]

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mrwork.arguments import Positive, checked
 from mrwork.errors import RecordError, SettingError
-from mrwork.keys import SMALLEST, Within
+from mrwork.hints import SMALLEST, Within
 from mrwork.motions.ground_motion import GroundMotion, changed, resampled, scaled
 from mrwork.motions.spectral_density import CloughPenzien, KanaiTajimi, SpectralDensity
 from mrwork.numbers import rounded

@@ -40,7 +40,7 @@ import numpy as np
 
 from mrwork.arguments import Seed, checked
 from mrwork.errors import SettingError
-from mrwork.keys import SMALLEST, Within
+from mrwork.hints import SMALLEST, Within
 from mrwork.motions.ground_motion import GroundMotion, brought_to_rest, check_samples, scaled_to_peak
 from mrwork.motions.spectral_density import CloughPenzien, KanaiTajimi, SpectralDensity
 from mrwork.values import Floats

@@ -18,7 +18,7 @@ from mrwork.arguments import AnyNumbers, Count, NotNegative, Positive, Samples, 
 from mrwork.command_signal import Command, command_in_words, part_of_command, same_command
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import RecordError, SettingError
-from mrwork.keys import Within
+from mrwork.hints import Within
 from mrwork.simulate import Loading
 from mrwork.summary import Summarised, Summary
 from mrwork.units import CommandUnit

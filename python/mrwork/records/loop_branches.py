@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mrwork.arguments import checked
 from mrwork.errors import RecordError, SettingError
-from mrwork.keys import Within
+from mrwork.hints import Within
 from mrwork.records.damper_test import DamperTest
 from mrwork.records.motion import regular_cycles
 from mrwork.summary import Summarised

@@ -20,7 +20,7 @@ from mrwork.closed_loop.responses import History
 from mrwork.control.lyapunov import lyapunov_function
 from mrwork.control.plant import plant_of
 from mrwork.errors import SettingError
-from mrwork.keys import Within
+from mrwork.hints import Within
 from mrwork.report import style
 from mrwork.report.canvas import axes_between, legend, name_ordinate, symmetric
 from mrwork.report.figures import envelope, strong_part

@@ -6,14 +6,14 @@ import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, ClassVar, Protocol, TypeVar, get_type_hints
+from typing import Annotated, Any, ClassVar, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.arguments import AnyNumbers, Seed, checked
 from mrwork.errors import ArgumentError, SettingError
-from mrwork.keys import Within
+from mrwork.hints import Record, Scalar, Within, fields_of
 from mrwork.search.rules import EliteRule, StopRules, check_ranges, distinct_best, reason_of
 from mrwork.search.unit_cube import Streams
 from mrwork.summary import Summarised
@@ -322,14 +322,13 @@ def state_from_arrays(kind: type[T], arrays: Mapping[str, NDArray[Any]]) -> T:
 
 
 def _from_arrays(kind: type[T], arrays: Mapping[str, NDArray[Any]]) -> T:
-    hints = get_type_hints(kind)
     values: dict[str, Any] = {}
-    for name, hint in ((each.name, hints[each.name]) for each in dataclasses.fields(kind)):  # type: ignore[arg-type] # a dataclass
-        if dataclasses.is_dataclass(hint):
+    for name, node in fields_of(kind).items():
+        if isinstance(node, Record):
             inner = {key.removeprefix(f"{name}."): each for key, each in arrays.items()}
-            values[name] = _from_arrays(hint, inner)  # type: ignore[arg-type] # a hint is a class here
+            values[name] = _from_arrays(node.kind, inner)
         else:
-            values[name] = int(arrays[name]) if hint is int else arrays[name]
+            values[name] = int(arrays[name]) if node == Scalar(int, node.notes) else arrays[name]
     return kind(**values)
 
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from mrwork.arguments import Seed, Shape, checked
 from mrwork.errors import SettingError
-from mrwork.keys import Within
+from mrwork.hints import Within
 from mrwork.summary import Summarised
 from mrwork.values import holds_arrays
 

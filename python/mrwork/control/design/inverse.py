@@ -15,7 +15,7 @@ from mrwork.control.design.system import DesignSystem, LyapunovEquations, system
 from mrwork.control.plant import Plant
 from mrwork.control.riccati import solve_riccati
 from mrwork.errors import SettingError
-from mrwork.keys import Within
+from mrwork.hints import Within
 from mrwork.motions.spectral_density import KanaiTajimi, SpectralDensity
 from mrwork.numbers import rounded
 from mrwork.summary import Summarised, Summary

@@ -35,7 +35,7 @@ from mrwork.dampers.design.ranges import (
 from mrwork.dampers.parameters import LawName
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import SettingError
-from mrwork.keys import Within
+from mrwork.hints import Within
 from mrwork.numbers import of_unit
 from mrwork.summary import Summarised, Summary
 

@@ -23,7 +23,7 @@ from mrwork.dampers.design.ranges import (
     broadcast,
     roots_between,
 )
-from mrwork.keys import Within
+from mrwork.hints import Within
 from mrwork.summary import Summarised
 
 Floats = NDArray[np.float64]

@@ -14,7 +14,7 @@ from mrwork.arguments import Share, checked
 from mrwork.dampers.design.materials import MRFluid, Steel
 from mrwork.dampers.design.ranges import Current, Currents, Fields, Length, Turns, Voltage, roots_between
 from mrwork.errors import SettingError
-from mrwork.keys import Within
+from mrwork.hints import Within
 from mrwork.summary import Summarised
 
 Floats = NDArray[np.float64]

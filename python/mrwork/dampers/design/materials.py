@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from mrwork.arguments import checked
 from mrwork.dampers.design.ranges import Fields, FlowIndex, Viscosity
 from mrwork.errors import SettingError, UnknownNameError
-from mrwork.keys import Within
+from mrwork.hints import Within
 from mrwork.summary import Summarised
 
 Floats = NDArray[np.float64]

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mrwork.errors import SettingError
-from mrwork.keys import Within
+from mrwork.hints import Within
 
 # From a micrometre to a hundred metres.
 Length = Annotated[float, Within(least=1e-6, most=100.0)]

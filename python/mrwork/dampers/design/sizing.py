@@ -20,7 +20,7 @@ from mrwork.dampers.design.magnetic_circuit import wire_diameter
 from mrwork.dampers.design.materials import MRFluid, Steel
 from mrwork.dampers.design.ranges import Current, Length, Speed, Voltage
 from mrwork.errors import Interrupted, SettingError, UnknownNameError
-from mrwork.keys import Within
+from mrwork.hints import Within
 from mrwork.search import SearchResult, StopRules, run_search
 from mrwork.search.peers import nondominated, run_front
 from mrwork.search.registry import ALL_OPTIMISERS

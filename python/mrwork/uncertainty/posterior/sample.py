@@ -22,10 +22,10 @@ from mrwork.arguments import Threads, checked
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import Interrupted, JournalError, SettingError
+from mrwork.hints import Within
 from mrwork.identification.fit import Fit
 from mrwork.identification.problem import Problem, provenance_with
 from mrwork.identification.result import Slopes
-from mrwork.keys import Within
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
 from mrwork.store.codec import array_of, digest_of, package_version
@@ -46,7 +46,7 @@ from mrwork.uncertainty.posterior.draws import (
     summary_of,
 )
 from mrwork.uncertainty.posterior.laplace import first_walkers, mode_near
-from mrwork.uncertainty.posterior.target import Prior, Target, Tempering
+from mrwork.uncertainty.posterior.target import Prior, Steps, Target, Tempering, Walkers
 from mrwork.values import holds_arrays
 
 Array = NDArray[np.float64]
@@ -377,8 +377,8 @@ def sample(
     noise: str = "iid",
     priors: Mapping[str, Prior] | None = None,
     tempering: Tempering | None = None,
-    walkers: Annotated[int, Within(least=2, most=10_000)] = 64,
-    most_steps: Annotated[int, Within(least=1, most=10_000_000)] = 20_000,
+    walkers: Walkers = 64,
+    most_steps: Steps = 20_000,
     rng: Annotated[int, Within(least=0, most=2**32 - 1)] = 0,
     threads: Threads = 0,
     journal: Journal | None = None,

@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from math import isfinite, log, pi
-from typing import Any, ClassVar, Literal, Protocol
+from typing import Annotated, Any, ClassVar, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from mrwork.arguments import Shape, checked
 from mrwork.dampers.coordinates import Box
 from mrwork.errors import SettingError, UnknownNameError
+from mrwork.hints import Within
 from mrwork.identification.equivalent import Form
 from mrwork.identification.objective import Objective
 from mrwork.identification.result import effective_samples
@@ -273,6 +274,8 @@ class Space:
 
 _PARAMETERS = Shape(("n_params",))
 Tempering = Literal["effective"] | float
+Walkers = Annotated[int, Within(least=2, most=10_000)]
+Steps = Annotated[int, Within(least=1, most=10_000_000)]
 
 # Largest number of force histories in memory.
 _ROWS = 64
