@@ -13,9 +13,9 @@ import pytest
 from numpy.typing import ArrayLike, NDArray
 from sentences import Refused
 
-from mrwork.annotations import Within
 from mrwork.arguments import AnyArray, May, Positive, Rows, Shape, checked
 from mrwork.errors import ArgumentError
+from mrwork.hints import Within
 
 
 @checked

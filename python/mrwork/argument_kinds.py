@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from mrwork import annotations as nodes
-from mrwork.annotations import LARGEST, May, Node, Notes, Shape, Within
+from mrwork import hints as nodes
 from mrwork.errors import ArgumentError, MrworkError, SettingError, UnknownChoiceError
+from mrwork.hints import LARGEST, May, Node, Notes, Shape, Within
 from mrwork.keys import suggestion
 
 # As many characters of a value as a message repeats.

@@ -19,7 +19,10 @@ from typing import Annotated, Any, TypeVar, cast, dataclass_transform
 
 from numpy.typing import ArrayLike
 
-from mrwork.annotations import (
+from mrwork.argument_kinds import Kind, Refusal, check_shape, kind_of
+from mrwork.errors import InvalidSettingError, MrworkError, SettingError
+from mrwork.escaping import escape_text
+from mrwork.hints import (
     May,
     Node,
     Shape,
@@ -30,9 +33,6 @@ from mrwork.annotations import (
     notes_of_default,
     shape_of,
 )
-from mrwork.argument_kinds import Kind, Refusal, check_shape, kind_of
-from mrwork.errors import InvalidSettingError, MrworkError, SettingError
-from mrwork.escaping import escape_text
 from mrwork.values import Floats
 
 __all__ = [

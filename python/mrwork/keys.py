@@ -17,9 +17,9 @@ from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass, 
 from difflib import get_close_matches
 from typing import Any, NoReturn, TypeVar, cast
 
-from mrwork import annotations as nodes
-from mrwork.annotations import LARGEST, NOTES, May, Node, Notes, Record, Scalar, Within, fields_of
+from mrwork import hints as nodes
 from mrwork.errors import InvalidSettingError, MrworkError, SettingError
+from mrwork.hints import LARGEST, NOTES, May, Node, Notes, Record, Scalar, Within, fields_of
 from mrwork.units import number_in
 
 T = TypeVar("T")

@@ -12,7 +12,6 @@ import pytest
 from scipy.io import savemat
 from sentences import Refused
 
-from mrwork.annotations import Within
 from mrwork.buildings import (
     Building,
     building,
@@ -32,6 +31,7 @@ from mrwork.buildings import (
     with_yielding_damper,
 )
 from mrwork.buildings.from_file import Addition, BuildingTable
+from mrwork.hints import Within
 from mrwork.keys import Place, keys_of, read_table
 
 FIELDS = ("mass", "damping", "stiffness", "influence", "floors", "storeys")

@@ -18,10 +18,10 @@ import pytest
 from test_study_values import Document, places, with_headers
 
 import mrwork
-from mrwork.annotations import May
 from mrwork.buildings.from_file import Addition
 from mrwork.control import SETTINGS, WeightWishes
 from mrwork.errors import MrworkError
+from mrwork.hints import May
 from mrwork.keys import KeyPath, keys_of, name_in_file, tables
 from mrwork.study import read_study
 from mrwork.study.reading import parse

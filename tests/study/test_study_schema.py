@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from sentences import Refused
 
-from mrwork.annotations import node_of
+from mrwork.hints import node_of
 from mrwork.keys import Place, in_words, is_required, keys_of, name_in_file, read_table, tables
 from mrwork.study.reading import parse
 from mrwork.study.schema import StudyTable, schema_text

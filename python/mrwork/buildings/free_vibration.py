@@ -14,9 +14,9 @@ from typing import Annotated, ClassVar, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.annotations import Within
 from mrwork.arguments import NotNegative, Positive, checked
 from mrwork.errors import RecordError, SettingError
+from mrwork.hints import Within
 from mrwork.summary import Summarised
 from mrwork.values import Floats
 

@@ -10,11 +10,11 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike, NDArray
 
-from mrwork.annotations import Within
 from mrwork.arguments import NotNegative, Positive, checked
 from mrwork.buildings.modes import damping_ratios_of, damping_warnings, growing_modes, is_positive, modes_of
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError, UnknownNameError
+from mrwork.hints import Within
 from mrwork.keys import control_in
 from mrwork.numbers import format_rounded
 from mrwork.summary import Summarised, Summary

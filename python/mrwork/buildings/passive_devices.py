@@ -10,7 +10,6 @@ from typing import Annotated, Final
 
 import numpy as np
 
-from mrwork.annotations import Within
 from mrwork.arguments import Level, NotNegative, Positive, checked
 from mrwork.buildings.additions import (
     mode_at_floor,
@@ -19,6 +18,7 @@ from mrwork.buildings.additions import (
 )
 from mrwork.buildings.matrices import Building, PassiveElement
 from mrwork.errors import SettingError, UnknownNameError
+from mrwork.hints import Within
 from mrwork.units import STANDARD_GRAVITY
 
 

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from mrwork.annotations import Within, node_of
 from mrwork.arguments import Threads
+from mrwork.hints import Within, node_of
 from mrwork.keys import LARGEST_SEED
 from mrwork.search.rules import LARGEST_POPULATION
 from mrwork.uncertainty.planning.candidates import AMPLITUDE_RANGE, COMMAND_RANGE, FREQUENCY_RANGE

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mrwork import _rust
-from mrwork.annotations import Within
 from mrwork.arguments import Positive, Threads, checked
 from mrwork.buildings.matrices import Building, elongation_rows
 from mrwork.buildings.matrices import Device as Device
@@ -31,6 +30,7 @@ from mrwork.control.plant import accelerations, deformations, plant_of, stack_ou
 from mrwork.dampers.parameters import law_named
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import MrworkWarning, SettingError
+from mrwork.hints import Within
 from mrwork.motions.ground_motion import GroundMotion
 from mrwork.simulate import core_refusals
 from mrwork.summary import Summarised

@@ -20,12 +20,12 @@ from typing import Annotated, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mrwork.annotations import Within, node_of
 from mrwork.argument_kinds import Refusal, kind_of
 from mrwork.arguments import AnyNumbers, checked
 from mrwork.buildings.matrices import Device
 from mrwork.control.laws import ControlLaw
 from mrwork.errors import SettingError
+from mrwork.hints import Within, node_of
 from mrwork.summary import Summarised, Summary
 from mrwork.values import Floats, array_dataclass
 

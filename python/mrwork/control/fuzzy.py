@@ -8,10 +8,10 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mrwork.annotations import Within
 from mrwork.arguments import Positive, checked
 from mrwork.control.design_problem import Design, DesignProblem, LawSettings, Span
 from mrwork.errors import SettingError
+from mrwork.hints import Within
 from mrwork.keys import key
 from mrwork.summary import Summarised
 from mrwork.values import Floats, array_dataclass

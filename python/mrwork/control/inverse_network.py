@@ -12,10 +12,10 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mrwork.annotations import Within
 from mrwork.arguments import Positive, Seed, checked
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import SettingError
+from mrwork.hints import Within
 from mrwork.simulate import Loading, simulate_force
 from mrwork.summary import Summarised
 from mrwork.units import CommandUnit

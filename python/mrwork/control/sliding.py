@@ -11,12 +11,12 @@ from warnings import catch_warnings, simplefilter, warn
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mrwork.annotations import Within
 from mrwork.arguments import Positive, checked
 from mrwork.control.design_problem import Design, DesignProblem, LawSettings, Span, attempt_each
 from mrwork.control.plant import Plant
 from mrwork.control.riccati import solve_riccati
 from mrwork.errors import MrworkWarning, SettingError
+from mrwork.hints import Within
 from mrwork.keys import key, keys_of
 from mrwork.summary import Summarised
 from mrwork.values import Floats, array_dataclass

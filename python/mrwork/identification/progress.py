@@ -11,8 +11,8 @@ from typing import Annotated, Any, Literal, TypeVar
 
 import numpy as np
 
-from mrwork.annotations import Within
 from mrwork.errors import Interrupted
+from mrwork.hints import Within
 from mrwork.store.codec import built
 from mrwork.store.journal import Journal
 

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork import _rust
-from mrwork.annotations import SMALLEST
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import RecordError, SettingError, SimulationError
+from mrwork.hints import SMALLEST
 from mrwork.records import AS_IT_IS, DamperTest
 from mrwork.records.checks import FORCE_OFFSET
 from mrwork.records.damper_test import delay_signal, loading_of

@@ -8,9 +8,9 @@ from functools import cache
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
-from mrwork.annotations import Record, fields_of, hints_of
 from mrwork.arguments import Count, Level, Seed, checked
 from mrwork.errors import RecordError, SettingError, UnknownNameError
+from mrwork.hints import Record, fields_of, hints_of
 from mrwork.identification.residual import NuisanceName
 from mrwork.keys import suggestion
 from mrwork.records import DamperTest, read_damper_test, repair

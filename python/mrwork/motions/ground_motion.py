@@ -13,9 +13,9 @@ from typing import Annotated, ClassVar
 import numpy as np
 from numpy.polynomial import Legendre
 
-from mrwork.annotations import SMALLEST
 from mrwork.arguments import AnyNumbers, May, checked
 from mrwork.errors import RecordError, SettingError
+from mrwork.hints import SMALLEST
 from mrwork.summary import Summarised, Summary
 from mrwork.values import Floats, array_dataclass, keep_arrays
 

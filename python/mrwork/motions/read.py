@@ -15,13 +15,13 @@ from typing import Final
 
 import numpy as np
 
-from mrwork.annotations import SMALLEST
 from mrwork.arguments import checked
 from mrwork.errors import RecordError, SettingError, UnitError
 from mrwork.files.delimited import DelimitedTable, encoding_of, read_text_bytes, regular_table
 from mrwork.files.layout import DECIMAL_COMMA
 from mrwork.files.matlab import open_matlab, read_matlab_matrices
 from mrwork.files.named_columns import LONGEST_NAME, ColumnTable, VectorTable, listed_files, rounded_grid
+from mrwork.hints import SMALLEST
 from mrwork.motions.ground_motion import GroundMotion
 from mrwork.motions.networks import (
     COSMOS,

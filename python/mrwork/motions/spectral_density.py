@@ -11,9 +11,9 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.annotations import SMALLEST
 from mrwork.arguments import checked
 from mrwork.errors import SettingError
+from mrwork.hints import SMALLEST
 from mrwork.values import Floats, array_dataclass
 
 Complexes = NDArray[np.complex128]

@@ -10,9 +10,9 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mrwork.annotations import SMALLEST, Within
 from mrwork.arguments import Positive, checked
 from mrwork.errors import RecordError, SettingError
+from mrwork.hints import SMALLEST, Within
 from mrwork.motions.ground_motion import GroundMotion, changed, resampled, scaled
 from mrwork.motions.spectral_density import CloughPenzien, KanaiTajimi, SpectralDensity
 from mrwork.numbers import format_rounded

@@ -38,9 +38,9 @@ from typing import Annotated, Final, Literal, get_args
 
 import numpy as np
 
-from mrwork.annotations import SMALLEST, Within
 from mrwork.arguments import Seed, checked
 from mrwork.errors import SettingError
+from mrwork.hints import SMALLEST, Within
 from mrwork.motions.ground_motion import GroundMotion, brought_to_rest, check_samples, scaled_to_peak
 from mrwork.motions.spectral_density import CloughPenzien, KanaiTajimi, SpectralDensity
 from mrwork.values import Floats

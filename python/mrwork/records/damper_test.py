@@ -14,11 +14,11 @@ from typing import Annotated, ClassVar, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.annotations import Within
 from mrwork.arguments import AnyNumbers, Count, NotNegative, Positive, Samples, Whole, checked
 from mrwork.command_signal import Command, command_in_words, part_of_command, same_command
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import RecordError, SettingError
+from mrwork.hints import Within
 from mrwork.records.motion import whole_cycles
 from mrwork.simulate import Loading
 from mrwork.summary import Summarised, Summary

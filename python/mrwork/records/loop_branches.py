@@ -8,9 +8,9 @@ from typing import Annotated, ClassVar, Final, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mrwork.annotations import Within
 from mrwork.arguments import checked
 from mrwork.errors import RecordError, SettingError
+from mrwork.hints import Within
 from mrwork.records.damper_test import DamperTest
 from mrwork.records.motion import regular_cycles
 from mrwork.summary import Summarised

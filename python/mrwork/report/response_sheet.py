@@ -12,13 +12,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from mrwork.annotations import Within
 from mrwork.arguments import Positive, checked
 from mrwork.buildings.matrices import Building
 from mrwork.closed_loop.responses import History
 from mrwork.control.lyapunov import lyapunov_function
 from mrwork.control.plant import plant_of
 from mrwork.errors import SettingError
+from mrwork.hints import Within
 from mrwork.report import style
 from mrwork.report.canvas import axes_between, legend, name_ordinate, symmetric
 from mrwork.report.figures import envelope, strong_part

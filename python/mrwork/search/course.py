@@ -11,9 +11,9 @@ from typing import Annotated, Any, ClassVar, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.annotations import Record, Scalar, Within, fields_of
 from mrwork.arguments import AnyNumbers, Seed, checked
 from mrwork.errors import ArgumentError, SettingError
+from mrwork.hints import Record, Scalar, Within, fields_of
 from mrwork.search.rules import EliteRule, StopRules, check_ranges, distinct_best, reason_of
 from mrwork.search.unit_cube import Streams
 from mrwork.summary import Summarised

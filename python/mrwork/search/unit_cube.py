@@ -14,9 +14,9 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.annotations import Within
 from mrwork.arguments import Seed, Shape, checked
 from mrwork.errors import SettingError
+from mrwork.hints import Within
 from mrwork.summary import Summarised
 from mrwork.values import Floats, array_dataclass
 

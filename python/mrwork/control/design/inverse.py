@@ -8,13 +8,13 @@ from typing import Annotated, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mrwork.annotations import Within
 from mrwork.arguments import checked
 from mrwork.control.design.limits import LimitedOutputs, RmsLimits, as_forces
 from mrwork.control.design.system import DesignSystem, LyapunovEquations, system_of
 from mrwork.control.plant import Plant
 from mrwork.control.riccati import solve_riccati
 from mrwork.errors import SettingError
+from mrwork.hints import Within
 from mrwork.motions.spectral_density import KanaiTajimi, SpectralDensity
 from mrwork.numbers import format_rounded
 from mrwork.summary import Summarised, Summary

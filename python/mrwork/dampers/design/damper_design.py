@@ -14,7 +14,6 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 
-from mrwork.annotations import Within
 from mrwork.arguments import NotNegative, Share, checked
 from mrwork.dampers.design.flow import PRESSURES, FlowModel, Slot
 from mrwork.dampers.design.materials import MRFluid, Steel, steel
@@ -33,6 +32,7 @@ from mrwork.dampers.design.ranges import (
 from mrwork.dampers.parameters import LawName
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import SettingError
+from mrwork.hints import Within
 from mrwork.numbers import of_unit
 from mrwork.summary import Summarised, Summary
 from mrwork.values import Floats

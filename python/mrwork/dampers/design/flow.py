@@ -13,7 +13,6 @@ from typing import Annotated, ClassVar, Final, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mrwork.annotations import Within
 from mrwork.arguments import Positive, checked
 from mrwork.dampers.design.ranges import (
     FlowIndex,
@@ -24,6 +23,7 @@ from mrwork.dampers.design.ranges import (
     broadcast,
     roots_between,
 )
+from mrwork.hints import Within
 from mrwork.summary import Summarised
 from mrwork.values import Floats
 

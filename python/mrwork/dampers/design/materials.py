@@ -14,10 +14,10 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mrwork.annotations import Within
 from mrwork.arguments import checked
 from mrwork.dampers.design.ranges import Fields, FlowIndex, Viscosity
 from mrwork.errors import SettingError, UnknownNameError
+from mrwork.hints import Within
 from mrwork.summary import Summarised
 from mrwork.values import Floats
 

@@ -8,8 +8,8 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mrwork.annotations import Within
 from mrwork.errors import SettingError
+from mrwork.hints import Within
 from mrwork.values import Floats
 
 # From a micrometre to a hundred metres.

@@ -12,13 +12,13 @@ from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 
-from mrwork.annotations import Within
 from mrwork.arguments import Count, NotNegative, Positive, Seed, checked
 from mrwork.dampers.design.damper_design import DamperDesign, wire_diameter
 from mrwork.dampers.design.flow import FlowModel
 from mrwork.dampers.design.materials import MRFluid, Steel
 from mrwork.dampers.design.ranges import Current, Length, Speed, Voltage
 from mrwork.errors import Interrupted, SettingError, UnknownNameError
+from mrwork.hints import Within
 from mrwork.search import SearchResult, StopRules, run_search
 from mrwork.search.peers import nondominated, run_front
 from mrwork.search.registry import ALL_OPTIMISERS

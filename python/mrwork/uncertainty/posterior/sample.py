@@ -18,11 +18,11 @@ from emcee import EnsembleSampler, State
 from emcee.moves import Move
 from numpy.typing import NDArray
 
-from mrwork.annotations import Within
 from mrwork.arguments import Threads, checked
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import Interrupted, JournalError, SettingError
+from mrwork.hints import Within
 from mrwork.identification.fit import Fit
 from mrwork.identification.problem import Problem, provenance_with
 from mrwork.identification.result import Slopes

@@ -19,10 +19,10 @@ from typing import Annotated, Any, ClassVar, Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.annotations import Within
 from mrwork.arguments import Shape, checked
 from mrwork.dampers.coordinates import Box
 from mrwork.errors import SettingError, UnknownNameError
+from mrwork.hints import Within
 from mrwork.identification.equivalent import Form
 from mrwork.identification.objective import Objective
 from mrwork.identification.result import effective_samples
