@@ -24,7 +24,7 @@ from mrwork.study.study import Row
 
 
 def page_of(**changes: object) -> str:
-    results = replace(study_samples.results(), **changes)  # type: ignore[arg-type]
+    results = study_samples.with_runs(study_samples.results(), **changes)  # type: ignore[arg-type]
     return study_page(results, study_samples.histories, motion=1)
 
 
@@ -181,7 +181,7 @@ def many_laws(count: int) -> StudyResults:
         (row, 0): few.runs[row, 0] if row < 3 else study_samples.run(0.04 - 0.02 * (row - 3) / count, 2)
         for row in range(len(rows))
     }
-    return replace(few, rows=rows, motions=few.motions[:1], runs=runs)
+    return study_samples.with_runs(few, runs, rows=rows, motions=few.motions[:1])
 
 
 def text_of_many(results: StudyResults) -> str:

@@ -40,7 +40,14 @@ from mrwork.study.comparison import (
     motion_groups,
     times_better,
 )
-from mrwork.study.results import OFF_BALANCE, ON_OFF, StudyResults, largest_step_changes
+from mrwork.study.results import (
+    OFF_BALANCE,
+    ON_OFF,
+    StudyResults,
+    largest_step_changes,
+    ratio_band,
+    score_band,
+)
 from mrwork.study.schema import Use
 from mrwork.study.study import Kind, Study, StudyFile
 from mrwork.tuning.results import TuningResults
@@ -297,15 +304,14 @@ def _group_lines(comparison: StudyComparison) -> list[str]:
 
 def _band_lines(results: StudyResults) -> list[str]:
     """Bands of the scores over realisations, and of the peak drift."""
-    varied = results.varied
-    if varied is None or not varied.rows:
+    if not results.n_realisations:
         return []
     off = results.row_of("passive_off")
     table: list[tuple[str, ...]] = [("", "score", "peak drift")]
     for number, row in enumerate(results.rows):
         bands = (
-            varied.score_band(number, off, results.judged),
-            varied.ratio_band(number, off, results.judged, "peak_drift"),
+            score_band(results, number),
+            ratio_band(results, number, off, "peak_drift"),
         )
         cells = [
             "-" if each is None else f"{each.median:.3f} ({each.lower:.3f} to {each.upper:.3f})"
@@ -313,7 +319,8 @@ def _band_lines(results: StudyResults) -> list[str]:
         ]
         table.append((row.label, *cells))
     heading = (
-        f"Over {varied.count} realisations: median and 90 % band of the score, and of peak drift over i = 0"
+        f"Over {results.n_realisations} realisations: median and 90 % band of the score, and of peak drift over "
+        "i = 0"
     )
     return [heading, *table_lines(table)]
 

@@ -43,6 +43,8 @@ from mrwork.study.results import (
     ON_OFF,
     StudyResults,
     largest_step_changes,
+    ratio_band,
+    score_band,
 )
 from mrwork.study.schema import ReportTable
 from mrwork.table import Table
@@ -231,17 +233,16 @@ def step_section(results: StudyResults, shown: ShownRows) -> Section | None:
 
 def uncertainty_section(results: StudyResults, shown: ShownRows) -> Section | None:
     """Bands of score and ratios over the realisations of the study, if it has any."""
-    varied = results.varied
-    if varied is None or not varied.rows:
+    if not results.n_realisations:
         return None
-    off, judged = results.row_of("passive_off"), results.judged
+    off = results.row_of("passive_off")
     rows = []
     for number in shown.listed:
-        ratios = [varied.ratio_band(number, off, judged, name) for name in SCORE]
-        rows.append((results.rows[number].label, [varied.score_band(number, off, judged), *ratios]))
+        ratios = [ratio_band(results, number, off, name) for name in SCORE]
+        rows.append((results.rows[number].label, [score_band(results, number), *ratios]))
     return band_section(
         rows,
-        varied.count,
+        results.n_realisations,
         note="All rows have the same realisations; the laws are those of the nominal study.",
     )
 

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from mrwork.closed_loop.evaluation import SCORE, criteria, criterion
+from mrwork.closed_loop.responses import in_command_unit
 from mrwork.escaping import escaped
 from mrwork.numbers import NOTHING, fixed, shortest, significant
 from mrwork.report import style
@@ -316,7 +317,7 @@ def _demand_section(results: TuningResults) -> Section | None:
         for each in results.ranked
     )
     heads = [
-        f"{entry.short} ({_IN_UNITS.get(entry.unit, (_unit(entry.unit, results.command_unit), 1.0))[0]})"
+        f"{entry.short} ({_IN_UNITS.get(entry.unit, (in_command_unit(entry.unit, results.command_unit), 1.0))[0]})"
         for entry in entries
     ]
     on = "test" if results.testing else "training"
@@ -335,10 +336,6 @@ def _demand_section(results: TuningResults) -> Section | None:
             ),
         ),
     )
-
-
-def _unit(unit: str, command_unit: str) -> str:
-    return command_unit if unit == "A or V" else unit
 
 
 def _demand(found: TuningJudgement, name: str, unit: str) -> str:
