@@ -166,6 +166,5 @@ def test_one_motion_has_no_mean_and_many_laws_are_counted() -> None:
     assert counts["peak_acceleration"] == 1
     assert counts["peak_drift"] == 0
     assert (
-        change_table(comparison, 0, range(len(comparison.results.rows))).foot[0]
-        == "Control laws that are worse, of 2"
+        change_table(comparison, 0, range(len(comparison.results.rows))).foot[0] == "Worse control laws, of 2"
     )

@@ -19,7 +19,8 @@ from mrwork.report.canvas import column_axes, name_rows, room_for
 from mrwork.report.html import filled_in
 from mrwork.report.section import Group, Section, panel
 from mrwork.report.study.figures import HUES, short
-from mrwork.report.study.tables import band_section
+from mrwork.report.study.page import band_section
+from mrwork.report.study.tables import band_table
 from mrwork.table import Table
 from mrwork.tuning.results import Front, LawResult, TuningJudgement, TuningResults
 
@@ -116,13 +117,16 @@ def tuning_page(results: TuningResults, *, command: str = "") -> str:
         _score_section(results),
         _settings_section(results),
         band_section(
-            [
-                (each.label, [bands.get("score"), *(bands.get(name) for name in SCORE)])
-                for each in results.ranked
-                if (bands := each.judged.bands)
-            ],
+            band_table(
+                [
+                    (each.label, [bands.get("score"), *(bands.get(name) for name in SCORE)])
+                    for each in results.ranked
+                    if (bands := each.judged.bands)
+                ],
+                results.realisations,
+                note="All laws have the same realisations.",
+            ),
             results.realisations,
-            note="All laws have the same realisations.",
         ),
         *(_front_section(number, front) for number, front in enumerate(results.fronts)),
         _demand_section(results),
