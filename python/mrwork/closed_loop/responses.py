@@ -24,6 +24,9 @@ ENERGY_TOLERANCE = 1e-6
 """Energy errors above this are reported: 1e-8 is normal, a chattering law or a long step gives more."""
 
 
+COMMAND_UNIT = "A or V"
+"""Unit of quantities of the command, whatever the dampers."""
+
 Axis = Literal["run", "floor", "storey", "device", "element", "state"]
 
 
@@ -62,6 +65,11 @@ def _make_quantities(entries: Sequence[tuple[str, str, str, str]]) -> tuple[Quan
 def unit_of(name: str) -> str:
     """Unit of a quantity of a run or a signal of its history."""
     return _by_name()[name].unit
+
+
+def in_command_unit(unit: str, command_unit: str) -> str:
+    """A unit, in place of that of commands in general the one of the dampers at hand, A or V."""
+    return command_unit if unit == COMMAND_UNIT else unit
 
 
 def axis_of(name: str) -> Axis:

@@ -35,7 +35,16 @@ from mrwork.study.comparison import (
     judged_in_words,
     motion_groups,
 )
-from mrwork.study.results import Key, MotionFacts, RealisationBand, StudyCriteria, StudyResults
+from mrwork.study.labelled import NOMINAL, criteria_of_runs
+from mrwork.study.results import (
+    Key,
+    MotionFacts,
+    RealisationBand,
+    StudyCriteria,
+    StudyResults,
+    criterion_band,
+    score_band,
+)
 from mrwork.study.run_result import (
     Histories,
     OutcomeName,
@@ -307,13 +316,6 @@ class StoredStudy(StudyCriteria):
         return frozenset(key for key, run in self.runs.items() if run.step_check is not None) or None
 
     @arguments.checked
-    def criteria(self, row: int, motion: int) -> dict[str, float] | None:
-        """Every criterion of a run that finished."""
-        self.check_place(row, motion)
-        run = self.runs.get((row, motion))
-        return None if run is None or not run.finished else _every_criterion(run.criteria)
-
-    @arguments.checked
     def step_changes(self, row: int, motion: int) -> dict[str, float] | None:
         """Relative change of every criterion with half the step; `None` unless both runs finished."""
         self.check_place(row, motion)
@@ -355,9 +357,15 @@ def read_results(folder: str | Path) -> StoredStudy:
     for run in document.results:
         rows[run.controller] = Row(label=run.controller, kind=run.kind)
     labels, names = list(rows), [motion.name for motion in document.motions]
+    runs = {(labels.index(run.controller), names.index(run.motion)): run for run in document.results}
+    labelled = criteria_of_runs({"row": tuple(labels), "motion": tuple(names), "realisation": (NOMINAL,)})
+    for key, run in runs.items():
+        for name, value in {**_every_criterion(run.criteria), "energy_error": run.energy_error}.items():
+            labelled.numbers[name][key] = value
     return StoredStudy(
         rows=tuple(rows.values()),
-        runs={(labels.index(run.controller), names.index(run.motion)): run for run in document.results},
+        labelled=labelled,
+        runs=runs,
         **{name: getattr(document, name) for name in _OF_DOCUMENT},
     )
 
@@ -412,12 +420,12 @@ def study_document(results: StudyResults) -> dict[str, Any]:
         groups=_store_groups(results),
         changes=tuple(_store_changes(comparison)),
         clairvoyant=tuple(_store_clairvoyant(each) for _, each in sorted(results.clairvoyants.items())),
-        realisations=0 if results.varied is None else results.varied.count,
-        score_bands={}
-        if results.varied is None
-        else results.varied.scores(
-            [row.label for row in results.rows], results.row_of("passive_off"), results.judged
-        ),
+        realisations=results.n_realisations,
+        score_bands={
+            row.label: band
+            for number, row in enumerate(results.rows)
+            if (band := score_band(results, number))
+        },
     )
     content: dict[str, Any] = finite(asdict(document))
     return content
@@ -426,8 +434,7 @@ def study_document(results: StudyResults) -> dict[str, Any]:
 def _criteria_csv(results: StudyResults) -> str:
     """The criteria as a table, a line for each controller and motion; the header has the units."""
     known = criteria()
-    units = [results.command_unit if entry.unit == "A or V" else entry.unit for entry in known]
-    heads = [f"{entry.name} [{unit}]" for entry, unit in zip(known, units, strict=True)]
+    heads = [f"{entry.name} [{results.labelled.units[entry.name]}]" for entry in known]
     lines: list[list[str]] = [["controller", "motion", "use", "outcome", "energy_error", "score", *heads]]
     for (row, motion), run in sorted(results.runs.items()):
         found = results.criteria(row, motion) or {}
@@ -472,7 +479,11 @@ def _store_run(results: StudyResults, row: int, motion: int, passive: int | None
         outside_tested_range=names_outside(demands),
         exceedances=worst_by_quantity(demands),
         demand=largest_demand(demands),
-        bands={} if results.varied is None else results.varied.bands(row, motion),
+        bands={
+            entry.name: band
+            for entry in criteria()
+            if (band := criterion_band(results, row, motion, entry.name))
+        },
     )
 
 

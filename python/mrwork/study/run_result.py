@@ -118,7 +118,8 @@ class RunHistory(Labelled):
     numbers: Mapping[str, Floats]
 
 
-def _kept_quantities() -> list[Quantity]:
+def kept_quantities() -> list[Quantity]:
+    """Quantities that a run of a study has."""
     return [each for each in run_quantities() if each.name not in _LEFT_OUT]
 
 
@@ -133,7 +134,7 @@ def _kept_signals() -> list[Quantity]:
 def own_numbers(responses: Responses, arrangement: Arrangement, law: StudyLaw | None) -> dict[str, Floats]:
     """Quantities of all runs, for the floors and storeys of the bare building and all that is built into it."""
     found = {}
-    for quantity in _kept_quantities():
+    for quantity in kept_quantities():
         values = _own_columns(responses, quantity, arrangement)
         if quantity.name == "peak_stroke" and not arrangement.devices:
             # Added storeys without devices, such as isolators, have a stroke, too.
@@ -190,11 +191,9 @@ def _least_strokes(responses: Responses, run: int, arrangement: Arrangement) -> 
     return np.array([least_stroke(each) for each in strokes.T])
 
 
-def read_recorded(record: Mapping[str, Any], arrangement: Arrangement) -> RunResult | None:
-    """The result of a run from its line of a journal; `None` if it was written before a quantity was known."""
-    quantities = _kept_quantities()
-    if any(each.name not in record for each in quantities):
-        return None
+def read_recorded(record: Mapping[str, Any], arrangement: Arrangement) -> RunResult:
+    """The result of a run from its line of a journal."""
+    quantities = kept_quantities()
     numbers = {each.name: array_of(record[each.name])[()] for each in quantities}
     own = {name: value for name, value in record.items() if name not in numbers}
     result = rebuilt(RunResult, {**own, "numbers": numbers})

@@ -23,7 +23,7 @@ from mrwork.search.peers import FrontResult, run_front
 from mrwork.search.registry import ALL_OPTIMISERS, PEERS
 from mrwork.search.rules import EliteRule, StopRules
 from mrwork.store.codec import digest_of
-from mrwork.study.results import RunCriteria
+from mrwork.study.labelled import LabelledRuns
 from mrwork.study.schema import TuneTable
 from mrwork.study.study import Study
 from mrwork.tuning.first_candidates import Basis, FirstCandidate, distinct, first_candidates
@@ -235,7 +235,7 @@ def _twin(law: str, bench: Bench, objective: TuningObjective, largest: float) ->
         delay=round(hardware.delay / (hardware.sample_time / steps)),
         weights={criterion(name).quantity: weight for name, weight in objective.weights.items()},
         baseline=np.stack(
-            [bench.baseline(objective).of(name)[0, :, 0] for name in objective.weights], axis=1
+            [bench.baseline(objective).numbers[name][0, :, 0] for name in objective.weights], axis=1
         ),
     )
 
@@ -498,7 +498,7 @@ def front_of(plan: LawPlan, benches: Benches, basis: Basis, *, rng: int, report:
     )
 
 
-def _ratios(criteria: RunCriteria, bench: Bench, parts: list[TuningObjective]) -> Floats:
+def _ratios(found: LabelledRuns, bench: Bench, parts: list[TuningObjective]) -> Floats:
     """The objectives of candidates over their baseline, shape (n_candidates, n_objectives)."""
     return np.column_stack([part.value(part.run_scores(criteria, bench.baseline(part))) for part in parts])
 

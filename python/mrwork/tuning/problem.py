@@ -18,7 +18,8 @@ from mrwork.errors import SettingError
 from mrwork.motions import GroundMotion
 from mrwork.store.codec import digest_of
 from mrwork.store.journal import Journal
-from mrwork.study.results import RealisationBand, RunCriteria
+from mrwork.study.labelled import LabelledRuns, candidate_axes, criteria_of_runs, recall_or_compute_runs
+from mrwork.study.results import RealisationBand
 from mrwork.study.run import runs_of, simulate_criteria
 from mrwork.study.run_result import DeviceDemand, demands_of
 from mrwork.study.study import Arrangement, Realisations, Row, Study, nominal
@@ -55,27 +56,23 @@ class Bench(Summarised):
     problem: DesignProblem
     motions: tuple[GroundMotion, ...]
     realisations: Realisations
-    passive: RunCriteria
+    passive: LabelledRuns
     journal: Journal | None
     threads: int
     clock: Clock
-    constant: RunCriteria | None = None
+    constant: LabelledRuns | None = None
 
-    def baseline(self, objective: TuningObjective) -> RunCriteria:
-        """Criteria of the baseline that normalise the criteria of an objective."""
+    def baseline(self, objective: TuningObjective) -> LabelledRuns:
+        """What the criteria of an objective are divided by."""
         if objective.relative_to == "passive_off":
             return self.passive
         assert self.constant is not None
         return self.constant
 
-    def shape_of(self, n_candidates: int) -> tuple[int, int, int]:
-        """Shape of the runs of so many candidates: candidates, motions, realisations."""
-        return n_candidates, len(self.motions), len(self.realisations)
-
-    def run(self, law: str, candidates: Sequence[LawCandidate]) -> RunCriteria:
+    def run(self, law: str, candidates: Sequence[LawCandidate]) -> LabelledRuns:
         """Criteria of candidates, infinite for those that make no law."""
-        shape = (len(criteria()), *self.shape_of(len(candidates)))
-        numbers, error, seconds = np.full(shape, math.inf), np.full(shape[1:], math.inf), 0.0
+        found = criteria_of_runs(candidate_axes(len(candidates), self.motions, self.realisations), math.inf)
+        seconds = 0.0
         for members, together in self._batches(law, candidates):
             problem = (
                 self.problem if together else self.problem.limited_to(candidates[members[0]].largest_command)
@@ -85,7 +82,7 @@ class Bench(Summarised):
             if designed.law is None:
                 continue
             places = [members[index] for index in designed.designed]
-            found = simulate_criteria(
+            batch = simulate_criteria(
                 replace(self.arrangement, devices=tuple(problem.devices), law=None),
                 designed.law,
                 self.motions,
@@ -98,20 +95,19 @@ class Bench(Summarised):
                 threads=self.threads,
             )
             # A law without gains has one candidate, whatever the number of its settings.
-            numbers[:, places], error[places] = found.numbers, found.energy_error
-            seconds += found.seconds
+            for name, array in batch.numbers.items():
+                found.numbers[name][places] = array
+            seconds += batch.seconds
         self.clock.simulating += seconds
         self.clock.candidates += len(candidates)
-        return RunCriteria(numbers=numbers, energy_error=error, seconds=seconds)
+        return replace(found, seconds=seconds)
 
     def recall_or_run(
         self, step: str, inputs: str, law: str, candidates: Sequence[LawCandidate]
-    ) -> RunCriteria:
+    ) -> LabelledRuns:
         """The criteria of candidates, from the journal if it has them."""
-        shape = self.shape_of(len(candidates))
-        return recall_or_compute(
-            self.journal, step, inputs, RunCriteria, shape, lambda: self.run(law, candidates)
-        )
+        axes = candidate_axes(len(candidates), self.motions, self.realisations)
+        return recall_or_compute_runs(self.journal, step, inputs, axes, lambda: self.run(law, candidates))
 
     def recall_or_score(
         self, step: str, inputs: str, objective: TuningObjective, law: str, candidates: Sequence[LawCandidate]
@@ -221,7 +217,7 @@ def magnitudes_of(bench: Bench) -> Magnitudes:
     first = 2.0 * math.pi * float(study.building.frequencies[0])
 
     def off(name: str) -> float:
-        return _middle(bench.passive.of(name)[0, :, 0])
+        return _middle(bench.passive.numbers[name][0, :, 0])
 
     displacement = off("peak_displacement")
     velocity = first * displacement
@@ -231,7 +227,7 @@ def magnitudes_of(bench: Bench) -> Magnitudes:
         velocity=velocity,
         acceleration=off("peak_acceleration"),
         energy=study.building.total_mass * velocity**2,
-        force=_middle(on.of("peak_force")[0, :, 0]),
+        force=_middle(on.peak_force[0, :, 0]),
         stroke=off("peak_stroke"),
         rate=first * off("peak_stroke"),
         ground=_middle(np.array([motion.peak for motion in bench.motions])),
@@ -344,7 +340,7 @@ class Benches(Summarised):
         objective: TuningObjective,
         robust: bool,
     ) -> TuningJudgement:
-        def on(each: Bench) -> RunCriteria:
+        def on(each: Bench) -> LabelledRuns:
             inputs = digest_of(
                 law, candidate, [motion.name for motion in each.motions], len(each.realisations)
             )
@@ -387,7 +383,7 @@ def benches_of(
     def bench(motions: Sequence[GroundMotion], realisations: Realisations) -> Bench:
         arrangement = next(each for each in study.arrangements if each.row.kind == "passive_off")
 
-        def passive() -> RunCriteria:
+        def passive() -> LabelledRuns:
             assert arrangement.law is not None
             criteria = simulate_criteria(
                 arrangement,
@@ -408,8 +404,8 @@ def benches_of(
             problem=problem,
             motions=tuple(motions),
             realisations=realisations,
-            passive=recall_or_compute(
-                journal, "passive", inputs, RunCriteria, (1, len(motions), len(realisations)), passive
+            passive=recall_or_compute_runs(
+                journal, "passive", inputs, candidate_axes(1, motions, realisations), passive
             ),
             journal=journal,
             threads=threads,
@@ -430,11 +426,11 @@ class Varied:
     """A bench with realisations, and the criteria of a candidate on it."""
 
     bench: Bench
-    found: RunCriteria
+    found: LabelledRuns
 
 
 def judge(
-    bench: Bench, objective: TuningObjective, found: RunCriteria, varied: Varied | None, *, robust: bool
+    bench: Bench, objective: TuningObjective, found: LabelledRuns, varied: Varied | None, *, robust: bool
 ) -> TuningJudgement:
     """The judgement of a candidate from its criteria on the bench of the nominal study, and with realisations, if any.
 
@@ -453,7 +449,9 @@ def judge(
         objective=float(objective.value(scores)[0]),
         violation=_finite(float(objective.violation(value_of)[0])),
         criteria=numbers,
-        largest={entry.name: float(found.of(entry.name)[0].max()) for entry in criteria() if not entry.ratio},
+        largest={
+            entry.name: float(found.numbers[entry.name][0].max()) for entry in criteria() if not entry.ratio
+        },
         spread={name: Spread.of(values.tolist()) for name, values in per_motion.items()},
         motions=tuple(
             MotionScore(
@@ -472,11 +470,13 @@ def _finite(value: float) -> float:
     return value if math.isfinite(value) else math.inf
 
 
-def _ratios(found: RunCriteria, passive: RunCriteria) -> dict[str, Floats]:
+def _ratios(found: LabelledRuns, passive: LabelledRuns) -> dict[str, Floats]:
     """Score and ratios to i = 0 of each run, shape (n_candidates, n_motions, n_realisations)."""
     ratios = {"score": _SCORE.run_scores(found, passive)}
     return ratios | {
-        entry.name: over(found.of(entry.name), passive.of(entry.name)) for entry in criteria() if entry.ratio
+        entry.name: over(found.numbers[entry.name], passive.numbers[entry.name])
+        for entry in criteria()
+        if entry.ratio
     }
 
 

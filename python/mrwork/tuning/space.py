@@ -11,6 +11,7 @@ import numpy as np
 
 from mrwork.arguments import Share, Whole
 from mrwork.closed_loop.evaluation import SCORE, criteria, criterion
+from mrwork.closed_loop.responses import COMMAND_UNIT, in_command_unit
 from mrwork.control.design_problem import LawSettings, Magnitudes, Span
 from mrwork.control.law_design import SETTINGS
 from mrwork.control.laws import control_law, control_laws
@@ -18,14 +19,12 @@ from mrwork.errors import SettingError
 from mrwork.keys import Place, is_required, keys_of, suggestion
 from mrwork.numbers import of_unit
 from mrwork.store.codec import Related
-from mrwork.study.results import RunCriteria
+from mrwork.study.labelled import LabelledRuns
 from mrwork.study.schema import Baseline, Combination, Risk, TuneTable
 from mrwork.summary import Summarised
 from mrwork.units import number_in
 from mrwork.values import Floats
 
-COMMAND = "A or V"
-"""Unit of the criteria of the command."""
 _TAIL = 0.2
 PENALTY = 10.0
 """What is added to the objective for a constraint that is exceeded by its own limit."""
@@ -58,9 +57,9 @@ class TuningObjective(Summarised):
     relative_to: Baseline = "passive_off"
     combine: Combination = "mean"
 
-    def run_scores(self, criteria: RunCriteria, baseline: RunCriteria) -> Floats:
+    def run_scores(self, found: LabelledRuns, baseline: LabelledRuns) -> Floats:
         """Score of each run, shape (n_candidates, n_motions, n_realisations); infinite where a run has none."""
-        ratios = {name: over(criteria.of(name), baseline.of(name)) for name in self.weights}
+        ratios = {name: over(found.numbers[name], baseline.numbers[name]) for name in self.weights}
         if self.combine == "largest":
             return np.asarray(
                 np.max([weight * ratios[name] for name, weight in self.weights.items()], axis=0)
@@ -73,11 +72,11 @@ class TuningObjective(Summarised):
         """The risk of the scores of runs, shape (n_candidates,)."""
         return risk_of(scores.reshape(len(scores), -1), self.risk, self.tail)
 
-    def violation(self, criteria: RunCriteria) -> Floats:
-        """Sum of the relative violations of the limits by each candidate, shape (n_candidates,)."""
-        violation = np.zeros(criteria.numbers.shape[1])
+    def violation(self, found: LabelledRuns) -> Floats:
+        """By how much each candidate exceeds its limits, relative to these and summed, shape (n_candidates,)."""
+        violation = np.zeros(found.shape[0])
         for each in self.limits:
-            largest = criteria.of(each.criterion).max(axis=(1, 2))
+            largest = found.numbers[each.criterion].max(axis=(1, 2))
             violation += np.maximum(largest / each.limit - 1.0, 0.0)
         return violation
 
@@ -166,7 +165,7 @@ def _check_criterion(table: TuneTable, key: str, name: str) -> None:
 def check_scored_criterion(table: TuneTable, key: str, name: str) -> None:
     """Refuse a name that is no criterion, or one that is zero at i = 0 and so has no ratio to it."""
     _check_criterion(table, key, name)
-    if criterion(name).unit == COMMAND:
+    if criterion(name).unit == COMMAND_UNIT:
         refuse_within(
             table, f"{name} is 0 at i = 0, so no ratio to it exists; limit it among the constraints", key
         )
@@ -176,7 +175,7 @@ def _limit(table: TuneTable, name: str, value: float | str, command_unit: str) -
     _check_criterion(table, "constraints", name)
     unit = criterion(name).unit
     if isinstance(value, str):
-        number = number_in(value, command_unit if unit == COMMAND else unit)
+        number = number_in(value, in_command_unit(unit, command_unit))
         if isinstance(number, str):
             refuse_within(table, f"{name} {number}", "constraints")
         value = number

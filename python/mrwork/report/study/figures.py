@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from mrwork.closed_loop.responses import axis_of
-from mrwork.numbers import NOTHING, format_fixed, significant
+from mrwork.numbers import fixed, significant
 from mrwork.report import style
 from mrwork.report.canvas import (
     column_axes,
@@ -26,7 +26,7 @@ from mrwork.report.canvas import (
 )
 from mrwork.report.figures import envelope, strong_part
 from mrwork.report.section import Group, Panel, Section, panel
-from mrwork.report.study.tables import ShownRows
+from mrwork.report.study.tables import ShownRows, group_table, spread_table
 from mrwork.report.style import DisplayUnit
 from mrwork.study.comparison import (
     StudyComparison,
@@ -383,7 +383,7 @@ def spread_section(comparison: StudyComparison, shown: ShownRows) -> Section | N
     if len(results.judged) < 2 or not rows:
         return None
     groups = [
-        Group(title=f"Score over {judged_in_words(results)}", table=_spread_table(comparison, rows)),
+        Group(title=f"Score over {judged_in_words(results)}", table=spread_table(comparison, rows)),
         Group(
             panels=(
                 panel(
@@ -397,7 +397,7 @@ def spread_section(comparison: StudyComparison, shown: ShownRows) -> Section | N
         ),
     ]
     if motion_groups(results):
-        groups.append(Group(title="Score under groups of motions", table=_group_table(results, rows)))
+        groups.append(Group(title="Score under groups of motions", table=group_table(results, rows)))
     return Section(
         anchor="spread",
         title="Spread over motions",
@@ -422,75 +422,6 @@ def _spread_in_words(comparison: StudyComparison) -> str:
                 f"{better} of {judged_in_words(results)}"
             )
     return f"{'; '.join(parts)}. {chosen_in_words(results)}".strip()
-
-
-def _spread_table(comparison: StudyComparison, rows: list[int]) -> Table:
-    results, passive = comparison.results, comparison.passive
-    spreads = {row: results.spread(row) for row in rows}
-
-    def better(row: int, *names: str) -> str:
-        if passive is None or row == passive:
-            return NOTHING
-        return format_fixed(times_better(results, row, passive, names), 0)
-
-    cells = tuple(
-        (
-            results.rows[row].label,
-            *(
-                format_fixed(number, 3)
-                for number in (
-                    spreads[row].mean,
-                    spreads[row].least,
-                    spreads[row].lower_quartile,
-                    spreads[row].median,
-                    spreads[row].upper_quartile,
-                    spreads[row].most,
-                )
-            ),
-            better(row, "peak_drift"),
-            better(row, "peak_acceleration"),
-            better(row, "peak_drift", "peak_acceleration"),
-        )
-        for row in rows
-    )
-    constant = "the best passive damper" if passive is None else results.rows[passive].label
-    return Table(
-        label="Spread of the score over the motions",
-        columns=("", "Mean", "Least", "25 %", "Median", "75 %", "Most", "Drift", "Acc.", "Both"),
-        rows=cells,
-        over=(("", 1), ("Score under single motions", 6), (f"Motions better than {constant}", 3)),
-        headings=_headings(comparison, rows),
-        note=f"Of {judged_in_words(results)}. Better: lower peak drift, peak acceleration, or both. "
-        f"{chosen_in_words(results)}".rstrip(),
-    )
-
-
-def _headings(comparison: StudyComparison, rows: list[int]) -> dict[int, str]:
-    return {
-        rows.index(first): rank.title
-        for rank, members in comparison.ranks
-        for first in [next((row for row in members if row in rows), -1)]
-        if first >= 0
-    }
-
-
-def _group_table(results: StudyResults, rows: list[int]) -> Table:
-    groups = motion_groups(results)
-    return Table(
-        label="Score under groups of motions",
-        columns=("", *(f"{group.name[:1].upper()}{group.name[1:]}" for group in groups)),
-        rows=(
-            ("Motions", *(format_fixed(len(group.motions), 0) for group in groups)),
-            *(
-                (
-                    results.rows[row].label,
-                    *(format_fixed(results.score_under(row, group.motions), 3) for group in groups),
-                )
-                for row in rows
-            ),
-        ),
-        note="A motion may be in several groups: its soil, whether it has a near-fault pulse, its peak.",
-    )
 
 
 @style.drawn_in_style()

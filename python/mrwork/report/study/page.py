@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mrwork.closed_loop.evaluation import SCORE, criterion, ratio
-from mrwork.numbers import MINUS, NOTHING, format_fixed, significant
-from mrwork.report.html import fill_template
+from mrwork.closed_loop.evaluation import criterion, ratio
+from mrwork.numbers import MINUS, NOTHING, fixed, significant
+from mrwork.report.html import filled_in
 from mrwork.report.section import Group, Section, panel
 from mrwork.report.study.figures import (
     ReadHistory,
@@ -22,13 +22,14 @@ from mrwork.report.study.figures import (
 )
 from mrwork.report.study.tables import (
     ShownRows,
-    band_section,
+    bands_of_study,
     change_table,
     leading_table,
     overview_table,
     ratio_table,
     shown_rows,
     signed_percent,
+    step_table,
     value_table,
 )
 from mrwork.study.comparison import (
@@ -40,7 +41,6 @@ from mrwork.study.comparison import (
 )
 from mrwork.study.results import (
     OFF_BALANCE,
-    ON_OFF,
     StudyResults,
     largest_step_changes,
 )
@@ -206,43 +206,19 @@ def step_section(results: StudyResults, shown: ShownRows) -> Section | None:
         anchor="step",
         title="Half the step",
         summary=summary,
-        groups=(
-            Group(
-                table=Table(
-                    label="Largest change of a criterion with half the step",
-                    columns=("", "Largest change", "Criterion, motion"),
-                    rows=tuple(
-                        (
-                            results.rows[each.row].label,
-                            significant(each.change if each.criterion else None, 2),
-                            each.in_words(results),
-                        )
-                        for each in changes
-                        if each.row in shown.listed
-                    ),
-                    words=(2,),
-                    note=f"Every run was repeated with half its integration step; changes are relative to the value. "
-                    f"{ON_OFF}",
-                )
-            ),
-        ),
+        groups=(Group(table=step_table(results, shown.listed)),),
     )
 
 
-def uncertainty_section(results: StudyResults, shown: ShownRows) -> Section | None:
-    """Bands of score and ratios over the realisations of the study, if it has any."""
-    varied = results.varied
-    if varied is None or not varied.rows:
+def band_section(table: Table, count: int) -> Section | None:
+    """Bands of the score and of its ratios over so many realisations; `None` without any."""
+    if not (count and table.rows):
         return None
-    off, judged = results.row_of("passive_off"), results.judged
-    rows = []
-    for number in shown.listed:
-        ratios = [varied.ratio_band(number, off, judged, name) for name in SCORE]
-        rows.append((results.rows[number].label, [varied.score_band(number, off, judged), *ratios]))
-    return band_section(
-        rows,
-        varied.count,
-        note="All rows have the same realisations; the laws are those of the nominal study.",
+    return Section(
+        anchor="bands",
+        title="Under uncertainty",
+        summary=f"{count} realisations of what is not known exactly.",
+        groups=(Group(table=table),),
     )
 
 
@@ -275,7 +251,7 @@ def study_page(
         profile_section(results, motion, shown),
         history_section(results, histories, motion, shown.with_histories),
         device_section(results, histories, motion, shown.with_histories),
-        uncertainty_section(results, shown),
+        band_section(bands_of_study(results, shown.listed), results.n_realisations),
         demand_section(results),
         energy_section(results, motion, shown),
         step_section(results, shown),

@@ -11,14 +11,16 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from mrwork.closed_loop.evaluation import SCORE, criteria, criterion
-from mrwork.escaping import escape_text
-from mrwork.numbers import NOTHING, format_fixed, shortest, significant
+from mrwork.closed_loop.responses import in_command_unit
+from mrwork.escaping import escaped
+from mrwork.numbers import NOTHING, fixed, shortest, significant
 from mrwork.report import style
 from mrwork.report.canvas import column_axes, name_rows, room_for
 from mrwork.report.html import fill_template
 from mrwork.report.section import Group, Section, panel
 from mrwork.report.study.figures import HUES, short
-from mrwork.report.study.tables import band_section
+from mrwork.report.study.page import band_section
+from mrwork.report.study.tables import band_table
 from mrwork.table import Table
 from mrwork.tuning.results import Front, LawResult, TuningJudgement, TuningResults
 
@@ -115,13 +117,16 @@ def tuning_page(results: TuningResults, *, command: str = "") -> str:
         _score_section(results),
         _settings_section(results),
         band_section(
-            [
-                (each.label, [bands.get("score"), *(bands.get(name) for name in SCORE)])
-                for each in results.ranked
-                if (bands := each.judged.bands)
-            ],
+            band_table(
+                [
+                    (each.label, [bands.get("score"), *(bands.get(name) for name in SCORE)])
+                    for each in results.ranked
+                    if (bands := each.judged.bands)
+                ],
+                results.realisations,
+                note="All laws have the same realisations.",
+            ),
             results.realisations,
-            note="All laws have the same realisations.",
         ),
         *(_front_section(number, front) for number, front in enumerate(results.fronts)),
         _demand_section(results),
@@ -320,7 +325,7 @@ def _demand_section(results: TuningResults) -> Section | None:
         for each in results.ranked
     )
     heads = [
-        f"{entry.short} ({_IN_UNITS.get(entry.unit, (_unit(entry.unit, results.command_unit), 1.0))[0]})"
+        f"{entry.short} ({_IN_UNITS.get(entry.unit, (in_command_unit(entry.unit, results.command_unit), 1.0))[0]})"
         for entry in entries
     ]
     on = "test" if results.testing else "training"
@@ -341,11 +346,7 @@ def _demand_section(results: TuningResults) -> Section | None:
     )
 
 
-def _unit(unit: str, command_unit: str) -> str:
-    return command_unit if unit == "A or V" else unit
-
-
-def _demand(judgement: TuningJudgement, name: str, unit: str) -> str:
+def _demand(found: TuningJudgement, name: str, unit: str) -> str:
     _, factor = _IN_UNITS.get(unit, ("", 1.0))
     value = judgement.largest.get(name)
     return NOTHING if value is None else significant(factor * value, 3)
