@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,7 +17,7 @@ from mrwork.store.journal import Journal
 from mrwork.study.run_result import RunResult, kept_quantities
 from mrwork.study.study import Realisations
 from mrwork.summary import Summarised, Summary, listed
-from mrwork.values import holds_arrays
+from mrwork.values import array_dataclass
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -39,8 +39,7 @@ _N_FIRST = 3
 _ENDS = {"outcome": "", "steps": "1", "least_stroke": "m"}
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class LabelledRuns(Labelled, Summarised):
     """Quantities or criteria of runs, each an array over named axes and an attribute; NaN where there is no such run.
 

@@ -193,7 +193,7 @@ def run_study(
             row = len(arrangements)
             for motion in range(len(study.motions)):
                 # The searches start from the commands of the best law, too.
-                found = played.searched(motion, arrangements, results(), journal, report)
+                found = played.search_optimum(motion, arrangements, results(), journal, report)
                 clairvoyants[motion] = found
                 runs[row, motion, 0], drawn = played.run(motion, found, histories=True)
                 if motion in study.histories and runs[row, motion, 0].finished and not kept(row, motion):

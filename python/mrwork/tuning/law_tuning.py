@@ -498,7 +498,7 @@ def front_of(plan: LawPlan, benches: Benches, basis: Basis, *, rng: int, report:
     )
 
 
-def _ratios(found: LabelledRuns, bench: Bench, parts: list[TuningObjective]) -> Floats:
+def _ratios(criteria: LabelledRuns, bench: Bench, parts: list[TuningObjective]) -> Floats:
     """The objectives of candidates over their baseline, shape (n_candidates, n_objectives)."""
     return np.column_stack([part.value(part.run_scores(criteria, bench.baseline(part))) for part in parts])
 

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from mrwork.closed_loop.responses import axis_of
-from mrwork.numbers import fixed, significant
+from mrwork.numbers import format_fixed, significant
 from mrwork.report import style
 from mrwork.report.canvas import (
     column_axes,

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mrwork.closed_loop.evaluation import criterion, ratio
-from mrwork.numbers import MINUS, NOTHING, fixed, significant
-from mrwork.report.html import filled_in
+from mrwork.numbers import MINUS, NOTHING, format_fixed, significant
+from mrwork.report.html import fill_template
 from mrwork.report.section import Group, Section, panel
 from mrwork.report.study.figures import (
     ReadHistory,

@@ -14,7 +14,7 @@ from types import MappingProxyType
 import numpy as np
 
 from mrwork.closed_loop.evaluation import SCORE, Criterion, criterion
-from mrwork.numbers import NOTHING, fixed, significant
+from mrwork.numbers import NOTHING, format_fixed, significant
 from mrwork.study.comparison import (
     LAWS,
     RANKS,
@@ -364,7 +364,7 @@ def _worse_laws(comparison: StudyComparison, reference: int, *, several: bool) -
     counts = comparison.worse_counts(reference)
     return (
         f"Worse control laws, of {laws}",
-        *(fixed(counts[entry.name], 0) for entry in compared_quantities()),
+        *(format_fixed(counts[entry.name], 0) for entry in compared_quantities()),
         *([""] if several else []),
     )
 
@@ -425,7 +425,7 @@ def spread_table(comparison: StudyComparison, rows: Sequence[int]) -> Table:
         return Table(
             label="Score",
             columns=("", "Score"),
-            rows=tuple((results.rows[row].label, fixed(results.score(row), 3)) for row in rows),
+            rows=tuple((results.rows[row].label, format_fixed(results.score(row), 3)) for row in rows),
             headings=_headings(comparison, rows),
         )
     spreads = {row: results.spread(row) for row in rows}
@@ -433,13 +433,13 @@ def spread_table(comparison: StudyComparison, rows: Sequence[int]) -> Table:
     def better(row: int, *names: str) -> str:
         if passive is None or row == passive:
             return NOTHING
-        return fixed(times_better(results, row, passive, names), 0)
+        return format_fixed(times_better(results, row, passive, names), 0)
 
     cells = tuple(
         (
             results.rows[row].label,
             *(
-                fixed(number, 3)
+                format_fixed(number, 3)
                 for number in (
                     spreads[row].mean,
                     spreads[row].least,
@@ -483,11 +483,11 @@ def group_table(results: StudyCriteria, rows: Sequence[int]) -> Table:
         label="Score under groups of motions",
         columns=("", *(f"{group.name[:1].upper()}{group.name[1:]}" for group in groups)),
         rows=(
-            ("Motions", *(fixed(len(group.motions), 0) for group in groups)),
+            ("Motions", *(format_fixed(len(group.motions), 0) for group in groups)),
             *(
                 (
                     results.rows[row].label,
-                    *(fixed(results.score_under(row, group.motions), 3) for group in groups),
+                    *(format_fixed(results.score_under(row, group.motions), 3) for group in groups),
                 )
                 for row in rows
             ),

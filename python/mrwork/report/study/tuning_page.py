@@ -12,8 +12,8 @@ from matplotlib.ticker import MaxNLocator
 
 from mrwork.closed_loop.evaluation import SCORE, criteria, criterion
 from mrwork.closed_loop.responses import in_command_unit
-from mrwork.escaping import escaped
-from mrwork.numbers import NOTHING, fixed, shortest, significant
+from mrwork.escaping import escape_text
+from mrwork.numbers import NOTHING, format_fixed, shortest, significant
 from mrwork.report import style
 from mrwork.report.canvas import column_axes, name_rows, room_for
 from mrwork.report.html import fill_template
@@ -346,7 +346,7 @@ def _demand_section(results: TuningResults) -> Section | None:
     )
 
 
-def _demand(found: TuningJudgement, name: str, unit: str) -> str:
+def _demand(judgement: TuningJudgement, name: str, unit: str) -> str:
     _, factor = _IN_UNITS.get(unit, ("", 1.0))
     value = judgement.largest.get(name)
     return NOTHING if value is None else significant(factor * value, 3)
