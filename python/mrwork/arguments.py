@@ -104,12 +104,13 @@ def _checking(function: Any, name: str, owner: type = object) -> Any:
             kinds.update(_kinds_of(function, signature, owner))
             shapes.update(_shapes_of(function, signature))
         values = [
-            _accepted(kinds, name, parameter, value, owner)
+            _accept_value(kinds, name, parameter, value, owner)
             for parameter, value in zip(positional, args, strict=False)
         ]
-        more = [_accepted(kinds, name, rest, value, owner) for value in args[len(values) :]]
+        more = [_accept_value(kinds, name, rest, value, owner) for value in args[len(values) :]]
         named = {
-            parameter: _accepted(kinds, name, parameter, value, owner) for parameter, value in given.items()
+            parameter: _accept_value(kinds, name, parameter, value, owner)
+            for parameter, value in given.items()
         }
         if shapes:
             _agree(shapes, name, dict(zip(positional, values, strict=False)) | named)
@@ -118,7 +119,7 @@ def _checking(function: Any, name: str, owner: type = object) -> Any:
     return checking
 
 
-def _accepted(kinds: Mapping[str, Kind], function: str, parameter: str, value: Any, owner: type) -> Any:
+def _accept_value(kinds: Mapping[str, Kind], function: str, parameter: str, value: Any, owner: type) -> Any:
     if parameter not in kinds:
         return value
     try:
@@ -155,7 +156,7 @@ def _agree(shapes: Mapping[str, Shape], function: str, given: Mapping[str, Any])
 def _shapes_of(function: Any, signature: inspect.Signature) -> dict[str, Shape]:
     own = inspect.unwrap(function).__globals__
     found = {
-        name: shape_of(_resolved(parameter.annotation, own))
+        name: shape_of(_resolve_annotation(parameter.annotation, own))
         for name, parameter in signature.parameters.items()
     }
     return {name: shape for name, shape in found.items() if shape is not None}
@@ -172,14 +173,16 @@ def _kinds_of(function: Any, signature: inspect.Signature, owner: type = object)
     declared = {entry.name: entry.metadata for entry in keys_of(owner)} if is_dataclass(owner) else {}
     return {
         name: kind_of(
-            _resolved(parameter.annotation, homes.get(name, own)), parameter.default, declared.get(name)
+            _resolve_annotation(parameter.annotation, homes.get(name, own)),
+            parameter.default,
+            declared.get(name),
         )
         for name, parameter in signature.parameters.items()
         if parameter.annotation is not parameter.empty and parameter.kind is not parameter.VAR_KEYWORD
     }
 
 
-def _resolved(annotation: Any, names: dict[str, Any]) -> Any:
+def _resolve_annotation(annotation: Any, names: dict[str, Any]) -> Any:
     alone = SimpleNamespace(__annotations__={"annotation": annotation})
     try:
         return get_type_hints(alone, names, include_extras=True)["annotation"]

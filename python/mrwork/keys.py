@@ -88,7 +88,7 @@ class Place:
         raise self.error(SettingError, sentence)
 
     @contextmanager
-    def prefixed(self, kind: type[MrworkError] | None = None) -> Iterator[None]:
+    def prefix_errors(self, kind: type[MrworkError] | None = None) -> Iterator[None]:
         """Begin the message of an error in the block with this place; the type is `kind`, or stays."""
         try:
             yield
@@ -116,7 +116,7 @@ class Place:
         return error
 
 
-def shown(value: object) -> str:
+def quote_value(value: object) -> str:
     """A value of a table as a message quotes it."""
     return "a table" if isinstance(value, dict) else "an array" if isinstance(value, list) else repr(value)
 
@@ -229,7 +229,7 @@ class DeclaredTable(ABCMeta):
                 raise SettingError(f"{cls.__name__} has no setting {name!r}{near}")
         for name, entry in known.items():
             if name not in given and is_required(entry):
-                raise SettingError(f"{cls.__name__} has no {name}; give {described(entry)}")
+                raise SettingError(f"{cls.__name__} has no {name}; give {describe_key(entry)}")
         return super().__call__(*args, **given)
 
 
@@ -238,13 +238,13 @@ def is_required(entry: Field[Any]) -> bool:
     return entry.default is MISSING and entry.default_factory is MISSING
 
 
-def described(entry: Field[Any]) -> str:
+def describe_key(entry: Field[Any]) -> str:
     """Meaning of a key and its unit."""
     unit = entry.metadata["unit"]
     return f"{entry.metadata['says']}{f' [{unit}]' if unit else ''}"
 
 
-def repeated(name: str, values: Sequence[object]) -> str:
+def describe_repeat(name: str, values: Sequence[object]) -> str:
     """Message for a text that stands in an array twice; empty if there is none."""
     texts = [value for value in values if isinstance(value, str)]
     twice = next((text for text, count in Counter(texts).items() if count > 1), None)
@@ -292,7 +292,7 @@ def refuse_repeated(table: Any) -> None:
     """Refuse a name that stands twice in an array of a table that a script has built."""
     for entry in fields(table):
         given = getattr(table, entry.name)
-        if isinstance(given, tuple) and (refusal := repeated(entry.name, given)):
+        if isinstance(given, tuple) and (refusal := describe_repeat(entry.name, given)):
             raise InvalidSettingError(entry.name, refusal)
 
 
@@ -304,14 +304,14 @@ def read_table(kind: type[T], table: Mapping[str, Any], place: Place) -> T:
             refuse_missing(entry, values, place)
     if "place" in get_type_hints(kind):
         values["place"] = place
-    with place.prefixed(SettingError):
+    with place.prefix_errors(SettingError):
         return kind(**values)
 
 
 def refuse_missing(entry: Field[Any], given: Collection[str], place: Place) -> None:
     """Refuse a table that does not give a key."""
     if entry.name not in given:
-        place.refuse(f"{place.table} has no {name_in_file(entry)}; give {described(entry)}")
+        place.refuse(f"{place.table} has no {name_in_file(entry)}; give {describe_key(entry)}")
 
 
 def given_values(kind: type, table: Mapping[str, Any], place: Place) -> dict[str, Any]:
@@ -371,17 +371,17 @@ def _value(kind: Any, value: Any, place: Place, entry: Field[Any]) -> Any:
             )
         if not value and place.path[-1] == name_in_file(entry) and not is_dataclass(arguments[0]):
             leave = "" if is_required(entry) else ", or leave it out"
-            place.refuse(f"{_name(place)} is empty; give {described(entry)}{leave}")
+            place.refuse(f"{_name(place)} is empty; give {describe_key(entry)}{leave}")
         if len(value) > entry.metadata["most_items"]:
             place.refuse(
                 f"{_name(place)} has {len(value)} entries; give at most {entry.metadata['most_items']}"
             )
         names = arguments[0] is str or get_origin(arguments[0]) is Literal
-        if names and (twice := repeated(_name(place), value)):
+        if names and (twice := describe_repeat(_name(place), value)):
             place.refuse(twice)
         if arguments[1:] != (...,) and len(value) != len(arguments):
             place.refuse(
-                f"{_name(place)} has {len(value)} entries; give {len(arguments)}, {described(entry)}"
+                f"{_name(place)} has {len(value)} entries; give {len(arguments)}, {describe_key(entry)}"
             )
         if _is_nested(kind):
             _check_rows(value, place)
@@ -394,7 +394,7 @@ def _value(kind: Any, value: Any, place: Place, entry: Field[Any]) -> Any:
         if not isinstance(value, dict):
             _refuse(place, value, "a table, as { name = 1 }")
         if not value and arguments and arguments[1] is not Any:
-            place.refuse(f"{_name(place)} is empty; give {described(entry)}, or leave it out")
+            place.refuse(f"{_name(place)} is empty; give {describe_key(entry)}, or leave it out")
         return {
             name: _value(arguments[1], each, place.within(name), entry) if arguments else each
             for name, each in value.items()
@@ -468,7 +468,7 @@ def _is_nested(kind: Any) -> bool:
 
 
 def _refuse(place: Place, value: Any, expected: str) -> NoReturn:
-    place.refuse(f"{_name(place)} is {shown(value)}; give {expected}")
+    place.refuse(f"{_name(place)} is {quote_value(value)}; give {expected}")
 
 
 def _name(place: Place) -> str:
@@ -516,7 +516,7 @@ def key_lines(kind: type) -> list[str]:
         bounds = f", {words}" if (words := range_in_words(entry)) else ""
         file = " or name of a text file" if entry.metadata["matrix"] else ""
         form = f"{in_words(hints[entry.name])}{file}{f' [{unit}]' if unit else ''}{bounds}"
-        meaning = f"{entry.metadata['says']} ({form}){_searched(entry)}"
+        meaning = f"{entry.metadata['says']} ({form}){_describe_search(entry)}"
         head = f"  {name_in_file(entry):<{names}}  {_default(entry):<{defaults}}  "
         lines += textwrap.wrap(
             meaning,
@@ -528,7 +528,7 @@ def key_lines(kind: type) -> list[str]:
     return lines
 
 
-def _searched(entry: Field[Any]) -> str:
+def _describe_search(entry: Field[Any]) -> str:
     """Whether a search of settings changes the key by itself, or where it is asked to."""
     span = entry.metadata["span"]
     return (

@@ -15,7 +15,7 @@ from typing import Any
 
 from mrwork.arguments import checked
 from mrwork.numbers import NOTHING
-from mrwork.summary import Summarised, Summary, aligned
+from mrwork.summary import Summarised, Summary, align_rows
 
 # Words that are longer may be broken over lines of a page.
 _LONG = 40
@@ -66,7 +66,7 @@ class Table(Summarised):
 
     def lines(self, indent: str = "") -> list[str]:
         """Columns and rows as aligned lines, each after `indent`."""
-        return [f"{indent}{line}" for line in aligned([self.columns, *self.rows])]
+        return [f"{indent}{line}" for line in align_rows([self.columns, *self.rows])]
 
     def markdown(self) -> str:
         """The table for a README."""
@@ -103,7 +103,11 @@ class Table(Summarised):
         lines.append("</tbody>")
         if self.foot:
             lines += ["<tfoot>", self._row(escape(self.foot[0]), self.foot), "</tfoot>"]
-        lines += ["</table>", "</div>", *([f'<p class="note">{coded(self.note)}</p>'] if self.note else [])]
+        lines += [
+            "</table>",
+            "</div>",
+            *([f'<p class="note">{format_code(self.note)}</p>'] if self.note else []),
+        ]
         return "\n".join(lines)
 
     # A template shows a table by its name.
@@ -170,7 +174,7 @@ def breakable(name: str) -> str:
     return re.sub(r"(?<=\d) (?=[A-Za-z]{1,2}\b)", "\N{NO-BREAK SPACE}", escape(name)).replace("_", "_<wbr>")
 
 
-def coded(sentence: str) -> str:
+def format_code(sentence: str) -> str:
     """HTML of a sentence with `commands` between backticks; a per cent sign and `i = 0` are not broken apart."""
     bound = escape(sentence).replace(" %", "\N{NO-BREAK SPACE}%")
     bound = bound.replace("i = 0", "i\N{NO-BREAK SPACE}=\N{NO-BREAK SPACE}0")

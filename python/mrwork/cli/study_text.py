@@ -204,7 +204,7 @@ def _leading_lines(comparison: StudyComparison) -> list[str]:
 def _change_lines(comparison: StudyComparison, reference: int) -> list[str]:
     """Changes of every row against a reference, the rows of each rank together."""
     results = comparison.results
-    several = len(results.judged) > 1
+    several = len(results.judged_motions) > 1
     table = [("", *(criterion(name).short for name in _QUANTITIES))]
     for rank, rows in comparison.ranks:
         others = [row for row in rows if row != reference]
@@ -250,7 +250,7 @@ def _score_lines(comparison: StudyComparison) -> list[str]:
     results = comparison.results
     if not any(isfinite(results.score(row)) for row in range(len(results.rows))):
         return []
-    several = len(results.judged) > 1
+    several = len(results.judged_motions) > 1
     against = comparison.passive
     heads = ("least", "25 %", "median", "75 %", "most", "better") if several else ()
     table = [("", "score", *heads)]
@@ -264,7 +264,7 @@ def _score_lines(comparison: StudyComparison) -> list[str]:
                 else ()
             )
             better = None if against in (None, row) else times_better(results, row, against)
-            counts = ("" if better is None else f"{better}/{len(results.judged)}",) if several else ()
+            counts = ("" if better is None else f"{better}/{len(results.judged_motions)}",) if several else ()
             cells = (with_decimals(number, 3) for number in (results.score(row), *numbers))
             table.append((f"  {results.rows[row].label}", *cells, *counts))
     lines = [
@@ -304,8 +304,8 @@ def _band_lines(results: StudyResults) -> list[str]:
     table: list[tuple[str, ...]] = [("", "score", "peak drift")]
     for number, row in enumerate(results.rows):
         bands = (
-            varied.score_band(number, off, results.judged),
-            varied.ratio_band(number, off, results.judged, "peak_drift"),
+            varied.score_band(number, off, results.judged_motions),
+            varied.ratio_band(number, off, results.judged_motions, "peak_drift"),
         )
         cells = [
             "-" if each is None else f"{each.median:.3f} ({each.lower:.3f} to {each.upper:.3f})"

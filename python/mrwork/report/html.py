@@ -13,7 +13,7 @@ from markupsafe import Markup
 
 from mrwork.escaping import escaped_lines
 from mrwork.report import style
-from mrwork.table import breakable, coded
+from mrwork.table import breakable, format_code
 
 _GREEK = {
     "alpha": "α",
@@ -166,6 +166,6 @@ def _environment() -> Environment:
     )
     environment.globals["styles"] = Markup(_styles())
     environment.filters["breakable"] = lambda name: Markup(breakable(name))
-    environment.filters["coded"] = lambda sentence: Markup(coded(sentence))
+    environment.filters["coded"] = lambda sentence: Markup(format_code(sentence))
     environment.filters["symbol"] = lambda name: Markup(symbol(name))
     return environment

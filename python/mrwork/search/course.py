@@ -53,7 +53,7 @@ class Proposal(Summarised):
         """Misfit at which the simulation of a row may stop, shape (n_ask,); `inf` where it may not."""
         return self.limit[self.changed]
 
-    def accepted(self, misfit: AnyNumbers) -> NDArray[np.float64]:
+    def accept_misfits(self, misfit: AnyNumbers) -> NDArray[np.float64]:
         """Misfits for the optimiser, shape (n_ask,): `inf` at or above the threshold, and for failed or stopped ones.
 
         They do not depend on whether a simulation stopped at its threshold.
@@ -76,7 +76,7 @@ class Proposal(Summarised):
     def member_misfits(self, misfit: AnyNumbers) -> NDArray[np.float64]:
         """Accepted misfits of all members, shape (n_running, n_population), `inf` for those not simulated."""
         members = np.full(self.known.shape, math.inf)
-        members[self.changed] = self.accepted(misfit)
+        members[self.changed] = self.accept_misfits(misfit)
         return members
 
 
@@ -128,7 +128,7 @@ class Course(Summarised):
 
     @classmethod
     @checked
-    def begun(
+    def begin(
         cls, n_params: Dimension, rng: Seed, replicates: Sequence[Replicate], elite: EliteRule
     ) -> Course:
         """Progress before the first simulation."""
@@ -287,14 +287,14 @@ def select(state: StateT, rows: Sequence[int]) -> StateT:
             return tuple(value[row] for row in index)
         return _with_parts(value, part) if dataclasses.is_dataclass(value) else value
 
-    def shortened(value: Any) -> Any:
+    def shorten_value(value: Any) -> Any:
         if isinstance(value, Course):
             n_generations = int(value.generation.max(initial=0))
             trace = _with_parts(value.trace, lambda entries: entries[:, :n_generations])
             return dataclasses.replace(value, trace=trace)
         return value
 
-    return _with_parts(_with_parts(state, part), shortened)
+    return _with_parts(_with_parts(state, part), shorten_value)
 
 
 def arrays_of(state: object) -> dict[str, NDArray[Any]]:
@@ -356,7 +356,7 @@ class PopulationState(Summarised):
 
     @classmethod
     @checked
-    def begun(cls, course: Course, population: NDArray[np.float64]) -> PopulationState:
+    def begin(cls, course: Course, population: NDArray[np.float64]) -> PopulationState:
         """State before the first simulation."""
         return cls(course=course, population=population, misfit=np.full(population.shape[:2], math.inf))
 

@@ -53,7 +53,7 @@ def motions_of_study(
     motions: list[MotionOfStudy] = []
     for each in bare:
         _refuse_still(each, sample_time)
-        with each.table.place.prefixed(SettingError):
+        with each.table.place.prefix_errors(SettingError):
             motions += [
                 MotionOfStudy(ground=ground, use=each.table.use, synthetic=each.file is None)
                 for ground in _scale(each.ground, each.table)
@@ -73,7 +73,7 @@ def _bare_motions(table: MotionTable, folder: Path, seed: int) -> Iterator[_Bare
         _refuse_keys(table, ("unit", "column", "channel"), "is for files, and this motion is synthetic")
         bare = _suite(table, table.suite, seed) if table.suite else _synthetic(table, seed)
     for ground, file in bare:
-        with place.prefixed(SettingError):
+        with place.prefix_errors(SettingError):
             yield _Bare(ground=_process(ground, table), table=table, file=file)
 
 
@@ -87,7 +87,7 @@ _Found = list[tuple[GroundMotion, Path | None]]
 
 
 def _read(table: MotionTable, file: str, folder: Path) -> _Found:
-    with table.place.within("file").prefixed(SettingError):
+    with table.place.within("file").prefix_errors(SettingError):
         files = motion_files(folder / file)
         bare: _Found = []
         for path in files:
@@ -103,7 +103,7 @@ def _read(table: MotionTable, file: str, folder: Path) -> _Found:
 
 def _suite(table: MotionTable, suite_table: SuiteTable, seed: int) -> _Found:
     _refuse_keys(table, ("duration", "soil"), "is for a single synthetic motion, and this is a suite")
-    with suite_table.place.prefixed(SettingError):
+    with suite_table.place.prefix_errors(SettingError):
         drawn = suite(
             suite_table.soils,
             suite_table.motions,
@@ -116,7 +116,7 @@ def _suite(table: MotionTable, suite_table: SuiteTable, seed: int) -> _Found:
 
 
 def _synthetic(table: MotionTable, seed: int) -> _Found:
-    with table.place.prefixed(SettingError):
+    with table.place.prefix_errors(SettingError):
         motion = synthetic_motion(
             _spectrum(table),
             rng=seed + table.seed,

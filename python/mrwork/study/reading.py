@@ -86,10 +86,10 @@ def read_study(
     for each in table.controller:
         if each.user is not None:
             on_python(running_in_words(each.user, folder))
-    with place.within("building").prefixed(SettingError):
+    with place.within("building").prefix_errors(SettingError):
         bare = table.building.build(folder)
     building, devices, chosen = equip_building(bare, table.damper, folder, identified)
-    with place.within("hardware").prefixed(SettingError):
+    with place.within("hardware").prefix_errors(SettingError):
         hardware = replace(table.hardware, seed=seed)
     motions = motions_of_study(table.motion, folder, seed, sample_time=hardware.sample_time)
     if not motions:
@@ -166,7 +166,7 @@ def _realisations(
             "nothing in [uncertainty] is uncertain; give it a stiffness, a damping or a delay, or a [[damper]] with a "
             "run that has posterior draws"
         )
-    with where.prefixed(SettingError):
+    with where.prefix_errors(SettingError):
         return realisations_of(given, devices, drawn)
 
 
