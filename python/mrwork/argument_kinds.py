@@ -50,7 +50,7 @@ class OtherKind(Refusal):
     """The value is of another kind altogether, so that another member of a union may take it."""
 
     def __init__(self, value: object, words: str) -> None:
-        super().__init__(f"is {_described(value)}; give {words}")
+        super().__init__(f"is {_quote_value(value)}; give {words}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +95,7 @@ def kind_of(node: Node) -> Kind:
     return _ANYTHING
 
 
-def _described(value: object) -> str:
+def _quote_value(value: object) -> str:
     """A value as messages quote it."""
     if value is None:
         return "None"
@@ -131,7 +131,7 @@ def _float(notes: Notes) -> Kind:
         try:
             plain = float(number)
         except OverflowError:
-            raise Refusal(f"is {_described(value)}; give a smaller number", SettingError) from None
+            raise Refusal(f"is {_quote_value(value)}; give a smaller number", SettingError) from None
         if notes or not abs(plain) <= LARGEST:
             _check_numbers(np.float64(plain), notes)
         exact = isinstance(number, float) or (isinstance(number, int) and abs(number) < 2**53)
@@ -153,9 +153,9 @@ def _int(notes: Notes) -> Kind:
         for each in notes:
             if isinstance(each, Within) and each.excludes(number):
                 wanted = each.instead_of(number, "whole number")
-                raise Refusal(f"is {_described(number)}; give {wanted}", SettingError)
+                raise Refusal(f"is {_quote_value(number)}; give {wanted}", SettingError)
         if not -(2**63) <= number < 2**64:
-            raise Refusal(f"is {_described(number)}; give a whole number of 64 bits", SettingError)
+            raise Refusal(f"is {_quote_value(number)}; give a whole number of 64 bits", SettingError)
         return number
 
     return Kind(words, accept, rank=0)
@@ -190,9 +190,9 @@ def _name(choices: tuple[Any, ...]) -> Kind:
             if type(value) is type(choice) and value == choice:
                 return choice
         if isinstance(value, str) and texts:
-            raise Refusal(f"is {_described(value)}{suggestion(value, texts)}", UnknownChoiceError)
+            raise Refusal(f"is {_quote_value(value)}{suggestion(value, texts)}", UnknownChoiceError)
         if type(value) in {type(choice) for choice in choices}:
-            raise Refusal(f"is {_described(value)}; give {words}", UnknownChoiceError)
+            raise Refusal(f"is {_quote_value(value)}; give {words}", UnknownChoiceError)
         raise OtherKind(value, words)
 
     return Kind(words, accept, rank=0)
@@ -245,7 +245,7 @@ def _as_array(value: Any, kinds: str, words: str) -> Any:
         array = np.asarray(value)
     except (ValueError, TypeError):
         raise Refusal(
-            f"is {_described(value)} that is no array; give {words} in rows of one length"
+            f"is {_quote_value(value)} that is no array; give {words} in rows of one length"
         ) from None
     if array.ndim == 0 and array.dtype.kind == "O" and not isinstance(value, int):
         raise OtherKind(value, words)
@@ -292,7 +292,7 @@ def _sequence(of: Kind, *, as_tuple: bool) -> Kind:
 
     def accept(value: Any) -> Any:
         # The rows of a matrix are items of their own where items are lists.
-        listed = _listed(value, words, most_axes=2 if of.rank > 1 else 1)
+        listed = _list_values(value, words, most_axes=2 if of.rank > 1 else 1)
         items = [_at(of, each, f"[{position}]") for position, each in enumerate(listed)]
         if listed is value and all(new is old for new, old in zip(items, listed, strict=True)):
             items = value
@@ -319,7 +319,7 @@ def _tuple(kinds: list[Kind]) -> Kind:
     words = f"{len(kinds)} values: {', '.join(each.words for each in kinds)}"
 
     def accept(value: Any) -> Any:
-        listed = _listed(value, words)
+        listed = _list_values(value, words)
         if len(listed) != len(kinds):
             raise Refusal(f"has {len(listed)} values; give {words}")
         return tuple(
@@ -345,7 +345,7 @@ def _mapping(names: Kind, values: Kind) -> Kind:
     return Kind(words, accept, rank=2)
 
 
-def _listed(value: Any, words: str, most_axes: int = 1) -> Any:
+def _list_values(value: Any, words: str, most_axes: int = 1) -> Any:
     if isinstance(value, np.ndarray) and 1 <= value.ndim <= most_axes and not np.ma.is_masked(value):
         return value.tolist()
     if isinstance(value, str | bytes) or not isinstance(value, Sequence):

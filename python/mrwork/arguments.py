@@ -118,12 +118,13 @@ def _checking(function: Any, name: str, owner: type = object) -> Any:
             kinds.update({name: kind_of(node) for name, node in nodes.items()})
             shapes.update({name: shape for name, node in nodes.items() if (shape := shape_of(node))})
         values = [
-            _accepted(kinds, name, parameter, value, owner)
+            _accept_value(kinds, name, parameter, value, owner)
             for parameter, value in zip(positional, args, strict=False)
         ]
-        more = [_accepted(kinds, name, rest, value, owner) for value in args[len(values) :]]
+        more = [_accept_value(kinds, name, rest, value, owner) for value in args[len(values) :]]
         named = {
-            parameter: _accepted(kinds, name, parameter, value, owner) for parameter, value in given.items()
+            parameter: _accept_value(kinds, name, parameter, value, owner)
+            for parameter, value in given.items()
         }
         if shapes:
             _agree(shapes, name, dict(zip(positional, values, strict=False)) | named)
@@ -132,7 +133,7 @@ def _checking(function: Any, name: str, owner: type = object) -> Any:
     return checking
 
 
-def _accepted(kinds: Mapping[str, Kind], function: str, parameter: str, value: Any, owner: type) -> Any:
+def _accept_value(kinds: Mapping[str, Kind], function: str, parameter: str, value: Any, owner: type) -> Any:
     if parameter not in kinds:
         return value
     try:

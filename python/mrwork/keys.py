@@ -85,7 +85,7 @@ class Place:
         raise self.error(SettingError, sentence)
 
     @contextmanager
-    def prefixed(self, kind: type[MrworkError] | None = None) -> Iterator[None]:
+    def prefix_errors(self, kind: type[MrworkError] | None = None) -> Iterator[None]:
         """Begin the message of an error in the block with this place; the type is `kind`, or stays."""
         try:
             yield
@@ -113,7 +113,7 @@ class Place:
         return error
 
 
-def shown(value: object) -> str:
+def quote_value(value: object) -> str:
     """A value of a table as a message quotes it."""
     return "a table" if isinstance(value, dict) else "an array" if isinstance(value, list) else repr(value)
 
@@ -192,7 +192,7 @@ class DeclaredTable(ABCMeta):
                 raise SettingError(f"{cls.__name__} has no setting {name!r}{near}")
         for name, entry in known.items():
             if name not in given and is_required(entry):
-                raise SettingError(f"{cls.__name__} has no {name}; give {described(entry)}")
+                raise SettingError(f"{cls.__name__} has no {name}; give {describe_key(entry)}")
         return super().__call__(*args, **given)
 
 
@@ -201,13 +201,13 @@ def is_required(entry: Field[Any]) -> bool:
     return entry.default is MISSING and entry.default_factory is MISSING
 
 
-def described(entry: Field[Any]) -> str:
+def describe_key(entry: Field[Any]) -> str:
     """Meaning of a key and its unit."""
     unit = entry.metadata["unit"]
     return f"{entry.metadata['says']}{f' [{unit}]' if unit else ''}"
 
 
-def repeated(name: str, values: Sequence[object]) -> str:
+def describe_repeat(name: str, values: Sequence[object]) -> str:
     """Message for a text that stands in an array twice; empty if there is none."""
     texts = [value for value in values if isinstance(value, str)]
     twice = next((text for text, count in Counter(texts).items() if count > 1), None)
@@ -255,7 +255,7 @@ def refuse_repeated(table: Any) -> None:
     """Refuse a name that stands twice in an array of a table that a script has built."""
     for entry in fields(table):
         given = getattr(table, entry.name)
-        if isinstance(given, tuple) and (refusal := repeated(entry.name, given)):
+        if isinstance(given, tuple) and (refusal := describe_repeat(entry.name, given)):
             raise InvalidSettingError(entry.name, refusal)
 
 
@@ -267,14 +267,14 @@ def read_table(kind: type[T], table: Mapping[str, Any], place: Place) -> T:
             refuse_missing(entry, values, place)
     if "place" in fields_of(kind):
         values["place"] = place
-    with place.prefixed(SettingError):
+    with place.prefix_errors(SettingError):
         return kind(**values)
 
 
 def refuse_missing(entry: Field[Any], given: Collection[str], place: Place) -> None:
     """Refuse a table that does not give a key."""
     if entry.name not in given:
-        place.refuse(f"{place.table} has no {name_in_file(entry)}; give {described(entry)}")
+        place.refuse(f"{place.table} has no {name_in_file(entry)}; give {describe_key(entry)}")
 
 
 def given_values(kind: type, table: Mapping[str, Any], place: Place) -> dict[str, Any]:
@@ -331,7 +331,7 @@ def _value(node: Node, value: Any, place: Place, entry: Field[Any]) -> Any:
             if not isinstance(value, dict):
                 _refuse(place, value, "a table, as { name = 1 }")
             if not value and inner != Node(notes=inner.notes):
-                place.refuse(f"{_name(place)} is empty; give {described(entry)}, or leave it out")
+                place.refuse(f"{_name(place)} is empty; give {describe_key(entry)}, or leave it out")
             return {name: _value(inner, each, place.within(name), entry) for name, each in value.items()}
         case nodes.Scalar(kind, _, notes):
             return _plain(kind, notes, value, place, entry)
@@ -349,15 +349,15 @@ def _items(node: nodes.Fixed, value: Any, place: Place, entry: Field[Any]) -> tu
         _refuse(place, value, f"tables, as [[{place.path[-1]}]]" if tables else example)
     if not value and place.path[-1] == name_in_file(entry) and not tables:
         leave = "" if is_required(entry) else ", or leave it out"
-        place.refuse(f"{_name(place)} is empty; give {described(entry)}{leave}")
+        place.refuse(f"{_name(place)} is empty; give {describe_key(entry)}{leave}")
     most = entry.metadata["most_items"]
     if len(value) > most:
         place.refuse(f"{_name(place)} has {len(value)} entries; give at most {most}")
-    if names and (twice := repeated(_name(place), value)):
+    if names and (twice := describe_repeat(_name(place), value)):
         place.refuse(twice)
     kinds = node.of(len(value))
     if len(value) != len(kinds):
-        place.refuse(f"{_name(place)} has {len(value)} entries; give {len(kinds)}, {described(entry)}")
+        place.refuse(f"{_name(place)} has {len(value)} entries; give {len(kinds)}, {describe_key(entry)}")
     if node.is_matrix:
         _check_rows(value, place)
     return tuple(
@@ -428,7 +428,7 @@ def _is_near(node: Node, value: Any) -> bool:
 
 
 def _refuse(place: Place, value: Any, expected: str) -> NoReturn:
-    place.refuse(f"{_name(place)} is {shown(value)}; give {expected}")
+    place.refuse(f"{_name(place)} is {quote_value(value)}; give {expected}")
 
 
 def _name(place: Place) -> str:
@@ -441,10 +441,10 @@ def tables(kind: type, path: str = "") -> Iterator[tuple[str, type]]:
     """Headings and declarations of a table and all tables in it, outer tables first, each declaration once."""
     found = {path: kind}
     for entry in keys_of(kind):
-        inner, repeated = _inner(fields_of(kind)[entry.name])
+        inner, describe_repeat = _inner(fields_of(kind)[entry.name])
         if inner is not None:
             name = ".".join(filter(None, (path.strip("[]"), name_in_file(entry))))
-            for heading, each in tables(inner, f"[[{name}]]" if repeated else f"[{name}]"):
+            for heading, each in tables(inner, f"[[{name}]]" if describe_repeat else f"[{name}]"):
                 if each not in found.values():
                     found[heading] = each
     yield from found.items()
@@ -456,7 +456,7 @@ def _inner(node: Node) -> tuple[type | None, bool]:
         return node.kind, False
     inner = [_inner(each) for each in node.parts]
     kind = next((each for each, _ in inner if each is not None), None)
-    return kind, isinstance(node, nodes.Fixed) or any(repeated for _, repeated in inner)
+    return kind, isinstance(node, nodes.Fixed) or any(describe_repeat for _, describe_repeat in inner)
 
 
 def heading_lines(heading: str, prose: str) -> list[str]:
@@ -476,7 +476,7 @@ def key_lines(kind: type) -> list[str]:
         bounds = f", {words}" if (words := range_in_words(entry)) else ""
         file = " or name of a text file" if entry.metadata["matrix"] else ""
         form = f"{in_words(declared[entry.name])}{file}{f' [{unit}]' if unit else ''}{bounds}"
-        meaning = f"{entry.metadata['says']} ({form}){_searched(entry)}"
+        meaning = f"{entry.metadata['says']} ({form}){_describe_search(entry)}"
         head = f"  {name_in_file(entry):<{names}}  {_default(entry):<{defaults}}  "
         lines += textwrap.wrap(
             meaning,
@@ -488,7 +488,7 @@ def key_lines(kind: type) -> list[str]:
     return lines
 
 
-def _searched(entry: Field[Any]) -> str:
+def _describe_search(entry: Field[Any]) -> str:
     """Whether a search of settings changes the key by itself, or where it is asked to."""
     span = entry.metadata["span"]
     return (

@@ -15,7 +15,7 @@ from typing import Any
 
 from mrwork.arguments import checked
 from mrwork.numbers import NOTHING
-from mrwork.summary import Summarised, Summary, aligned
+from mrwork.summary import Summarised, Summary, align_rows
 
 # Words that are longer may be broken over lines of a page.
 _LONG = 40
@@ -76,10 +76,10 @@ class Table(Summarised):
             *([self.foot] if self.foot else []),
         ]
         count = len(self.columns)
-        lines = aligned(cells)
+        lines = align_rows(cells)
         while width is not None and count > 2 and max(map(len, lines)) > width:
             count -= 1
-            lines = aligned([row[:count] for row in cells])
+            lines = align_rows([row[:count] for row in cells])
         for row, heading in sorted(self.headings.items(), reverse=True):
             lines.insert(1 + row, heading)
         over = self._over([max(len(row[place]) for row in cells) for place in range(count)])
@@ -122,7 +122,11 @@ class Table(Summarised):
         lines.append("</tbody>")
         if self.foot:
             lines += ["<tfoot>", self._row(escape(self.foot[0]), self.foot), "</tfoot>"]
-        lines += ["</table>", "</div>", *([f'<p class="note">{coded(self.note)}</p>'] if self.note else [])]
+        lines += [
+            "</table>",
+            "</div>",
+            *([f'<p class="note">{format_code(self.note)}</p>'] if self.note else []),
+        ]
         return "\n".join(lines)
 
     # A template shows a table by its name.
@@ -199,7 +203,7 @@ def breakable(name: str) -> str:
     return re.sub(r"(?<=\d) (?=[A-Za-z]{1,2}\b)", "\N{NO-BREAK SPACE}", escape(name)).replace("_", "_<wbr>")
 
 
-def coded(sentence: str) -> str:
+def format_code(sentence: str) -> str:
     """HTML of a sentence with `commands` between backticks; a per cent sign and `i = 0` are not broken apart."""
     bound = escape(sentence).replace(" %", "\N{NO-BREAK SPACE}%")
     bound = bound.replace("i = 0", "i\N{NO-BREAK SPACE}=\N{NO-BREAK SPACE}0")

@@ -41,7 +41,7 @@ def test_what_follows_from_the_runs_follows_from_their_file(tmp_path: Path) -> N
     assert stored.warnings() == results.warnings()
     assert largest_step_changes(stored) == largest_step_changes(results)
     assert (stored.done, stored.total, stored.complete) == (results.done, results.total, True)
-    assert stored.finished(0) == results.finished(0) == [0, 1, 2, 3]
+    assert stored.finished_rows(0) == results.finished_rows(0) == [0, 1, 2, 3]
 
 
 def test_the_file_says_which_motions_scores_stand_on_and_their_spread(tmp_path: Path) -> None:

@@ -49,7 +49,7 @@ def test_scores_and_changes_stand_on_test_motions_only() -> None:
         motions=(second,),
         runs={(row, 0): run for (row, motion), run in results.runs.items() if motion == 1},
     )
-    assert split.judged == (1,)
+    assert split.judged_motions == (1,)
     for row in range(len(results.rows)):
         assert split.score(row) == alone.score(row)
         assert split.spread(row) == alone.spread(row)

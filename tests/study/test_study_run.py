@@ -283,8 +283,8 @@ def test_a_forged_history_is_refused_and_simulated_again(
     forge(arrays)
     np.savez(path, **arrays)  # type: ignore[arg-type] # no array is called allow_pickle
     refused(histories.read, row, motion)
-    assert not histories.kept(row, motion)
-    run_study(study, kept=histories.kept, keep=histories.keep, threads=1)
+    assert not histories.is_stored(row, motion)
+    run_study(study, kept=histories.is_stored, keep=histories.keep, threads=1)
     assert histories.read(row, motion) is not None
 
 
@@ -411,7 +411,9 @@ def test_the_verb_goes_on_with_a_killed_study(
             raise KeyboardInterrupt
 
     with pytest.raises(Interrupted):
-        run_study(study, journal=journal, kept=histories.kept, keep=histories.keep, on_progress=on_progress)
+        run_study(
+            study, journal=journal, kept=histories.is_stored, keep=histories.keep, on_progress=on_progress
+        )
     journal.close()
     resumed = json.loads(printed(capsys, "respond", path, "--out", out, "--json", "--resume"))
     fresh = json.loads(printed(capsys, "respond", path, "--out", tmp_path / "fresh", "--json"))

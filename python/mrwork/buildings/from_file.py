@@ -114,7 +114,7 @@ class Addition:
         for entry in keys_of(type(self)):
             if entry.name in names[number] and takes[number][entry.name].default is inspect.Parameter.empty:
                 refuse_missing(entry, given, self.place)
-        with self.place.prefixed():
+        with self.place.prefix_errors():
             return self.ways[number](building, **given)
 
 
@@ -449,14 +449,14 @@ def _read_named_building(
     name, place = getattr(table, form), table.place.within(form)
     if form == "file" and real_place(folder / name) in readers:
         place.refuse(f"{name} refers back to itself; name the file of another building")
-    with place.prefixed():
+    with place.prefix_errors():
         return published_building(name) if form == "published" else _read(folder / name, readers)
 
 
 def _shear(table: BuildingTable) -> Building:
     _require(table, "stiffnesses")
     masses, stiffnesses, damping = (_each(table, name) for name in _SHEAR[:3])
-    with table.place.prefixed():
+    with table.place.prefix_errors():
         return shear_building(
             name=table.name or "building",
             masses=masses,
@@ -474,7 +474,7 @@ def _each(table: BuildingTable, name: str) -> tuple[float, ...]:
     count = table.n_storeys
     if count is None or not values:
         return values
-    with table.place.within("n_storeys").prefixed():
+    with table.place.within("n_storeys").prefix_errors():
         check_storeys(count)
     if len(values) not in (1, count):
         table.place.within(name).refuse(
@@ -490,7 +490,7 @@ def _replace_matrices(known: Building, table: BuildingTable, folder: Path) -> Bu
         replaced = f"{known.source}; {', '.join(arrays)} replaced".removeprefix("; ")
         arrays |= {"status": "ours", "source": replaced}
     words = {name: getattr(table, name) for name in ("floor_names", "storey_names", "name", "source")}
-    with table.place.prefixed():
+    with table.place.prefix_errors():
         return replace(known, **arrays, **{name: word for name, word in words.items() if word is not None})
 
 
@@ -499,7 +499,7 @@ def _arrays(table: BuildingTable, folder: Path) -> dict[str, Floats]:
     for name in (*_MATRICES, *_ROWS, "influence"):
         value = getattr(table, name)
         if isinstance(value, str):
-            with table.place.within(name).prefixed():
+            with table.place.within(name).prefix_errors():
                 arrays[name] = read_matrix(folder / value)
         elif value is not None:
             arrays[name] = np.array(value, dtype=np.float64)
@@ -516,7 +516,7 @@ def _from_matrices(matrices: Mapping[str, Floats], table: BuildingTable) -> Buil
                 f"a building needs mass (M), stiffness (K) and usually damping (C); found {given_names}"
             )
     n = len(named["mass"])
-    with table.place.prefixed():
+    with table.place.prefix_errors():
         check_size(n, "building")
         floors = named.get("floors", np.eye(n))
         storeys = named.get("storeys", np.diff(floors, axis=0, prepend=0.0))

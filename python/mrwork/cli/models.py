@@ -14,7 +14,7 @@ from mrwork.cli.terminal import show
 from mrwork.dampers.spec import DamperSpec, Preset, damper, damper_models
 from mrwork.errors import SettingError
 from mrwork.store.output_file import replacing
-from mrwork.summary import aligned
+from mrwork.summary import align_rows
 from mrwork.table import TableColumn, text_table
 
 _PARAMETER_COLUMNS = (
@@ -59,7 +59,7 @@ def run(options: argparse.Namespace) -> int:
             print_json({"models": [_as_dict(spec) for spec in damper_models()]})
             return 0
         listed = [(spec.name, f"{len(spec.parameters)} parameters", spec.title) for spec in damper_models()]
-        show("\n".join(aligned(listed)))
+        show("\n".join(align_rows(listed)))
         return 0
     spec = damper(options.name)
     if options.figure is not None:

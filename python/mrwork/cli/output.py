@@ -17,7 +17,7 @@ from mrwork.records import DamperTest
 from mrwork.records.findings import SharedFinding, Verb, findings_for
 from mrwork.store.codec import finite
 from mrwork.store.run_folder import FIT
-from mrwork.summary import Summarised, aligned
+from mrwork.summary import Summarised, align_rows
 
 if TYPE_CHECKING:
     from mrwork.identification.fit import Fit
@@ -61,7 +61,7 @@ def told_findings(
 
 def table_lines(rows: Sequence[Sequence[str]]) -> list[str]:
     """Aligned and indented lines of a table; the first row has the headings."""
-    return [f"  {line}" for line in aligned(rows)]
+    return [f"  {line}" for line in align_rows(rows)]
 
 
 def result_lines(result: Summarised) -> list[str]:

@@ -91,7 +91,7 @@ def _verb(options: argparse.Namespace, study: Study, place: Path) -> StudyVerb[S
             return run_study(
                 study,
                 journal=journal,
-                kept=histories.kept,
+                kept=histories.is_stored,
                 keep=histories.keep,
                 on_progress=line,
                 check_step=options.check_step,

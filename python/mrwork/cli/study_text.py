@@ -215,7 +215,7 @@ def _change_lines(comparison: StudyComparison, reference: int) -> list[str]:
     """Changes of every row against a reference, the rows of each rank together."""
     results = comparison.results
     table = change_table(comparison, reference, range(len(results.rows)))
-    means = f", mean over {judged_in_words(results)}" if len(results.judged) > 1 else ""
+    means = f", mean over {judged_in_words(results)}" if len(results.judged_motions) > 1 else ""
     return [
         f"Change in % against {results.rows[reference].label}{means}",
         *_lines(table),
@@ -235,7 +235,7 @@ def _score_lines(comparison: StudyComparison) -> list[str]:
     results = comparison.results
     if not any(isfinite(results.score(row)) for row in range(len(results.rows))):
         return []
-    several, against = len(results.judged) > 1, comparison.passive
+    several, against = len(results.judged_motions) > 1, comparison.passive
     table = spread_table(comparison, [row for _, rows in comparison.ranks for row in rows])
     lines = [
         f"Score, the mean of these ratios over {judged_in_words(results)}, lowest first:",

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from mrwork.errors import RecordError
 from mrwork.store.child_reader import TooLargeError, UnreadableError, read_members
 from mrwork.store.input_file import RECORD, bytes_of, exists
-from mrwork.summary import listed
+from mrwork.summary import list_names
 from mrwork.units import FACTORS, CommandUnit, command_unit_of, quantity_of
 from mrwork.values import Floats
 
@@ -354,7 +354,7 @@ class VectorTable(ColumnTable):
 
 def unused_parts(noun: str, names: Sequence[str], why: str) -> tuple[str, ...]:
     """Parts of a file that are no columns, and why, as `ColumnTable.unused` has them; nothing where there are none."""
-    return (f"{noun}{'s' if len(names) > 1 else ''} {listed(names)} ({why})",) if names else ()
+    return (f"{noun}{'s' if len(names) > 1 else ''} {list_names(names)} ({why})",) if names else ()
 
 
 def open_parquet(path: Path) -> ColumnTable:

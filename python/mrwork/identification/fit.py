@@ -18,7 +18,7 @@ from mrwork.records import AS_IT_IS, DamperTest, Observation, observed
 from mrwork.records.damper_test import OperatingRange, Outside, range_of_test
 from mrwork.records.likeness import Likeness, RecordedMotion, likest_of_other_force, likest_of_same_force
 from mrwork.store.codec import LowerBound, OrInfinite, Related, UpperBound, digest_of
-from mrwork.summary import Summarised, Summary, listed
+from mrwork.summary import Summarised, Summary, list_names
 from mrwork.tested_range import outside_of
 from mrwork.values import Floats, array_dataclass
 
@@ -373,8 +373,8 @@ class Fit(Summarised, Related):
         spec = self.spec
         names = tuple(each.name for each in self.estimates)
         if names != spec.names:
-            named = listed(names, 8) or "nothing"
-            return f"its estimates are of {named} where {self.model} has {listed(spec.names, 8)}"
+            named = list_names(names, 8) or "nothing"
+            return f"its estimates are of {named} where {self.model} has {list_names(spec.names, 8)}"
         for each, parameter in zip(self.estimates, spec.parameters, strict=True):
             if (each.unit or "1") != parameter.unit:
                 return f"{each.name} is in {each.unit or 'no unit'} where {self.model} has it in {parameter.unit}"
@@ -532,7 +532,7 @@ class Fit(Summarised, Related):
         return Summary(
             title=f"Fit of {self.model}{tests}: {self.fit_percent:.2f} %, {self.status.replace('_', ' ')}",
             facts=(
-                ("tests", listed([quality.test for quality in self.quality])),
+                ("tests", list_names([quality.test for quality in self.quality])),
                 ("error", f"{self.rmse_n:.4g} N rms, {100.0 * self.nrmse:.3g} % of the force's deviation"),
                 ("search", f"{self.evaluations} simulations, {self.seconds:.1f} s, {self.stop_reason}"),
                 *([("tested", self.tested.in_words)] if self.tested else []),

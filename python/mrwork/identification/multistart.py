@@ -26,7 +26,7 @@ from mrwork.identification.objective import Objective
 from mrwork.identification.settings import Multistart
 from mrwork.records import DamperTest
 from mrwork.search.unit_cube import Streams, latin_hypercube
-from mrwork.summary import Summarised, listed
+from mrwork.summary import Summarised, list_names
 from mrwork.values import Floats, array_dataclass
 
 # A fit whose misfit is not below this share of that of a linear spring and dashpot has lost its non-linear part.
@@ -107,7 +107,7 @@ def far_worse_sentence(
         f"{tests[index].name} ({100.0 * (1.0 - joint[index]):.1f} % for {100.0 * (1.0 - alone[index]):.1f} %)"
         for index in worse
     ]
-    shown = listed(both, _SHOWN)
+    shown = list_names(both, _SHOWN)
     tests_shown = f"{len(worse)} of {len(tests)} tests are described far worse together than alone: {shown}"
     if found_again:
         return (

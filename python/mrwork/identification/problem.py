@@ -33,7 +33,7 @@ from mrwork.identification.settings import (
 from mrwork.records import DamperTest, observed
 from mrwork.store.codec import digest_of, package_version
 from mrwork.store.journal import Journal
-from mrwork.summary import listed
+from mrwork.summary import list_names
 from mrwork.values import Floats
 
 _PACKAGES = ("mrwork", "numpy", "scipy", "jax", "optimistix")
@@ -232,7 +232,7 @@ def command_warning(tests: Sequence[DamperTest], specs: Sequence[DamperSpec]) ->
     else:
         observation = f"the tests are at {len(levels)} commands ({', '.join(listing)})"
     return (
-        f"{observation} but no parameter of {listed(constant)} follows the "
+        f"{observation} but no parameter of {list_names(constant)} follows the "
         "command, so the fit is a compromise between them and right at none; let parameters follow the command "
         "with --law auto or --law NAME=LAW (in Python `with_current_laws`), or give tests at one command",
     )
@@ -244,8 +244,9 @@ def prediction_warning(spec: DamperSpec, tests: Sequence[DamperTest]) -> tuple[s
     if spec.follows_command or not varying:
         return ()
     return (
-        f"the command varies in {listed(varying)}, but no parameter of this {spec.name} follows it, so the predicted "
-        "force is that of the command of the fit; identify it with --law NAME=LAW (in Python `with_current_laws`)",
+        f"the command varies in {list_names(varying)}, but no parameter of this {spec.name} follows it, so the "
+        "predicted force is that of the command of the fit; identify it with --law NAME=LAW "
+        "(in Python `with_current_laws`)",
     )
 
 

@@ -22,7 +22,7 @@ from mrwork.records.checks import FORCE_OFFSET
 from mrwork.records.damper_test import delay_signal, loading_of
 from mrwork.records.detectors.velocity import refuse_velocity
 from mrwork.simulate import Outcome, simulate_forces, simulate_sensitivities
-from mrwork.summary import listed
+from mrwork.summary import list_names
 from mrwork.values import Floats, array_dataclass
 
 NuisanceName = Literal["offset", "level", "delay"]
@@ -92,10 +92,10 @@ def offset_warning(
     shifted = [test.label for test in tests if any(each.code == FORCE_OFFSET for each in test.findings)]
     if not shifted:
         return ()
-    fixed = f"{listed(shifts)} {'is' if len(shifts) == 1 else 'are'} fixed at 0"
+    fixed = f"{list_names(shifts)} {'is' if len(shifts) == 1 else 'are'} fixed at 0"
     return (
-        f"the force has a static offset in {listed(shifted)}, and {fixed}, so the model cannot describe it; leave "
-        f"{listed(shifts)} free, subtract the offset by --repair offset, or estimate it for each test by "
+        f"the force has a static offset in {list_names(shifted)}, and {fixed}, so the model cannot describe it; leave "
+        f"{list_names(shifts)} free, subtract the offset by --repair offset, or estimate it for each test by "
         "--nuisance offset",
     )
 

@@ -37,7 +37,7 @@ from mrwork.identification.residual import NONE, Nuisance, NuisanceName, Observe
 from mrwork.records import DamperTest, RecordedMotion
 from mrwork.records.damper_test import loading_of, range_of_tests
 from mrwork.simulate import stiffness_shares
-from mrwork.summary import listed
+from mrwork.summary import list_names
 from mrwork.tested_range import OperatingRange
 from mrwork.values import Floats, array_dataclass
 
@@ -314,7 +314,7 @@ class BuildingCost:
 def cost_warning(fit: Fit, cost: BuildingCost, cheap: Sequence[Fit]) -> str:
     """A sentence on a fit with a high cost; it names the best of the fits of `cheap` models to the same tests."""
     at_bound = [each.name for each in fit.estimates if each.remark in ("at lower bound", "at upper bound")]
-    causes = f", with {listed(at_bound)} on a bound" if at_bound else ""
+    causes = f", with {list_names(at_bound)} on a bound" if at_bound else ""
     least = f"where a model without states takes {_FEWEST}"
     return f"the fit takes {cost.in_words}{causes}, {least}; {_remedy(fit, cheap)}"
 

@@ -17,7 +17,7 @@ from mrwork.records import DamperTest, read_damper_test, repair
 from mrwork.records.repairs import DETECT, RepairKind, as_words
 from mrwork.records.window import count_samples_from, cut
 from mrwork.search.loop import Optimiser
-from mrwork.store.codec import LowerBound, UpperBound, built, record_of
+from mrwork.store.codec import LowerBound, UpperBound, build_value, record_of
 from mrwork.store.input_file import exists
 from mrwork.synthetic import synthetic_test
 
@@ -154,7 +154,7 @@ def _search_of_record(record: Mapping[str, Any]) -> Search:
         return UnregisteredSearch(kind=kind, settings=settings)
     own = Multistart if kind == _MULTISTART else type(searches()[kind])
     _refuse_unknown(own, settings)
-    return built(own, settings, "search")  # type: ignore[no-any-return] # the type is the one given
+    return build_value(own, settings, "search")  # type: ignore[no-any-return] # the type is the one given
 
 
 def _refuse_unknown(kind: type, settings: Mapping[str, Any]) -> None:
@@ -345,7 +345,7 @@ class FitSettings:
         try:
             search = record.get("search")
             known = {
-                name: built(kind, record[name], name)
+                name: build_value(kind, record[name], name)
                 for name, kind in hints_of(cls).items()
                 if name in record and name != "search"
             }

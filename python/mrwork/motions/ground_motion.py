@@ -103,7 +103,7 @@ class GroundMotion(Summarised):
         )
 
 
-def changed(motion: GroundMotion, acceleration: Floats, dt: float, change: str) -> GroundMotion:
+def replace_samples(motion: GroundMotion, acceleration: Floats, dt: float, change: str) -> GroundMotion:
     """Return the motion with other samples and one more entry in `changes`."""
     return replace(motion, acceleration=acceleration, dt=dt, changes=(*motion.changes, change))
 
@@ -177,7 +177,7 @@ def scaled(motion: GroundMotion, factor: float) -> GroundMotion:
     """
     if factor == 0.0:
         raise SettingError(f"ground motion {motion.name}: scaled by 0; give another factor")
-    return changed(motion, factor * motion.acceleration, motion.dt, f"acceleration x {factor:.6g}")
+    return replace_samples(motion, factor * motion.acceleration, motion.dt, f"acceleration x {factor:.6g}")
 
 
 @checked
@@ -196,7 +196,7 @@ def scaled_to_peak(motion: GroundMotion, peak: float) -> GroundMotion:
     if motion.peak == 0.0:
         raise SettingError(f"ground motion {motion.name}: is zero throughout and cannot be scaled to a peak")
     change = f"scaled from a peak of {motion.peak:.6g} to {peak:.6g} m/s2"
-    return changed(motion, motion.acceleration * (peak / motion.peak), motion.dt, change)
+    return replace_samples(motion, motion.acceleration * (peak / motion.peak), motion.dt, change)
 
 
 @checked
@@ -218,7 +218,7 @@ def time_scaled(motion: GroundMotion, factor: float) -> GroundMotion:
     """
     if not factor > 0.0:
         raise SettingError(f"ground motion {motion.name}: time axis x {factor}; give a positive factor")
-    return changed(motion, motion.acceleration, factor * motion.dt, f"time axis x {factor:.6g}")
+    return replace_samples(motion, motion.acceleration, factor * motion.dt, f"time axis x {factor:.6g}")
 
 
 @checked
@@ -244,7 +244,7 @@ def trimmed(motion: GroundMotion, *, start: float = 0.0, end: float = math.inf) 
     if (first, last) == (0, motion.n_time - 1):
         return motion
     change = f"cut to {first * motion.dt:.6g} to {last * motion.dt:.6g} s"
-    return changed(motion, motion.acceleration[first : last + 1].copy(), motion.dt, change)
+    return replace_samples(motion, motion.acceleration[first : last + 1].copy(), motion.dt, change)
 
 
 # Of a motion, and bytes of each in the arrays of a Fourier transform.
@@ -277,7 +277,7 @@ def resampled(motion: GroundMotion, dt: float) -> GroundMotion:
     """
     n_time = _n_time(motion, dt)
     acceleration = np.interp(dt * np.arange(n_time), motion.time, motion.acceleration)
-    return changed(
+    return replace_samples(
         motion, acceleration, dt, f"resampled from {motion.dt:.6g} to {dt:.6g} s, straight between"
     )
 
@@ -306,7 +306,7 @@ def resampled_band_limited(motion: GroundMotion, dt: float) -> GroundMotion:
 
     filtered = resample_poly(motion.acceleration, ratio.numerator, ratio.denominator)[:n_time]
     change = f"resampled from {motion.dt:.6g} to {dt:.6g} s, limited to {0.5 / max(dt, motion.dt):.4g} Hz"
-    return changed(motion, np.ascontiguousarray(filtered, dtype=np.float64), dt, change)
+    return replace_samples(motion, np.ascontiguousarray(filtered, dtype=np.float64), dt, change)
 
 
 def _n_time(motion: GroundMotion, dt: float) -> int:
@@ -348,7 +348,7 @@ def baseline_corrected(motion: GroundMotion, *, order: int) -> GroundMotion:
     place = np.linspace(-1.0, 1.0, motion.n_time)
     drift = np.asarray(Legendre.fit(place, motion.acceleration, order)(place), dtype=np.float64)
     change = f"baseline of order {order} taken from the acceleration, up to {np.abs(drift).max():.3g} m/s2"
-    return changed(motion, motion.acceleration - drift, motion.dt, change)
+    return replace_samples(motion, motion.acceleration - drift, motion.dt, change)
 
 
 def brought_to_rest(motion: GroundMotion) -> GroundMotion:
@@ -367,4 +367,4 @@ def brought_to_rest(motion: GroundMotion) -> GroundMotion:
     weights = np.linalg.solve(system, [motion.velocity[-1], motion.displacement[-1]])
     drift = weights[0] * shapes[0] + weights[1] * shapes[1]
     change = f"brought to rest at its end, by up to {np.abs(drift).max():.3g} m/s2"
-    return changed(motion, motion.acceleration - drift, motion.dt, change)
+    return replace_samples(motion, motion.acceleration - drift, motion.dt, change)

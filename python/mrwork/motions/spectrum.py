@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from mrwork.arguments import Positive, checked
 from mrwork.errors import RecordError, SettingError
 from mrwork.hints import SMALLEST, Within
-from mrwork.motions.ground_motion import GroundMotion, changed, resampled, scaled
+from mrwork.motions.ground_motion import GroundMotion, replace_samples, resampled, scaled
 from mrwork.motions.spectral_density import CloughPenzien, KanaiTajimi, SpectralDensity
 from mrwork.numbers import format_rounded
 from mrwork.summary import Summarised, Summary
@@ -361,7 +361,7 @@ class ShakeTable:
             )
         reason = f"scaled to the {limit} of the table, {most:.3g} {_UNITS[limit]}"
         smaller = scaled(given, 1.0 / taken.share)
-        return changed(given, smaller.acceleration, given.dt, f"{reason}: {smaller.changes[-1]}")
+        return replace_samples(given, smaller.acceleration, given.dt, f"{reason}: {smaller.changes[-1]}")
 
     def _follow(self, motion: GroundMotion) -> GroundMotion:
         """The command after the low-pass, exact for a command that runs straight between its samples."""
@@ -376,7 +376,7 @@ class ShakeTable:
         a = command.acceleration
         inputs = np.concatenate(([0.0], first * a[:-1] + second * np.diff(a)))
         state = lfilter([1.0], [1.0, -complex(decay[0])], inputs)
-        return changed(
+        return replace_samples(
             command,
             np.ascontiguousarray(w * w * state.imag / pole.imag),
             command.dt,

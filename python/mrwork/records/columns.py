@@ -27,7 +27,7 @@ from mrwork.files.named_columns import (
     without_unit,
 )
 from mrwork.keys import closest, suggestion
-from mrwork.summary import listed
+from mrwork.summary import list_names
 from mrwork.units import (
     FACTORS,
     OTHER_COMMAND_UNITS,
@@ -357,7 +357,7 @@ class _Names:
                 "add a header line such as t_s,displacement_m,force_n, or give the columns by their numbers"
             )
         else:
-            shown = listed([f"'{name}'" for name in self.names], _MOST_SHOWN)
+            shown = list_names([f"'{name}'" for name in self.names], _MOST_SHOWN)
             problem = f"no column for the {quantity} among {shown}"
             remedy = f"rename one, for example to '{_EXAMPLE[quantity]}', or say which it is"
         return _UnclearError(problem, remedy, kind=RecordError, quantity=quantity)
@@ -473,7 +473,7 @@ def _find(column: str, names: Sequence[str], source: str) -> str:
     if len(alike) == 1:
         return alike[0]
     if len(set(alike)) > 1:
-        quoted = listed([f"'{name}'" for name in alike])
+        quoted = list_names([f"'{name}'" for name in alike])
         raise RecordError(f"{source}: '{column}' may be {quoted}; give the whole heading")
     if alike:
         raise RecordError(f"{source}: the column name '{column}' occurs {len(alike)} times; make it unique")

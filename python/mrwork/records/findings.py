@@ -19,7 +19,7 @@ from mrwork.records.checks import mean_over_travel
 from mrwork.records.damper_test import DamperTest, Finding, Measured
 from mrwork.records.motion import motion_of
 from mrwork.records.repairs import REPAIR_KINDS
-from mrwork.summary import listed
+from mrwork.summary import list_names
 from mrwork.values import Floats
 
 
@@ -32,7 +32,7 @@ def repeated_records(tests: Sequence[DamperTest]) -> tuple[Finding, ...]:
     return tuple(
         Finding.warning(
             "record_repeated",
-            f"{listed(labels)} are the same record, byte for byte, which counts {len(labels)} times",
+            f"{list_names(labels)} are the same record, byte for byte, which counts {len(labels)} times",
             action="give it once",
         )
         for labels in copies.values()
@@ -175,7 +175,7 @@ class SharedFinding:
             return self.tests[0]
         if count == self.n_tests:
             return f"all {count} tests"
-        return f"{count} of {self.n_tests} tests ({listed(self.tests, _NAMED)})"
+        return f"{count} of {self.n_tests} tests ({list_names(self.tests, _NAMED)})"
 
     @property
     def _numbers(self) -> str:

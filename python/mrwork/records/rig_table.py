@@ -19,7 +19,7 @@ from mrwork.records.columns import COMMAND, REQUIRED, check_specification
 from mrwork.store.input_file import RECORD, exists, is_file, is_folder, start_of
 from mrwork.store.output_file import replacing
 from mrwork.store.run_folder import real_place
-from mrwork.summary import Summarised, listed
+from mrwork.summary import Summarised, list_names
 from mrwork.table import csv_text
 
 Use = Literal["fit", "calibration", "test"]
@@ -131,7 +131,7 @@ def files_not_read(paths: str | os.PathLike[str] | Iterable[str | os.PathLike[st
             why = "not read"
         if left:
             names = [f"{path.name}/" if is_folder(path) else path.name for path in left]
-            sentences[folder] = f"of the folder {folder}, {why}: {listed(names, _MOST_NAMED)}"
+            sentences[folder] = f"of the folder {folder}, {why}: {list_names(names, _MOST_NAMED)}"
     return sentences
 
 
@@ -179,7 +179,7 @@ def read_test_table(path: str | os.PathLike[str]) -> tuple[ListedTest, ...]:
         meant = f", did you mean {near}" if near else ""
         raise RecordError(
             f"{place}, line {filled[0][0]}: a table of tests has the columns {', '.join(_HEADER)}, each at most once; "
-            f"{f'there is none called {unknown[0]!r}{meant}' if unknown else f'these are {listed(header, 8)}'}"
+            f"{f'there is none called {unknown[0]!r}{meant}' if unknown else f'these are {list_names(header, 8)}'}"
         )
     rows: dict[str, ListedTest] = {}
     for number, line in filled[1:]:

@@ -21,7 +21,7 @@ from mrwork.escaping import escaped_lines
 from mrwork.report import style
 from mrwork.store.input_file import TOML, text_of
 from mrwork.store.parse import toml_table
-from mrwork.table import breakable, coded
+from mrwork.table import breakable, format_code
 
 _GREEK = {
     "alpha": "α",
@@ -174,7 +174,7 @@ def _environment() -> Environment:
     )
     environment.globals["styles"] = Markup(_styles())
     environment.filters["breakable"] = lambda name: Markup(breakable(name))
-    environment.filters["coded"] = lambda sentence: Markup(coded(sentence))
+    environment.filters["coded"] = lambda sentence: Markup(format_code(sentence))
     environment.filters["symbol"] = lambda name: Markup(symbol(name))
     return environment
 

@@ -52,7 +52,7 @@ class Proposal(Summarised):
         """Misfit at which the simulation of a row may stop, shape (n_ask,); `inf` where it may not."""
         return self.limit[self.changed]
 
-    def accepted(self, misfit: AnyNumbers) -> Floats:
+    def accept_misfits(self, misfit: AnyNumbers) -> Floats:
         """Misfits for the optimiser, shape (n_ask,): `inf` at or above the threshold, and for failed or stopped ones.
 
         They do not depend on whether a simulation stopped at its threshold.
@@ -75,7 +75,7 @@ class Proposal(Summarised):
     def member_misfits(self, misfit: AnyNumbers) -> Floats:
         """Accepted misfits of all members, shape (n_running, n_population), `inf` for those not simulated."""
         members = np.full(self.known.shape, math.inf)
-        members[self.changed] = self.accepted(misfit)
+        members[self.changed] = self.accept_misfits(misfit)
         return members
 
 
@@ -125,7 +125,7 @@ class Course(Summarised):
 
     @classmethod
     @checked
-    def begun(
+    def begin(
         cls, n_params: Dimension, rng: Seed, replicates: Sequence[Replicate], elite: EliteRule
     ) -> Course:
         """Progress before the first simulation."""
@@ -284,14 +284,14 @@ def select(state: StateT, rows: Sequence[int]) -> StateT:
             return tuple(value[row] for row in index)
         return _with_parts(value, part) if dataclasses.is_dataclass(value) else value
 
-    def shortened(value: Any) -> Any:
+    def shorten_value(value: Any) -> Any:
         if isinstance(value, Course):
             n_generations = int(value.generation.max(initial=0))
             trace = _with_parts(value.trace, lambda entries: entries[:, :n_generations])
             return dataclasses.replace(value, trace=trace)
         return value
 
-    return _with_parts(_with_parts(state, part), shortened)
+    return _with_parts(_with_parts(state, part), shorten_value)
 
 
 def arrays_of(state: object) -> dict[str, NDArray[Any]]:
@@ -351,7 +351,7 @@ class PopulationState(Summarised):
 
     @classmethod
     @checked
-    def begun(cls, course: Course, population: Floats) -> PopulationState:
+    def begin(cls, course: Course, population: Floats) -> PopulationState:
         """State before the first simulation."""
         return cls(course=course, population=population, misfit=np.full(population.shape[:2], math.inf))
 

@@ -74,8 +74,8 @@ class DifferentialEvolution:
         self, n_params: Dimension, rng: Seed, replicates: Sequence[Replicate] = (0,)
     ) -> PopulationState:
         """Initial state with Latin hypercube samples of the unit cube."""
-        course = Course.begun(n_params, rng, replicates, self.elite)
-        return PopulationState.begun(course, latin_hypercube(course.streams, self.population, n_params))
+        course = Course.begin(n_params, rng, replicates, self.elite)
+        return PopulationState.begin(course, latin_hypercube(course.streams, self.population, n_params))
 
     @checked
     def ask(self, state: PopulationState) -> Proposal:

@@ -106,8 +106,8 @@ class StandardGA:
         self, n_params: Dimension, rng: Seed, replicates: Sequence[Replicate] = (0,)
     ) -> PopulationState:
         """Initial state with Latin hypercube samples of the unit cube."""
-        course = Course.begun(n_params, rng, replicates, self.elite)
-        return PopulationState.begun(course, latin_hypercube(course.streams, self.population, n_params))
+        course = Course.begin(n_params, rng, replicates, self.elite)
+        return PopulationState.begin(course, latin_hypercube(course.streams, self.population, n_params))
 
     @checked
     def ask(self, state: PopulationState) -> Proposal:
@@ -224,7 +224,7 @@ class EfficientGA:
     @checked
     def start(self, n_params: Dimension, rng: Seed, replicates: Sequence[Replicate] = (0,)) -> GAState:
         """Initial state with Latin hypercube samples of the unit cube."""
-        course = Course.begun(n_params, rng, replicates, self.elite)
+        course = Course.begin(n_params, rng, replicates, self.elite)
         population = latin_hypercube(course.streams, self.population, n_params)
         return GAState(
             course=course,

@@ -167,7 +167,7 @@ class GenerationEvent(Summarised, Generic[StateT]):
     `evaluations` is the sum over replicates; `best_misfit` and `best_unit` (n_params,) are those of the best replicate;
     `median_misfit` is the median over replicates of the median of the population; `n_running` replicates continue.
     `seconds` is the time since this call of the loop began. `misfit` (n_ask,) are the accepted misfits, see
-    `Proposal.accepted`, from which `tell` computed `state`.
+    `Proposal.accept_misfits`, from which `tell` computed `state`.
     """
 
     _units: ClassVar[Mapping[str, str]] = {"seconds": "s"}
@@ -293,8 +293,8 @@ def run_replicates(
 
 def _misfits(objective: Objective | AbortableObjective, proposal: Proposal) -> Floats:
     if isinstance(objective, AbortableObjective):
-        return proposal.accepted(objective.misfits(proposal.unit, proposal.threshold))
-    return proposal.accepted(objective(proposal.unit))
+        return proposal.accept_misfits(objective.misfits(proposal.unit, proposal.threshold))
+    return proposal.accept_misfits(objective(proposal.unit))
 
 
 def _check_same_search(state: SearchState, rng: int, n_params: int, replicates: Sequence[int]) -> None:

@@ -100,7 +100,7 @@ class ParticleSwarm:
     @checked
     def start(self, n_params: Dimension, rng: Seed, replicates: Sequence[Replicate] = (0,)) -> SwarmState:
         """Initial state with Latin hypercube samples of the unit cube and velocities up to the limit."""
-        course = Course.begun(n_params, rng, replicates, self.elite)
+        course = Course.begin(n_params, rng, replicates, self.elite)
         position = latin_hypercube(course.streams, self.population, n_params)
         # The hypercube used the first numbers of the stream.
         drawn = course.streams.uniform(3 * position[0].size)[:, 2 * position[0].size :]

@@ -124,7 +124,7 @@ class PeerOptimiser(ABC):
 
     def start(self, n_params: Dimension, rng: Seed, replicates: Sequence[Replicate] = (0,)) -> PeerState:
         """Start one search for each replicate, each from its own seed; nothing is simulated yet."""
-        course = Course.begun(n_params, rng, replicates, self.elite)
+        course = Course.begin(n_params, rng, replicates, self.elite)
         starter = self._starter(course, n_params)
         shape = (len(course.replicate), self.population)
         return PeerState(
@@ -181,7 +181,7 @@ class CMAEvolution(PeerOptimiser):
 
         first = np.array(self.begin) if self.begin else np.full(n_params, 0.5)
 
-        def started(seed: int) -> Peer:
+        def start_peer(seed: int) -> Peer:
             generator = np.random.default_rng(seed)
             options = {
                 "bounds": [0.0, 1.0],
@@ -193,7 +193,7 @@ class CMAEvolution(PeerOptimiser):
             }
             return _CMAPeer(cma.CMAEvolutionStrategy(first, self.deviation, options))
 
-        return started
+        return start_peer
 
 
 class _CMAPeer:
@@ -386,7 +386,7 @@ def run_front(
         units, values = np.vstack([units, points]), np.vstack([values, found])
         if on_generation(len(units)):
             break
-    first = nondominated(values)
+    first = select_nondominated(values)
     order = first[np.lexsort(values[first].T[::-1])]
     return FrontResult(units=units[order], objectives=values[order], evaluations=len(units))
 
@@ -400,7 +400,7 @@ def _simulate_points(objectives: SeveralObjectives, points: Floats, journal: Jou
     return recorded.objectives
 
 
-def nondominated(values: Floats) -> NDArray[np.int64]:
+def select_nondominated(values: Floats) -> NDArray[np.int64]:
     """Indices of the rows that no other row dominates, at most as large in every column and smaller in one.
 
     Of equal rows the first is kept; rows that are not finite are left out.

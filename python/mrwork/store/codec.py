@@ -131,11 +131,11 @@ def digest_of(*inputs: object) -> str:
 
 def package_version(name: str) -> str:
     """Version of an installed package; "unknown" if it is not installed."""
-    return _installed().get(name) or _described(name)
+    return _list_installed().get(name) or _find_version(name)
 
 
 @cache
-def _installed() -> Mapping[str, str]:
+def _list_installed() -> Mapping[str, str]:
     """Versions of the installed packages, from the names of their `dist-info` folders.
 
     `importlib.metadata` parses whole package descriptions instead, a tenth of a second for five packages.
@@ -148,7 +148,7 @@ def _installed() -> Mapping[str, str]:
     return found
 
 
-def _described(name: str) -> str:
+def _find_version(name: str) -> str:
     from importlib.metadata import PackageNotFoundError, version
 
     try:
@@ -165,7 +165,11 @@ def differences(recorded: Any, stated: Any, name: str = "") -> list[str]:
     elif isinstance(recorded, list) and isinstance(stated, list) and len(recorded) == len(stated):
         pairs = [(str(n), one, other) for n, (one, other) in enumerate(zip(recorded, stated, strict=True), 1)]
     else:
-        return [] if recorded == stated else [f"{name} is {_shown(recorded)} there and {_shown(stated)} here"]
+        return (
+            []
+            if recorded == stated
+            else [f"{name} is {_shorten_value(recorded)} there and {_shorten_value(stated)} here"]
+        )
     return [
         phrase
         for key, one, other in pairs
@@ -173,7 +177,7 @@ def differences(recorded: Any, stated: Any, name: str = "") -> list[str]:
     ]
 
 
-def _shown(value: Any) -> str:
+def _shorten_value(value: Any) -> str:
     return _cut("none" if value is None else str(value))
 
 
@@ -215,11 +219,13 @@ def record_from_json(kind: type[T], text: str, *, origin: str, name: str, verb: 
 
     For messages: `origin` is the path of the document, `name` that of such a record, and `verb` of `mrwork` writes it.
     """
-    found: T = record_of(kind, parsed(text, origin=origin, verb=verb), origin=origin, name=name, verb=verb)
+    found: T = record_of(
+        kind, parse_document(text, origin=origin, verb=verb), origin=origin, name=name, verb=verb
+    )
     return found
 
 
-def parsed(text: str, *, origin: str, verb: str) -> Any:
+def parse_document(text: str, *, origin: str, verb: str) -> Any:
     """The value of a JSON document; `origin` and `verb` as for `record_from_json`."""
     try:
         return json_value(text)
@@ -230,7 +236,7 @@ def parsed(text: str, *, origin: str, verb: str) -> Any:
 def record_of(kind: Any, document: Any, *, origin: str, name: str, verb: str) -> Any:
     """A value of the annotation `kind` from the value of a JSON document, as `record_from_json`."""
     try:
-        return built(kind, document, name)
+        return build_value(kind, document, name)
     except MismatchError as reason:
         sentence = f"{origin} is not a {name}: {reason}; run `mrwork {verb}` again"
         raise RecordError(escape_text(sentence)) from None
@@ -248,7 +254,7 @@ class MismatchError(ValueError):
     """A value that its field cannot have; the message names the field and what was expected."""
 
 
-def built(kind: Any, value: Any, place: str) -> Any:
+def build_value(kind: Any, value: Any, place: str) -> Any:
     """`value` as an instance of the annotation `kind`; `place` is its path in the document."""
     return _built(node_of(kind), value, place)
 
@@ -258,17 +264,17 @@ def _built(node: Node, value: Any, place: str) -> Any:
         case nodes.Record(kind):
             return _built_record(kind, value, place)
         case nodes.Choice(choices):
-            return _accepted(value in choices, value, place, " or ".join(map(repr, choices)))
+            return _require(value in choices, value, place, " or ".join(map(repr, choices)))
         case nodes.Either():
             return _built_member(node, value, place)
         case nodes.Fixed():
             return _built_tuple(node, value, place)
         case nodes.Array():
-            _accepted(isinstance(value, list | tuple), value, place, "a list of numbers")
+            _require(isinstance(value, list | tuple), value, place, "a list of numbers")
             pairs = enumerate(value)
             return np.array([_number(each, f"{place}[{index}]", node.notes) for index, each in pairs])
         case nodes.Table(_, (name, inner)):
-            _accepted(isinstance(value, Mapping), value, place, "an object")
+            _require(isinstance(value, Mapping), value, place, "an object")
             return {
                 _built(name, key, f"{place}, a key"): _built(inner, entry, f"{place}.{_cut(key)}")
                 for key, entry in value.items()
@@ -283,17 +289,17 @@ def _built(node: Node, value: Any, place: str) -> Any:
 def _plain_value(kind: type, notes: Notes, value: Any, place: str) -> Any:
     # Python counts True among the integers, JSON does not.
     fits = isinstance(value, kind) and (kind is bool or not isinstance(value, bool))
-    _accepted(fits, value, place, _ARTICLES.get(kind, kind.__name__))
+    _require(fits, value, place, _ARTICLES.get(kind, kind.__name__))
     for note in notes:
         if isinstance(note, Within):
-            _accepted(not note.excludes(value), value, place, note.instead_of(value, "whole number"))
+            _require(not note.excludes(value), value, place, note.instead_of(value, "whole number"))
         if isinstance(note, OneOf):
-            _accepted(value in note.names, value, place, " or ".join(map(repr, note.names)))
+            _require(value in note.names, value, place, " or ".join(map(repr, note.names)))
     return value
 
 
 def _built_record(kind: type, value: Any, place: str) -> Any:
-    _accepted(isinstance(value, Mapping), value, place, "an object")
+    _require(isinstance(value, Mapping), value, place, "an object")
     declared, known = fields_of(kind), fields(cast(Any, kind))
     names = [field.name for field in known if field.name in value]
     # A field that has a default may be newer than the document.
@@ -327,9 +333,9 @@ def _built_member(node: Node, value: Any, place: str) -> Any:
 
 
 def _built_tuple(node: nodes.Fixed, value: Any, place: str) -> tuple[Any, ...]:
-    _accepted(isinstance(value, list | tuple), value, place, "a list")
+    _require(isinstance(value, list | tuple), value, place, "a list")
     kinds = node.of(len(value))
-    _accepted(len(kinds) == len(value), value, place, f"a list of {len(kinds)}")
+    _require(len(kinds) == len(value), value, place, f"a list of {len(kinds)}")
     pairs = zip(kinds, value, strict=True)
     return tuple(_built(kind, entry, f"{place}[{index}]") for index, (kind, entry) in enumerate(pairs))
 
@@ -340,19 +346,19 @@ def _number(value: Any, place: str, notes: Notes) -> float:
             if isinstance(note, Null):
                 return note.number
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
-    _accepted(is_number, value, place, "a number")
+    _require(is_number, value, place, "a number")
     may_be_larger = May.BE_NAN in notes if value != value else May.BE_INFINITE in notes
-    _accepted(abs(value) <= LARGEST or may_be_larger, value, place, f"a number below {LARGEST:g} in size")
+    _require(abs(value) <= LARGEST or may_be_larger, value, place, f"a number below {LARGEST:g} in size")
     for note in notes:
         if isinstance(note, Within):
-            _accepted(not note.excludes(value), value, place, note.instead_of(value))
+            _require(not note.excludes(value), value, place, note.instead_of(value))
     # An integer of hundreds of digits is beyond any float.
     return (
         float(value) if abs(value) <= LARGEST or isinstance(value, float) else math.copysign(math.inf, value)
     )
 
 
-def _accepted(condition: bool, value: Any, place: str, expected: str) -> Any:
+def _require(condition: bool, value: Any, place: str, expected: str) -> Any:
     if not condition:
         raise MismatchError(f"`{place}` should be {expected}, it is {_cut(repr(value))}")
     return value

@@ -44,7 +44,7 @@ from mrwork.store.run_folder import (
     read_manifest_if_whole,
     real_place,
 )
-from mrwork.summary import listed
+from mrwork.summary import list_names
 
 _FILES: Final = "files"
 # Bytes up to which a file is read, whatever its time says.
@@ -84,7 +84,7 @@ class Destination:
         if run is None or self.replace:
             return
         if run.kind != self.kind:
-            lost = f"the results of `mrwork {run.kind.verb}`, {listed(_entries_of(run.files()), _NAMED)}"
+            lost = f"the results of `mrwork {run.kind.verb}`, {list_names(_entries_of(run.files()), _NAMED)}"
         else:
             added = run.additions()
             changed = [] if self.continues else run.changes()
@@ -94,7 +94,7 @@ class Destination:
                 ", which other verbs or you have added": _entries_of(added),
                 ", changed since the run was written": changed,
             }
-            lost = "; and ".join(f"{listed(names, _NAMED)}{why}" for why, names in parts.items() if names)
+            lost = "; and ".join(f"{list_names(names, _NAMED)}{why}" for why, names in parts.items() if names)
         raise OutputError(
             f"{self.path} has a run; `mrwork {self.kind.verb}` in its place would lose {lost}; "
             "choose another folder, or give --replace"

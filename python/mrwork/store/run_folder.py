@@ -13,7 +13,7 @@ from typing import Any, Final
 
 from mrwork.errors import RecordError
 from mrwork.escaping import escape_text
-from mrwork.store.codec import finite, parsed
+from mrwork.store.codec import finite, parse_document
 from mrwork.store.input_file import is_there, make_stored_kind, text_of
 from mrwork.store.parse import json_value
 
@@ -132,7 +132,7 @@ def read_manifest(place: Path, *, verb: str) -> Mapping[str, Any] | None:
     path, kind = place / MANIFEST, make_stored_kind(verb, name="the manifest")
     if not is_there(path, kind):
         return None
-    stated = parsed(text_of(path, kind), origin=str(path), verb=verb)
+    stated = parse_document(text_of(path, kind), origin=str(path), verb=verb)
     if not isinstance(stated, Mapping):
         raise RecordError(f"{path} is not a manifest, which is an object of JSON; run `mrwork {verb}` again")
     return stated

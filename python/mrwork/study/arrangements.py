@@ -70,13 +70,13 @@ def _load_law(table: LawFileTable, folder: Path) -> UserLaw:
     except ValueError:
         # A function of a compiled module may tell no arguments.
         pass
-    with table.place.within("function").prefixed(SettingError):
+    with table.place.within("function").prefix_errors(SettingError):
         return UserLaw(name=name, command=function, n_memory=table.memory, source=digest_of(text))
 
 
 def _run_module(table: LawFileTable, path: Path) -> tuple[ModuleType, str]:
     where = table.place.within("file")
-    with where.prefixed(SettingError):
+    with where.prefix_errors(SettingError):
         text = text_of(path, _PYTHON)
     module: Any = ModuleType(f"mrwork_law_{digest_of(text)}")
     module.__file__ = str(path)
@@ -106,7 +106,7 @@ def clairvoyant_row(
         table.place.refuse(
             "the optimum knows no limit of the rate of the command, and [hardware] has a command_rate; leave one out"
         )
-    with table.place.within("interval").prefixed(SettingError):
+    with table.place.within("interval").prefix_errors(SettingError):
         samples_of(table.interval, hardware.sample_time)
     return ClairvoyantRow(
         row=Row(
@@ -261,7 +261,7 @@ def _range(table: DamperTable, name: str, given: tuple[float, ...] | None) -> tu
 
 def _baseline(baseline: BaselineTable, table: StudyTable, bare: Building, folder: Path) -> Arrangement:
     where = baseline.place.within("building")
-    with where.prefixed(SettingError):
+    with where.prefix_errors(SettingError):
         changed = table.building.override_with(baseline.building).build(folder)
     missing = [
         name
@@ -306,7 +306,7 @@ def _choose_law(
         place.within("law").refuse(f"no control law is called {table.law!r}{near}")
     kind = SETTINGS[table.law]
     given = _with_matrices(kind, table.settings or {}, place.within("settings"), folder)
-    with place.within("settings").prefixed(SettingError):
+    with place.within("settings").prefix_errors(SettingError):
         settings: LawSettings = read_table(kind, given, place.within("settings"))
         return specs[table.law].title, design_law(table.law, problem, settings)
 
@@ -349,7 +349,7 @@ def _with_matrices(
         name = resolved.get(entry.name)
         unit = entry.metadata["unit"] or "1"
         if entry.metadata["matrix"] and isinstance(name, str) and isinstance(number_in(name, unit), str):
-            with place.within(entry.name).prefixed(SettingError):
+            with place.within(entry.name).prefix_errors(SettingError):
                 matrix = read_matrix(folder / name)
             resolved[entry.name] = (matrix.ravel() if 1 in matrix.shape else matrix).tolist()
     wishes = resolved.get("designed")

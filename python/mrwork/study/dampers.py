@@ -242,11 +242,11 @@ def equip_building(
     chosen = [chosen_damper(table, folder, identified) for table in tables]
     building, rows = bare, []
     for table in tables:
-        with table.place.within("storey").prefixed(SettingError):
+        with table.place.within("storey").prefix_errors(SettingError):
             row = bare.storey_row(table.storey)
         if table.brace is not None:
             mass = table.brace.mass or _JOINT_SHARE * bare.total_mass / len(bare.floor_names)
-            with table.place.within("brace").prefixed(SettingError):
+            with table.place.within("brace").prefix_errors(SettingError):
                 building = with_brace(
                     building,
                     storey=table.storey,
@@ -266,7 +266,7 @@ def equip_building(
         # Braces of later dampers add coordinates, which do not move this one.
         whole = np.append(row, np.zeros(building.n_coordinates - len(row)))
         where = bare.storey_name(table.storey)
-        with table.place.prefixed(SettingError):
+        with table.place.prefix_errors(SettingError):
             devices.append(
                 Device(
                     name=f"damper in {where}",

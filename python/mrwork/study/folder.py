@@ -54,7 +54,7 @@ from mrwork.study.run_result import (
     worst_by_quantity,
 )
 from mrwork.study.study import Kind, Row, StudyFile
-from mrwork.summary import listed
+from mrwork.summary import list_names
 from mrwork.table import csv_text
 from mrwork.tested_range import Exceedance, OperatingRange
 
@@ -305,9 +305,13 @@ class StoredStudy(StudyCriteria):
         stored = next((run.criteria for run in self.runs.values()), known)
         warnings = []
         if lacking := [name for name in known if name not in stored]:
-            warnings.append(f"{RESULTS} is older than {listed(lacking)}; run `mrwork respond` again for it.")
+            warnings.append(
+                f"{RESULTS} is older than {list_names(lacking)}; run `mrwork respond` again for it."
+            )
         if unknown := [name for name in stored if name not in known]:
-            warnings.append(f"{RESULTS} has {listed(unknown)}, no criterion of this version; it is left out.")
+            warnings.append(
+                f"{RESULTS} has {list_names(unknown)}, no criterion of this version; it is left out."
+            )
         return tuple(warnings)
 
     @property

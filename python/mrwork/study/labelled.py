@@ -16,7 +16,7 @@ from mrwork.store.codec import array_of, plain
 from mrwork.store.journal import Journal
 from mrwork.study.run_result import RunResult, kept_quantities
 from mrwork.study.study import Realisations
-from mrwork.summary import Summarised, Summary, listed
+from mrwork.summary import Summarised, Summary, list_names
 from mrwork.values import array_dataclass
 
 if TYPE_CHECKING:
@@ -103,8 +103,8 @@ class LabelledRuns(Labelled, Summarised):
 
     def _summary(self) -> Summary:
         return Summary(
-            title=f"Runs by {listed(list(self.axes))}",
-            facts=[(name, listed(labels)) for name, labels in self.axes.items()],
+            title=f"Runs by {list_names(list(self.axes))}",
+            facts=[(name, list_names(labels)) for name, labels in self.axes.items()],
         )
 
 

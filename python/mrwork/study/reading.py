@@ -78,7 +78,7 @@ def motions_of_study(
     found: list[MotionOfStudy] = []
     for each in bare:
         _refuse_still(each, sample_time)
-        with each.table.place.prefixed(SettingError):
+        with each.table.place.prefix_errors(SettingError):
             found += [
                 MotionOfStudy(ground=ground, use=each.table.use, synthetic=each.file is None)
                 for ground in _scale(each.ground, each.table)
@@ -98,7 +98,7 @@ def _bare_motions(table: MotionTable, folder: Path, seed: int) -> Iterator[_Bare
         _refuse_keys(table, ("unit", "column", "channel"), "is for files, and this motion is synthetic")
         found = _suite(table, table.suite, seed) if table.suite else _synthetic(table, seed)
     for ground, file in found:
-        with place.prefixed(SettingError):
+        with place.prefix_errors(SettingError):
             yield _Bare(ground=_process(ground, table), table=table, file=file)
 
 
@@ -112,7 +112,7 @@ _Found = list[tuple[GroundMotion, Path | None]]
 
 
 def _read_record(table: MotionTable, file: str, folder: Path) -> _Found:
-    with table.place.within("file").prefixed(SettingError):
+    with table.place.within("file").prefix_errors(SettingError):
         files = motion_files(folder / file)
         found: _Found = []
         for path in files:
@@ -128,7 +128,7 @@ def _read_record(table: MotionTable, file: str, folder: Path) -> _Found:
 
 def _suite(table: MotionTable, suite_table: SuiteTable, seed: int) -> _Found:
     _refuse_keys(table, ("duration", "soil"), "is for a single synthetic motion, and this is a suite")
-    with suite_table.place.prefixed(SettingError):
+    with suite_table.place.prefix_errors(SettingError):
         drawn = suite(
             suite_table.soils,
             suite_table.motions,
@@ -141,7 +141,7 @@ def _suite(table: MotionTable, suite_table: SuiteTable, seed: int) -> _Found:
 
 
 def _synthetic(table: MotionTable, seed: int) -> _Found:
-    with table.place.prefixed(SettingError):
+    with table.place.prefix_errors(SettingError):
         motion = synthetic_motion(
             _spectrum(table),
             rng=seed + table.seed,
@@ -294,10 +294,10 @@ def read_study(
     for each in table.controller:
         if each.user is not None:
             on_python(running_in_words(each.user, folder))
-    with place.within("building").prefixed(SettingError):
+    with place.within("building").prefix_errors(SettingError):
         bare = table.building.build(folder)
     building, devices, chosen = equip_building(bare, table.damper, folder, identified)
-    with place.within("hardware").prefixed(SettingError):
+    with place.within("hardware").prefix_errors(SettingError):
         hardware = replace(table.hardware, seed=seed)
     motions = motions_of_study(table.motion, folder, seed, sample_time=hardware.sample_time)
     if not motions:
@@ -374,7 +374,7 @@ def _realisations(
             "nothing in [uncertainty] is uncertain; give it a stiffness, a damping or a delay, or a [[damper]] with a "
             "run that has posterior draws"
         )
-    with where.prefixed(SettingError):
+    with where.prefix_errors(SettingError):
         return realisations_of(given, devices, drawn)
 
 

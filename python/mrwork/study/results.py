@@ -23,7 +23,7 @@ from mrwork.study.labelled import HALF_STEP, LabelledRuns
 from mrwork.study.run_result import DeviceDemand, RunEnd, RunResult, damper_warnings, demands_of
 from mrwork.study.schema import Use
 from mrwork.study.study import Kind, MotionOfStudy, Row
-from mrwork.summary import Summarised, Summary, listed
+from mrwork.summary import Summarised, Summary, list_names
 from mrwork.values import Floats
 
 if TYPE_CHECKING:
@@ -162,12 +162,12 @@ class StudyCriteria(Summarised, ABC):
         return "finished" if self.complete else "interrupted"
 
     @property
-    def judged(self) -> tuple[int, ...]:
+    def judged_motions(self) -> tuple[int, ...]:
         """Indices of the motions that scores and changes stand on: the test motions, or all where there are none."""
         test = tuple(number for number, motion in enumerate(self.motions) if motion.use == "test")
         return test or tuple(range(len(self.motions)))
 
-    def finished(self, motion: int) -> list[int]:
+    def finished_rows(self, motion: int) -> list[int]:
         """The rows whose run under a motion finished."""
         runs = ((row, self.runs.get((row, motion))) for row in range(len(self.rows)))
         return [row for row, run in runs if run is not None and run.finished]
@@ -194,8 +194,8 @@ class StudyCriteria(Summarised, ABC):
         }
 
     def score(self, row: int) -> float:
-        """Mean over the motions of `judged` of the criteria over those at i = 0; NaN unless all these runs finished."""
-        return self.score_under(row, self.judged)
+        """Mean over `judged_motions` of the criteria over those at i = 0; NaN unless all these runs finished."""
+        return self.score_under(row, self.judged_motions)
 
     def score_under(self, row: int, motions: Sequence[int]) -> float:
         """The score of a row under some motions, by their indices; NaN unless all these runs finished."""
@@ -213,8 +213,8 @@ class StudyCriteria(Summarised, ABC):
         return {name: np.asarray(self.labelled.numbers[name][row, motion, 0]) for name in SCORE}
 
     def spread(self, row: int, motions: Sequence[int] | None = None) -> Spread:
-        """Spread of the scores of a row under single motions, by default those of `judged`."""
-        chosen = self.judged if motions is None else motions
+        """Spread of the scores of a row under single motions, by default those of `judged_motions`."""
+        chosen = self.judged_motions if motions is None else motions
         return Spread.of([self.score_under(row, (motion,)) for motion in chosen])
 
     @property
@@ -250,8 +250,8 @@ class StudyCriteria(Summarised, ABC):
         return Summary(
             title=f"{self.title}: {self.done} of {self.total} runs",
             facts=(
-                *([("dampers", listed(self.device_names))] if self.device_names else []),
-                ("motions", listed([motion.name for motion in self.motions])),
+                *([("dampers", list_names(self.device_names))] if self.device_names else []),
+                ("motions", list_names([motion.name for motion in self.motions])),
             ),
             columns=("peak drift [m]", *(motion.name for motion in self.motions[:_MOTIONS_SHOWN])),
             rows=[
@@ -387,8 +387,8 @@ def _realised(results: StudyResults, row: int, motions: Sequence[int], name: str
 
 
 def _mean_ratios(results: StudyResults, row: int, reference: int | None, name: str) -> Floats | None:
-    above = _realised(results, row, results.judged, name)
-    below = None if reference is None else _realised(results, reference, results.judged, name)
+    above = _realised(results, row, results.judged_motions, name)
+    below = None if reference is None else _realised(results, reference, results.judged_motions, name)
     return None if above is None or below is None else np.asarray(ratio(above, below).mean(axis=0))
 
 

@@ -58,7 +58,7 @@ from mrwork.study.study import (
     digest_of_run,
     fingerprint_of,
 )
-from mrwork.summary import listed
+from mrwork.summary import list_names
 from mrwork.units import STANDARD_GRAVITY
 from mrwork.values import Floats
 
@@ -350,8 +350,8 @@ def _choose_best_constant(
         if np.isnan(scores).all():
             raise SimulationError(
                 f"{arrangement.row.label}: no constant command has a score, because under "
-                f"{listed([ground.name for ground in study.chosen_on])} the run at i = 0, or at every command, did not "
-                "finish or has no response; check the dampers and the step, or leave best_passive out"
+                f"{list_names([ground.name for ground in study.chosen_on])} the run at i = 0, or at every command, "
+                "did not finish or has no response; check the dampers and the step, or leave best_passive out"
             )
         best = int(np.nanargmin(scores))
         if not _knows_least_strokes(arrangement):
@@ -461,7 +461,7 @@ class PlayedCommands:
         laws = [
             (results.score_under(row, (motion,)), row)
             for row, each in enumerate(arrangements)
-            if each.row.kind == "controller" and row in results.finished(motion)
+            if each.row.kind == "controller" and row in results.finished_rows(motion)
         ]
         if not laws:
             return {}

@@ -324,7 +324,7 @@ class Histories:
             for motion, of_study in enumerate(study.motions)
         }
 
-    def kept(self, row: int, motion: int) -> bool:
+    def is_stored(self, row: int, motion: int) -> bool:
         """Whether the history of a run is stored and whole; a damaged file is left out from now on."""
         while (path := self._path(row, motion)) is not None:
             try:

@@ -26,7 +26,7 @@ from mrwork.motions import GroundMotion
 from mrwork.search.unit_cube import Streams, latin_hypercube
 from mrwork.store.codec import digest_of, package_version
 from mrwork.study.schema import ReportTable, TuneTable, UncertaintyTable, Use
-from mrwork.summary import Summarised, Summary, listed
+from mrwork.summary import Summarised, Summary, list_names
 from mrwork.values import Floats, array_dataclass
 
 
@@ -288,9 +288,9 @@ class Study(Summarised):
             title=f"Study: {self.title}",
             facts=(
                 ("building", f"{self.building.name}, {len(self.building.floors)} floors"),
-                ("dampers", listed(self.device_names)),
+                ("dampers", list_names(self.device_names)),
                 ("sample time", f"{self.hardware.sample_time:g} s"),
-                ("motions", listed([motion.name for motion in self.motions])),
+                ("motions", list_names([motion.name for motion in self.motions])),
                 ("uses", uses_in_words([motion.use for motion in self.motions])),
             ),
             columns=("arrangement", "description"),

@@ -218,7 +218,7 @@ def references_of(benches: Benches, objective: TuningObjective, basis: Basis) ->
 
 def best_constant(references: Sequence[LawResult]) -> LawCandidate:
     """The best constant command among references."""
-    return next(each.chosen for each in references if each.label == BEST_CONSTANT)
+    return next(each.chosen_candidate for each in references if each.label == BEST_CONSTANT)
 
 
 def _declare_references(basis: Basis) -> Iterator[_Reference]:

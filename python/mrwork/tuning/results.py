@@ -30,7 +30,7 @@ from mrwork.store.run_folder import (
 )
 from mrwork.study.results import RealisationBand
 from mrwork.study.study import StudyFile
-from mrwork.summary import Summarised, Summary, listed
+from mrwork.summary import Summarised, Summary, list_names
 from mrwork.table import csv_text
 from mrwork.tuning.space import LARGEST, FreeSetting, LawCandidate
 
@@ -141,7 +141,7 @@ class LawResult(Summarised, Related):
         return self.train if self.test is None else self.test
 
     @property
-    def chosen(self) -> LawCandidate:
+    def chosen_candidate(self) -> LawCandidate:
         """The settings as a candidate."""
         settings = dict(self.settings)
         return LawCandidate(largest_command=settings.pop(LARGEST), settings=settings)
@@ -242,8 +242,8 @@ class TuningResults(Summarised):
         return Summary(
             title=f"Tuning of {self.title}: {self.status}",
             facts=(
-                ("training motions", listed(self.training)),
-                ("test motions", listed(self.testing) or "none"),
+                ("training motions", list_names(self.training)),
+                ("test motions", list_names(self.testing) or "none"),
                 ("candidates", f"{self.candidates_per_second:.3g} a second"),
             ),
             columns=("law", "training", "test", "settings"),

@@ -142,7 +142,7 @@ def tune(
                 )
 
             found.append(tune_law(plan, benches, basis, rng=rng, report=report))
-            demands |= benches.demands(plan.law, found[-1].chosen, plan.label)
+            demands |= benches.demands(plan.law, found[-1].chosen_candidate, plan.label)
             if plan.table.objectives:
                 fronts.append(front_of(plan, benches, basis, rng=rng, report=report))
     except Interrupted as interrupt:

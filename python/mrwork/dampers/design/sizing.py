@@ -20,7 +20,7 @@ from mrwork.dampers.design.ranges import Current, Length, Speed, Voltage
 from mrwork.errors import Interrupted, SettingError, UnknownNameError
 from mrwork.hints import Within
 from mrwork.search import SearchResult, StopRules, run_search
-from mrwork.search.peers import nondominated, run_front
+from mrwork.search.peers import run_front, select_nondominated
 from mrwork.search.registry import ALL_OPTIMISERS
 from mrwork.summary import Summarised, Summary
 from mrwork.values import Floats
@@ -440,7 +440,7 @@ def size_front(
         nonlocal units, values
         front = np.array([_objectives(candidate(unit, wishes, fluid, steel), harder) for unit in points])
         units, values = np.vstack([units, points]), np.vstack([values, front])
-        kept = nondominated(values)
+        kept = select_nondominated(values)
         units, values = units[kept], values[kept]
         return front
 
@@ -506,7 +506,7 @@ def _front(
             values.append((design.envelope_volume, -on / off, design.power))
     if not met:
         return None
-    kept = nondominated(np.array(values))
+    kept = select_nondominated(np.array(values))
     order = kept[np.argsort(np.array(values)[kept, 0], kind="stable")]
     return SizeFront(designs=tuple(met[index] for index in order), evaluations=evaluations)
 

@@ -83,7 +83,7 @@ def profile_figure(results: StudyResults, motion: int, quantity: str, rows: Coll
     drift = axis_of(quantity) == "storey"
     names = results.storey_names if drift else results.floor_names
     factor, label = (1e3, "mm") if drift else (1.0, "m/s²")
-    shown = [row for row in results.finished(motion) if row in rows]
+    shown = [row for row in results.finished_rows(motion) if row in rows]
     key_lines = (len(shown) + 1) // 2
     figure, axes = column_axes(
         left=_LEFT_OF_NAMES,
@@ -114,7 +114,7 @@ def profile_figure(results: StudyResults, motion: int, quantity: str, rows: Coll
 @style.drawn_in_style()
 def energy_figure(results: StudyResults, motion: int, rows: Collection[int]) -> Figure:
     """Distribution of the input energy at the end of the motion, a bar for each of the rows."""
-    shown = [row for row in results.finished(motion) if row in rows]
+    shown = [row for row in results.finished_rows(motion) if row in rows]
     names = [short(results.rows[row].label, 29) for row in reversed(shown)]
     figure, axes = column_axes(left=room_for(names), top=0.42, height=0.95 + _BAR * len(shown))
     largest = 0.0
@@ -380,7 +380,7 @@ def spread_section(comparison: StudyComparison, shown: ShownRows) -> Section | N
     scored = [row for _, rows in comparison.ranks for row in rows if math.isfinite(results.score(row))]
     rows = [row for row in scored if row in shown.listed]
     drawn = [row for row in scored if row in shown.drawn]
-    if len(results.judged) < 2 or not rows:
+    if len(results.judged_motions) < 2 or not rows:
         return None
     groups = [
         Group(title=f"Score over {judged_in_words(results)}", table=spread_table(comparison, rows)),
@@ -431,7 +431,7 @@ def score_figure(results: StudyResults, rows: list[int]) -> Figure:
     names = [short(results.rows[row].label, _NAME) for row in shown]
     figure, axes = column_axes(left=room_for(names), top=0.15, height=0.8 + _ROW * len(shown))
     of_row = strokes(results)
-    judged = set(results.judged)
+    judged = set(results.judged_motions)
     for place, row in enumerate(shown):
         for motion in range(len(results.motions)):
             score = results.score_under(row, (motion,))

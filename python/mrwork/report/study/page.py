@@ -71,7 +71,7 @@ def profile_section(results: StudyResults, detailed: int, shown: ShownRows) -> S
             ),
         )
         for motion in order
-        if results.finished(motion)
+        if results.finished_rows(motion)
     )
     return Section(
         anchor="profiles",
@@ -83,7 +83,7 @@ def profile_section(results: StudyResults, detailed: int, shown: ShownRows) -> S
 
 def energy_section(results: StudyResults, motion: int, shown: ShownRows) -> Section | None:
     """Distribution of the input energy, and the error of its balance."""
-    if not results.finished(motion):
+    if not results.finished_rows(motion):
         return None
     name = results.motions[motion].name
     return Section(
@@ -315,7 +315,7 @@ def _criteria_section(comparison: StudyComparison, shown: ShownRows) -> Section:
         groups += [
             Group(
                 title=f"Criteria, median of {judged_in_words(results)}",
-                table=value_table(results, results.judged, shown.listed),
+                table=value_table(results, results.judged_motions, shown.listed),
                 prose=(
                     f"The criteria of all {len(results.motions)} motions are in `criteria.csv` and `results.json`.",
                 ),

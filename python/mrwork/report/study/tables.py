@@ -130,7 +130,7 @@ def overview_table(comparison: StudyComparison, shown: Collection[int]) -> Table
         (rank, found) for rank, rows in comparison.ranks if (found := [row for row in rows if row in shown])
     ]
     order = [row for _, rows in ranks for row in rows]
-    columns = [[results.score(row) for row in order], *_ratio_columns(results, order, results.judged)]
+    columns = [[results.score(row) for row in order], *_ratio_columns(results, order, results.judged_motions)]
     return _ratio_table(
         results,
         order,
@@ -253,7 +253,7 @@ def leading_table(comparison: StudyComparison, row: int) -> Table:
     """The changes of one row, quantity by quantity, against each reference."""
     results = comparison.results
     references = [each for each in comparison.references if each != row]
-    several = len(results.judged) > 1
+    several = len(results.judged_motions) > 1
     heads = ("Mean (%)", "Largest (%)", "Under") if several else ("Change (%)",)
     cells: list[tuple[str, ...]] = []
     alarming = set()
@@ -287,7 +287,7 @@ def change_table(comparison: StudyComparison, reference: int, shown: Collection[
     """The changes of the shown rows against a reference, the rows of each rank together."""
     results = comparison.results
     quantities = compared_quantities()
-    several = len(results.judged) > 1
+    several = len(results.judged_motions) > 1
     cells: list[tuple[str, ...]] = []
     headings: dict[int, str] = {}
     strong: set[tuple[int, int]] = set()
@@ -421,7 +421,7 @@ def spread_table(comparison: StudyComparison, rows: Sequence[int]) -> Table:
     Of a single motion the score alone.
     """
     results, passive = comparison.results, comparison.passive
-    if len(results.judged) < 2:
+    if len(results.judged_motions) < 2:
         return Table(
             label="Score",
             columns=("", "Score"),

@@ -19,7 +19,7 @@ from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import addition_content, fit_from_json, read_addition
 from mrwork.records import DamperTest, Observation, RecordedMotion
 from mrwork.records.likeness import alike_groups
-from mrwork.store.codec import digest_of, json_document, parsed, read_document, record_of
+from mrwork.store.codec import digest_of, json_document, parse_document, read_document, record_of
 from mrwork.store.input_file import finite_numbers, is_there, make_stored_kind, read_arrays, text_of
 from mrwork.store.output_file import write_files
 from mrwork.store.run_folder import CALIBRATION, FOLDS, PREDICTIONS
@@ -182,7 +182,7 @@ def read_predictions(place: Path) -> tuple[Prediction, ...]:
     verb = f"calibrate {place}"
     stated = record_of(
         tuple[_Facts, ...],
-        parsed(text, origin=str(path), verb=verb),
+        parse_document(text, origin=str(path), verb=verb),
         origin=str(path),
         name="list of predictions",
         verb=verb,

@@ -20,7 +20,7 @@ from mrwork.identification.result import MANY, BuildingCost
 from mrwork.numbers import format_fixed, format_rounded
 from mrwork.records import DamperTest
 from mrwork.store.codec import Related
-from mrwork.summary import Summarised, Summary, listed
+from mrwork.summary import Summarised, Summary, list_names
 from mrwork.table import Table, TableColumn, page_table, text_table
 from mrwork.uncertainty.choice.leave_one_out import UNRELIABLE, LeaveOneOut
 from mrwork.uncertainty.identifiability.verdicts import Scale
@@ -331,7 +331,7 @@ class Ranking(Summarised, Related):
             return "it ranks a family twice"
         chosen = [each.model for each in self.standings if each.verdict == "chosen"]
         if chosen != [self.chosen]:
-            return f"it has chosen {self.chosen} and ranks {listed(chosen) or 'none'} as chosen"
+            return f"it has chosen {self.chosen} and ranks {list_names(chosen) or 'none'} as chosen"
         return ""
 
     @property
