@@ -49,5 +49,9 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
 
 
 def _set_up_process() -> None:
-    """Settings of the interpreter for the time of a command."""
+    """Settings of the interpreter for the time of a command, before NumPy loads."""
     gc.set_threshold(_OBJECTS_PER_COLLECTION)
+    if "OMP_NUM_THREADS" not in os.environ:
+        # Matrices are small here: threads of OpenBLAS would wait for each other, keep simulations waiting, and sum in
+        # an order that depends on their number.
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
