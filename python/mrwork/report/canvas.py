@@ -261,6 +261,10 @@ def _without_controls(figure: Figure) -> None:
         text.set_text(escaped_lines(text.get_text()))
 
 
+# Looked behind, so that nothing is put back: there are ten thousands of numbers on a page.
+_DIGITS_BEYOND = re.compile(r"(?<=\.\d\d)\d+")
+
+
 def _two_decimals(element: re.Match[str]) -> str:
     # A hundredth of a point is far below what a screen or a printer shows, and halves the page.
-    return re.sub(r"(\.\d\d)\d+", r"\1", element.group())
+    return _DIGITS_BEYOND.sub("", element.group())
