@@ -15,7 +15,7 @@ unexport PYTHONDONTWRITEBYTECODE
 .PHONY: demo test sentences faults lint format bench dist licences clean
 
 demo: $(VENV)/.built
-	$(BIN)/mrwork identify synthetic:spencer1997 --model normalised_bouc_wen --seed 1 --out out/demo
+	$(BIN)/mrwork demo
 
 test: $(VENV)/.built $(VENV)/.dev
 	cargo test --quiet --release --workspace

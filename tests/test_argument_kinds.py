@@ -15,7 +15,7 @@ from sentences import Refused
 
 from mrwork.arguments import AnyArray, May, Positive, Rows, Shape, checked
 from mrwork.errors import ArgumentError
-from mrwork.keys import Within
+from mrwork.hints import Within
 
 
 @checked
@@ -101,7 +101,7 @@ def test_numbers_arrive_as_the_array_that_is_annotated() -> None:
     assert found["signs"].dtype == np.int64
     given = np.zeros(3)
     assert taken(strict=given)["strict"] is given
-    assert Part(names=["a"]).names == ("a",)  # type: ignore[arg-type]
+    assert Part(names=["a"]).names == ("a",)  # type: ignore[arg-type] # a list for a tuple, on purpose
 
 
 def test_a_value_of_another_kind_is_refused_in_a_sentence(refused: Refused) -> None:
@@ -172,11 +172,11 @@ def test_what_is_missing_or_unknown_is_said_by_python() -> None:
         return number
 
     with pytest.raises(TypeError, match="missing 1 required positional argument"):
-        wants()  # type: ignore[call-arg]
+        wants()  # type: ignore[call-arg] # wrong on purpose
     with pytest.raises(TypeError, match="unexpected keyword"):
-        wants(1.0, other=2)  # type: ignore[call-arg]
+        wants(1.0, other=2)  # type: ignore[call-arg] # wrong on purpose
     with pytest.raises(TypeError, match="takes 1 positional argument"):
-        wants(1.0, 2.0)  # type: ignore[call-arg]
+        wants(1.0, 2.0)  # type: ignore[call-arg] # wrong on purpose
 
 
 @checked
@@ -209,7 +209,7 @@ def test_arrays_of_another_library_pass_as_they_are_and_lists_become_arrays(refu
 
 def test_items_of_a_container_of_paths_are_checked(refused: Refused) -> None:
     for paths in (b"x", [3], ["a", b"x"], {3}, 3):
-        refused(shaped, np.zeros((1, 1)), paths=paths)  # type: ignore[arg-type]
+        refused(shaped, np.zeros((1, 1)), paths=paths)
 
 
 @pytest.mark.parametrize("paths", ["a", Path("a"), ["a", Path("b")], {"a": 1}, iter([3])])

@@ -8,7 +8,7 @@ import unicodedata
 import pytest
 
 from mrwork.errors import MrworkWarning, RecordError
-from mrwork.escaping import escaped, escaped_lines
+from mrwork.escaping import escape_text, escaped_lines
 
 # Controls, formats, private use, halves of characters, ends of lines and of paragraphs.
 UNSEEN = {"Cc", "Cf", "Co", "Cs", "Zl", "Zp"}
@@ -19,9 +19,9 @@ def test_what_has_no_shape_is_escaped_and_all_else_is_kept() -> None:
         character = chr(number)
         kind = unicodedata.category(character)
         if kind in UNSEEN:
-            assert escaped(character) != character, hex(number)
+            assert escape_text(character) != character, hex(number)
         elif kind != "Cn":
-            assert escaped(character) == character, hex(number)
+            assert escape_text(character) == character, hex(number)
     assert escaped_lines("a\nb\r") == "a\nb\\r"
 
 

@@ -22,7 +22,8 @@ HOMES = {
         "identification.levenberg_marquardt_twin",
         "uncertainty.posterior.nuts",
     ),
-    ("emcee", "xarray"): ("uncertainty.posterior",),
+    ("emcee",): ("uncertainty.posterior",),
+    ("xarray",): ("uncertainty.posterior", "study.labelled", "study.results"),
     ("h5py",): ("store.child_formats",),
     ("nptdms",): ("files.open_table",),
     ("pyarrow",): ("store.child_formats",),
@@ -30,6 +31,7 @@ HOMES = {
     ("matplotlib", "fontTools", "jinja2"): ("report",),
     ("control",): ("buildings.state_space",),
     ("cvxpy", "clarabel"): ("control.design",),
+    ("shtab",): ("cli.completion",),
 }
 
 TESTS = """

@@ -256,7 +256,7 @@ def shown() -> dict[str, object]:
 
 def fits_on_a_screen(value: object) -> bool:
     """Whether the text is short, and there is the same for a notebook."""
-    text, html = repr(value), value._repr_html_()  # type: ignore[attr-defined]
+    text, html = repr(value), value._repr_html_()  # type: ignore[attr-defined] # what a user has is typed as `object` here
     lines = text.splitlines()
     short = len(text) < 2000 and len(lines) <= 30 and max(map(len, lines)) <= 100
     return short and html.startswith("<div") and "<strong>" in html
@@ -290,7 +290,7 @@ def test_a_listed_field_has_its_unit(shown: dict[str, object]) -> None:
 def test_a_fit_shows_units_and_standard_errors(shown: dict[str, object]) -> None:
     fit = shown["fit"]
     text = repr(fit)
-    for estimate in fit.estimates:  # type: ignore[attr-defined]
+    for estimate in fit.estimates:  # type: ignore[attr-defined] # what a user has is typed as `object` here
         assert f"{estimate.name} " in text
         assert estimate.unit in text
 

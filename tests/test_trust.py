@@ -11,7 +11,7 @@ import numpy as np
 from sentences import Refused
 
 import mrwork
-from mrwork.store.input_file import read_arrays, stored
+from mrwork.store.input_file import make_stored_kind, read_arrays
 from test_imports import imports_of, in_fresh_process
 
 PACKAGE = Path(mrwork.__file__).parent
@@ -71,7 +71,7 @@ def test_arrays_of_objects_are_refused_and_not_unpickled(tmp_path: Path, refused
     harm = tmp_path / "harm"
     forged = tmp_path / "predictions.npz"
     np.savez(forged, force=np.array([Hostile(harm)], dtype=object))
-    refused(read_arrays, forged, stored("calibrate"))
+    refused(read_arrays, forged, make_stored_kind("calibrate"))
     assert not harm.exists()
 
 

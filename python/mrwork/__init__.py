@@ -6,23 +6,6 @@ used, so that `import mrwork` costs little more than the interpreter.
 
 from __future__ import annotations
 
-from mrwork.fitted_damper import read_with as _read_with
-
-TYPE_CHECKING = False
-if TYPE_CHECKING:
-    from pathlib import Path
-    from typing import Any
-
-
-def _fitted_damper(run: Path) -> Any:
-    # By its name, as all that is public here: few studies name a run, and reading one loads the identification.
-    from importlib import import_module
-
-    return import_module("mrwork.stored").fitted_damper(run)
-
-
-_read_with(_fitted_damper)
-
 
 def __getattr__(name: str) -> object:
     # The reader of stubs takes longer to load than all else of a command that has only started.

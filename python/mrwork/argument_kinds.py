@@ -3,63 +3,39 @@
 from __future__ import annotations
 
 import inspect
-import math
 import operator
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from enum import Enum, auto
 from functools import partial
 from numbers import Real
-from types import NoneType, UnionType
-from typing import Annotated, Any, Literal, Union, get_args, get_origin
+from types import NoneType
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
+from mrwork import hints as nodes
 from mrwork.errors import ArgumentError, MrworkError, SettingError, UnknownChoiceError
-from mrwork.keys import LARGEST, Within, suggestion
+from mrwork.hints import LARGEST, May, Node, Notes, Shape, Within
+from mrwork.keys import suggestion
 
 # As many characters of a value as a message repeats.
 _SHOWN = 40
 
 
-class May(Enum):
-    """Numbers that are not finite, and nevertheless mean something where an annotation names them; arrays of JAX."""
-
-    BE_INFINITE = auto()
-    BE_NAN = auto()
-    BE_TRACED = auto()
-
-
-@dataclass(frozen=True, slots=True)
-class Shape:
-    """Names of the axes of an array; an axis has the same length in all arguments of a call that name it."""
-
-    axes: tuple[str, ...]
-
-    def check(self, value: Any, known: dict[str, tuple[int, str]], parameter: str) -> None:
-        """Refuse a shape with other axes, or with lengths that differ from the `known` ones, which are added to."""
-        found = tuple(np.shape(value))
-        wanted = f"({', '.join(self.axes)}{',' if len(self.axes) == 1 else ''})"
-        if len(found) != len(self.axes):
-            raise Refusal(f"has shape {found}; give shape {wanted}", SettingError)
-        for axis, length in zip(self.axes, found, strict=True):
-            expected, source = known.setdefault(axis, (length, parameter))
-            if length != expected:
-                raise Refusal(
-                    f"has shape {found}; give shape {wanted} with {axis} = {expected}, as `{source}` has",
-                    SettingError,
-                )
-
-
-def shape_of(hint: Any) -> Shape | None:
-    """The shape that a hint, or a member of a union, declares."""
-    for note in getattr(hint, "__metadata__", ()):
-        if isinstance(note, Shape):
-            return note
-    members = get_args(hint) if get_origin(hint) in (Union, UnionType) else ()
-    return next((found for each in members if (found := shape_of(each)) is not None), None)
+def check_shape(shape: Shape, value: Any, known: dict[str, tuple[int, str]], parameter: str) -> None:
+    """Refuse an array with other axes, or with lengths that differ from the `known` ones, which are added to."""
+    found = tuple(np.shape(value))
+    wanted = f"({', '.join(shape.axes)}{',' if len(shape.axes) == 1 else ''})"
+    if len(found) != len(shape.axes):
+        raise Refusal(f"has shape {found}; give shape {wanted}", SettingError)
+    for axis, length in zip(shape.axes, found, strict=True):
+        expected, source = known.setdefault(axis, (length, parameter))
+        if length != expected:
+            raise Refusal(
+                f"has shape {found}; give shape {wanted} with {axis} = {expected}, as `{source}` has",
+                SettingError,
+            )
 
 
 class Refusal(Exception):  # noqa: N818 # becomes an error where the name of the argument is known
@@ -74,7 +50,7 @@ class OtherKind(Refusal):
     """The value is of another kind altogether, so that another member of a union may take it."""
 
     def __init__(self, value: object, words: str) -> None:
-        super().__init__(f"is {_described(value)}; give {words}")
+        super().__init__(f"is {_quote_value(value)}; give {words}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,56 +65,37 @@ class Kind:
     rank: int = 1
 
 
-def kind_of(hint: Any, default: Any = None, declared: Mapping[str, Any] | None = None) -> Kind:
-    """The kind that a hint declares, with the range that the notes of its `key` declare, if it has one.
-
-    Numbers may be infinite or NaN where the default is.
-    """
-    notes: tuple[Any, ...] = ()
-    if declared is not None:
-        notes = (declared["within"], *((May.BE_NAN,) if declared["may_be_nan"] else ()))
-    if isinstance(default, float) and not math.isfinite(default):
-        notes = (*notes, May.BE_NAN if math.isnan(default) else May.BE_INFINITE)
-    return _kind(hint, notes)
+_ANYTHING = Kind("anything", lambda value: value)
 
 
-def _kind(hint: Any, notes: tuple[Any, ...]) -> Kind:
-    origin, inner = get_origin(hint), get_args(hint)
-    if origin is Annotated:
-        return _kind(inner[0], (*notes, *inner[1:]))
-    if origin in (Union, UnionType):
-        return _one_of(inner, notes)
-    if origin is Literal:
-        return _name(inner)
-    if origin is np.ndarray:
-        return _array(get_args(inner[1])[0], notes)
-    if origin is tuple:
-        return _tuple(inner, notes)
-    if hint in _SCALARS:
-        return _SCALARS[hint](notes)
-    if hint is Any and May.BE_TRACED in notes:
-        return _array_like(notes)
-    kind: Any = origin or hint
-    if kind in (Any, object) or not isinstance(kind, type):
-        return Kind("anything", lambda value: value)
-    if kind is Callable:
-        return _function(*inner or (..., Any))
-    if kind is type:
-        return Kind("a class", partial(_instance, type, "a class"))
-    if kind is Iterable:
-        return _iterable(*inner or (Any,))
-    if kind is os.PathLike:
-        return Kind("a path", _path)
-    if issubclass(kind, Mapping):
-        return _mapping(inner, notes)
-    if issubclass(kind, Sequence) and inner:
-        return _sequence(inner[0], notes)
-    if getattr(kind, "_is_protocol", False):
-        return _protocol(kind)
-    return _object(kind)
+def kind_of(node: Node) -> Kind:
+    """The check of what an annotation declares."""
+    of = [kind_of(each) for each in node.parts]
+    match node:
+        case nodes.Scalar(kind):
+            return _SCALARS[kind](node.notes)
+        case nodes.Choice(values):
+            return _name(values)
+        case nodes.Array(None):
+            return _array_like(node.notes)
+        case nodes.Array(scalar):
+            return _array(scalar, node.notes)
+        case nodes.Items(kind):
+            return _sequence(of[0], as_tuple=kind is tuple)
+        case nodes.Fixed():
+            return _tuple(of)
+        case nodes.Table():
+            return _mapping(*of)
+        case nodes.Either(kind):
+            return _one_of([*of, *([_NONE] if kind is NoneType else ())])
+        case nodes.Function((takes, returns)):
+            return _function(takes, returns)
+        case nodes.Record(kind) | nodes.Instance(kind):
+            return _object(kind, of)
+    return _ANYTHING
 
 
-def _described(value: object) -> str:
+def _quote_value(value: object) -> str:
     """A value as messages quote it."""
     if value is None:
         return "None"
@@ -155,10 +112,16 @@ def _described(value: object) -> str:
     return f"{'an' if type(value).__name__[0] in 'AEIOUaeiou' else 'a'} {type(value).__name__}"
 
 
+def _instance(kind: type, words: str, value: Any) -> Any:
+    if not isinstance(value, kind):
+        raise OtherKind(value, words)
+    return value
+
+
 # Scalars
 
 
-def _float(notes: tuple[Any, ...]) -> Kind:
+def _float(notes: Notes) -> Kind:
     words = "a number"
 
     def accept(value: Any) -> Any:
@@ -168,7 +131,7 @@ def _float(notes: tuple[Any, ...]) -> Kind:
         try:
             plain = float(number)
         except OverflowError:
-            raise Refusal(f"is {_described(value)}; give a smaller number", SettingError) from None
+            raise Refusal(f"is {_quote_value(value)}; give a smaller number", SettingError) from None
         if notes or not abs(plain) <= LARGEST:
             _check_numbers(np.float64(plain), notes)
         exact = isinstance(number, float) or (isinstance(number, int) and abs(number) < 2**53)
@@ -177,7 +140,7 @@ def _float(notes: tuple[Any, ...]) -> Kind:
     return Kind(words, accept, rank=0)
 
 
-def _int(notes: tuple[Any, ...]) -> Kind:
+def _int(notes: Notes) -> Kind:
     words = "a whole number"
 
     def accept(value: Any) -> int:
@@ -190,15 +153,15 @@ def _int(notes: tuple[Any, ...]) -> Kind:
         for each in notes:
             if isinstance(each, Within) and each.excludes(number):
                 wanted = each.instead_of(number, "whole number")
-                raise Refusal(f"is {_described(number)}; give {wanted}", SettingError)
+                raise Refusal(f"is {_quote_value(number)}; give {wanted}", SettingError)
         if not -(2**63) <= number < 2**64:
-            raise Refusal(f"is {_described(number)}; give a whole number of 64 bits", SettingError)
+            raise Refusal(f"is {_quote_value(number)}; give a whole number of 64 bits", SettingError)
         return number
 
     return Kind(words, accept, rank=0)
 
 
-def _bool(_: tuple[Any, ...]) -> Kind:
+def _bool(_: Notes) -> Kind:
     def accept(value: Any) -> bool:
         if not isinstance(value, bool | np.bool_):
             raise OtherKind(value, "true or false")
@@ -207,16 +170,13 @@ def _bool(_: tuple[Any, ...]) -> Kind:
     return Kind("true or false", accept, rank=0)
 
 
-def _text(_: tuple[Any, ...]) -> Kind:
+def _text(_: Notes) -> Kind:
     return Kind("a text", partial(_instance, str, "a text"), rank=0)
 
 
-def _none(_: tuple[Any, ...]) -> Kind:
-    return Kind("None", partial(_instance, NoneType, "None"), rank=0)
-
-
-_SCALARS: dict[Any, Callable[[tuple[Any, ...]], Kind]] = {
-    float: _float, int: _int, bool: _bool, str: _text, NoneType: _none,
+_NONE = Kind("None", partial(_instance, NoneType, "None"), rank=0)
+_SCALARS: dict[type, Callable[[Notes], Kind]] = {
+    float: _float, int: _int, bool: _bool, str: _text, NoneType: lambda _: _NONE,
 }  # fmt: skip
 
 
@@ -230,9 +190,9 @@ def _name(choices: tuple[Any, ...]) -> Kind:
             if type(value) is type(choice) and value == choice:
                 return choice
         if isinstance(value, str) and texts:
-            raise Refusal(f"is {_described(value)}{suggestion(value, texts)}", UnknownChoiceError)
+            raise Refusal(f"is {_quote_value(value)}{suggestion(value, texts)}", UnknownChoiceError)
         if type(value) in {type(choice) for choice in choices}:
-            raise Refusal(f"is {_described(value)}; give {words}", UnknownChoiceError)
+            raise Refusal(f"is {_quote_value(value)}; give {words}", UnknownChoiceError)
         raise OtherKind(value, words)
 
     return Kind(words, accept, rank=0)
@@ -241,7 +201,7 @@ def _name(choices: tuple[Any, ...]) -> Kind:
 # Arrays
 
 
-def _array(scalar: type, notes: tuple[Any, ...]) -> Kind:
+def _array(scalar: type, notes: Notes) -> Kind:
     kinds = {"f": "iuf", "i": "iu", "u": "iu", "c": "iufc", "b": "b"}.get(np.dtype(scalar).kind, "")
     words = {"f": "an array of numbers", "c": "an array of numbers"}.get(
         np.dtype(scalar).kind, f"an array of {np.dtype(scalar)}"
@@ -253,10 +213,10 @@ def _array(scalar: type, notes: tuple[Any, ...]) -> Kind:
             _check_numbers(array, notes)
         return array if array.dtype == scalar else array.astype(scalar)
 
-    return Kind(words, accept, rank=3) if kinds else Kind("anything", lambda value: value)
+    return Kind(words, accept, rank=3) if kinds else _ANYTHING
 
 
-def _array_like(notes: tuple[Any, ...]) -> Kind:
+def _array_like(notes: Notes) -> Kind:
     words = "an array of numbers"
 
     def accept(value: Any) -> Any:
@@ -285,7 +245,7 @@ def _as_array(value: Any, kinds: str, words: str) -> Any:
         array = np.asarray(value)
     except (ValueError, TypeError):
         raise Refusal(
-            f"is {_described(value)} that is no array; give {words} in rows of one length"
+            f"is {_quote_value(value)} that is no array; give {words} in rows of one length"
         ) from None
     if array.ndim == 0 and array.dtype.kind == "O" and not isinstance(value, int):
         raise OtherKind(value, words)
@@ -296,7 +256,7 @@ def _as_array(value: Any, kinds: str, words: str) -> Any:
     return array if array.size else array.astype(np.float64 if "f" in kinds else np.int64)
 
 
-def _check_numbers(values: Any, notes: tuple[Any, ...]) -> None:
+def _check_numbers(values: Any, notes: Notes) -> None:
     """Refuse numbers that are not finite, and those out of the ranges among the notes."""
     numbers = "finite numbers" if np.ndim(values) else "a finite number"
     # The limits are beyond single precision.
@@ -327,25 +287,22 @@ def _worst(values: Any, out: Any) -> str:
 # Containers
 
 
-def _sequence(item: Any, notes: tuple[Any, ...]) -> Kind:
-    # A range is that of a number or of an array of numbers; entries beside the diagonal of a matrix have none.
-    is_matrix = get_origin(item) in (tuple, Sequence)
-    of = _kind(item, tuple(each for each in notes if not (is_matrix and isinstance(each, Within))))
+def _sequence(of: Kind, *, as_tuple: bool) -> Kind:
     words = f"a list, each item {of.words}"
 
     def accept(value: Any) -> Any:
         # The rows of a matrix are items of their own where items are lists.
-        listed = _listed(value, words, most_axes=2 if of.rank > 1 else 1)
+        listed = _list_values(value, words, most_axes=2 if of.rank > 1 else 1)
         items = [_at(of, each, f"[{position}]") for position, each in enumerate(listed)]
-        unchanged = listed is value and all(new is old for new, old in zip(items, listed, strict=True))
-        return value if unchanged else items if isinstance(listed, list) else tuple(items)
+        if listed is value and all(new is old for new, old in zip(items, listed, strict=True)):
+            items = value
+        return tuple(items) if as_tuple or not isinstance(listed, list) else items
 
     return Kind(words, accept, rank=2)
 
 
-def _iterable(item: Any) -> Kind:
+def _iterable(of: Kind) -> Kind:
     """Items of a container are checked, of a dict its keys; those of an iterator only come when it is used."""
-    of = _kind(item, ())
     words = f"several values, each {of.words}"
 
     def accept(value: Any) -> Any:
@@ -358,15 +315,11 @@ def _iterable(item: Any) -> Kind:
     return Kind(words, accept, rank=2)
 
 
-def _tuple(items: tuple[Any, ...], notes: tuple[Any, ...]) -> Kind:
-    if len(items) == 2 and items[1] is ...:
-        of = _sequence(items[0], notes)
-        return Kind(of.words, lambda value: tuple(of.accept(value)), rank=2)
-    kinds = [_kind(each, notes) for each in items]
+def _tuple(kinds: list[Kind]) -> Kind:
     words = f"{len(kinds)} values: {', '.join(each.words for each in kinds)}"
 
     def accept(value: Any) -> Any:
-        listed = _listed(value, words)
+        listed = _list_values(value, words)
         if len(listed) != len(kinds):
             raise Refusal(f"has {len(listed)} values; give {words}")
         return tuple(
@@ -377,8 +330,7 @@ def _tuple(items: tuple[Any, ...], notes: tuple[Any, ...]) -> Kind:
     return Kind(words, accept, rank=2)
 
 
-def _mapping(inner: tuple[Any, ...], notes: tuple[Any, ...]) -> Kind:
-    names, values = (_kind(each, notes) for each in inner or (Any, Any))
+def _mapping(names: Kind, values: Kind) -> Kind:
     words = f"a dict, each value {values.words}"
 
     def accept(value: Any) -> Any:
@@ -393,7 +345,7 @@ def _mapping(inner: tuple[Any, ...], notes: tuple[Any, ...]) -> Kind:
     return Kind(words, accept, rank=2)
 
 
-def _listed(value: Any, words: str, most_axes: int = 1) -> Any:
+def _list_values(value: Any, words: str, most_axes: int = 1) -> Any:
     if isinstance(value, np.ndarray) and 1 <= value.ndim <= most_axes and not np.ma.is_masked(value):
         return value.tolist()
     if isinstance(value, str | bytes) or not isinstance(value, Sequence):
@@ -412,7 +364,15 @@ def _at(kind: Kind, value: Any, place: str) -> Any:
 # Objects
 
 
-def _object(kind: type) -> Kind:
+def _object(kind: Any, of: list[Kind]) -> Kind:
+    if kind is type:
+        return Kind("a class", partial(_instance, type, "a class"))
+    if kind is Iterable:
+        return _iterable(*of or (_ANYTHING,))
+    if kind is os.PathLike:
+        return Kind("a path", _path)
+    if getattr(kind, "_is_protocol", False):
+        return _protocol(kind)
     made = getattr(kind, "_made_by", "")
     words = (
         f"{'an' if kind.__name__[0] in 'AEIOU' else 'a'} {kind.__name__}{f', made by {made}' if made else ''}"
@@ -423,12 +383,6 @@ def _object(kind: type) -> Kind:
 def _path(value: Any) -> Any:
     if not isinstance(value, os.PathLike) or not isinstance(os.fspath(value), str):
         raise OtherKind(value, "a path")
-    return value
-
-
-def _instance(kind: type, words: str, value: Any) -> Any:
-    if not isinstance(value, kind):
-        raise OtherKind(value, words)
     return value
 
 
@@ -479,12 +433,7 @@ def _protocol(kind: type) -> Kind:
     return Kind(words, accept)
 
 
-def _one_of(hints: tuple[Any, ...], notes: tuple[Any, ...]) -> Kind:
-    kinds = [_kind(each, notes) for each in hints if each not in _ARRAY_LIKE]
-    if set(hints) >= _ARRAY_LIKE:
-        kinds.append(_array_like(notes))
-    else:
-        kinds = [_kind(each, notes) for each in hints]
+def _one_of(kinds: list[Kind]) -> Kind:
     kinds.sort(key=lambda each: each.rank)
     words = " or ".join(each.words for each in kinds if each.words != "None")
 
@@ -501,6 +450,3 @@ def _one_of(hints: tuple[Any, ...], notes: tuple[Any, ...]) -> Kind:
         raise closest or OtherKind(value, words)
 
     return Kind(words, accept, rank=max(each.rank for each in kinds))
-
-
-_ARRAY_LIKE = frozenset(get_args(ArrayLike))

@@ -49,7 +49,7 @@ def command_range(command: Command) -> tuple[float, float]:
 
 
 def impossible_command(command: Command, unit: CommandUnit) -> str:
-    """What is wrong with a command, as the rest of a sentence: it is negative beyond noise, or beyond any driver.
+    """Fault of a command as the predicate of a sentence: negative beyond noise, or beyond any driver; empty without.
 
     A command that only rings below zero is not negative.
     """
@@ -66,7 +66,7 @@ def impossible_command(command: Command, unit: CommandUnit) -> str:
 
 
 def beyond_any_driver(command: Command, unit: CommandUnit) -> str:
-    """How far a command is beyond any driver, as the rest of a sentence; empty where it is not."""
+    """Predicate of a sentence on how far a command is beyond any driver; empty where it is not."""
     low, high = command_range(command)
     largest = COMMAND_SCALES[unit].largest
     if max(-low, high) <= largest:
@@ -95,7 +95,7 @@ def rings_below_zero(command: Floats, unit: CommandUnit) -> bool:
 
 
 def without_ringing(command: Floats, unit: CommandUnit) -> Floats:
-    """A command that rings below zero with zero there, to which a driver lowers it; any other as it is."""
+    """Command with ringing below zero replaced by zero; any other command unchanged."""
     return np.maximum(command, 0.0) if rings_below_zero(command, unit) else command
 
 
@@ -111,7 +111,7 @@ def ringing_samples(command: Floats, unit: CommandUnit) -> NDArray[np.bool_]:
 
 
 def command_noise(level: float, unit: CommandUnit) -> float:
-    """By how much a measured constant command of this level may vary, in its unit."""
+    """Admissible variation of a measured constant command of this level, in its unit."""
     return _NOISE_SHARE * abs(level) + _NOISE / 10.0 ** COMMAND_SCALES[unit].decimals
 
 

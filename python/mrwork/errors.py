@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Generic, TypeVar
 
-from mrwork.escaping import escaped
+from mrwork.escaping import escape_text
 
 ResultT = TypeVar("ResultT")
 
@@ -59,7 +59,7 @@ class MrworkWarning(UserWarning):
 
 
 def _in_one_line(sentence: str) -> str:
-    text = escaped(sentence)
+    text = escape_text(sentence)
     return text if len(text) <= _LONGEST else f"{text[: _LONGEST // 2]} … {text[3 - _LONGEST // 2 :]}"
 
 
@@ -72,7 +72,7 @@ def reason_of(error: BaseException) -> str:
 
 
 class RecordError(MrworkError, ValueError):
-    """A measured record cannot be read or cannot mean what it says."""
+    """A measured record cannot be read or contradicts itself."""
 
 
 class UnitError(MrworkError, ValueError):
@@ -120,7 +120,7 @@ class LibraryError(MrworkError, RuntimeError):
 
 
 class Interrupted(KeyboardInterrupt, Generic[ResultT]):
-    """Ctrl-C during a long computation; `result` is what it had found so far, `None` where that is nothing.
+    """Ctrl-C during a long computation; `result` is its partial result, `None` without one.
 
     The result is of the type that the docstring of the interrupted function names; a function that calls another one
     and is interrupted in it raises its own. It is a KeyboardInterrupt and not a MrworkError: a program that

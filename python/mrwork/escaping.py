@@ -19,7 +19,7 @@ _ANY = re.compile(f"[\n{_HIDDEN}]")
 _BUT_LINES = re.compile(f"[{_HIDDEN}]")
 
 
-def escaped(text: str) -> str:
+def escape_text(text: str) -> str:
     """A name or a sentence, which is to stay in its line."""
     return _ANY.sub(_escape, text)
 

@@ -1,25 +1,16 @@
 """The damper of a run of `mrwork identify`, as a study takes it: a `FittedDamper` of `tested_range`.
 
-The control of buildings does not import the identification, which reads run folders. The reader is named by `mrwork`
-itself when it is imported, so nothing is imported here.
+The control of buildings does not import the identification, which reads run folders: the reader is named here, and
+loaded when a study names a run.
 """
 
 from __future__ import annotations
 
-TYPE_CHECKING = False
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from pathlib import Path
-    from typing import Any
-
-_readers: list[Callable[[Path], Any]] = []
-
-
-def read_with(reader: Callable[[Path], Any]) -> None:
-    """Name the reader of run folders."""
-    _readers[:] = [reader]
+from importlib import import_module
+from pathlib import Path
+from typing import Any
 
 
 def fitted_damper(run: Path) -> Any:
     """The `FittedDamper` in the folder of a run of `mrwork identify`."""
-    return _readers[-1](run)
+    return import_module("mrwork.stored").fitted_damper(run)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 import textwrap
-import types
 import unicodedata
 from abc import ABCMeta
 from collections import Counter
@@ -16,25 +15,23 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass, replace
 from difflib import get_close_matches
-from typing import Any, Literal, NoReturn, TypeVar, Union, cast, get_args, get_origin, get_type_hints
+from typing import Any, NoReturn, TypeVar, cast
 
+from mrwork import hints as nodes
 from mrwork.errors import InvalidSettingError, MrworkError, SettingError
+from mrwork.hints import LARGEST, NOTES, May, Node, Notes, Record, Scalar, Within, fields_of
 from mrwork.units import number_in
 
 T = TypeVar("T")
 
 _REQUIRED: Any = MISSING
-# Products of three numbers up to this size are finite, and so are those of their inverses.
-LARGEST = 1e100
-SMALLEST = 1.0 / LARGEST
-"""Least positive number of a quantity that is divided by, or of which the logarithm or the square is taken."""
 LARGEST_SEED = 2**53 - 1
 """Largest seed, an integer that every reader of JSON keeps."""
 # Whole numbers that a computer word holds.
 _LARGEST_WHOLE = 2**63 - 1
 # Characters of a line of the printed schema, and words in it.
 _WIDTH = 110
-_WORDS = {str: "text", float: "number", int: "whole number", bool: "true or false", Any: "any"}
+_WORDS = {str: "text", float: "number", int: "whole number", bool: "true or false"}
 # Controls, separators of lines and paragraphs.
 _CONTROLS = frozenset({"Cc", "Zl", "Zp"})
 
@@ -88,7 +85,7 @@ class Place:
         raise self.error(SettingError, sentence)
 
     @contextmanager
-    def prefixed(self, kind: type[MrworkError] | None = None) -> Iterator[None]:
+    def prefix_errors(self, kind: type[MrworkError] | None = None) -> Iterator[None]:
         """Begin the message of an error in the block with this place; the type is `kind`, or stays."""
         try:
             yield
@@ -116,56 +113,21 @@ class Place:
         return error
 
 
-def shown(value: object) -> str:
+def quote_value(value: object) -> str:
     """A value of a table as a message quotes it."""
     return "a table" if isinstance(value, dict) else "an array" if isinstance(value, list) else repr(value)
 
 
 def suggestion(name: object, known: Sequence[str], *, otherwise: str = "choose one of") -> str:
     """End of a message on an unknown name: the closest known name, or all known names if none is close."""
+    near = closest(name, known)
+    return f", did you mean {near}" if near else f"; {otherwise} {', '.join(known) or 'none'}"
+
+
+def closest(name: object, known: Sequence[str]) -> str:
+    """The known name that is closest to an unknown one; empty if none is close."""
     near = get_close_matches(name, known, n=1) if isinstance(name, str) else []
-    return f", did you mean {near[0]}" if near else f"; {otherwise} {', '.join(known) or 'none'}"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Within:
-    """Range of a number, or of every number of an array."""
-
-    least: float = -math.inf
-    above: float = -math.inf
-    most: float = math.inf
-    below: float = math.inf
-
-    @property
-    def in_words(self) -> str:
-        """The range as a message states it."""
-        if math.isfinite(self.least) and math.isfinite(self.most):
-            return f"from {_end(self.least)} to {_end(self.most)}"
-        ends = (
-            ("at least", self.least),
-            ("above", self.above),
-            ("at most", self.most),
-            ("below", self.below),
-        )
-        return " and ".join(f"{word} {_end(end)}" for word, end in ends if math.isfinite(end))
-
-    def excludes(self, values: Any) -> Any:
-        """Which numbers lie outside; NaN does not. What must be positive may be divided by, and squared."""
-        return (
-            (values < self.least)
-            | (values <= self.above) & (self.above > -math.inf)
-            | (values < SMALLEST) & (self.above == 0.0)
-            | (values > self.most) | (values >= self.below) & (self.below < math.inf)
-        )  # fmt: skip
-
-    def instead_of(self, value: float, kind: str = "number") -> str:
-        """What to give instead of a number out of the range, as "a number above 0"; `kind` may be a plural."""
-        words = f"of at least {SMALLEST:g}" if self.above == 0.0 < value < SMALLEST else self.in_words
-        return f"{'' if kind.endswith('s') else 'a '}{kind} {words}"
-
-
-def _end(value: float) -> str:
-    return str(value) if isinstance(value, int) or float(f"{value:g}") != value else f"{value:g}"
+    return near[0] if near else ""
 
 
 def key(
@@ -192,12 +154,13 @@ def key(
     and figures, which has no control characters. `span` is the range in which a search looks for it. A number that
     counts `from_one` in a file counts from 0 in Python; `named` is the name in a file, where it is another one.
     """
+    within = Within(least=least, above=above, most=most, below=below)
     notes = {
         "says": says,
         "unit": unit,
-        "within": Within(least=least, above=above, most=most, below=below),
+        "within": within,
+        NOTES: (within, *((May.BE_NAN,) if may_be_nan else ())),
         "most_items": most_items,
-        "may_be_nan": may_be_nan,
         "matrix": matrix,
         "label": label,
         "span": span,
@@ -229,7 +192,7 @@ class DeclaredTable(ABCMeta):
                 raise SettingError(f"{cls.__name__} has no setting {name!r}{near}")
         for name, entry in known.items():
             if name not in given and is_required(entry):
-                raise SettingError(f"{cls.__name__} has no {name}; give {described(entry)}")
+                raise SettingError(f"{cls.__name__} has no {name}; give {describe_key(entry)}")
         return super().__call__(*args, **given)
 
 
@@ -238,13 +201,13 @@ def is_required(entry: Field[Any]) -> bool:
     return entry.default is MISSING and entry.default_factory is MISSING
 
 
-def described(entry: Field[Any]) -> str:
+def describe_key(entry: Field[Any]) -> str:
     """Meaning of a key and its unit."""
     unit = entry.metadata["unit"]
     return f"{entry.metadata['says']}{f' [{unit}]' if unit else ''}"
 
 
-def repeated(name: str, values: Sequence[object]) -> str:
+def describe_repeat(name: str, values: Sequence[object]) -> str:
     """Message for a text that stands in an array twice; empty if there is none."""
     texts = [value for value in values if isinstance(value, str)]
     twice = next((text for text, count in Counter(texts).items() if count > 1), None)
@@ -292,7 +255,7 @@ def refuse_repeated(table: Any) -> None:
     """Refuse a name that stands twice in an array of a table that a script has built."""
     for entry in fields(table):
         given = getattr(table, entry.name)
-        if isinstance(given, tuple) and (refusal := repeated(entry.name, given)):
+        if isinstance(given, tuple) and (refusal := describe_repeat(entry.name, given)):
             raise InvalidSettingError(entry.name, refusal)
 
 
@@ -302,16 +265,16 @@ def read_table(kind: type[T], table: Mapping[str, Any], place: Place) -> T:
     for entry in keys_of(kind):
         if is_required(entry):
             refuse_missing(entry, values, place)
-    if "place" in get_type_hints(kind):
+    if "place" in fields_of(kind):
         values["place"] = place
-    with place.prefixed(SettingError):
+    with place.prefix_errors(SettingError):
         return kind(**values)
 
 
 def refuse_missing(entry: Field[Any], given: Collection[str], place: Place) -> None:
     """Refuse a table that does not give a key."""
     if entry.name not in given:
-        place.refuse(f"{place.table} has no {name_in_file(entry)}; give {described(entry)}")
+        place.refuse(f"{place.table} has no {name_in_file(entry)}; give {describe_key(entry)}")
 
 
 def given_values(kind: type, table: Mapping[str, Any], place: Place) -> dict[str, Any]:
@@ -321,9 +284,9 @@ def given_values(kind: type, table: Mapping[str, Any], place: Place) -> dict[str
         if name not in known:
             near = suggestion(name, list(known), otherwise="it has")
             place.within(name).refuse(f"{place.table} has no key {name!r}{near}")
-    hints = get_type_hints(kind)
+    declared = fields_of(kind)
     return {
-        entry.name: _value(hints[entry.name], table[name], place.within(name), entry)
+        entry.name: _value(declared[entry.name], table[name], place.within(name), entry)
         for name, entry in known.items()
         if name in table
     }
@@ -347,62 +310,63 @@ def choose_way(table: Any, ways: Sequence[Sequence[str]], place: Place) -> int:
     return used[0]
 
 
-def _value(kind: Any, value: Any, place: Place, entry: Field[Any]) -> Any:
-    origin, arguments = get_origin(kind), get_args(kind)
-    if origin in (Union, types.UnionType):
-        kinds = [each for each in arguments if each is not type(None)]
-        near = next((each for each in kinds if _is_near(each, value)), None)
-        if near is None and set(kinds) == {int, str}:
-            _refuse(place, value, "a whole number or a text in quotes")
-        return _value(near or kinds[0], value, place, entry)
-    if is_dataclass(kind):
-        if not isinstance(value, dict):
-            _refuse(place, value, f"a table [{place.path[-1]}]")
-        return read_table(cast(type, kind), value, place)
-    if origin is Literal:
-        if value not in arguments:
-            place.refuse(f"{_name(place)} is {value!r}{suggestion(value, arguments)}")
-        return value
-    if origin is tuple:
-        if not isinstance(value, list):
-            example = 'an array, as ["name"]' if arguments[0] is str else "an array, as [1, 2]"
-            _refuse(
-                place, value, f"tables, as [[{place.path[-1]}]]" if is_dataclass(arguments[0]) else example
-            )
-        if not value and place.path[-1] == name_in_file(entry) and not is_dataclass(arguments[0]):
-            leave = "" if is_required(entry) else ", or leave it out"
-            place.refuse(f"{_name(place)} is empty; give {described(entry)}{leave}")
-        if len(value) > entry.metadata["most_items"]:
-            place.refuse(
-                f"{_name(place)} has {len(value)} entries; give at most {entry.metadata['most_items']}"
-            )
-        names = arguments[0] is str or get_origin(arguments[0]) is Literal
-        if names and (twice := repeated(_name(place), value)):
-            place.refuse(twice)
-        if arguments[1:] != (...,) and len(value) != len(arguments):
-            place.refuse(
-                f"{_name(place)} has {len(value)} entries; give {len(arguments)}, {described(entry)}"
-            )
-        if _is_nested(kind):
-            _check_rows(value, place)
-            # A range is that of a number or of an array of numbers; entries beside the diagonal of a matrix have none.
-            entry = field(metadata={**entry.metadata, "within": Within()})
-        return tuple(
-            _value(arguments[0], each, place.within(number), entry) for number, each in enumerate(value)
+def _value(node: Node, value: Any, place: Place, entry: Field[Any]) -> Any:
+    match node:
+        case nodes.Either(_, members):
+            near = next((each for each in members if _is_near(each, value)), None)
+            if near is None and {getattr(each, "kind", None) for each in members} == {int, str}:
+                _refuse(place, value, "a whole number or a text in quotes")
+            return _value(near or members[0], value, place, entry)
+        case nodes.Record(kind):
+            if not isinstance(value, dict):
+                _refuse(place, value, f"a table [{place.path[-1]}]")
+            return read_table(cast(type[Any], kind), value, place)
+        case nodes.Choice(choices):
+            if value not in choices:
+                place.refuse(f"{_name(place)} is {value!r}{suggestion(value, choices)}")
+            return value
+        case nodes.Fixed():
+            return _items(node, value, place, entry)
+        case nodes.Table(_, (_, inner)):
+            if not isinstance(value, dict):
+                _refuse(place, value, "a table, as { name = 1 }")
+            if not value and inner != Node(notes=inner.notes):
+                place.refuse(f"{_name(place)} is empty; give {describe_key(entry)}, or leave it out")
+            return {name: _value(inner, each, place.within(name), entry) for name, each in value.items()}
+        case nodes.Scalar(kind, _, notes):
+            return _plain(kind, notes, value, place, entry)
+    return value
+
+
+def _items(node: nodes.Fixed, value: Any, place: Place, entry: Field[Any]) -> tuple[Any, ...]:
+    item = node.parts[0]
+    tables = isinstance(item, Record)
+    names = isinstance(item, nodes.Choice) or (isinstance(item, Scalar) and item.kind is str)
+    if not isinstance(value, list):
+        example = (
+            "an array, as [1, 2]" if isinstance(item, nodes.Choice) or not names else 'an array, as ["name"]'
         )
-    if origin in (dict, Mapping):
-        if not isinstance(value, dict):
-            _refuse(place, value, "a table, as { name = 1 }")
-        if not value and arguments and arguments[1] is not Any:
-            place.refuse(f"{_name(place)} is empty; give {described(entry)}, or leave it out")
-        return {
-            name: _value(arguments[1], each, place.within(name), entry) if arguments else each
-            for name, each in value.items()
-        }
-    return value if kind is Any else _plain(kind, value, place, entry)
+        _refuse(place, value, f"tables, as [[{place.path[-1]}]]" if tables else example)
+    if not value and place.path[-1] == name_in_file(entry) and not tables:
+        leave = "" if is_required(entry) else ", or leave it out"
+        place.refuse(f"{_name(place)} is empty; give {describe_key(entry)}{leave}")
+    most = entry.metadata["most_items"]
+    if len(value) > most:
+        place.refuse(f"{_name(place)} has {len(value)} entries; give at most {most}")
+    if names and (twice := describe_repeat(_name(place), value)):
+        place.refuse(twice)
+    kinds = node.of(len(value))
+    if len(value) != len(kinds):
+        place.refuse(f"{_name(place)} has {len(value)} entries; give {len(kinds)}, {describe_key(entry)}")
+    if node.is_matrix:
+        _check_rows(value, place)
+    return tuple(
+        _value(kind, each, place.within(number), entry)
+        for number, (kind, each) in enumerate(zip(kinds, value, strict=True))
+    )
 
 
-def _plain(kind: Any, value: Any, place: Place, entry: Field[Any]) -> Any:
+def _plain(kind: type, notes: Notes, value: Any, place: Place, entry: Field[Any]) -> Any:
     unit = entry.metadata["unit"]
     if kind is float and isinstance(value, str) and unit:
         number = number_in(value, unit)
@@ -413,27 +377,26 @@ def _plain(kind: Any, value: Any, place: Place, entry: Field[Any]) -> Any:
         whole = isinstance(value, int) or (isinstance(value, float) and kind is float)
         if isinstance(value, bool) or not whole:
             _refuse(place, value, f"a {'whole ' if kind is int else ''}number{f' [{unit}]' if unit else ''}")
-        if wanted := _wanted_instead_of(kind(value), entry):
+        if wanted := _wanted_instead_of(kind(value), notes, entry):
             number = f"{value:g}" if isinstance(value, float) or abs(value) < LARGEST else "too large"
             place.refuse(f"{_name(place)} is {number}; give {wanted}")
         return kind(value) - entry.metadata["from_one"]
     if not isinstance(value, kind):
         _refuse(place, value, {str: "a text in quotes", bool: "true or false"}[kind])
-    if kind is str and entry.metadata["label"] and (control := control_in(value)):
+    if isinstance(value, str) and entry.metadata["label"] and (control := control_in(value)):
         place.refuse(f"{_name(place)} has the control character {control}; give printable text on one line")
     return value
 
 
-def _wanted_instead_of(value: float, entry: Field[Any]) -> str:
+def _wanted_instead_of(value: float, notes: Notes, entry: Field[Any]) -> str:
     """What to give instead of a number that a key cannot have; empty if it can have it."""
-    within = _range_of(entry)
     # A number whose default is infinite may be so, too: it means no limit.
-    if (math.isnan(value) and not entry.metadata["may_be_nan"]) or (
-        math.isinf(value) and entry.default != math.inf
-    ):
+    if (math.isnan(value) and May.BE_NAN not in notes) or (math.isinf(value) and entry.default != math.inf):
         return "a finite number"
     if isinstance(value, int) and abs(value) > _LARGEST_WHOLE:
         return "a whole number of at most 18 digits"
+    # Entries of a matrix have no range.
+    within = _range_of(entry) if any(isinstance(each, Within) for each in notes) else Within()
     if within.excludes(value):
         return within.instead_of(value, "whole number" if isinstance(value, int) else "number")
     return f"a number of at most {LARGEST:g}" if LARGEST < abs(value) < math.inf else ""
@@ -449,26 +412,23 @@ def _check_rows(rows: Sequence[Any], place: Place) -> None:
             place.within(number).refuse(sentence)
 
 
-def _is_near(kind: Any, value: Any) -> bool:
+def _is_near(node: Node, value: Any) -> bool:
     """Whether a value has the form of a type of a union; errors are then those of that type."""
-    origin = get_origin(kind)
-    if is_dataclass(kind) or origin in (dict, Mapping):
-        return isinstance(value, dict)
-    if origin is tuple:
-        return isinstance(value, list) and _is_nested(kind) == any(isinstance(each, list) for each in value)
-    if origin is Literal:
-        return value in get_args(kind)
-    if kind is float:
-        return isinstance(value, int | float) and not isinstance(value, bool)
-    return isinstance(value, kind) and not (kind is int and isinstance(value, bool))
-
-
-def _is_nested(kind: Any) -> bool:
-    return get_origin(get_args(kind)[0]) is tuple
+    match node:
+        case nodes.Record() | nodes.Table():
+            return isinstance(value, dict)
+        case nodes.Fixed():
+            return isinstance(value, list) and node.is_matrix == any(isinstance(each, list) for each in value)
+        case nodes.Choice(choices):
+            return value in choices
+        case nodes.Scalar(kind):
+            wanted = (int, float) if kind is float else kind
+            return isinstance(value, wanted) and (kind is bool or not isinstance(value, bool))
+    return False
 
 
 def _refuse(place: Place, value: Any, expected: str) -> NoReturn:
-    place.refuse(f"{_name(place)} is {shown(value)}; give {expected}")
+    place.refuse(f"{_name(place)} is {quote_value(value)}; give {expected}")
 
 
 def _name(place: Place) -> str:
@@ -481,22 +441,22 @@ def tables(kind: type, path: str = "") -> Iterator[tuple[str, type]]:
     """Headings and declarations of a table and all tables in it, outer tables first, each declaration once."""
     found = {path: kind}
     for entry in keys_of(kind):
-        inner, repeated = _inner(get_type_hints(kind)[entry.name])
+        inner, describe_repeat = _inner(fields_of(kind)[entry.name])
         if inner is not None:
             name = ".".join(filter(None, (path.strip("[]"), name_in_file(entry))))
-            for heading, each in tables(inner, f"[[{name}]]" if repeated else f"[{name}]"):
+            for heading, each in tables(inner, f"[[{name}]]" if describe_repeat else f"[{name}]"):
                 if each not in found.values():
                     found[heading] = each
     yield from found.items()
 
 
-def _inner(hint: Any) -> tuple[type | None, bool]:
+def _inner(node: Node) -> tuple[type | None, bool]:
     """The table that a key holds, and whether it may hold several."""
-    if is_dataclass(hint):
-        return cast(type, hint), False
-    inner = [_inner(each) for each in get_args(hint)]
+    if isinstance(node, Record):
+        return node.kind, False
+    inner = [_inner(each) for each in node.parts]
     kind = next((each for each, _ in inner if each is not None), None)
-    return kind, get_origin(hint) is tuple or any(repeated for _, repeated in inner)
+    return kind, isinstance(node, nodes.Fixed) or any(describe_repeat for _, describe_repeat in inner)
 
 
 def heading_lines(heading: str, prose: str) -> list[str]:
@@ -507,7 +467,7 @@ def heading_lines(heading: str, prose: str) -> list[str]:
 
 def key_lines(kind: type) -> list[str]:
     """The keys of a table, their meanings, defaults and types."""
-    keys, hints = keys_of(kind), get_type_hints(kind)
+    keys, declared = keys_of(kind), fields_of(kind)
     names = max((len(name_in_file(entry)) for entry in keys), default=0)
     defaults = max((len(_default(entry)) for entry in keys), default=0)
     lines = []
@@ -515,8 +475,8 @@ def key_lines(kind: type) -> list[str]:
         unit = entry.metadata["unit"]
         bounds = f", {words}" if (words := range_in_words(entry)) else ""
         file = " or name of a text file" if entry.metadata["matrix"] else ""
-        form = f"{in_words(hints[entry.name])}{file}{f' [{unit}]' if unit else ''}{bounds}"
-        meaning = f"{entry.metadata['says']} ({form}){_searched(entry)}"
+        form = f"{in_words(declared[entry.name])}{file}{f' [{unit}]' if unit else ''}{bounds}"
+        meaning = f"{entry.metadata['says']} ({form}){_describe_search(entry)}"
         head = f"  {name_in_file(entry):<{names}}  {_default(entry):<{defaults}}  "
         lines += textwrap.wrap(
             meaning,
@@ -528,7 +488,7 @@ def key_lines(kind: type) -> list[str]:
     return lines
 
 
-def _searched(entry: Field[Any]) -> str:
+def _describe_search(entry: Field[Any]) -> str:
     """Whether a search of settings changes the key by itself, or where it is asked to."""
     span = entry.metadata["span"]
     return (
@@ -557,23 +517,21 @@ def _default(entry: Field[Any]) -> str:
     return str(value)
 
 
-def in_words(hint: Any) -> str:
+def in_words(node: Node) -> str:
     """An annotation in words, as "text or number"."""
-    origin, arguments = get_origin(hint), get_args(hint)
-    if origin in (Union, types.UnionType):
-        return " or ".join(in_words(each) for each in arguments if each is not type(None))
-    if is_dataclass(hint):
-        return "table"
-    if origin is Literal:
-        return ", ".join(map(str, arguments))
-    if origin is tuple and get_origin(arguments[0]) is tuple:
-        return "rows of a matrix"
-    if origin is tuple:
-        if is_dataclass(arguments[0]):
-            return "tables"
-        plural = "" if get_origin(arguments[0]) is Literal else "s"
-        return f"array of {in_words(arguments[0])}{plural}"
-    if origin in (dict, Mapping) or hint is Mapping:
-        inner = in_words(arguments[1])
-        return "table" if inner == "any" else f"table of {inner}"
-    return _WORDS[hint]
+    match node:
+        case nodes.Either(_, members):
+            return " or ".join(map(in_words, members))
+        case nodes.Record():
+            return "table"
+        case nodes.Choice(choices):
+            return ", ".join(map(str, choices))
+        case nodes.Fixed(_, (item, *_)):
+            if node.is_matrix or isinstance(item, Record):
+                return "rows of a matrix" if node.is_matrix else "tables"
+            return f"array of {in_words(item)}{'' if isinstance(item, nodes.Choice) else 's'}"
+        case nodes.Table(_, (_, inner)):
+            return "table" if (of := in_words(inner)) == "any" else f"table of {of}"
+        case nodes.Scalar(kind):
+            return _WORDS[kind]
+    return "any"

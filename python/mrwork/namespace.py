@@ -18,15 +18,15 @@ def attach(package: str, file: str) -> tuple[Callable[[str], object], Callable[[
     stub = ast.parse(Path(file).with_suffix(".pyi").read_text())
     public = _names(stub.body)
     every = _names(ast.walk(stub))
-    found, _, _ = lazy_loader.attach(package, every.pop("", []), every)
+    attached, _, _ = lazy_loader.attach(package, every.pop("", []), every)
     listed = sorted(name for names in public.values() for name in names)
-    return found, lambda: listed, listed
+    return attached, lambda: listed, listed
 
 
 def _names(nodes: Iterable[ast.AST]) -> dict[str, list[str]]:
     """Imported names by their module; submodules stand under an empty one."""
-    found: dict[str, list[str]] = {}
+    names: dict[str, list[str]] = {}
     for node in nodes:
         if isinstance(node, ast.ImportFrom):
-            found.setdefault(node.module or "", []).extend(each.name for each in node.names)
-    return found
+            names.setdefault(node.module or "", []).extend(each.name for each in node.names)
+    return names

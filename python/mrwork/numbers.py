@@ -24,7 +24,7 @@ _MOST_DIGITS = 8
 _LEAST_PROBABILITY = 0.001
 
 
-def fixed(value: float | None, decimals: int) -> str:
+def format_fixed(value: float | None, decimals: int) -> str:
     """A number with fixed decimals and separated thousands; a dash for a missing one, a sign for infinity."""
     if value is None or math.isnan(value):
         return NOTHING
@@ -41,12 +41,12 @@ def fixed(value: float | None, decimals: int) -> str:
 def significant(value: float | None, digits: int) -> str:
     """A number to `digits` significant digits, with a power of ten where it is very large or small."""
     if value is None or not math.isfinite(value) or value == 0:
-        return fixed(value, 0)
+        return format_fixed(value, 0)
     exponent = leading_exponent(value, digits)
     if _PLAIN[0] < exponent < _PLAIN[1]:
-        return fixed(round(value, digits - 1 - exponent), max(digits - 1 - exponent, 0))
+        return format_fixed(round(value, digits - 1 - exponent), max(digits - 1 - exponent, 0))
     mantissa = float(f"{value:.{digits - 1}e}".partition("e")[0])
-    return fixed(mantissa, digits - 1) + power_of_ten(exponent)
+    return format_fixed(mantissa, digits - 1) + power_of_ten(exponent)
 
 
 def shortest(value: float, digits: int = 4) -> str:
@@ -74,7 +74,7 @@ def value_and_error(value: float, error: float | None) -> tuple[str, str]:
         return significant(value, _MOST_DIGITS), significant(error, _DIGITS_OF_ERROR)
     power = 0 if _PLAIN[0] < leading < _PLAIN[1] else leading
     texts = [
-        fixed(round(number, -decimal) / 10.0**power, max(power - decimal, 0)) + power_of_ten(power)
+        format_fixed(round(number, -decimal) / 10.0**power, max(power - decimal, 0)) + power_of_ten(power)
         for number, decimal in ((value, finest), (error, of_error))
     ]
     return texts[0], texts[1]
@@ -94,7 +94,7 @@ def decimals_of(values: Sequence[float], digits: int) -> int:
 def column(values: Sequence[float], digits: int) -> list[str]:
     """A column with equal decimals, enough for `digits` significant digits of its smallest entry."""
     decimals = decimals_of(values, digits)
-    return [fixed(value, decimals) for value in values]
+    return [format_fixed(value, decimals) for value in values]
 
 
 def at_point(text: str) -> tuple[str, str]:
@@ -109,9 +109,11 @@ def at_point(text: str) -> tuple[str, str]:
 def probability(value: float) -> str:
     """A probability as it is printed: two decimals, more where it is small, none below a thousandth."""
     if math.isnan(value):
-        return fixed(value, 0)
+        return format_fixed(value, 0)
     return (
-        f"< {_LEAST_PROBABILITY:g}" if value < _LEAST_PROBABILITY else fixed(value, 3 if value < 0.1 else 2)
+        f"< {_LEAST_PROBABILITY:g}"
+        if value < _LEAST_PROBABILITY
+        else format_fixed(value, 3 if value < 0.1 else 2)
     )
 
 
@@ -124,12 +126,12 @@ def tests_of(count: int, total: int) -> str:
 
 def most_of(share: float) -> str:
     """A share in whole per cent; never 100 where it is less."""
-    return "more than 99" if 0.99 < share < 1.0 else fixed(100.0 * share, 0)
+    return "more than 99" if 0.99 < share < 1.0 else format_fixed(100.0 * share, 0)
 
 
 def percent(share: float, decimals: int = 1) -> str:
     """A share as a number of percent."""
-    return fixed(100.0 * share, decimals)
+    return format_fixed(100.0 * share, decimals)
 
 
 def power_of_ten(power: int) -> str:
@@ -137,7 +139,7 @@ def power_of_ten(power: int) -> str:
     return f" × 10{str(power).translate(_SUPERSCRIPTS)}" if power else ""
 
 
-def rounded(value: float | None, digits: int = 4) -> str:
+def format_rounded(value: float | None, digits: int = 4) -> str:
     """A number with `digits` significant digits; a dash where there is none."""
     return "-" if value is None else f"{value:.{digits}g}"
 
@@ -149,4 +151,4 @@ def with_decimals(value: float, decimals: int) -> str:
 
 def of_unit(value: float | None, unit: str, digits: int = 4) -> str:
     """A number with its unit, which "1" is not."""
-    return f"{rounded(value, digits)} {unit if unit != '1' else ''}".rstrip()
+    return f"{format_rounded(value, digits)} {unit if unit != '1' else ''}".rstrip()

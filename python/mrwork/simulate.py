@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from enum import IntEnum
 from typing import Annotated, ClassVar
 
@@ -18,7 +17,7 @@ from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import MrworkError, SettingError, SimulationError
 from mrwork.summary import Summarised
 from mrwork.units import CommandUnit
-from mrwork.values import Floats, holds_arrays, keep_arrays
+from mrwork.values import Floats, array_dataclass, keep_arrays
 
 
 class Outcome(IntEnum):
@@ -46,8 +45,7 @@ class Outcome(IntEnum):
 
 
 @checked
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class Loading(Summarised):
     """Imposed motion of a damper: displacement [m] and velocity [m/s], shape (n_time,), every `dt` [s].
 
@@ -91,8 +89,7 @@ class Loading(Summarised):
             return _rust.LoadingHistory(self.dt, displacement, velocity, command)
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class Misfits:
     """Sums of squared residuals [N^2] of a batch, shape (n_batch,); infinite for candidates that did not finish.
 
@@ -105,8 +102,7 @@ class Misfits:
     steps: NDArray[np.uint64]
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class ForceHistories:
     """Forces [N] of a batch, shape (n_batch, n_time); rows that did not finish are infinite."""
 
@@ -115,8 +111,7 @@ class ForceHistories:
     substeps: NDArray[np.uint32]
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class Sensitivities:
     """Forces [N] of a batch, shape (n_batch, n_time), and their derivatives with respect to columns of `theta`.
 
@@ -232,7 +227,7 @@ def simulate_sensitivities(
 @checked
 def simulate_force(
     spec: DamperSpec, theta: ArrayLike, loading: Loading, *, substep_factor: Count = 1
-) -> NDArray[np.float64]:
+) -> Floats:
     """Simulate one damper from rest and return its force [N], shape (n_time,).
 
     Raises

@@ -9,7 +9,7 @@ import numpy as np
 
 from mrwork.arguments import checked
 from mrwork.errors import RecordError
-from mrwork.escaping import escaped
+from mrwork.escaping import escape_text
 from mrwork.identification.equivalent import identifiable_form
 from mrwork.identification.fit import Fit, Intervals
 from mrwork.identification.fit_file import read_addition, read_fit
@@ -101,7 +101,7 @@ def with_additions(place: Path, fit: Fit) -> StoredRun:
     for name, model in ((RANKING, ranking and ranking.chosen), (LAWS, laws and laws.model)):
         if model not in (None, fit.model):
             raise RecordError(
-                f"{place / name} is of {escaped(str(model))} where {FIT} beside it is of {fit.model}; "
+                f"{place / name} is of {escape_text(str(model))} where {FIT} beside it is of {fit.model}; "
                 "run `mrwork identify` again"
             )
     profiles = read_profiles(place, fit)
@@ -135,8 +135,12 @@ def fitted_damper(run: Path) -> FittedDamper:
     fit = read_fit(run)
 
     def draws() -> Floats | None:
-        found = read_draws(run, fit)
-        return None if found is None else np.asarray(found.chains.reshape(-1, found.chains.shape[-1]))
+        stored_draws = read_draws(run, fit)
+        return (
+            None
+            if stored_draws is None
+            else np.asarray(stored_draws.chains.reshape(-1, stored_draws.chains.shape[-1]))
+        )
 
     return FittedDamper(spec=fit.spec, theta=fit.theta, tested=fit.tested, draws=draws)
 
@@ -152,7 +156,7 @@ def read_profiles(place: Path, fit: Fit) -> Profiles | None:
     known = form.names if profiles.model == form.name else fit.spec.names
     strange = [each.name for each in profiles.profiles if each.name not in known]
     if profiles.model not in (form.name, fit.model) or strange:
-        what = escaped(f"profiles {strange[0]}" if strange else f"is of {profiles.model}")
+        what = escape_text(f"profiles {strange[0]}" if strange else f"is of {profiles.model}")
         raise RecordError(f"{path} {what}, and {FIT} beside it is of {fit.model}; run `mrwork profile` again")
     return profiles
 

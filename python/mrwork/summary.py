@@ -11,8 +11,8 @@ from dataclasses import dataclass, fields, is_dataclass
 from textwrap import wrap
 from typing import Any, ClassVar
 
-from mrwork.escaping import escaped
-from mrwork.numbers import rounded
+from mrwork.escaping import escape_text
+from mrwork.numbers import format_rounded
 
 # Rows of a table and characters of a line that fit on one screen.
 _MOST_ROWS = 16
@@ -32,14 +32,14 @@ class Summary:
     notes: Sequence[str] = ()
 
     @property
-    def shown(self) -> Sequence[Sequence[str]]:
+    def shown_rows(self) -> Sequence[Sequence[str]]:
         """The rows that fit on a screen."""
         return self.rows if len(self.rows) <= _MOST_ROWS else self.rows[: _MOST_ROWS - 1]
 
     @property
-    def left_out(self) -> str:
+    def left_out_in_words(self) -> str:
         """How many rows are not shown, in words; empty where all are."""
-        more = len(self.rows) - len(self.shown)
+        more = len(self.rows) - len(self.shown_rows)
         return f"... {more} more rows" if more else ""
 
     def text(self) -> str:
@@ -48,8 +48,11 @@ class Summary:
         width = max((len(name) for name, _ in self.facts), default=0)
         lines += [f"  {name:<{width}}  {value}" for name, value in self.facts]
         if self.rows:
-            lines += ["", *(f"  {line}" for line in aligned([self.columns, *self.shown]))]
-        lines = [_cut(line) for line in (*lines, *([f"  {self.left_out}"] if self.left_out else []))]
+            lines += ["", *(f"  {line}" for line in align_rows([self.columns, *self.shown_rows]))]
+        lines = [
+            _cut(line)
+            for line in (*lines, *([f"  {self.left_out_in_words}"] if self.left_out_in_words else []))
+        ]
         for note in self.notes:
             # A warning must be read to its end.
             lines += wrap(note, _MOST_CHARACTERS, initial_indent="  ", subsequent_indent="    ")
@@ -69,10 +72,10 @@ class Summary:
         if self.rows:
             head = "".join(f"<th>{escape(column)}</th>" for column in self.columns)
             body = "".join(
-                f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in self.shown
+                f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in self.shown_rows
             )
             parts.append(f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>")
-        parts += [f"<p>{escape(note)}</p>" for note in (self.left_out, *self.notes) if note]
+        parts += [f"<p>{escape(note)}</p>" for note in (self.left_out_in_words, *self.notes) if note]
         return f"<div class='mrwork-summary'>{''.join(parts)}</div>"
 
 
@@ -102,9 +105,9 @@ class Summarised:
         return self._summary().html()
 
 
-def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
+def align_rows(rows: Sequence[Sequence[str]]) -> list[str]:
     """Rows of cells as lines: the first column to the left, others to the right where all their cells are numbers."""
-    rows = [[escaped(cell) for cell in row] for row in rows]
+    rows = [[escape_text(cell) for cell in row] for row in rows]
     columns = list(zip(*rows, strict=True))
     numeric = [number > 0 and all(map(_is_numeric, column[1:])) for number, column in enumerate(columns)]
     widths = [max(map(len, column)) for column in columns]
@@ -117,7 +120,7 @@ def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
     ]
 
 
-def listed(names: Sequence[str], most: int = 4) -> str:
+def list_names(names: Sequence[str], most: int = 4) -> str:
     """Names in a row, the first few where there are many."""
     if len(names) <= most:
         return ", ".join(names)
@@ -129,16 +132,16 @@ def _in_short(value: object) -> str:
     if isinstance(value, Summarised):
         return value._summary().title
     if isinstance(value, float):
-        return rounded(value, 6)
+        return format_rounded(value, 6)
     if isinstance(value, str):
         return value.partition("\n")[0]
     shape = getattr(value, "shape", None)
     if shape:
         return _array_in_short(value, shape)
     if isinstance(value, Mapping):
-        return listed([f"{name} {_in_short(entry)}" for name, entry in value.items()]) or "none"
+        return list_names([f"{name} {_in_short(entry)}" for name, entry in value.items()]) or "none"
     if isinstance(value, list | tuple):
-        return listed([_in_short(entry) for entry in value]) or "none"
+        return list_names([_in_short(entry) for entry in value]) or "none"
     return type(value).__name__ if is_dataclass(value) or callable(value) else str(value)
 
 

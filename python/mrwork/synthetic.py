@@ -9,6 +9,7 @@ import numpy as np
 from mrwork.arguments import checked
 from mrwork.dampers.spec import damper
 from mrwork.errors import UnknownNameError
+from mrwork.keys import suggestion
 from mrwork.records import DamperTest, build_damper_test
 from mrwork.simulate import Loading, simulate_force
 
@@ -56,8 +57,7 @@ def synthetic_test(name: str) -> DamperTest:
     2001
     """
     if name not in SYNTHETIC_TESTS:
-        known = ", ".join(SYNTHETIC_TESTS)
-        raise UnknownNameError(f"no synthetic test is called {name!r}; choose one of {known}")
+        raise UnknownNameError(f"no synthetic test is called {name!r}{suggestion(name, [*SYNTHETIC_TESTS])}")
     recipe = SYNTHETIC_TESTS[name]
     spec = damper(recipe.model)
     omega = 2.0 * np.pi * recipe.frequency

@@ -15,7 +15,7 @@ from typing import Any
 
 from mrwork.arguments import checked
 from mrwork.numbers import NOTHING
-from mrwork.summary import Summarised, Summary, aligned
+from mrwork.summary import Summarised, Summary, align_rows
 
 # Words that are longer may be broken over lines of a page.
 _LONG = 40
@@ -64,9 +64,28 @@ class Table(Summarised):
     alarming: frozenset[tuple[int, int]] = frozenset()
     headings: Mapping[int, str] = field(default_factory=dict)
 
-    def lines(self, indent: str = "") -> list[str]:
-        """Columns and rows as aligned lines, each after `indent`."""
-        return [f"{indent}{line}" for line in aligned([self.columns, *self.rows])]
+    def lines(self, indent: str = "", *, width: int | None = None) -> list[str]:
+        """Columns, rows with their headings, and foot as aligned lines, each after `indent`.
+
+        The last columns are left out, and named in a last line, where the lines would be longer than `width`.
+        """
+        inset = "  " if self.headings else ""
+        cells = [
+            self.columns,
+            *((f"{inset}{row[0]}", *row[1:]) for row in self.rows),
+            *([self.foot] if self.foot else []),
+        ]
+        count = len(self.columns)
+        lines = align_rows(cells)
+        while width is not None and count > 2 and max(map(len, lines)) > width:
+            count -= 1
+            lines = align_rows([row[:count] for row in cells])
+        for row, heading in sorted(self.headings.items(), reverse=True):
+            lines.insert(1 + row, heading)
+        over = self._over([max(len(row[place]) for row in cells) for place in range(count)])
+        left_out = ", ".join(self.columns[count:])
+        said = [f"Too wide for a terminal, and on the page: {left_out}"] if left_out else []
+        return [f"{indent}{line}" for line in (*over, *lines, *said)]
 
     def markdown(self) -> str:
         """The table for a README."""
@@ -103,11 +122,25 @@ class Table(Summarised):
         lines.append("</tbody>")
         if self.foot:
             lines += ["<tfoot>", self._row(escape(self.foot[0]), self.foot), "</tfoot>"]
-        lines += ["</table>", "</div>", *([f'<p class="note">{coded(self.note)}</p>'] if self.note else [])]
+        lines += [
+            "</table>",
+            "</div>",
+            *([f'<p class="note">{format_code(self.note)}</p>'] if self.note else []),
+        ]
         return "\n".join(lines)
 
     # A template shows a table by its name.
     __html__ = html
+
+    def _over(self, widths: Sequence[int]) -> list[str]:
+        """The headings above columns of these widths, each above the first column that it spans."""
+        line, place = "", 0
+        for text, span in self.over:
+            if text and place < len(widths):
+                start = sum(width + 2 for width in widths[:place])
+                line = f"{line:<{start}}{text if place else ''}  "
+            place += span
+        return [line.rstrip()] if line.strip() else []
 
     def _row(self, name: str, cells: tuple[str, ...], row: int | None = None) -> str:
         rest = (
@@ -170,7 +203,7 @@ def breakable(name: str) -> str:
     return re.sub(r"(?<=\d) (?=[A-Za-z]{1,2}\b)", "\N{NO-BREAK SPACE}", escape(name)).replace("_", "_<wbr>")
 
 
-def coded(sentence: str) -> str:
+def format_code(sentence: str) -> str:
     """HTML of a sentence with `commands` between backticks; a per cent sign and `i = 0` are not broken apart."""
     bound = escape(sentence).replace(" %", "\N{NO-BREAK SPACE}%")
     bound = bound.replace("i = 0", "i\N{NO-BREAK SPACE}=\N{NO-BREAK SPACE}0")

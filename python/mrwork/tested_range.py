@@ -82,14 +82,14 @@ class Exceedance(Summarised):
 
     @property
     def in_words(self) -> str:
-        """As in "velocity 313 mm/s, tested to 88 mm/s (3.6 times)"."""
+        """Text such as "velocity 313 mm/s, tested to 88 mm/s (3.6 times)"."""
         if self.quantity == "stroke" and self.below:
-            (demanded, lowest), unit = _shown(self.quantity, (self.demanded, self.lowest), self.unit)
+            (demanded, lowest), unit = _format_values(self.quantity, (self.demanded, self.lowest), self.unit)
             return (
                 f"stroke {demanded} {unit} or less in half cycles that make {100 * _SMALL:.0f} % of the travel or "
                 f"more, tested from {lowest} {unit}"
             )
-        (demanded, lowest, highest), unit = _shown(
+        (demanded, lowest, highest), unit = _format_values(
             self.quantity, (self.demanded, self.lowest, self.highest), self.unit
         )
         tested = f"to {highest}"
@@ -130,7 +130,7 @@ class OperatingRange(Summarised, Related):
     least_stroke: NotNegative | None = None
 
     def disagreement(self) -> str:
-        """Whether the ends of ranges are in order, and a command has its unit."""
+        """First contradiction: ends of a range that are not in order, or a command without unit."""
         for name, ends in (("frequency", self.frequency), ("command", self.command)):
             if ends is not None and ends[0] > ends[1]:
                 return f"the {name} is from {ends[0]:g} to {ends[1]:g}"
@@ -142,24 +142,28 @@ class OperatingRange(Summarised, Related):
 
         Half cycles below the least tested stroke count where they make a fifth of the travel of the demand.
         """
-        found = [
+        exceedances = [
             _exceedance(quantity, unit, (0.0, getattr(self, quantity)), (0.0, getattr(demand, quantity)))
             for quantity, unit in _PEAKS
         ]
         if self.least_stroke is not None and (least := demand.least_stroke) is not None:
             tested = self.least_stroke, max(self.stroke, least)
-            found.insert(0, _exceedance("stroke", "m", tested, (least, least), relative=_CYCLE_TOLERANCE))
+            exceedances.insert(
+                0, _exceedance("stroke", "m", tested, (least, least), relative=_CYCLE_TOLERANCE)
+            )
         if self.frequency is not None and demand.frequency is not None:
             ranges = self.frequency, demand.frequency
-            found.append(_exceedance("frequency", "Hz", *ranges, relative=_CYCLE_TOLERANCE))
+            exceedances.append(_exceedance("frequency", "Hz", *ranges, relative=_CYCLE_TOLERANCE))
         unit = self.command_unit
         if self.command and demand.command and unit is not None and unit == demand.command_unit:
-            found.append(_exceedance("command", unit, self.command, demand.command, command_noise(0.0, unit)))
-        return tuple(sorted(filter(None, found), key=lambda each: _ORDER.index(each.quantity)))
+            exceedances.append(
+                _exceedance("command", unit, self.command, demand.command, command_noise(0.0, unit))
+            )
+        return tuple(sorted(filter(None, exceedances), key=lambda each: _ORDER.index(each.quantity)))
 
     @property
     def in_words(self) -> str:
-        """As in "stroke to 25 mm, velocity to 88 mm/s, frequency 0.1 to 5 Hz, command 0 to 1 A, ..."."""
+        """Text such as "stroke to 25 mm, velocity to 88 mm/s, frequency 0.1 to 5 Hz, command 0 to 1 A, ..."."""
         return ", ".join(f"{name} {span}" for name, span in self.rows())
 
     def rows(self) -> list[tuple[str, str]]:
@@ -172,7 +176,7 @@ class OperatingRange(Summarised, Related):
             ends = value if isinstance(value, tuple) else (value,)
             if quantity == "stroke" and self.least_stroke is not None:
                 ends = ends if _is_single(self.least_stroke, value) else (self.least_stroke, value)
-            shown, unit = _shown(quantity, ends, str(self.command_unit))
+            shown, unit = _format_values(quantity, ends, str(self.command_unit))
             span = f"to {shown[0]}"
             if len(shown) == 2:
                 span = f"at {shown[1]}" if _is_single(*ends) else f"{shown[0]} to {shown[1]}"
@@ -258,10 +262,10 @@ def covering(ranges: Sequence[OperatingRange]) -> OperatingRange:
     )
 
 
-def worst_of(found: Iterable[tuple[str, Exceedance]]) -> list[tuple[Exceedance, str, int]]:
+def worst_of(exceedances: Iterable[tuple[str, Exceedance]]) -> list[tuple[Exceedance, str, int]]:
     """For each quantity, above and below its range: the worst exceedance, its label, and how many there are."""
     groups: dict[tuple[str, bool], list[tuple[str, Exceedance]]] = {}
-    for label, each in found:
+    for label, each in exceedances:
         groups.setdefault((each.quantity, each.below), []).append((label, each))
     worst = []
     for members in groups.values():
@@ -344,7 +348,7 @@ def _is_single(lowest: float, highest: float) -> bool:
     return highest - lowest <= 0.5 * _TOLERANCE * highest
 
 
-def _shown(quantity: str, values: Sequence[float], unit: str) -> tuple[list[str], str]:
+def _format_values(quantity: str, values: Sequence[float], unit: str) -> tuple[list[str], str]:
     """Values with three significant digits, and their common displayed unit."""
     small, factor, large = _DISPLAYED.get(quantity, (unit, 1.0, unit))
     if max(factor * value for value in values) >= 1000.0:

@@ -60,7 +60,7 @@ DriverUnit = Literal["A", "V"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CommandScale:
-    """What the size of a command means: decimals of a set point, the largest one, and whether it may be negative."""
+    """Scale of a command: decimals of a set point, the largest command, and whether it may be negative."""
 
     decimals: int
     largest: float = 1e6

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import fields
-from typing import Any, TypeVar
+from dataclasses import dataclass, field, fields
+from typing import Any, TypeVar, dataclass_transform
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,11 +20,13 @@ Floats = NDArray[np.float64]
 """An array of numbers in double precision."""
 
 
-def holds_arrays(kind: type[T]) -> type[T]:
-    """Class decorator, above `dataclass`: objects are equal by value, and stay read-only where they are copied.
+@dataclass_transform(frozen_default=True, kw_only_default=True, field_specifiers=(field,))
+def array_dataclass(*, repr: bool = True) -> Callable[[type[T]], type[T]]:
+    """Class decorator for a frozen, slotted, keyword-only dataclass that holds arrays.
 
     Two objects are equal if they have one class and their fields, those with `compare=False` excepted, are equal:
-    arrays of one dtype and shape with equal numbers, where NaN equals NaN. The objects have no hash.
+    arrays of one dtype and shape with equal numbers, where NaN equals NaN. The objects have no hash, and stay read-only
+    where they are copied. Without `repr` the class has the one of its base.
 
     Examples
     --------
@@ -35,9 +37,14 @@ def holds_arrays(kind: type[T]) -> type[T]:
     >>> copy == test, copy.force.flags.writeable
     (True, False)
     """
-    for name, method in _METHODS.items():
-        setattr(kind, name, method)
-    return kind
+
+    def make_dataclass(kind: type[T]) -> type[T]:
+        made = dataclass(frozen=True, slots=True, kw_only=True, repr=repr)(kind)
+        for name, method in _METHODS.items():
+            setattr(made, name, method)
+        return made
+
+    return make_dataclass
 
 
 def keep_arrays(made: object, *names: str) -> None:
@@ -71,22 +78,22 @@ def _same(one: Any, other: Any) -> bool:
         return len(one) == len(other) and all(map(_same, one, other))
     if isinstance(one, float) and isinstance(other, float) and math.isnan(one):
         return math.isnan(other)
-    found = one == other
+    equal = one == other
     # Arrays of JAX compare by their elements.
-    return found if isinstance(found, bool) else bool(np.array_equal(one, other))
+    return equal if isinstance(equal, bool) else bool(np.array_equal(one, other))
 
 
-def _reduced(self: Any) -> tuple[Callable[..., object], tuple[object, ...]]:
+def _reduce_instance(self: Any) -> tuple[Callable[..., object], tuple[object, ...]]:
     values = {each.name: getattr(self, each.name) for each in fields(self)}
     read_only = [
         name
         for name, value in values.items()
         if all(not array.flags.writeable for array in _arrays_within(value))
     ]
-    return _restored, (type(self), values, read_only)
+    return _restore_instance, (type(self), values, read_only)
 
 
-def _restored(kind: type, values: Mapping[str, Any], read_only: list[str]) -> object:
+def _restore_instance(kind: type, values: Mapping[str, Any], read_only: list[str]) -> object:
     made: object = object.__new__(kind)
     for name, value in values.items():
         object.__setattr__(made, name, value)
@@ -107,10 +114,10 @@ def _arrays_within(value: object) -> Iterator[np.ndarray[Any, Any]]:
             yield from _arrays_within(entry)
 
 
-_METHODS: dict[str, Any] = {"__eq__": _equal, "__hash__": None, "__reduce__": _reduced}
+_METHODS: dict[str, Any] = {"__eq__": _equal, "__hash__": None, "__reduce__": _reduce_instance}
 
 
-def frozen(samples: NDArray[np.float64]) -> NDArray[np.float64]:
+def freeze_samples(samples: NDArray[np.float64]) -> NDArray[np.float64]:
     """Contiguous read-only copy of an array."""
     kept = np.array(samples, dtype=np.float64, order="C")
     kept.setflags(write=False)

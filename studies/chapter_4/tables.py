@@ -12,7 +12,7 @@ from studies.chapter_4.findings import SearchFinding, TrialFinding, adjusted
 from studies.chapter_4.search_settings import BASELINES, EFFICIENT, SEARCHES, STANDARD, SWARM
 
 _RANGE = "\N{EN DASH}"
-_NONE = numbers.fixed(None, 0)
+_NONE = numbers.format_fixed(None, 0)
 
 
 def tables_of(findings: Sequence[TrialFinding], where: str) -> tuple[Table, ...]:
@@ -34,11 +34,11 @@ def error_table(findings: Sequence[TrialFinding], where: str) -> Table:
     for row, finding in enumerate(findings):
         means = [finding.searches[search].mean_error for search in SEARCHES]
         cells = [
-            f"{numbers.fixed(100.0 * each.mean_error, 2)} ± {numbers.fixed(100.0 * each.deviation, 2)}"
+            f"{numbers.format_fixed(100.0 * each.mean_error, 2)} ± {numbers.format_fixed(100.0 * each.deviation, 2)}"
             for each in (finding.searches[search] for search in SEARCHES)
         ]
         least.append((row, 1 + int(np.argmin(means))))
-        rows.append((_place(finding), *cells, numbers.fixed(100.0 * finding.least, 2)))
+        rows.append((_place(finding), *cells, numbers.format_fixed(100.0 * finding.least, 2)))
     return Table(
         title=f"Form of table 4.2: average error and standard deviation [% NRMSE], {where}",
         columns=("model and current", *SEARCHES, "least of all"),
@@ -53,7 +53,7 @@ def level_table(findings: Sequence[TrialFinding], where: str) -> Table:
     rows = [
         (
             _place(finding),
-            numbers.fixed(100.0 * finding.level, 2),
+            numbers.format_fixed(100.0 * finding.level, 2),
             *(_percent(finding.searches[search].below) for search in SEARCHES),
         )
         for finding in findings
@@ -100,7 +100,7 @@ def _cost_table(
         pair = [costs[STANDARD], costs[EFFICIENT]]
         saved = 1.0 - costs[EFFICIENT] / costs[STANDARD] if np.isfinite(pair).all() else np.nan
         rows.append(
-            (_place(finding), *(numbers.fixed(value, 0) for value in costs.values()), _percent(saved))
+            (_place(finding), *(numbers.format_fixed(value, 0) for value in costs.values()), _percent(saved))
         )
     return Table(
         title=title,
@@ -154,8 +154,8 @@ def termination_table(findings: Sequence[TrialFinding], where: str) -> Table:
             rows.append(
                 (
                     f"{_place(finding)}, {search}",
-                    numbers.fixed(each.expected_generation, 0),
-                    numbers.fixed(each.likelihood, 2),
+                    numbers.format_fixed(each.expected_generation, 0),
+                    numbers.format_fixed(each.likelihood, 2),
                     _span(each.own_generation),
                     _percent(rule.share),
                     _span(rule.generation),
@@ -217,11 +217,11 @@ def _place(finding: TrialFinding) -> str:
 
 
 def _percent(share: float) -> str:
-    return numbers.fixed(100.0 * share, 0)
+    return numbers.format_fixed(100.0 * share, 0)
 
 
 def _span(quantiles: tuple[float, ...]) -> str:
-    low, middle, high = (numbers.fixed(value, 0) for value in quantiles)
+    low, middle, high = (numbers.format_fixed(value, 0) for value in quantiles)
     return _NONE if middle == _NONE else f"{middle} ({low}{_RANGE}{high})"
 
 
@@ -229,9 +229,9 @@ def _between(values: Sequence[float]) -> str:
     known = [value for value in values if np.isfinite(value)]
     if not known:
         return _NONE
-    low, high = numbers.fixed(min(known), 0), numbers.fixed(max(known), 0)
+    low, high = numbers.format_fixed(min(known), 0), numbers.format_fixed(max(known), 0)
     return low if low == high else f"{low} to {high}"
 
 
 def _p_value(value: float) -> str:
-    return "< 0.001" if value < 1e-3 else numbers.fixed(value, 3)
+    return "< 0.001" if value < 1e-3 else numbers.format_fixed(value, 3)

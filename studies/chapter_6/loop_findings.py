@@ -39,7 +39,7 @@ ACTIVE = ("active", "active_limited")
 """The ideal force, without and with the limit of what the pair gives at its largest current."""
 # Draws of the identified damper, and steps of the chain; the quick chain is far from converged.
 _DRAWS, _MOST_STEPS = 60, 20_000
-_QUICK_DRAWS, _QUICK_STEPS = 6, 60
+_QUICK_DRAWS, _QUICK_STEPS = 6, 30
 QUICK_LAWS = ("clipped_optimal", "lyapunov_direct", "inverse_direct")
 
 

@@ -184,10 +184,10 @@ def _at_level(
         found = simulate_loop(FRAME, [device], row.law, motions, HARDWARE, threads=over.threads)
         return _of_floors(found, len(motions))
 
-    off = responses(rows[0])
+    by_label = {row.label: responses(row) for row in rows}
+    off = by_label[OFF]
     table = {}
-    for row in rows:
-        runs = responses(row)
+    for label, runs in by_label.items():
         by_record: dict[str, Any] = {motion.name: {} for motion in motions}
         for quantity in QUANTITIES:
             value = quantity.factor * runs[quantity.name][:, 0]
@@ -200,7 +200,7 @@ def _at_level(
                     "low": low[place].tolist(),
                     "high": high[place].tolist(),
                 }
-        table[row.label] = by_record
+        table[label] = by_record
     return table
 
 

@@ -16,7 +16,7 @@ import emcee
 import numpy as np
 
 from mrwork.errors import MrworkError
-from mrwork.uncertainty import Ensemble, convergence, kept
+from mrwork.uncertainty import Ensemble, convergence, select_kept_rows
 from studies.speed.posterior_jax import JAX_VARIANTS, JaxTarget
 from studies.speed.posterior_job import PosteriorJob, PosteriorSettings, Rows, SamplerRow, Setup
 from studies.speed.processes import send, serve
@@ -184,7 +184,7 @@ def _with_stretch(job: PosteriorJob, clock: _Clock) -> Callable[[int], Rows]:
 
 
 def _row(contender: _Contender, job: PosteriorJob, settings: PosteriorSettings, threads: int) -> SamplerRow:
-    rows = kept(settings.steps)
+    rows = select_kept_rows(settings.steps)
     values, _ = job.target.space.values(contender.chain[rows])
     free = np.array(job.target.space.box.free)
     ess, rhat = _told(np.moveaxis(values[..., free], 0, 1))

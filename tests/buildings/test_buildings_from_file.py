@@ -31,7 +31,8 @@ from mrwork.buildings import (
     with_yielding_damper,
 )
 from mrwork.buildings.from_file import Addition, BuildingTable
-from mrwork.keys import Place, Within, keys_of, read_table
+from mrwork.hints import Within
+from mrwork.keys import Place, keys_of, read_table
 
 FIELDS = ("mass", "damping", "stiffness", "influence", "floors", "storeys")
 MATRICES = """

@@ -15,7 +15,7 @@ from sentences import Refused
 import mrwork as mr
 from mrwork import load
 from mrwork.cli import main
-from mrwork.cli.profile import stopped
+from mrwork.cli.profile import write_interrupted
 from mrwork.errors import Interrupted, RecordError
 from mrwork.identification.fit_file import addition_content, read_fit, reopen
 
@@ -92,13 +92,13 @@ def test_profiles_so_far_replace_damaged_ones_and_not_complete_ones(
     so_far, options = caught.value.result, argparse.Namespace(json=False)
     for damaged in ('{"profiles": 3}', "{", "[]"):
         path.write_text(damaged)
-        assert stopped(opened, so_far, options) == 130
+        assert write_interrupted(opened, so_far, options) == 130
         assert json.loads(path.read_text())["status"] == "interrupted"
         assert "has the profiles so far" in capsys.readouterr().err
     finished = replace(so_far, status="finished")
     path.write_bytes(addition_content(asdict(finished), opened.fit))
     before = path.read_bytes()
-    assert stopped(opened, so_far, options) == 130
+    assert write_interrupted(opened, so_far, options) == 130
     assert path.read_bytes() == before
 
 

@@ -70,7 +70,7 @@ def test_commands_that_cannot_be_sent_are_refused(refused: Refused) -> None:
 
 def test_commands_of_no_meaning_are_refused_when_they_are_made(refused: Refused) -> None:
     for command in ([1.0], [[-1.0]], [[np.nan]], [[]]):
-        refused(PrescribedCommands, interval=0.01, command=command)  # type: ignore[arg-type]
+        refused(PrescribedCommands, interval=0.01, command=command)
 
 
 @pytest.mark.parametrize("delay", [0.0, 5e-3])

@@ -72,7 +72,7 @@ def test_names_are_unique_and_labels_name_their_paper() -> None:
     assert len(set(names)) == len(names)
     labels = [label for entry in criteria() for label in entry.labels]
     assert len(set(labels)) == len(labels)
-    assert {entry.uncontrolled for entry in criteria()} - {""} <= set(names)
+    assert {entry.reference_criterion for entry in criteria()} - {""} <= set(names)
     assert set(SCORE) <= {entry.name for entry in criteria() if entry.ratio}
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -221,8 +222,8 @@ BROKEN = slice(200, 400)
 
 
 @pytest.mark.parametrize("value", ["hold", 0.0, 3e-3])
-def test_a_broken_sensor_of_deformation_reads_what_its_fault_says(value: float | str) -> None:
-    fault = Fault(channel="deformation", index=1, start=0.2, end=0.4, value=value)  # type: ignore[arg-type]
+def test_a_broken_sensor_of_deformation_reads_what_its_fault_says(value: float | Literal["hold"]) -> None:
+    fault = Fault(channel="deformation", index=1, start=0.2, end=0.4, value=value)
     run = run_of(onlookers(), gauge(0.02), Hardware(faults=(fault,)))
     expected = run.deformation.copy()
     expected[BROKEN, 1] = expected[199, 1] if value == "hold" else value
@@ -233,7 +234,7 @@ def test_a_broken_sensor_of_force_reads_what_its_fault_says() -> None:
     loop = devices(rd1005())
     law = law_with_gains("clipped_optimal", plant_with(loop))
     for value in ("hold", 0.0, -500.0):
-        fault = Fault(channel="force", index=0, start=0.2, end=0.4, value=value)  # type: ignore[arg-type]
+        fault = Fault(channel="force", index=0, start=0.2, end=0.4, value=value)  # type: ignore[arg-type] # a word or a number of a fault
         run = run_of(loop, law, Hardware(faults=(fault,)))
         seen = Recorded.of(law, five_storeys(), loop, sweep(1.0), run, 1e-3)
         read_force = run.force.copy()
@@ -245,7 +246,7 @@ def test_a_stuck_current_stays_where_it_is_told() -> None:
     loop = devices(rd1005())
     law = law_with_gains("proportional_direct", plant_with(loop))
     for value in ("hold", 0.0, 1.2):
-        fault = Fault(channel="command", index=0, start=0.2, end=0.4, value=value)  # type: ignore[arg-type]
+        fault = Fault(channel="command", index=0, start=0.2, end=0.4, value=value)  # type: ignore[arg-type] # a word or a number of a fault
         run = run_of(loop, law, Hardware(faults=(fault,)))
         expected = run.command[199, 0] if value == "hold" else value
         np.testing.assert_array_equal(run.command[BROKEN, 0], expected)
@@ -275,7 +276,7 @@ def test_the_observer_comes_to_the_state() -> None:
     # A weak ideal force, which tells what the law takes for the state and hardly moves the building.
     law = ControlLaw(name="active", gains={"gain": 1e-3 * np.asarray(K)})
     run = run_of(loop, law, Hardware(feedback="observer"), motion)
-    wanted = -run.state @ law.gains["gain"].T  # type: ignore[union-attr]
+    wanted = -run.state @ law.gains["gain"].T  # type: ignore[union-attr] # a law of gains
     error = np.abs(run.command - wanted)
     size = np.abs(wanted[2000:]).max(axis=0)
     # An error of the shaking dies out in free vibration, down to that of forces held over a sample.
@@ -329,7 +330,7 @@ def test_hardware_that_cannot_be_is_refused(refused: Refused) -> None:
         {"seed": -1},
         {"seed": 2**32},
     ):
-        refused(Hardware, **settings)  # type: ignore[arg-type]
+        refused(Hardware, **settings)
 
 
 def test_a_fault_that_cannot_be_is_refused(refused: Refused) -> None:
@@ -340,10 +341,10 @@ def test_a_fault_that_cannot_be_is_refused(refused: Refused) -> None:
         {"channel": "force", "start": np.nan},
         {"channel": "force", "value": "holt"},
     ):
-        refused(Fault, **settings)  # type: ignore[arg-type]
+        refused(Fault, **settings)
 
 
 def test_a_fault_of_a_device_that_is_none_is_refused(refused: Refused) -> None:
     for channel in ("force", "acceleration"):
-        fault = Fault(channel=channel, index=9)  # type: ignore[arg-type]
+        fault = Fault(channel=channel, index=9)  # type: ignore[arg-type] # a word or a number of a fault
         refused(run_of, onlookers(), gauge(0.02), Hardware(feedback="observer", faults=(fault,)))

@@ -188,7 +188,7 @@ def test_a_command_for_dampers_that_follow_none_is_refused(refused: Refused) -> 
     ],
 )
 def test_a_constant_command_that_the_driver_does_not_give_is_told(command: object, sentence: str) -> None:
-    law = ControlLaw(name="passive", gains={"command": command})  # type: ignore[dict-item]
+    law = ControlLaw(name="passive", gains={"command": command})  # type: ignore[dict-item] # commands as lists, which are converted
     with pytest.warns(MrworkWarning, match=sentence):
         simulate_loop(five_storeys(), devices(rd1005()), law, [still(0.1)])
 

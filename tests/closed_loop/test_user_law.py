@@ -156,7 +156,7 @@ def mute(sample: LoopSample, memory: Floats) -> Floats:
 )
 def test_a_mistake_in_a_law_is_a_sentence(command: object, words: str) -> None:
     with pytest.raises(SettingError, match=rf"^mine(?: \(.*, line \d+\):?)? {words}"):
-        run(UserLaw(name="mine", command=command))  # type: ignore[arg-type]
+        run(UserLaw(name="mine", command=command))  # type: ignore[arg-type] # of a wrong kind on purpose
 
 
 def test_ctrl_c_in_a_law_ends_the_run() -> None:
@@ -186,7 +186,7 @@ def test_a_law_of_any_callable_has_its_line() -> None:
 
 
 def test_a_law_that_cannot_be_is_refused_when_it_is_made(refused: Refused) -> None:
-    refused(UserLaw, name="mine", command=1.0)  # type: ignore[arg-type]
+    refused(UserLaw, name="mine", command=1.0)
     refused(replace, friction_law(), name="mine", n_candidates=0)
     refused(replace, friction_law(), name="mine", n_memory=1.5)  # type: ignore[arg-type] # wrong on purpose
     spec = mr.damper("dahl")

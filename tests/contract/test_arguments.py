@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mrwork.argument_kinds import Kind
-from mrwork.arguments import _kinds_of
+from mrwork.argument_kinds import Kind, kind_of
+from mrwork.arguments import nodes_of
 from mrwork.errors import ArgumentError, MrworkError
 
 NAMESPACES: tuple[str, ...] = (
@@ -131,7 +131,8 @@ def kinds(target: Any) -> dict[str, Kind]:
 def declared(target: Any) -> dict[str, Kind]:
     function = vars(target)["__init__"] if isinstance(target, type) else target
     owner = target if isinstance(target, type) else object
-    return _kinds_of(inspect.unwrap(function), inspect.signature(target), owner)
+    nodes = nodes_of(inspect.unwrap(function), inspect.signature(target), owner)
+    return {name: kind_of(node) for name, node in nodes.items()}
 
 
 def shown(target: Any) -> str:
@@ -173,6 +174,6 @@ def test_what_makes_an_object_exists() -> None:
         made = getattr(target, "_made_by", "")
         if isinstance(target, type) and made.startswith("mr."):
             place: Any = import_module("mrwork")
-            for word in re.match(r"[\w.]+", made)[0].split(".")[1:]:  # type: ignore[index]
+            for word in re.match(r"[\w.]+", made)[0].split(".")[1:]:  # type: ignore[index] # the text matches
                 place = getattr(place, word)
             assert callable(place), made

@@ -11,9 +11,9 @@ from damper_samples import noise, random_theta, sine
 from mrwork import _rust
 from mrwork.simulate import Outcome, simulate_forces, simulate_misfits
 
-# Around every width of a block: 1, 8, 16, 32 and 48 lanes. The record is longer than the 256 samples between
-# two looks at lost lanes.
-BATCH_SIZES = (1, 2, 7, 8, 9, 16, 17, 32, 33, 48, 49, 100)
+# Around every width of a block: 1, 8, 16, 32 and 48 lanes; the largest batch is two blocks of the widest. The record is
+# longer than the 256 samples between two looks at lost lanes.
+BATCH_SIZES = (1, 2, 7, 8, 9, 16, 17, 32, 33, 48, 49)
 N_BATCH = max(BATCH_SIZES)
 N_TIME = 260
 MOST_SUBSTEPS = 16

@@ -1,6 +1,12 @@
-"""theta, unit and latent coordinates are one and the same point, on NumPy and on JAX."""
+"""theta, unit and latent coordinates are one and the same point, on NumPy and on JAX.
+
+The maps go coordinate by coordinate, and JAX compiles each operation once for each shape: on NumPy the models are gone
+through one after the other, on JAX all at once, their parameters side by side.
+"""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import hypothesis.strategies as st
 import jax
@@ -11,8 +17,18 @@ from examples import examples
 from hypothesis import given
 
 import mrwork.twins.models  # noqa: F401  (sets double precision)
-from mrwork.dampers import Box
+from mrwork.dampers import Box, damper_models
 from mrwork.errors import SettingError
+
+SIDE_BY_SIDE = replace(
+    damper_models()[0],
+    name="all_side_by_side",
+    parameters=tuple(
+        replace(parameter, name=f"{spec.name}.{parameter.name}")
+        for spec in damper_models()
+        for parameter in spec.parameters
+    ),
+)
 
 
 def boxes(spec):
@@ -33,12 +49,18 @@ def box(request, spec):
     return boxes(spec)[request.param]
 
 
-@pytest.fixture(params=[np, jnp], ids=["numpy", "jax"])
-def xp(request):
-    return request.param
+@pytest.fixture
+def xp(spec):
+    return jnp if spec is SIDE_BY_SIDE else np
 
 
-# Of every batch: JAX compiles an operation once for each shape.
+on_numpy_and_jax = pytest.mark.parametrize(
+    "spec", [*damper_models(), SIDE_BY_SIDE], ids=lambda spec: spec.name
+)
+on_jax = pytest.mark.parametrize("spec", [SIDE_BY_SIDE], ids=["all_side_by_side"])
+
+
+# Of every batch.
 N_BATCH = 50
 
 
@@ -46,6 +68,7 @@ def units(box):
     return np.random.default_rng(51).uniform(0.001, 0.999, (N_BATCH, len(box.free)))
 
 
+@on_numpy_and_jax
 def test_unit_theta_round_trip(box, xp):
     unit = xp.asarray(units(box))
     theta = box.theta_from_unit(unit)
@@ -54,6 +77,7 @@ def test_unit_theta_round_trip(box, xp):
     np.testing.assert_allclose(box.unit_from_theta(theta), unit, rtol=0.0, atol=1e-14)
 
 
+@on_numpy_and_jax
 def test_theta_unit_round_trip(box, spec, xp):
     theta = xp.asarray(box.theta_from_unit(units(box)))
     span = np.subtract(box.upper, box.lower)
@@ -62,6 +86,7 @@ def test_theta_unit_round_trip(box, spec, xp):
     assert np.all(error <= np.where(log, 1e-13 * np.abs(theta), 1e-15 * span))
 
 
+@on_numpy_and_jax
 def test_latent_round_trip(box, xp):
     latent = xp.asarray(np.random.default_rng(52).normal(size=(N_BATCH, len(box.free))) * 2.0)
     by_unit = box.latent_from_unit(box.unit_from_latent(latent))
@@ -70,6 +95,7 @@ def test_latent_round_trip(box, xp):
     np.testing.assert_allclose(by_theta, latent, rtol=0.0, atol=1e-11)
 
 
+@on_numpy_and_jax
 def test_theta_stays_in_the_box_to_the_last_bit(box, xp):
     n_free = len(box.free)
     faces = np.vstack([np.zeros(n_free), np.ones(n_free), units(box)[2:]])
@@ -82,6 +108,7 @@ def test_theta_stays_in_the_box_to_the_last_bit(box, xp):
     np.testing.assert_allclose(far[[0, -1]], [box.lower, box.upper], rtol=1e-12)
 
 
+@on_numpy_and_jax
 def test_fixed_parameters_do_not_move(spec, xp):
     box = boxes(spec)["one fixed"]
     theta = np.asarray(box.theta_from_unit(xp.asarray(units(box))))
@@ -100,6 +127,7 @@ def test_unit_is_even_in_the_scale_of_the_parameter(spec):
             assert value == pytest.approx(middle_value, abs=1e-15 * parameter.upper)
 
 
+@on_numpy_and_jax
 def test_log_jacobian_is_that_of_the_numerical_derivative(box, xp):
     latent = np.random.default_rng(53).normal(size=(N_BATCH, len(box.free)))
     step = 1e-5
@@ -113,6 +141,7 @@ def test_log_jacobian_is_that_of_the_numerical_derivative(box, xp):
     np.testing.assert_allclose(total, expected.sum(axis=1), rtol=0.0, atol=1e-7)
 
 
+@on_numpy_and_jax
 def test_points_on_the_faces_are_pulled_to_where_latent_is_finite(box, xp):
     faces = xp.asarray(np.tile([box.lower, box.upper], (N_BATCH // 2, 1)))
     inside = box.inside(faces)
@@ -124,11 +153,13 @@ def test_points_on_the_faces_are_pulled_to_where_latent_is_finite(box, xp):
     assert np.all(np.abs(box.inside(theta) - theta) <= allowed), "inner points stay"
 
 
+@on_numpy_and_jax
 def test_log_jacobian_is_finite_far_out(box, xp):
     far = np.linspace(-500.0, 500.0, N_BATCH)[:, None] * np.ones(len(box.free))
     assert np.all(np.isfinite(box.log_jacobian(xp.asarray(far))))
 
 
+@on_jax
 def test_numpy_and_jax_agree_and_stay_what_they_are(box):
     unit = units(box)
     latent = box.latent_from_unit(unit)
@@ -147,6 +178,7 @@ def test_numpy_and_jax_agree_and_stay_what_they_are(box):
         np.testing.assert_allclose(traced, plain, rtol=1e-12, atol=1e-14)
 
 
+@on_jax
 def test_maps_are_differentiable(box):
     latent = jnp.zeros(len(box.free))
     both = jax.jit(lambda latent: (jax.jacfwd(box.theta_from_latent)(latent), box.log_jacobian(latent)))

@@ -9,7 +9,7 @@ from damper_samples import noise, noise_free_test
 
 from mrwork.dampers import Box
 from mrwork.identification import Objective, find_minima
-from mrwork.identification.objective import linearised
+from mrwork.identification.objective import linearise_residuals
 
 # 0.3 s of motion in a wide band feel every parameter.
 N_TIME = 301
@@ -37,7 +37,7 @@ def test_nominal_parameters_are_recovered(spec):
     assert refined.misfit[0] < 1e-6
     # Directions that the force does not feel (Bouc-Wen has one, a scaling of its state) stay where the start
     # put them; the data fix the others. Sensitivities are to relative changes, so that units do not matter.
-    sensitivity = linearised(objective, np.array([spec.nominal]), box.free)[1][0].T * spec.nominal
+    sensitivity = linearise_residuals(objective, np.array([spec.nominal]), box.free)[1][0].T * spec.nominal
     _, strength, directions = np.linalg.svd(sensitivity, full_matrices=False)
     seen = strength > 1e-8 * strength[0]
     felt = directions[seen]

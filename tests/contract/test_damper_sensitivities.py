@@ -116,7 +116,7 @@ def test_rows_are_independent_of_batch_and_instruction_set(
 
 def test_threads_give_the_same_bits(spec, history):
     # Above the 60 000 steps from which a second thread is worth waking, also for a model without sub-steps.
-    theta = random_theta(spec, 160, rng=32)
+    theta = random_theta(spec, 80, rng=32)
     one = simulate_sensitivities(spec, theta, history, threads=1)
     for threads in (2, 3):
         assert_same_run(simulate_sensitivities(spec, theta, history, threads=threads), one)

@@ -45,14 +45,17 @@ def test_rate_and_force_agree_at_random_points(spec):
     states = magnitude * rng.choice([-1.0, 1.0], magnitude.shape)
     motions = rng.normal(size=(n_theta, 2)) * [0.01, 0.2]
     theta = random_theta(spec, n_theta, rng=12)
-    rate = jax.jit(lambda theta, state, motion: twin.rate(twin.Theta(*theta), state, *motion))
-    force = jax.jit(lambda theta, state, motion: twin.force(twin.Theta(*theta), state, *motion))
+
+    def equations(theta, state, motion):
+        p = twin.Theta(*theta)
+        return twin.rate(p, state, *motion), twin.force(p, state, *motion)
+
+    at_states = jax.jit(jax.vmap(equations, in_axes=(None, 0, None)))
     for row, motion, points in zip(theta, motions, states, strict=True):
         rates = np.array([_rust.rate(spec.name, row, state, *motion) for state in points])
-        twin_rates = np.array([rate(row, state, motion) for state in points])
+        twin_rates, twin_forces = map(np.asarray, at_states(row, points, motion))
         assert np.max(np.abs(twin_rates - rates), initial=0.0) <= 1e-12 * np.max(np.abs(rates), initial=0.0)
         forces = np.array([_rust.force(spec.name, row, state, *motion) for state in points])
-        twin_forces = np.array([force(row, state, motion) for state in points])
         assert np.max(np.abs(twin_forces - forces)) <= 1e-12 * np.max(np.abs(forces))
 
 

@@ -10,7 +10,7 @@ import importlib
 import pickle
 import pkgutil
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import fields, is_dataclass, replace
 from typing import Any, get_args, get_origin, get_type_hints
 
 import loop_samples
@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 import mrwork
 import mrwork as mr
-from mrwork.values import holds_arrays
+from mrwork.values import array_dataclass
 
 
 def data_classes() -> Iterator[type]:
@@ -64,7 +64,7 @@ def is_frozen(kind: Any) -> bool:
 
 
 KINDS = [kind for kind in data_classes() if is_frozen(kind) and array_fields(kind)]
-EQUAL = vars(holds_arrays(type("Any", (), {})))["__eq__"]
+EQUAL = vars(array_dataclass()(type("Any", (), {})))["__eq__"]
 
 
 def filled(kind: Any) -> Any:
@@ -104,7 +104,7 @@ def test_the_walk_finds_what_the_package_has() -> None:
 
 @pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.__name__)
 def test_a_class_with_arrays_is_equal_by_value_and_stays_read_only(kind: type) -> None:
-    assert vars(kind)["__eq__"] is EQUAL, f"{kind.__name__} holds arrays and wants @holds_arrays"
+    assert vars(kind)["__eq__"] is EQUAL, f"{kind.__name__} holds arrays and wants @array_dataclass"
     value = filled(kind)
     for each in copies(value):
         assert each == value
@@ -146,8 +146,7 @@ def test_values_that_differ_are_not_equal() -> None:
     assert test != "a test"
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class Measured:
     """A number and an array."""
 

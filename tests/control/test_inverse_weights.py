@@ -36,7 +36,7 @@ def test_the_gain_of_a_regulator_is_optimal_for_weights_that_are_found(control_w
     np.testing.assert_allclose(again, found.gain, rtol=1e-6, atol=1e-6 * np.abs(gain).max())
     settings = RegulatorSettings(
         state_weight=found.state_weight,  # type: ignore[arg-type] # arrays become tuples
-        control_weight=found.control_weight,  # type: ignore[arg-type]
+        control_weight=found.control_weight,  # type: ignore[arg-type] # arrays, which are converted
     )
     assert settings.state_weight is not None
 
@@ -44,7 +44,7 @@ def test_the_gain_of_a_regulator_is_optimal_for_weights_that_are_found(control_w
 def test_two_devices_of_different_weight() -> None:
     R = np.array([1e-10, 3e-10])
     gain = regulator_of_outputs(plant(2), drifts(plant(2)), 1.0, R).gain
-    found = inverse_weights(plant(2), gain, control_weight=R)  # type: ignore[arg-type]
+    found = inverse_weights(plant(2), gain, control_weight=R)  # type: ignore[arg-type] # arrays, which are converted
     assert found.distance <= 1e-5
     np.testing.assert_array_equal(found.control_weight, R)
 

@@ -43,8 +43,8 @@ def test_a_setting_that_cannot_be_is_refused(refused: Refused) -> None:
 
 
 def test_settings_are_refused_when_they_are_made(refused: Refused) -> None:
-    refused(RegulatorSettings, control_wieght=1.0)  # type: ignore[call-arg]
-    refused(RegulatorSettings, drifts=1.0)  # type: ignore[call-arg]
+    refused(RegulatorSettings, control_wieght=1.0)
+    refused(RegulatorSettings, drifts=1.0)
 
 
 def test_settings_of_another_law_are_refused(refused: Refused) -> None:

@@ -17,14 +17,14 @@ from mrwork.control import (
     deformations,
     observer_of,
     plant_of,
-    stacked,
+    stack_outputs,
 )
 
 TS = 2e-3
 
 
 def sensors(system: Plant) -> Outputs:
-    return stacked(accelerations(system), deformations(system))
+    return stack_outputs(accelerations(system), deformations(system))
 
 
 def held_exactly(system: Plant, time: float) -> tuple[np.ndarray, np.ndarray]:

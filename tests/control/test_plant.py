@@ -16,7 +16,7 @@ from mrwork.control import (
     drifts,
     natural_frequencies,
     plant_of,
-    stacked,
+    stack_outputs,
     velocities,
 )
 
@@ -89,7 +89,7 @@ def test_floors_that_follow_the_ground_have_no_direct_term() -> None:
 
 
 def test_outputs_are_selected_by_name(refused: Refused) -> None:
-    both = stacked(accelerations(plant()), deformations(plant()))
+    both = stack_outputs(accelerations(plant()), deformations(plant()))
     chosen = both.select(["deformation device 1", "acceleration 3"])
     np.testing.assert_array_equal(chosen.C, both.C[[3, 2]])
     refused(both.select, ["acceleration 4"])

@@ -6,6 +6,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import product
+from typing import Literal
 
 import mpmath
 import numpy as np
@@ -97,14 +98,14 @@ def test_frames_have_the_gains_of_scipy(n_storeys: int, damping: float) -> None:
 
 
 @pytest.mark.parametrize("time", ["continuous", "discrete"])
-def test_random_equations_are_met_in_sixty_digits(time: str) -> None:
+def test_random_equations_are_met_in_sixty_digits(time: Literal["continuous", "discrete"]) -> None:
     """The residual is formed without rounding, so it is that of P, and P is stabilising."""
     rng = np.random.default_rng(11)
     for n, m in ((2, 1), (5, 2), (8, 3)):
         rows = 4
         A, B = rng.standard_normal((rows, n, n)), rng.standard_normal((rows, n, m))
         Q, R, N = costs(rng, rows, n, m)
-        found = regulator_gains(A, B, Q, R, N, time=time)  # type: ignore[arg-type]
+        found = regulator_gains(A, B, Q, R, N, time=time)
         assert found.solved.all()
         for row in range(rows):
             poles = np.linalg.eigvals(A[row] - B[row] @ found.gain[row])
@@ -122,16 +123,16 @@ def test_random_equations_are_met_in_sixty_digits(time: str) -> None:
 
 
 @pytest.mark.parametrize("time", ["continuous", "discrete"])
-def test_batch_and_threads_do_not_change_a_bit(time: str) -> None:
+def test_batch_and_threads_do_not_change_a_bit(time: Literal["continuous", "discrete"]) -> None:
     rng = np.random.default_rng(12)
     rows, n, m = 45, 6, 2
     A, B = rng.standard_normal((rows, n, n)), rng.standard_normal((rows, n, m))
     Q, R, N = costs(rng, rows, n, m)
-    whole = regulator_gains(A, B, Q, R, N, time=time, threads=1)  # type: ignore[arg-type]
-    other = regulator_gains(A, B, Q, R, N, time=time, threads=2)  # type: ignore[arg-type]
+    whole = regulator_gains(A, B, Q, R, N, time=time, threads=1)
+    other = regulator_gains(A, B, Q, R, N, time=time, threads=2)
     for row in range(rows):
         one = slice(row, row + 1)
-        same_rows(whole, regulator_gains(A[one], B[one], Q[one], R[one], N[one], time=time), row)  # type: ignore[arg-type]
+        same_rows(whole, regulator_gains(A[one], B[one], Q[one], R[one], N[one], time=time), row)
     for name in ("gain", "P", "residual", "status"):
         assert getattr(whole, name).tobytes() == getattr(other, name).tobytes()
 
@@ -198,11 +199,11 @@ def test_what_does_not_fit_is_refused(refused: Refused) -> None:
             "state_weight": np.eye(2),
             "control_weight": np.eye(1),
         }
-        refused(regulator_gains, **(given | change))  # type: ignore[arg-type]
+        refused(regulator_gains, **(given | change))
 
 
 @pytest.mark.parametrize("time", ["continuous", "discrete"])
-def test_kalman_gains_are_those_of_the_transposed_regulator(time: str) -> None:
+def test_kalman_gains_are_those_of_the_transposed_regulator(time: Literal["continuous", "discrete"]) -> None:
     """And the covariance is that of the error, by the Lyapunov equation of the estimate."""
     rng = np.random.default_rng(14)
     rows, n, m = 3, 5, 2
@@ -210,17 +211,17 @@ def test_kalman_gains_are_those_of_the_transposed_regulator(time: str) -> None:
     noise = rng.standard_normal((rows, n + m, n + m))
     noise = noise @ np.swapaxes(noise, 1, 2)
     W, V, S = noise[:, :n, :n], noise[:, n:, n:], noise[:, :n, n:]
-    found = kalman_gains(A, C, W, V, S, time=time)  # type: ignore[arg-type]
+    found = kalman_gains(A, C, W, V, S, time=time)
     assert found.solved.all()
     assert found.gain.shape == (rows, n, m)
     L = found.gain
     turned = np.swapaxes(L, 1, 2)
     error = A - L @ C
     driven = W - L @ np.swapaxes(S, 1, 2) - S @ turned + L @ V @ turned
-    covariance = lyapunov_solutions(np.swapaxes(error, 1, 2), driven, time=time)  # type: ignore[arg-type]
+    covariance = lyapunov_solutions(np.swapaxes(error, 1, 2), driven, time=time)
     assert covariance.solved.all()
     np.testing.assert_allclose(covariance.P, found.P, rtol=1e-8, atol=1e-9 * np.abs(found.P).max())
-    scaled = kalman_gains(A, C, W, V, S, time=time, scaling=np.diag([1.0, 1e2, 1.0, 1e-2, 3.0]))  # type: ignore[arg-type]
+    scaled = kalman_gains(A, C, W, V, S, time=time, scaling=np.diag([1.0, 1e2, 1.0, 1e-2, 3.0]))
     np.testing.assert_allclose(scaled.gain, found.gain, rtol=1e-8, atol=1e-9 * np.abs(L).max())
 
 

@@ -21,7 +21,7 @@ from mrwork.control import (
     design_weights,
     drifts,
     plant_of,
-    stacked,
+    stack_outputs,
 )
 from mrwork.motions import CloughPenzien, KanaiTajimi
 
@@ -54,7 +54,7 @@ def in_si(building: Building) -> tuple[np.ndarray, ...]:
     back = np.linalg.inv(modes)
     X = back @ scipy.linalg.solve_continuous_lyapunov(A, -np.outer(w, w)) @ back.T
     noise = np.outer(w, w) + 0.02**2 * building.frequencies[0] * (modes * np.diag(X)) @ modes.T
-    y = stacked(drifts(plant), accelerations(plant))
+    y = stack_outputs(drifts(plant), accelerations(plant))
     return A, B, noise, np.hstack([y.C, np.zeros((len(y.C), 2))]), y.D
 
 
@@ -122,7 +122,7 @@ def test_no_other_regulator_within_the_budget_does_better() -> None:
 def test_the_gain_is_that_of_the_weights_in_the_settings_of_a_law() -> None:
     found, plant = designed(), plant_of(frame(), frame().storeys[:1])
     for scale in (1.0, 1e-3):
-        settings = RegulatorSettings(**found.settings(scale))  # type: ignore[arg-type]
+        settings = RegulatorSettings(**found.settings(scale))  # type: ignore[arg-type] # settings of several kinds by name
         damper = mr.damper("static_hysteretic").preset("kwok2006")
         device = mr.Device(
             name="1", spec=damper.spec, theta=damper.theta, row=frame().storeys[0], largest_command=1.88

@@ -105,7 +105,7 @@ def test_a_regulator_solves_the_riccati_equation_of_its_weights(names: tuple[str
     A, B = system()
     Q, N, S = terms(names)
     P = scipy.linalg.solve_continuous_are(A, B, Q, S, s=N)
-    settings = RegulatorSettings(control_weight=R, **{name: weight(name) for name in names})  # type: ignore[arg-type]
+    settings = RegulatorSettings(control_weight=R, **{name: weight(name) for name in names})  # type: ignore[arg-type] # settings of several kinds by name
     law = design_law("clipped_optimal", problem(), settings)
     expected = np.linalg.solve(S, B.T @ P + N.T)
     np.testing.assert_allclose(law.gains["gain"], expected, rtol=1e-6, atol=1e-6 * np.abs(expected).max())
@@ -134,7 +134,7 @@ def test_a_lyapunov_function_is_the_cost_of_free_vibration(names: tuple[str, ...
     Q = terms(names)[0]
     equations = np.kron(np.eye(6), A.T) + np.kron(A.T, np.eye(6))
     P = np.linalg.solve(equations, -Q.ravel()).reshape(6, 6)
-    settings = LyapunovSettings(**{name: weight(name) for name in names})  # type: ignore[arg-type]
+    settings = LyapunovSettings(**{name: weight(name) for name in names})  # type: ignore[arg-type] # settings of several kinds by name
     law = design_law("lyapunov", problem(), settings)
     expected = B.T @ P
     np.testing.assert_allclose(law.gains["weight"], expected, rtol=1e-7, atol=1e-8 * np.abs(expected).max())
@@ -142,8 +142,8 @@ def test_a_lyapunov_function_is_the_cost_of_free_vibration(names: tuple[str, ...
 
 def test_the_proportional_law_has_the_cross_term_of_its_regulator() -> None:
     weights = {"accelerations": FULL, "control_weight": R}
-    regulator = RegulatorSettings(**weights).regulator(problem())  # type: ignore[arg-type]
-    law = design_law("proportional_direct", problem(), ProportionalSettings(slope=1.0, **weights))  # type: ignore[arg-type]
+    regulator = RegulatorSettings(**weights).regulator(problem())  # type: ignore[arg-type] # settings of several kinds by name
+    law = design_law("proportional_direct", problem(), ProportionalSettings(slope=1.0, **weights))  # type: ignore[arg-type] # settings of several kinds by name
     np.testing.assert_allclose(law.gains["weight"], regulator.control_weight @ regulator.gain, rtol=1e-6)
 
 
@@ -155,7 +155,7 @@ def test_a_diagonal_is_the_matrix_with_that_diagonal() -> None:
     ]
     np.testing.assert_array_equal(found[0], found[1])
     np.testing.assert_array_equal(found[0], found[2])
-    assert hash(RegulatorSettings(control_weight=1e-2, drifts=np.eye(3))) == hash(  # type: ignore[arg-type]
+    assert hash(RegulatorSettings(control_weight=1e-2, drifts=np.eye(3))) == hash(  # type: ignore[arg-type] # arrays, which are converted
         RegulatorSettings(control_weight=1e-2, drifts=((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)))
     )
 
@@ -180,7 +180,7 @@ def test_a_weight_that_cannot_be_is_refused(law: str, name: str, given: Any, ref
 
 def test_a_weight_that_is_not_a_number_is_refused(refused: Refused) -> None:
     refused(design_law, "lyapunov", problem(), {"displacements": np.full((3, 3), np.nan)})
-    refused(LyapunovSettings, displacements=np.full((3, 3), np.nan))  # type: ignore[arg-type]
+    refused(LyapunovSettings, displacements=np.full((3, 3), np.nan))
 
 
 def test_a_control_weight_that_cannot_be_is_refused(refused: Refused) -> None:
@@ -196,7 +196,7 @@ def test_a_study_file_gives_matrices_inline_or_by_file(tmp_path: Path, refused: 
     def gain(weights: str) -> np.ndarray:
         path = tmp_path / "study.toml"
         path.write_text(study_text(f"control_weight = 1e-9\n{weights}"))
-        return np.asarray(read_study(path).arrangements[-1].law.gains["gain"])  # type: ignore[union-attr]
+        return np.asarray(read_study(path).arrangements[-1].law.gains["gain"])  # type: ignore[union-attr] # a law of gains
 
     inline = gain(f"drifts = {matrix.tolist()}")
     np.testing.assert_array_equal(gain("drifts = 'weights.csv'"), inline)

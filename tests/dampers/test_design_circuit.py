@@ -128,4 +128,4 @@ def test_wrong_materials_are_refused(refused: Refused) -> None:
     refused(Steel, name="x", field=(0.0, 1.0), flux_density=(0.0, 1.0, 2.0))
     refused(replace, CIRCUIT, areas=(), lengths=())
     refused(fluid, "MRF-132")
-    refused(steel, "St 37")  # type: ignore[operator]
+    refused(steel, "St 37")

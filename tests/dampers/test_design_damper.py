@@ -180,4 +180,4 @@ def test_what_cannot_be_built_is_refused(refused: Refused) -> None:
         {"bore": -0.05},
         {"stages": 0},
     ):
-        refused(replace, SMALL_DAMPER, **changed)  # type: ignore[arg-type]
+        refused(replace, SMALL_DAMPER, **changed)

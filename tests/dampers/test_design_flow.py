@@ -220,7 +220,7 @@ def test_shear_mode_is_couette_flow() -> None:
 def test_impossible_flow_is_refused(refused: Refused) -> None:
     for changed in ({"flow": -1e-3}, {"viscosity": 0.0}, {"yield_stress": [0.0, -1.0]}):
         given: dict[str, object] = {"flow": 1e-3, "yield_stress": 0.0, "viscosity": VISCOSITY}
-        refused(plate_pressure, SLOT, **{**given, **changed})  # type: ignore[arg-type]
+        refused(plate_pressure, SLOT, **{**given, **changed})
 
 
 @given(root=st.floats(-0.99, 0.99), power=st.sampled_from([1, 3, 5]))

@@ -84,8 +84,8 @@ def test_the_values_of_a_law_are_those_of_its_equation(name: LawName) -> None:
 
 
 def test_a_command_that_no_driver_gives_its_unit_and_a_misspelt_law_are_refused(refused: Refused) -> None:
-    refused(mr.damper("dahl").with_current_laws, {"k_w": "linear"}, unit="kg")  # type: ignore[arg-type]
-    refused(mr.damper("dahl").with_current_laws, {"k_w": "linaer"})  # type: ignore[dict-item]
+    refused(mr.damper("dahl").with_current_laws, {"k_w": "linear"}, unit="kg")
+    refused(mr.damper("dahl").with_current_laws, {"k_w": "linaer"})
     for command in (-5.0, 1e9, np.linspace(-1, 1, 20)):
         refused(Loading(dt=0.01, displacement=np.zeros(20), command=command, command_unit="A").history)
-    refused(Loading, dt=0.01, displacement=np.zeros(20), command=1.0, command_unit="kg")  # type: ignore[arg-type]
+    refused(Loading, dt=0.01, displacement=np.zeros(20), command=1.0, command_unit="kg")

@@ -52,7 +52,7 @@ ARGUMENTS = [(verb, each) for verb in verbs() for each in options_of(verb) if no
 
 
 def named(value: object) -> str:
-    return value if isinstance(value, str) else (value.option_strings or [value.dest])[0]  # type: ignore[attr-defined]
+    return value if isinstance(value, str) else (value.option_strings or [value.dest])[0]  # type: ignore[attr-defined] # argparse does not say what it holds
 
 
 def refused(ended: Ended, given: object) -> None:
@@ -78,6 +78,8 @@ def arguments_of(verb: str, record: Path, run: Path, folder: Path) -> list[objec
     study = folder / "study.toml"
     study.write_text(study_text("control_weight = 1e-13"))
     arguments: dict[str, list[object]] = {
+        "demo": ["--out", folder / "demo"],
+        "init": ["study", folder / "sample"],
         "models": [],
         "check": [record],
         "identify": [record, "--model", "static_hysteretic", "--out", folder / "new"],
@@ -90,6 +92,7 @@ def arguments_of(verb: str, record: Path, run: Path, folder: Path) -> list[objec
         "respond": [study, "--out", folder / "study"],
         "tune": [study, "--out", folder / "tuned", "--quick"],
         "convert": ["spencer", "--to", "normalised", "alpha=1", "A=1", "n=2", "gamma=1", "beta=1"],
+        "completion": ["bash"],
     }
     return arguments[verb]
 
@@ -122,8 +125,8 @@ def test_every_option_is_tried() -> None:
 @pytest.mark.parametrize(("verb", "option"), NUMBERS, ids=named)
 def test_a_number_outside_its_range_is_refused_with_the_range(verb: str, option: argparse.Action) -> None:
     assert option.help is not None
-    assert option.type.in_words in option.help  # type: ignore[union-attr]
-    limits = option.type if isinstance(option.type, Range) else option.type.of  # type: ignore[union-attr]
+    assert option.type.in_words in option.help  # type: ignore[union-attr] # argparse does not say what it holds
+    limits = option.type if isinstance(option.type, Range) else option.type.of  # type: ignore[union-attr] # argparse does not say what it holds
     beyond = (limits.lower - 1, limits.upper + 1, np.nextafter(limits.lower, -np.inf))
     for value in (*NO_NUMBERS, *beyond):
         ended = mrwork(verb, f"{option.option_strings[0]}={value}")

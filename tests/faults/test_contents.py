@@ -229,7 +229,7 @@ def test_forged_predictions_are_refused_or_used(copied: Path) -> None:
             forged.append((f"{name} {what}", {**arrays, name: made}))
     accepted = 0
     for what, made in sampled(forged):
-        np.savez(path, **made)  # type: ignore[arg-type]
+        np.savez(path, **made)  # type: ignore[arg-type] # NumPy takes arrays by any name
         if read(lambda: mr.load(copied), what):
             accepted += 1
             if accepted % DRAWN == 0:

@@ -184,6 +184,33 @@ def test_jax_that_does_not_start_is_one_sentence_and_what_was_computed_is_kept(
     assert (tmp_path / "run.part" / "journal.jsonl").is_file()
 
 
+@pytest.mark.parametrize(
+    ("variable", "words"),
+    [
+        ("JAX_ENABLE_X64", ("identify", "synthetic:spencer1997", *TWIN)),
+        ("MPLBACKEND", ("respond", "study.toml")),
+    ],
+    ids=["JAX", "Matplotlib"],
+)
+def test_a_wrong_value_of_a_librarys_variable_is_one_sentence(
+    tmp_path: Path, variable: str, words: tuple[str, ...]
+) -> None:
+    (tmp_path / "study.toml").write_text(STUDY)
+    ended = subprocess.run(
+        [*COMMAND, *words, "--quiet", "--out", "run"],
+        capture_output=True,
+        text=True,
+        env=os.environ | {variable: "banana"},
+        cwd=tmp_path,
+        check=False,
+        timeout=PATIENCE,
+    )
+    assert ended.returncode == 2, ended.stderr
+    assert len(ended.stderr.splitlines()) == 1
+    assert "'banana'" in ended.stderr
+    assert "unset the environment variable" in ended.stderr
+
+
 # StopSignals
 
 # The signal comes from the process itself, at one of its imports: a point that no load of the machine moves.
@@ -248,8 +275,7 @@ def test_a_signal_while_modules_are_loaded_is_no_traceback(
 def test_before_signals_are_answered_next_to_nothing_is_loaded() -> None:
     loaded = "import sys; import mrwork.cli; print(sorted(name for name in sys.modules if 'mrwork' in name))"
     ended = subprocess.run([sys.executable, "-c", loaded], capture_output=True, text=True, check=True)
-    # `fitted_damper` imports nothing.
-    assert ended.stdout.strip() == "['mrwork', 'mrwork.cli', 'mrwork.cli.signals', 'mrwork.fitted_damper']"
+    assert ended.stdout.strip() == "['mrwork', 'mrwork.cli', 'mrwork.cli.signals']"
 
 
 LOST = """

@@ -107,7 +107,7 @@ def warning(path: Path) -> object:
 
 def tried(tmp_path: Path, read: Callable[[Path], object], **options: object) -> Harness:
     seed = Seed(file="a.csv", content=WHOLE["text"], structure="text")
-    reader = Reader(name="reader", read=read, seeds=(seed,), **options)  # type: ignore[arg-type]
+    reader = Reader(name="reader", read=read, seeds=(seed,), **options)  # type: ignore[arg-type] # settings of several kinds by name
     harness = Harness([reader], 2, n_processes=1, kept=tmp_path / "kept")
     harness.run(lambda line: None)
     return harness

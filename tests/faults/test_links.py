@@ -80,6 +80,9 @@ TUNED = "tune study.toml --quick --out out"
 SAMPLED = "sample run --steps 4 --walkers 16"
 
 JOBS = {
+    "demo": Job(words="demo --threads 1 --out run"),
+    "init rig": Job(words="init rig rig"),
+    "init study": Job(words="init study sample.toml"),
     "identify": Job(words=FIT),
     "identify --resume": Job(words=f"{FIT} --resume", before=(FIT,)),
     "identify --model A,B": Job(words=COMPARED),
@@ -99,12 +102,12 @@ JOBS = {
     "check": Job(words="check one.csv two.csv --table table.csv"),
 }
 # Verbs that write nothing.
-READING = {"predict", "convert"}
+READING = {"predict", "convert", "completion"}
 
 
 def done(words: str, folder: Path) -> Ended:
     with contextlib.chdir(folder):
-        quiet = ("--quiet",) if words.split()[0] not in ("models", "check") else ()
+        quiet = ("--quiet",) if words.split()[0] not in ("models", "check", "init") else ()
         return mrwork(*words.split(), *quiet, "--json")
 
 

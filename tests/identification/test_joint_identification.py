@@ -12,7 +12,7 @@ from mrwork import identify
 from mrwork.dampers import damper
 from mrwork.errors import Interrupted
 from mrwork.identification import FitSettings, Objective, Progress, free_run
-from mrwork.identification.nuisance import nuisance_of, without_nuisance
+from mrwork.identification.residual import nuisance_of, without_nuisance
 from mrwork.records import DamperTest, Observation
 from mrwork.records.window import excerpt
 from mrwork.search import EfficientGA, StopRules

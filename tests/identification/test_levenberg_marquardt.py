@@ -27,8 +27,8 @@ from mrwork.identification import (
 )
 from mrwork.identification.equivalent import Form
 from mrwork.identification.levenberg_marquardt_twin import TwinResiduals, arrays_of
-from mrwork.identification.nuisance import NuisanceName, bounds_without_offsets
-from mrwork.identification.objective import linearised
+from mrwork.identification.objective import linearise_residuals
+from mrwork.identification.residual import NuisanceName, bounds_without_offsets
 from mrwork.identification.result import Slopes, covariance_at, remark_of, standard_errors
 from mrwork.identification.settings import FitSettings
 from mrwork.records import DamperTest, Observation
@@ -151,7 +151,7 @@ def test_residuals_of_the_twin_and_their_derivatives_are_those_of_the_lanes(
     theta = joint_theta() * np.exp(0.1 * np.random.default_rng(2).standard_normal(len(LAWS.names)))
     # No sample is close enough to mid-stroke to feel x_s, and f0 is an offset.
     columns = identifiable_form(LAWS, SHARP | bounds_without_offsets(nuisances, LAWS)).box.free
-    (residuals,), (derivatives,) = linearised(objective, theta[None], columns)
+    (residuals,), (derivatives,) = linearise_residuals(objective, theta[None], columns)
     twin, arrays = TwinResiduals.of(objective), arrays_of(objective, (1, 1))
 
     def both(theta: jax.Array) -> tuple[jax.Array, jax.Array]:
@@ -177,7 +177,7 @@ def test_an_observation_is_refused_on_the_twin_before_anything_is_searched() -> 
 
 def test_an_engine_that_does_not_exist_is_named() -> None:
     with pytest.raises(SettingError, match="`engine` of identify is 'jax'; choose one of lanes, twin"):
-        identify("static_hysteretic", joint_tests()[0], engine="jax")  # type: ignore[arg-type]
+        identify("static_hysteretic", joint_tests()[0], engine="jax")  # type: ignore[arg-type] # no engine, on purpose
 
 
 def test_the_twin_can_be_asked_for_and_finds_the_same() -> None:

@@ -9,8 +9,8 @@ import pytest
 
 from mrwork.dampers import damper
 from mrwork.identification import FitSettings, Objective
-from mrwork.identification.nuisance import NuisanceName
-from mrwork.identification.objective import linearised
+from mrwork.identification.objective import linearise_residuals
+from mrwork.identification.residual import NuisanceName
 from mrwork.records import DamperTest, Observation, cut
 from mrwork.simulate import Loading, simulate_force
 from mrwork.synthetic import synthetic_test
@@ -31,7 +31,7 @@ def rows(rng: int, n_rows: int = 3) -> np.ndarray:
 def assert_exact(objective: Objective, theta: np.ndarray) -> None:
     """Central differences of 1e-6 leave 1e-9 of rounding, relative to the residuals, and about as much curvature."""
     columns = range(theta.shape[1])
-    residuals, jacobian = linearised(objective, theta, columns)
+    residuals, jacobian = linearise_residuals(objective, theta, columns)
     # BLAS sums the same products in another order for other shapes.
     np.testing.assert_allclose(residuals, objective.residuals(theta), rtol=0.0, atol=1e-12)
     for own, row in zip(jacobian, theta, strict=True):
@@ -79,7 +79,7 @@ def test_jacobian_of_current_laws_over_several_tests(test: DamperTest) -> None:
     )
     objective = Objective.of(model, tests)
     columns = [model.names.index(name) for name in ("c.0", "c.1", "k_w.0", "k_w.1", "n")]
-    _, (jacobian,) = linearised(objective, theta[None], columns)
+    _, (jacobian,) = linearise_residuals(objective, theta[None], columns)
     for own, column in zip(jacobian, columns, strict=True):
         step = np.zeros_like(theta)
         step[column] = 1e-6 * abs(theta[column])
@@ -90,9 +90,9 @@ def test_jacobian_of_current_laws_over_several_tests(test: DamperTest) -> None:
 
 def test_tests_side_by_side_give_the_bits_of_one_after_the_other(test: DamperTest) -> None:
     tests = tuple(replace(test, name=str(index), force=(1.0 + index) * test.force) for index in range(5))
-    one = linearised(Objective.of(SPEC, tests, threads=1), rows(3), [0, 3])
+    one = linearise_residuals(Objective.of(SPEC, tests, threads=1), rows(3), [0, 3])
     for threads in (0, 3):
-        several = linearised(Objective.of(SPEC, tests, threads=threads), rows(3), [0, 3])
+        several = linearise_residuals(Objective.of(SPEC, tests, threads=threads), rows(3), [0, 3])
         for left, right in zip(one, several, strict=True):
             np.testing.assert_array_equal(left, right)
 
@@ -101,15 +101,15 @@ def test_a_failed_row_has_residuals_of_one_and_no_slope(test: DamperTest) -> Non
     theta = rows(4)
     theta[1] = np.nan
     objective = Objective.of(SPEC, (test,), FitSettings(nuisances=("offset",)))
-    residuals, jacobian = linearised(objective, theta, [0, 1])
+    residuals, jacobian = linearise_residuals(objective, theta, [0, 1])
     assert np.all(residuals[1] == 1.0)
     assert np.all(jacobian[1] == 0.0)
-    clean = linearised(objective, theta[[0, 2]], [0, 1])
+    clean = linearise_residuals(objective, theta[[0, 2]], [0, 1])
     np.testing.assert_allclose(jacobian[[0, 2]], clean[1], rtol=1e-12)
 
 
 def test_an_empty_batch_has_empty_residuals(test: DamperTest) -> None:
-    residuals, jacobian = linearised(Objective.of(SPEC, (test,)), np.empty((0, 7)), [0, 1])
+    residuals, jacobian = linearise_residuals(Objective.of(SPEC, (test,)), np.empty((0, 7)), [0, 1])
     assert residuals.shape[0] == jacobian.shape[0] == 0
     assert jacobian.shape[1] == 2
 
@@ -117,7 +117,7 @@ def test_an_empty_batch_has_empty_residuals(test: DamperTest) -> None:
 def test_simulated_force_has_zero_residuals(test: DamperTest) -> None:
     loading = Loading(dt=test.dt, displacement=test.displacement, velocity=test.velocity)
     own = replace(test, force=simulate_force(SPEC, SPEC.nominal, loading))
-    residuals, _ = linearised(Objective.of(SPEC, (own,)), SPEC.nominal[None], [0])
+    residuals, _ = linearise_residuals(Objective.of(SPEC, (own,)), SPEC.nominal[None], [0])
     assert np.all(residuals == 0.0)
 
 

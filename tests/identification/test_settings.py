@@ -15,7 +15,7 @@ from mrwork.identification import FitSettings, Multistart
 from mrwork.identification.fit_file import fit_from_json
 from mrwork.identification.identify import identify_again
 from mrwork.identification.problem import Problem, fingerprint_of
-from mrwork.identification.settings import UnregisteredSearch, resized, search_named, searches
+from mrwork.identification.settings import UnregisteredSearch, resize_search, search_named, searches
 from mrwork.search import DifferentialEvolution, EfficientGA, StopRules
 from mrwork.store.codec import differences, json_document
 
@@ -70,7 +70,7 @@ def test_a_fit_has_the_settings_it_was_made_with() -> None:
     fit = mr.identify(
         SPEC,
         TEST,
-        **{each.name: getattr(settings, each.name) for each in fields(FitSettings)},  # type: ignore[arg-type]
+        **{each.name: getattr(settings, each.name) for each in fields(FitSettings)},
     )
     assert fit.settings == settings
 
@@ -81,7 +81,7 @@ def test_a_record_whose_search_has_no_kind_is_refused(refused: Refused) -> None:
 
 @pytest.mark.parametrize("name", ["particle_swarm_constriction", "differential_evolution_random", "genetic"])
 def test_a_search_keeps_its_name_where_its_size_is_another(name: str) -> None:
-    search = resized(search_named(name), population=12, generations=3)
+    search = resize_search(search_named(name), population=12, generations=3)
     assert FitSettings(search=search).as_record()["search"]["kind"] == name
 
 

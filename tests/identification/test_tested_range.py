@@ -15,7 +15,7 @@ from sentences import Refused
 import mrwork as mr
 from mrwork.errors import SimulationError
 from mrwork.identification.fit_file import fit_from_json, read_fit
-from mrwork.identification.result import explained_by
+from mrwork.identification.result import explain_failures
 from mrwork.records import DamperTest, build_damper_test
 from mrwork.search import EfficientGA, StopRules
 from mrwork.store.codec import json_document
@@ -98,7 +98,7 @@ def test_at_a_command_that_was_left_out_the_law_is_named(fit: mr.Fit) -> None:
 
 def test_a_simulation_that_fails_outside_the_tested_range_says_so(fit: mr.Fit) -> None:
     for current, said in ((0.0, r"diverged; outside the tested range: command 0 A"), (0.5, r"diverged$")):
-        with pytest.raises(SimulationError, match=said), explained_by(fit, a_test(current)):
+        with pytest.raises(SimulationError, match=said), explain_failures(fit, a_test(current)):
             raise SimulationError("diverged")
 
 

@@ -12,8 +12,8 @@ from sentences import Refused
 from mrwork.dampers import damper
 from mrwork.errors import SettingError
 from mrwork.identification import FitSettings, Objective
-from mrwork.identification.nuisance import NuisanceName
 from mrwork.identification.progress import on_every_test
+from mrwork.identification.residual import NuisanceName
 from mrwork.records import DamperTest, cut
 from mrwork.synthetic import synthetic_test
 

@@ -98,7 +98,7 @@ def test_the_suite_scales_to_a_peak_and_prefixes_names() -> None:
 
 def test_a_wrong_suite_is_refused(refused: Refused) -> None:
     for soil, n, seed in (("hard", 3, 0), ("firm", 0, 0), ((), 3, 0), ("firm", 3, -1)):
-        refused(suite, soil, n, rng=seed)  # type: ignore[arg-type]
+        refused(suite, soil, n, rng=seed)
 
 
 def test_the_velocity_of_a_near_fault_pulse_is_its_formula(refused: Refused) -> None:

@@ -32,7 +32,7 @@ def test_the_variance_is_that_of_the_strong_part() -> None:
     strong = motion.acceleration[(energy > 0.05) & (energy < 0.95)]
     w = np.linspace(1e-2, 2.0 * np.pi * 25.0, 200_000)
     for kind in ("kanai_tajimi", "clough_penzien"):
-        density = fitted_spectrum(motion, kind).density(w)  # type: ignore[arg-type]
+        density = fitted_spectrum(motion, kind).density(w)
         assert 2.0 * np.trapezoid(density, w) == pytest.approx(strong.var(), rel=0.15)
 
 
@@ -41,4 +41,4 @@ def test_what_has_no_spectrum_is_refused(refused: Refused) -> None:
     refused(fitted_spectrum, still)
     short = GroundMotion(name="short", dt=0.01, acceleration=np.ones(20))
     refused(fitted_spectrum, short)
-    refused(fitted_spectrum, mr.synthetic_motion(), "white")  # type: ignore[arg-type]
+    refused(fitted_spectrum, mr.synthetic_motion(), "white")

@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from mrwork.dampers import damper
-from mrwork.records import DamperTest, Finding, build_damper_test, detect_smoothing, mislabelled
+from mrwork.records import DamperTest, Finding, build_damper_test, detect_smoothing, find_mislabelled
 from mrwork.records.checks import breakaway_overshoot, clipped_share
 from mrwork.records.detectors.cycles import delay_finding, drift_finding, force_delay, loop_drift, moving_mass
 from mrwork.records.motion import SmoothMotion, motion_of, whole_cycles
@@ -250,7 +250,7 @@ def _set_of_tests() -> list[DamperTest]:
 
 
 def test_a_set_with_right_labels_raises_no_alarm() -> None:
-    assert mislabelled(_set_of_tests()) == ()
+    assert find_mislabelled(_set_of_tests()) == ()
 
 
 @pytest.mark.parametrize(("wrong", "label"), [(7, 1.0), (12, 0.5), (3, 0.5)])
@@ -258,7 +258,7 @@ def test_a_wrong_label_in_a_set_is_named(wrong: int, label: float) -> None:
     tests = _set_of_tests()
     right = tests[wrong].current
     tests[wrong] = replace(tests[wrong], current=label)
-    (finding,) = mislabelled(tests)
+    (finding,) = find_mislabelled(tests)
     assert finding.message.startswith(f"{tests[wrong].name}: ")
     assert f"the other tests at {label:.3g} A" in finding.message
     assert finding.measured is not None
@@ -268,7 +268,7 @@ def test_a_wrong_label_in_a_set_is_named(wrong: int, label: float) -> None:
 
 def test_too_few_tests_of_a_command_are_not_judged() -> None:
     tests = _set_of_tests()[4:6]
-    assert mislabelled(tests) == ()
+    assert find_mislabelled(tests) == ()
 
 
 def _codes(findings: tuple[Finding, ...]) -> list[str]:

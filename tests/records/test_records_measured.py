@@ -14,7 +14,7 @@ from mrwork.records import (
     RecordedMotion,
     build_damper_test,
     detect_smoothing,
-    mislabelled,
+    find_mislabelled,
     read_damper_tests,
 )
 from mrwork.records.likeness import alike_groups
@@ -55,8 +55,8 @@ def test_each_finding_is_where_its_cause_is(utfsm: tuple[DamperTest, ...]) -> No
 def test_labels_of_one_set_are_right_and_two_of_the_other_wrong(
     utfsm: tuple[DamperTest, ...], labcontrol: tuple[DamperTest, ...]
 ) -> None:
-    assert mislabelled(utfsm) == ()
-    named = {finding.message.partition(": ")[0] for finding in mislabelled(labcontrol)}
+    assert find_mislabelled(utfsm) == ()
+    named = {finding.message.partition(": ")[0] for finding in find_mislabelled(labcontrol)}
     # Of the tests labelled 0.87 V, these two dissipate a quarter more than the other eight, which agree within 10 %.
     assert {Path(name).stem for name in named} == {"ensaio9.2", "ensaio10.2"}
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from record_files import clean_columns
 
 from mrwork.records import build_damper_test, detect_smoothing
-from mrwork.records.detectors.smoothing import averaged_over
+from mrwork.records.detectors.smoothing import detect_average
 from mrwork.synthetic import SYNTHETIC_TESTS, synthetic_test
 
 
@@ -37,14 +37,14 @@ def test_the_window_of_a_moving_average_is_found_to_the_sample(name: str, n_wind
 def test_rounding_after_the_average_does_not_hide_it() -> None:
     test = synthetic_test("spencer1997")
     force = 0.05 * np.round(averaged(test.force, 40) / 0.05)
-    assert averaged_over(force) == 40
+    assert detect_average(force) == 40
 
 
 def test_a_long_record_of_any_length_is_searched() -> None:
     # 99 991 is a prime number; the last samples are left out, so that the transform is fast.
     noise = np.random.default_rng(3).standard_normal(99_991 + 2 + 49)
-    assert averaged_over(averaged(noise, 50)) == 50
-    assert averaged_over(noise) is None
+    assert detect_average(averaged(noise, 50)) == 50
+    assert detect_average(noise) is None
 
 
 def test_only_the_channel_that_was_averaged_is_named() -> None:
@@ -84,8 +84,8 @@ def test_noise_of_any_colour_raises_no_alarm(colour: str, n_time: int) -> None:
             "low-pass": lfilter(*butter(4, 0.3), white) + 1e-5 * rng.standard_normal(n_time),
             "square wave": np.tanh(5.0 * np.sin(0.11 * np.arange(n_time))) + 0.01 * white,
         }[colour]
-        assert averaged_over(samples) is None
+        assert detect_average(samples) is None
 
 
 def test_a_record_too_short_to_tell_is_left_alone() -> None:
-    assert averaged_over(np.random.default_rng(0).standard_normal(12)) is None
+    assert detect_average(np.random.default_rng(0).standard_normal(12)) is None

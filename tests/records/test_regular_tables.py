@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from sentences import Refused
 
 from mrwork.errors import MrworkError
-from mrwork.files.delimited import DelimitedTable, RegularTable, decoded, open_delimited
+from mrwork.files.delimited import DelimitedTable, RegularTable, decode_text, open_delimited
 from mrwork.files.named_columns import ColumnTable
 
 NUMBERS = st.one_of(
@@ -119,7 +119,7 @@ def tables(draw: st.DrawFn) -> bytes:
 
 
 def line_by_line(data: bytes, source: str) -> ColumnTable:
-    lines = decoded(data).replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    lines = decode_text(data).replace("\r\n", "\n").replace("\r", "\n").split("\n")
     return DelimitedTable(source=source, sha256="", lines=lines)
 
 
@@ -203,36 +203,29 @@ def large(changed: Mapping[int, str]) -> str:
 STATES = {row: f"{line},läuft" for row, line in enumerate(LARGE)}
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        large({}),
-        large({100: "# remark", 8000: "# 1,2,3", 8500: "", 8501: " \t", 8999: ""}),
-        large({8000: "1,,2", 8001: "nan,NA, n/a ", 8002: ",,"}),
-        large({8000: "1, OL,2", 8700: "1,x,y", 8999: "OL,2,3"}),
-        large({8000: "1,x,2", 8700: "", 8500: "1,2", 8600: "1,2,3,4"}),
-        large({8999: "1"}),
-        large({8000: "# läuft", 8700: "1,2,µ"}),
-        large({8000: "1,2,3 # seen", 8700: "1,2,x # seen"}),
-        large(STATES).replace("current_a", "current_a,Zustand"),
-        large({**STATES, 8700: "1,2,x,läuft"}).replace("current_a", "current_a,Zustand"),
-        large({8000: "", 8700: "1,x,2"}).replace(",", ";").replace(".", ","),
-    ],
-    ids=[
-        "plain",
-        "empty_lines",
-        "gaps",
-        "texts",
-        "widths",
-        "short",
-        "umlaut",
-        "remarks",
-        "column",
-        "in_column",
-        "commas",
-    ],
-)
-@pytest.mark.parametrize(("end", "encoding"), [("\n", "utf-8"), ("\r\n", "utf-8-sig"), ("\r", "latin-1")])
+CHANGED = {
+    "plain": large({}),
+    "empty_lines": large({100: "# remark", 8000: "# 1,2,3", 8500: "", 8501: " \t", 8999: ""}),
+    "gaps": large({8000: "1,,2", 8001: "nan,NA, n/a ", 8002: ",,"}),
+    "texts": large({8000: "1, OL,2", 8700: "1,x,y", 8999: "OL,2,3"}),
+    "widths": large({8000: "1,x,2", 8700: "", 8500: "1,2", 8600: "1,2,3,4"}),
+    "short": large({8999: "1"}),
+    "umlaut": large({8000: "# läuft", 8700: "1,2,µ"}),
+    "remarks": large({8000: "1,2,3 # seen", 8700: "1,2,x # seen"}),
+    "column": large(STATES).replace("current_a", "current_a,Zustand"),
+    "in_column": large({**STATES, 8700: "1,2,x,läuft"}).replace("current_a", "current_a,Zustand"),
+    "commas": large({8000: "", 8700: "1,x,2"}).replace(",", ";").replace(".", ","),
+}
+ENCODED = [("\n", "utf-8"), ("\r\n", "utf-8-sig"), ("\r", "latin-1")]
+# In one encoding after the other, and in all of them where one is told from another.
+CHANGED_ENCODED = [
+    pytest.param(text, *ENCODED[place], id=f"{name}-{ENCODED[place][1]}")
+    for number, (name, text) in enumerate(CHANGED.items())
+    for place in ([number % 3] if text.isascii() else range(3))
+]
+
+
+@pytest.mark.parametrize(("text", "end", "encoding"), CHANGED_ENCODED)
 def test_a_large_table_is_told_as_line_by_line_though_some_rows_differ(
     text: str, end: str, encoding: str, tmp_path: Path
 ) -> None:

@@ -13,7 +13,7 @@ from sentences import Refused
 
 import mrwork as mr
 from mrwork.command_signal import is_stepped, levels_of_command, same_command
-from mrwork.records import DamperTest, build_damper_test, cut, mislabelled, read_damper_test, repair
+from mrwork.records import DamperTest, build_damper_test, cut, find_mislabelled, read_damper_test, repair
 from mrwork.records.window import excerpt, varied_excerpt
 
 DT = 1e-3
@@ -194,7 +194,7 @@ def test_repairs_and_excerpts_keep_the_command_beside_the_motion() -> None:
 def test_a_varying_command_gives_no_finding_on_cycles_that_differ_by_it() -> None:
     rising = built(np.where(TIME < 2.0, 0.0, 1.0))
     assert {"loop_drift", "force_delay", "moving_mass"}.isdisjoint(codes(rising))
-    assert mislabelled([built(SWITCHING), *(built(0.5) for _ in range(3))]) == ()
+    assert find_mislabelled([built(SWITCHING), *(built(0.5) for _ in range(3))]) == ()
 
 
 def test_a_command_in_time_with_the_motion_is_no_static_force() -> None:

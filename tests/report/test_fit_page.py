@@ -359,13 +359,13 @@ def test_on_a_telephone_nothing_runs_off_the_side_and_all_can_be_read(
 
 def test_the_forces_of_a_result_are_simulated_once(monkeypatch: pytest.MonkeyPatch) -> None:
     runs: list[str] = []
-    predicted = ObservedTest.predicted
+    predicted = ObservedTest.predict_force
 
     def counted(observed: ObservedTest, *arguments: Any, **settings: Any) -> Any:
         runs.append(observed.test.name)
         return predicted(observed, *arguments, **settings)
 
-    monkeypatch.setattr(ObservedTest, "predicted", counted)
+    monkeypatch.setattr(ObservedTest, "predict_force", counted)
     tests = [cut(synthetic_test(name), every=8) for name in ("spencer1997", "spencer1997_fast")]
     found = identify("bingham", tests)
     shown = comparisons_of(found, tests)

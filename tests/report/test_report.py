@@ -64,7 +64,7 @@ class Page(HTMLParser):
 
 
 def report(*comparisons: Comparison, **changes: object) -> str:
-    described = replace(fit(*comparisons), **changes)  # type: ignore[arg-type]
+    described = replace(fit(*comparisons), **changes)  # type: ignore[arg-type] # settings of several kinds by name
     return identification_report(
         described, comparisons, model_title="Normalised Bouc-Wen", equation=EQUATION, source="Ikhouane 2007"
     )

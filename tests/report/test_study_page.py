@@ -18,13 +18,24 @@ from mrwork.cli.study_text import study_text
 from mrwork.report.figures import envelope
 from mrwork.report.study.figures import strokes
 from mrwork.report.study.page import study_page
-from mrwork.report.study.tables import MOST_DRAWN, MOST_LISTED, overview_table, ratio_table, value_table
+from mrwork.report.study.tables import (
+    MOST_DRAWN,
+    MOST_LISTED,
+    change_table,
+    group_table,
+    overview_table,
+    ratio_table,
+    spread_table,
+    step_table,
+    value_table,
+)
 from mrwork.study import StudyResults, compared
+from mrwork.study.run_result import RunResult
 from mrwork.study.study import Row
 
 
 def page_of(**changes: object) -> str:
-    results = replace(study_samples.results(), **changes)  # type: ignore[arg-type]
+    results = study_samples.with_runs(study_samples.results(), **changes)  # type: ignore[arg-type]
     return study_page(results, study_samples.histories, motion=1)
 
 
@@ -168,7 +179,7 @@ def test_of_many_motions_the_terminal_shows_the_spread() -> None:
     text = study_text(study_samples.many_motions(), Path("out"))
     assert "motion 3: criteria" not in text
     assert "Score, the mean of these ratios over 10 test motions, lowest first:" in text
-    assert "soft soil (5)" in text
+    assert "Soft soil" in text
     assert len(text.splitlines()) < 70
 
 
@@ -181,7 +192,7 @@ def many_laws(count: int) -> StudyResults:
         (row, 0): few.runs[row, 0] if row < 3 else study_samples.run(0.04 - 0.02 * (row - 3) / count, 2)
         for row in range(len(rows))
     }
-    return replace(few, rows=rows, motions=few.motions[:1], runs=runs)
+    return study_samples.with_runs(few, runs, rows=rows, motions=few.motions[:1])
 
 
 def text_of_many(results: StudyResults) -> str:
@@ -203,7 +214,7 @@ def test_of_many_laws_the_page_shows_the_best_and_says_so() -> None:
     assert shown == set(range(100 - (MOST_LISTED - 3), 100))
     assert 1 <= page.count("Command of damper 1 under") <= MOST_DRAWN
     # What is counted is counted over all.
-    assert "Control laws that are worse, of 100" in page
+    assert "Worse control laws, of 100" in page
     assert "lowest score of 100 control laws" in page
 
 
@@ -217,5 +228,39 @@ def test_the_work_of_a_page_hardly_grows_with_the_number_of_laws() -> None:
     """What is drawn and listed is bounded; what is counted over all laws costs little."""
     few, many = many_laws(80), many_laws(320)
     # Strokes are Matplotlib's work, of figures that are counted in another test.
-    text_of_many(few)
+    text_of_many(many_laws(5))
     assert calls_of(lambda: text_of_many(many)) < 1.5 * calls_of(lambda: text_of_many(few))
+
+
+def test_the_terminal_shows_the_columns_of_the_page_and_names_those_that_are_too_wide() -> None:
+    results = study_samples.many_motions()
+    results = study_samples.with_runs(results, halved=results.runs)
+    text, rows = study_text(results, None), range(len(results.rows))
+    comparison = compared(results)
+    for table in (
+        *(change_table(comparison, reference, rows) for reference in comparison.references),
+        spread_table(comparison, rows),
+        group_table(results, rows),
+        step_table(results, rows),
+    ):
+        heading = next(line for line in text.splitlines() if line.split() == " ".join(table.columns).split())
+        assert heading
+    wide = change_table(comparison, 0, rows).lines(width=60)
+    assert max(map(len, wide[:-1])) <= 60
+    assert (
+        wide[-1]
+        == "Too wide for a terminal, and on the page: RMS displ., RMS drift, RMS acc., RMS shear, Largest increase"
+    )
+
+
+def test_the_criteria_of_one_motion_are_those_of_the_page() -> None:
+    results = study_samples.with_runs(
+        study_samples.results(), motions=study_samples.MOTIONS[:1], runs=first_runs()
+    )
+    text, rows = study_text(results, None), range(len(results.rows))
+    for table in (value_table(results, (0,), rows), ratio_table(results, 0, rows)):
+        assert "\n".join(table.lines("  ", width=120)).replace("–", "-").replace("²", "2") in text
+
+
+def first_runs() -> dict[tuple[int, int], RunResult]:
+    return {key: run for key, run in study_samples.results().runs.items() if key[1] == 0}

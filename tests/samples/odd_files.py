@@ -97,4 +97,4 @@ def _cell(cell: object, row: int, place: int) -> str:
         return f'<c {where} t="inlineStr"><is><t>{escape(cell)}</t></is></c>'
     if isinstance(cell, datetime):
         return f'<c {where} s="1"><v>{(cell - _DAY_ZERO).total_seconds() / 86400.0!r}</v></c>'
-    return f"<c {where}><v>{float(cell)!r}</v></c>"  # type: ignore[arg-type]
+    return f"<c {where}><v>{float(cell)!r}</v></c>"  # type: ignore[arg-type] # a cell that is no text is a number

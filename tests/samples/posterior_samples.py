@@ -51,4 +51,4 @@ def small_sampling(noise: str = "iid", **settings: object) -> SamplingProblem:
         "rng": 0,
         "threads": 1,
     }
-    return SamplingProblem.of_fit(small_fit(), (small_test(),), **(plain | settings))  # type: ignore[arg-type]
+    return SamplingProblem.of_fit(small_fit(), (small_test(),), **(plain | settings))  # type: ignore[arg-type] # settings of several kinds by name

@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from mrwork.study import StudyResults
+from mrwork.study.labelled import (
+    HALF_STEP,
+    NOMINAL,
+    LabelledRuns,
+    criteria_of_study,
+    quantities_of_runs,
+)
 from mrwork.study.results import MotionFacts
 from mrwork.study.run_result import RunHistory, RunResult
 from mrwork.study.study import Row
+from mrwork.units import STANDARD_GRAVITY
 
 SHAPE = np.array([0.4, 0.75, 1.0])
 ROWS = (
@@ -106,18 +115,54 @@ def results() -> StudyResults:
         for motion in range(len(MOTIONS))
     }
     runs[3, 1] = runs[3, 1].with_numbers(energy_error=3e-4)
+    quantities, labelled = labelled_runs(ROWS, MOTIONS, runs)
     return StudyResults(
         title="Three storeys & a law",
         rows=ROWS,
         motions=MOTIONS,
-        runs=runs,
-        floor_names=("floor 1", "floor 2", "roof"),
-        storey_names=("storey 1", "storey 2", "storey 3"),
+        quantities=quantities,
+        labelled=labelled,
         device_names=("damper 1", "damper 1, opposed"),
         command_unit="A",
-        mass=3e3,
         facts=(("Building", "three storeys"),),
     )
+
+
+Runs = Mapping[tuple[int, int], RunResult]
+
+
+def labelled_runs(
+    rows: Sequence[Row], motions: Sequence[MotionFacts], runs: Runs, halved: Runs | None = None
+) -> tuple[LabelledRuns, LabelledRuns]:
+    """Quantities and criteria of runs by row and motion."""
+    axes = {
+        "row": tuple(row.label for row in rows),
+        "motion": tuple(motion.name for motion in motions),
+        "realisation": (NOMINAL,) if halved is None else (NOMINAL, HALF_STEP),
+    }
+    places = {
+        "floor": ("floor 1", "floor 2", "roof"),
+        "storey": ("storey 1", "storey 2", "storey 3"),
+    }
+    every = {
+        (*key, number): run for number, each in enumerate((runs, halved or {})) for key, run in each.items()
+    }
+    quantities = quantities_of_runs(every, axes | places, "A")
+    return quantities, criteria_of_study(every, {}, axes, "A", weight=3e3 * STANDARD_GRAVITY)
+
+
+def with_runs(
+    results: StudyResults,
+    runs: Runs | None = None,
+    *,
+    halved: Runs | None = None,
+    rows: tuple[Row, ...] | None = None,
+    motions: tuple[MotionFacts, ...] | None = None,
+) -> StudyResults:
+    """A study with other runs, and with those of half the step."""
+    rows, motions = rows or results.rows, motions or results.motions
+    quantities, labelled = labelled_runs(rows, motions, results.runs if runs is None else runs, halved)
+    return replace(results, rows=rows, motions=motions, quantities=quantities, labelled=labelled)
 
 
 def histories(row: int, motion: int) -> RunHistory:
@@ -144,4 +189,4 @@ def many_motions(count: int = 12) -> StudyResults:
         for motion in range(count)
     }
     chosen = tuple(motion.name for motion in motions if motion.use == "training")
-    return replace(few, motions=motions, runs=runs, chosen_on=chosen)
+    return replace(with_runs(few, runs, motions=motions), chosen_on=chosen)

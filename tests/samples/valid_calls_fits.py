@@ -36,7 +36,7 @@ def _prediction() -> mr.Prediction:
 def _begun() -> tuple[Any, Any, np.ndarray]:
     state = _SPHERE.start(2, 0, (0, 1))
     proposal = _SPHERE.ask(state)
-    return state, proposal, proposal.accepted(_sphere(proposal.unit))
+    return state, proposal, proposal.accept_misfits(_sphere(proposal.unit))
 
 
 @cache

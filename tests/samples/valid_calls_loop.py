@@ -238,7 +238,7 @@ def plants_calls(_: Path) -> Calls:
     of, frame = mr.control, five_storeys()
     plant = of.plant_of(frame, frame.storeys[:2])
     outputs = of.drifts(plant)
-    measured = of.stacked(of.accelerations(plant), of.deformations(plant))
+    measured = of.stack_outputs(of.accelerations(plant), of.deformations(plant))
     return {
         name: partial(ValidCall, *each)
         for name, each in {
@@ -274,7 +274,7 @@ def gains_calls(_: Path) -> Calls:
     plant = of.plant_of(frame, frame.storeys[:2])
     acceleration = of.accelerations(plant)
     C, n = acceleration.C, len(plant.A)
-    weighed = of.RegulatorSettings(drifts=1.0, control_weight=1e-7).weighed(plant)
+    weighed = of.RegulatorSettings(drifts=1.0, control_weight=1e-7).weigh_outputs(plant)
     return {
         name: partial(ValidCall, *each)
         for name, each in {

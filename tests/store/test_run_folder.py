@@ -29,7 +29,7 @@ from mrwork import load
 from mrwork.errors import OutputError, RecordError
 from mrwork.identification import Fit
 from mrwork.identification.fit_file import manifest_of, read_fit, write_run
-from mrwork.store.input_file import finite_numbers, read_arrays, stored
+from mrwork.store.input_file import finite_numbers, make_stored_kind, read_arrays
 from mrwork.store.output_file import Lock
 from mrwork.store.output_folder import Destination, check_destination, write_folder
 from mrwork.store.run_folder import (
@@ -453,7 +453,7 @@ def test_headers_that_numpy_does_not_write_are_refused_without_its_warnings(
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
         with pytest.raises(RecordError, match=r"a\.npz is damaged") as caught:
-            read_arrays(path, stored("calibrate"))
+            read_arrays(path, make_stored_kind("calibrate"))
     assert not said
     assert str(caught.value).isprintable()
 
@@ -474,7 +474,7 @@ def test_arrays_of_other_values_than_finite_numbers_are_refused(
     tmp_path: Path, wrong: np.ndarray, refused: Refused
 ) -> None:
     np.savez(tmp_path / "a.npz", force=wrong, time=np.arange(2.0))
-    arrays = read_arrays(tmp_path / "a.npz", stored("calibrate"))
+    arrays = read_arrays(tmp_path / "a.npz", make_stored_kind("calibrate"))
     assert finite_numbers(arrays, "time").tolist() == [0.0, 1.0]
     for name in ("force", "velocity"):
         refused(finite_numbers, arrays, name)

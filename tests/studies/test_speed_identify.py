@@ -64,7 +64,7 @@ def test_numba_and_rust_objectives_are_the_same_job(
     theta = scattered(job, 100)
     # Of the stiffest there is, which no sub-steps resolve.
     theta[7, 4], theta[7, 5] = 1e7, 1e4
-    variant = ObjectiveVariant(block=block, fastmath=fastmath, form=form)  # type: ignore[arg-type]
+    variant = ObjectiveVariant(block=block, fastmath=fastmath, form=form)  # type: ignore[arg-type] # the form is one of two words
     objective = NumbaObjective.of(job, variant)
     (simulated,) = job.objective.misfits(theta)
     substeps = substeps_of(theta, objective.dt, objective.peak_velocity, objective.reversal_acceleration)

@@ -95,4 +95,4 @@ def test_the_bar_is_against_the_best_peer() -> None:
 def test_impossible_numbers_are_refused() -> None:
     for settings in ({"steps": 5}, {"walkers": 19}, {"threads": (0,)}, {"nuts_draws": -1}):
         with pytest.raises(SettingError, match="give at least 20 `steps`"):
-            bench_posterior(**settings)  # type: ignore[arg-type]
+            bench_posterior(**settings)  # type: ignore[arg-type] # settings of several kinds by name

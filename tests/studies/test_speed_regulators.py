@@ -36,4 +36,4 @@ def test_a_residual_is_relative_to_the_terms() -> None:
 @pytest.mark.parametrize("wrong", [{"states": [5]}, {"threads": [0]}, {"rounds": 0}, {"batch": -1}])
 def test_settings_out_of_range_are_refused(wrong: dict[str, object]) -> None:
     with pytest.raises(SettingError, match="must be 1 or more"):
-        bench_regulators(**wrong)  # type: ignore[arg-type]
+        bench_regulators(**wrong)  # type: ignore[arg-type] # settings of several kinds by name

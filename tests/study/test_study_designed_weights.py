@@ -243,7 +243,7 @@ def test_what_cannot_be_designed_is_refused_with_its_line(tmp_path: Path, refuse
 def test_a_budget_in_another_unit_is_refused(refused: Refused) -> None:
     frame = mr.building("uts")
     refused(design_weights, frame, frame.storeys[:1], limits={"rms_drift": 1e-3}, budget="1.5 mm")
-    refused(WeightWishes, rms_drift=1e-3)  # type: ignore[call-arg]
+    refused(WeightWishes, rms_drift=1e-3)
     refused(WeightWishes(rms_drift=1e-3, budget=1.0, record="x.csv", intensity=0.1).spectral_density)
 
 

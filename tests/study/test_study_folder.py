@@ -29,7 +29,7 @@ def test_what_follows_from_the_runs_follows_from_their_file(tmp_path: Path) -> N
     results = study_samples.results()
     failed = replace(results.runs[4, 0], outcome="diverged").with_numbers(energy_error=math.nan)
     halved = {key: run.with_numbers(peak_drift=1.01 * run.peak_drift) for key, run in results.runs.items()}
-    results = replace(results, runs={**results.runs, (4, 0): failed}, halved=halved)
+    results = study_samples.with_runs(results, {**results.runs, (4, 0): failed}, halved=halved)
     stored = read_back(results, tmp_path)
     assert [(row.label, row.kind) for row in stored.rows] == [(row.label, row.kind) for row in results.rows]
     assert [motion.peak for motion in stored.motions] == [motion.peak for motion in results.motions]
@@ -41,7 +41,7 @@ def test_what_follows_from_the_runs_follows_from_their_file(tmp_path: Path) -> N
     assert stored.warnings() == results.warnings()
     assert largest_step_changes(stored) == largest_step_changes(results)
     assert (stored.done, stored.total, stored.complete) == (results.done, results.total, True)
-    assert stored.finished(0) == results.finished(0) == [0, 1, 2, 3]
+    assert stored.finished_rows(0) == results.finished_rows(0) == [0, 1, 2, 3]
 
 
 def test_the_file_says_which_motions_scores_stand_on_and_their_spread(tmp_path: Path) -> None:
@@ -76,7 +76,7 @@ def test_a_file_without_the_changes_still_opens(tmp_path: Path) -> None:
 
 def test_rows_that_were_not_reached_are_known_by_their_labels(tmp_path: Path) -> None:
     results = study_samples.results()
-    begun = replace(results, runs={key: run for key, run in results.runs.items() if key[0] < 3})
+    begun = study_samples.with_runs(results, {key: run for key, run in results.runs.items() if key[0] < 3})
     stored = read_back(begun, tmp_path)
     assert [row.label for row in stored.rows] == [row.label for row in results.rows]
     assert (stored.done, stored.total, stored.complete) == (6, 10, False)
@@ -93,7 +93,8 @@ def named_otherwise(value: Any, change: Callable[[dict[str, Any]], object]) -> N
 
 
 def test_a_file_that_is_older_than_a_criterion_opens_without_it(tmp_path: Path) -> None:
-    results = replace(study_samples.results(), halved=dict(study_samples.results().runs))
+    results = study_samples.results()
+    results = study_samples.with_runs(results, halved=results.runs)
     document = study_document(results)
     named_otherwise(document, lambda table: table.pop("rms_base_shear"))
     (tmp_path / RESULTS).write_text(json_document(document), encoding="utf-8")
@@ -151,7 +152,7 @@ def test_results_that_contradict_themselves_are_refused(
     tmp_path: Path, forge: Callable[[dict[str, Any]], object], refused: Refused
 ) -> None:
     results = study_samples.results()
-    document = study_document(replace(results, halved=dict(results.runs)))
+    document = study_document(study_samples.with_runs(results, halved=results.runs))
     assert document["complete"]
     forge(document)
     (tmp_path / RESULTS).write_text(json_document(document), encoding="utf-8")

@@ -86,8 +86,8 @@ def test_realisations_and_a_part_of_the_command_go_with_it(tmp_path: Path) -> No
     study = mr.read_study(write(tmp_path, slope=1e3, more=uncertain))
     results = mr.run_study(study, threads=1)
     row = len(study.arrangements) - 1
-    assert results.varied is not None
-    assert np.unique(results.varied.rows[row].of("peak_drift")).size == 3
+    assert results.n_realisations == 3
+    assert np.unique(results.labelled.peak_drift[row, :, 1:]).size == 3
     assert results.runs[row, 0].peak_current[0] == pytest.approx(0.1)
 
 
@@ -117,7 +117,7 @@ def test_a_file_that_is_no_law_is_refused_with_its_line(tmp_path: Path, refused:
         {"more": "law = 'fuzzy'"},
         {"more": "settings = { slope = 1 }"},
     ):
-        refused(mr.read_study, write(tmp_path, **changes))  # type: ignore[arg-type]
+        refused(mr.read_study, write(tmp_path, **changes))
 
 
 def test_a_row_without_any_law_is_refused(tmp_path: Path, refused: Refused) -> None:

@@ -71,7 +71,7 @@ def design(law: str, text: str, on: DesignProblem | None = None) -> Design:
     document, lines = parse(text, "study.toml")
     place = Place(origin="study.toml", lines=lines)
     settings: LawSettings = read_table(SETTINGS[law], document, place)
-    with place.prefixed(SettingError):
+    with place.prefix_errors(SettingError):
         return settings.design(on or design_problem())
 
 

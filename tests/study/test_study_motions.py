@@ -11,8 +11,7 @@ from sentences import Refused
 from mrwork.keys import Place, read_table
 from mrwork.motions import GroundMotion, suite, synthetic_motion
 from mrwork.study import MotionOfStudy
-from mrwork.study.motions import motions_of_study
-from mrwork.study.reading import parse
+from mrwork.study.reading import motions_of_study, parse
 from mrwork.study.schema import MotionTable
 
 

@@ -21,6 +21,7 @@ import mrwork
 from mrwork.buildings.from_file import Addition
 from mrwork.control import SETTINGS, WeightWishes
 from mrwork.errors import MrworkError
+from mrwork.hints import May
 from mrwork.keys import KeyPath, keys_of, name_in_file, tables
 from mrwork.study import read_study
 from mrwork.study.reading import parse
@@ -151,7 +152,7 @@ def numbers_out_of_range(entry: Field[Any], kind: type) -> Iterator[float]:
     if kind is int:
         yield from (2**63, -(2**63) - 1)
     else:
-        if not notes["may_be_nan"]:
+        if May.BE_NAN not in notes["notes"]:
             yield math.nan
         if entry.default != math.inf:
             yield math.inf
@@ -216,7 +217,8 @@ def names_of_the_code() -> frozenset[str]:
 
 
 def sentence_on(document: Document, folder: Path) -> str:
-    (folder / "law.py").write_text("def command(sample, memory):\n    return [0.0]\n")
+    if not (folder / "law.py").is_file():
+        (folder / "law.py").write_text("def command(sample, memory):\n    return [0.0]\n")
     (folder / "study.toml").write_text(with_headers(document))
     try:
         study = read_study(folder / "study.toml")

@@ -13,6 +13,7 @@ from mrwork.closed_loop.evaluation import Spread
 from mrwork.simulate import Outcome
 from mrwork.study import compared
 from mrwork.study.comparison import chosen_in_words, judged_in_words, motion_groups, times_better
+from mrwork.study.labelled import HALF_STEP, NOMINAL
 from mrwork.study.results import largest_step_changes
 
 
@@ -29,7 +30,7 @@ def test_a_linear_swing_has_the_ratios_of_its_amplitudes() -> None:
 def test_ratios_of_the_references_themselves_are_one() -> None:
     results = study_samples.results()
     for row, against in ((0, "uncontrolled"), (1, "passive_off")):
-        found = results.ratios(row, 0, against)  # type: ignore[arg-type]
+        found = results.ratios(row, 0, against)  # type: ignore[arg-type] # one of two words
         assert {found[entry.name] for entry in criteria() if entry.ratio} == {1.0}
 
 
@@ -43,12 +44,12 @@ def test_scores_and_changes_stand_on_test_motions_only() -> None:
     results = study_samples.results()
     first, second = results.motions
     split = replace(results, motions=(replace(first, use="training"), second))
-    alone = replace(
+    alone = study_samples.with_runs(
         results,
         motions=(second,),
         runs={(row, 0): run for (row, motion), run in results.runs.items() if motion == 1},
     )
-    assert split.judged == (1,)
+    assert split.judged_motions == (1,)
     for row in range(len(results.rows)):
         assert split.score(row) == alone.score(row)
         assert split.spread(row) == alone.spread(row)
@@ -71,7 +72,7 @@ def test_a_run_that_failed_has_no_criteria_and_leaves_no_score() -> None:
     results = study_samples.results()
     runs = dict(results.runs)
     runs[4, 0] = replace(runs[4, 0], outcome="diverged").with_numbers(energy_error=math.nan)
-    results = replace(results, runs=runs)
+    results = study_samples.with_runs(results, runs)
     assert results.criteria(4, 0) is None
     assert math.isnan(results.score(4))
     assert all(math.isnan(value) for value in results.ratios(4, 0, "passive_off").values())
@@ -86,7 +87,7 @@ def test_a_change_of_the_step_is_that_of_the_criteria() -> None:
     whole = results.runs[3, 1]
     halved = {key: run for key, run in results.runs.items() if key[0] == 3}
     halved[3, 1] = whole.with_numbers(peak_drift=1.01 * whole.peak_drift, rms_drift=0.98 * whole.rms_drift)
-    checked = replace(results, halved=halved)
+    checked = study_samples.with_runs(results, halved=halved)
     assert checked.step_changes(2, 0) is None
     assert checked.step_changes(3, 0) == dict.fromkeys((entry.name for entry in criteria()), 0.0)
     (change,) = largest_step_changes(checked)
@@ -98,7 +99,7 @@ def test_a_change_of_the_step_is_that_of_the_criteria() -> None:
 def test_a_run_that_ends_otherwise_with_half_the_step_is_said() -> None:
     results = study_samples.results()
     diverged = replace(results.runs[3, 1], outcome="diverged")
-    (change,) = largest_step_changes(replace(results, halved={(3, 1): diverged}))
+    (change,) = largest_step_changes(study_samples.with_runs(results, halved={(3, 1): diverged}))
     assert change.criterion == ""
     assert change.in_words(results) == "not compared: filtered noise"
 
@@ -106,9 +107,9 @@ def test_a_run_that_ends_otherwise_with_half_the_step_is_said() -> None:
 def test_a_study_is_complete_when_its_check_is() -> None:
     results = study_samples.results()
     assert results.complete
-    begun = replace(results, halved={(0, 0): results.runs[0, 0]})
+    begun = study_samples.with_runs(results, halved={(0, 0): results.runs[0, 0]})
     assert (begun.done, begun.total, begun.complete) == (11, 20, False)
-    assert replace(results, halved=results.runs).complete
+    assert study_samples.with_runs(results, halved=results.runs).complete
 
 
 def test_an_energy_balance_that_does_not_hold_is_said_once_for_each_row() -> None:
@@ -119,8 +120,8 @@ def test_an_energy_balance_that_does_not_hold_is_said_once_for_each_row() -> Non
 
 def test_a_balance_that_is_no_number_does_not_hold() -> None:
     results = study_samples.results()
-    runs = results.runs | {(2, 0): results.runs[2, 0].with_numbers(energy_error=math.nan)}  # type: ignore[operator]
-    assert any(text.startswith("Isolation") for text in replace(results, runs=runs).warnings())
+    runs = {**results.runs, (2, 0): results.runs[2, 0].with_numbers(energy_error=math.nan)}
+    assert any(text.startswith("Isolation") for text in study_samples.with_runs(results, runs).warnings())
 
 
 def test_groups_hold_some_of_the_test_motions_and_training_motions_stand_apart() -> None:
@@ -145,7 +146,7 @@ def test_a_law_is_better_where_drift_and_acceleration_are_both_lower() -> None:
     assert times_better(results, 1, 0) == 9
     runs = dict(results.runs)
     runs[4, 3] = replace(runs[4, 3], outcome="diverged")
-    assert times_better(replace(results, runs=runs), 4, 1) is None
+    assert times_better(study_samples.with_runs(results, runs), 4, 1) is None
 
 
 def test_what_the_best_constant_command_is_chosen_on_is_said() -> None:
@@ -156,3 +157,33 @@ def test_what_the_best_constant_command_is_chosen_on_is_said() -> None:
     assert chosen_in_words(split) == "The best constant command is chosen on 2 training motions."
     same = replace(split, chosen_on=tuple(motion.name for motion in results.motions[:10]))
     assert chosen_in_words(same) == "The best constant command is chosen on the motions that it is judged on."
+
+
+def test_runs_are_those_that_were_labelled_whatever_their_number_of_devices() -> None:
+    results = study_samples.results()
+    runs = dict(results.runs)
+    del runs[2, 1]
+    runs[4, 0] = study_samples.run(0.03, 3)
+    again = study_samples.with_runs(results, runs)
+    assert again.quantities.axes["device"] == ("1", "2", "3")
+    assert again.runs == runs
+
+
+def test_xarray_has_every_criterion_and_quantity_by_the_labels_of_its_axes() -> None:
+    results = study_samples.results()
+    results = study_samples.with_runs(results, halved=results.runs)
+    tree = results.to_xarray()
+    for row, motion in results.runs:
+        places = {
+            "row": results.rows[row].label,
+            "motion": results.motions[motion].name,
+            "realisation": NOMINAL,
+        }
+        for name, value in (results.criteria(row, motion) or {}).items():
+            assert tree[f"criteria/{name}"].sel(places) == value
+        drift = tree["quantities/peak_drift"].sel(places)
+        assert drift.sel(storey="storey 2") == results.runs[row, motion].peak_drift[1]
+    assert tree["criteria/mean_current"].attrs["units"] == "A"
+    assert tree["quantities/peak_acceleration"].dims == ("row", "motion", "realisation", "floor")
+    assert list(tree["quantities"].coords["realisation"].values) == [NOMINAL, HALF_STEP]
+    assert tree["quantities/peak_force"].sel(row="Isolation").isnull().all()

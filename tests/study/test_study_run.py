@@ -161,6 +161,24 @@ def test_an_interrupted_study_has_what_is_done_and_resumes_to_the_bit(study: Stu
     assert (tmp_path / "journal").read_text().count("\n") == lines + len(whole.runs) - 4 + 1
 
 
+def test_a_run_that_lacks_a_quantity_is_simulated_again_on_resuming(study: Study, tmp_path: Path) -> None:
+    path = tmp_path / "journal"
+    whole = ran(study, path).runs
+    entries, _ = read_lines(path.read_bytes(), path)
+    runs = [entry for entry in entries if entry["step"] == "run"]
+    # Some were written before the core had the quantity.
+    for entry in runs[::2]:
+        del entry["result"]["peak_drift"]
+    earlier = b"".join(map(line_of, entries))
+    path.write_bytes(earlier)
+    for _ in range(2):
+        again = ran(study, path, resume=True).runs
+        assert {key: plain(run.numbers) for key, run in again.items()} == {
+            key: plain(run.numbers) for key, run in whole.items()
+        }
+        assert path.read_bytes() == earlier
+
+
 def test_a_journal_of_another_study_is_refused(
     study: Study, path: Path, tmp_path: Path, refused: Refused
 ) -> None:
@@ -200,7 +218,7 @@ def test_a_history_is_the_same_with_its_run_and_by_itself(study: Study, tmp_path
             study,
             journal=journal,
             kept=lambda row, motion: False,
-            keep=lambda row, motion, history, into=histories: into.update({(row, motion): history}),  # type: ignore[misc]
+            keep=lambda row, motion, history, into=histories: into.update({(row, motion): history}),  # type: ignore[misc] # the default holds the dictionary
         )
         journal.close()
         found.append(histories)
@@ -265,8 +283,8 @@ def test_a_forged_history_is_refused_and_simulated_again(
     forge(arrays)
     np.savez(path, **arrays)  # type: ignore[arg-type] # no array is called allow_pickle
     refused(histories.read, row, motion)
-    assert not histories.kept(row, motion)
-    run_study(study, kept=histories.kept, keep=histories.keep, threads=1)
+    assert not histories.is_stored(row, motion)
+    run_study(study, kept=histories.is_stored, keep=histories.keep, threads=1)
     assert histories.read(row, motion) is not None
 
 
@@ -393,7 +411,9 @@ def test_the_verb_goes_on_with_a_killed_study(
             raise KeyboardInterrupt
 
     with pytest.raises(Interrupted):
-        run_study(study, journal=journal, kept=histories.kept, keep=histories.keep, on_progress=on_progress)
+        run_study(
+            study, journal=journal, kept=histories.is_stored, keep=histories.keep, on_progress=on_progress
+        )
     journal.close()
     resumed = json.loads(printed(capsys, "respond", path, "--out", out, "--json", "--resume"))
     fresh = json.loads(printed(capsys, "respond", path, "--out", tmp_path / "fresh", "--json"))

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 from sentences import Refused
 
+from mrwork.hints import node_of
 from mrwork.keys import Place, in_words, is_required, keys_of, name_in_file, read_table, tables
 from mrwork.study.reading import parse
 from mrwork.study.schema import StudyTable, schema_text
@@ -95,4 +96,4 @@ def test_the_printed_schema_has_every_key_that_the_reader_knows(heading: str, ki
     [(str | None, "text"), (int | str, "whole number or text"), (tuple[float, ...], "array of numbers")],
 )
 def test_types_are_printed_in_words(hint: Any, words: str) -> None:
-    assert in_words(hint) == words
+    assert in_words(node_of(hint)) == words

@@ -59,7 +59,7 @@ def test_the_nominal_realisation_gives_the_bits_of_the_study(tmp_path: Path) -> 
     )
     for motion in range(len(given.motions)):
         for name, value in (results.criteria(row, motion) or {}).items():
-            assert found.of(name)[0, motion, 0] == value
+            assert found.numbers[name][0, motion, 0] == value
 
 
 def test_draws_of_dampers_are_one_batch_with_the_bits_of_single_ones(tmp_path: Path) -> None:
@@ -90,7 +90,8 @@ def test_draws_of_dampers_are_one_batch_with_the_bits_of_single_ones(tmp_path: P
             bare=given.building,
             threads=1,
         )
-        assert np.array_equal(batch.numbers[..., place], alone.numbers[..., 0])
+        for name, array in batch.numbers.items():
+            assert np.array_equal(array[..., place], alone.numbers[name][..., 0])
 
 
 def test_posterior_draws_of_a_run_are_spread_over_the_realisations(tmp_path: Path) -> None:

@@ -239,10 +239,12 @@ def test_candidates_of_several_largest_commands_are_one_batch_with_the_results_o
     bench = benches_of(study, journal=None, threads=1, clock=Clock()).training
     settings = {"drifts": 1.0, "control_weight": 1e-13} if law == "clipped_optimal" else {}
     candidates = [LawCandidate(settings=settings, largest_command=largest) for largest in (0.3, 1.0, 1.88)]
-    together = bench.run(law, candidates).numbers
-    alone = np.concatenate([bench.run(law, [each]).numbers for each in candidates], axis=1)
-    assert together == pytest.approx(alone, rel=1e-9)
-    assert np.array_equal(together[:, 2], alone[:, 2])
+    together, alone = bench.run(law, candidates), [bench.run(law, [each]) for each in candidates]
+    for name, array in together.numbers.items():
+        single = np.concatenate([each.numbers[name] for each in alone])
+        # An error of the balance is rounding itself.
+        assert name == "energy_error" or array == pytest.approx(single, rel=1e-9)
+        assert np.array_equal(array[2], single[2])
 
 
 def test_realisations_widen_the_judgement_and_belong_to_a_robust_objective(tmp_path: Path) -> None:

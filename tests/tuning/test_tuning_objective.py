@@ -6,18 +6,18 @@ import numpy as np
 import pytest
 from sentences import Refused
 
-from mrwork.closed_loop import SCORE, criteria
+from mrwork.closed_loop import SCORE
 from mrwork.study import TuneTable
-from mrwork.study.results import RunCriteria
+from mrwork.study.labelled import LabelledRuns, criteria_of_runs, numbered
 from mrwork.tuning.problem import Scores
 from mrwork.tuning.space import objective_of, over, risk_of
 
 SCORES = np.array([[0.1, 0.5, 0.3, 0.9, 0.2, 0.4, 0.6, 0.8, 0.7, 1.0]])
 
 
-def found(numbers: float, n_candidates: int = 1) -> RunCriteria:
-    shape = (len(criteria()), n_candidates, 2, 3)
-    return RunCriteria(numbers=np.full(shape, numbers), energy_error=np.zeros(shape[1:]), seconds=0.0)
+def found(value: float) -> LabelledRuns:
+    axes = {"candidate": numbered(1), "motion": ("A", "B"), "realisation": numbered(3)}
+    return criteria_of_runs(axes, value)
 
 
 def test_conditional_value_at_risk_lies_between_mean_and_largest() -> None:
@@ -50,9 +50,7 @@ def test_dampers_at_zero_command_have_score_one() -> None:
 def test_weights_of_criteria_are_relative() -> None:
     table = TuneTable(laws=("lyapunov",), criteria={"peak_drift": 3.0, "rms_drift": 1.0})
     runs = found(1.0)
-    numbers = runs.numbers.copy()
-    numbers[[entry.name for entry in criteria()].index("peak_drift")] = 0.5
-    lower = RunCriteria(numbers=numbers, energy_error=runs.energy_error, seconds=0.0)
+    lower = runs.with_numbers(peak_drift=0.5 * runs.peak_drift)
     assert objective_of(table, "A").run_scores(lower, runs) == pytest.approx(0.75 * 0.5 + 0.25)
 
 
@@ -64,12 +62,9 @@ def test_the_largest_criterion_is_that_of_each_run() -> None:
         combine="largest",
     )
     runs = found(1.0)
-    numbers = runs.numbers.copy()
-    place = [entry.name for entry in criteria()].index("peak_drift")
-    numbers[place, 0] = np.linspace(0.5, 1.5, 6).reshape(2, 3)
-    mixed = RunCriteria(numbers=numbers, energy_error=runs.energy_error, seconds=0.0)
+    mixed = runs.with_numbers(peak_drift=np.linspace(0.5, 1.5, 6).reshape(1, 2, 3))
     objective = objective_of(table, "A")
-    assert (objective.run_scores(mixed, runs)[0] == np.maximum(numbers[place, 0], 1.0)).all()
+    assert (objective.run_scores(mixed, runs)[0] == np.maximum(mixed.peak_drift[0], 1.0)).all()
     assert "largest of peak drift and RMS drift, each over its value under the best constant" in (
         objective.in_words(robust=False)
     )

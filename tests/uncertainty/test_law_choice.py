@@ -64,7 +64,7 @@ def choice(tests: tuple[DamperTest, ...], settings: FitSettings) -> LawChoice:
 
 
 def test_the_laws_that_made_the_data_are_chosen(choice: LawChoice) -> None:
-    chosen = choice.table.chosen
+    chosen = choice.table.chosen_laws
     assert chosen.laws == {"k_w": "quadratic"}
     assert chosen.n_params == 6
     at_nodes = [each for each in choice.fit.spec.parameters if each.plain_name == "k_w"]
@@ -80,7 +80,7 @@ def test_the_laws_that_made_the_data_are_chosen(choice: LawChoice) -> None:
 
 def test_of_laws_as_good_as_the_best_the_simplest_is_chosen(choice: LawChoice) -> None:
     good = [each for each in choice.table.tried if each.verdict != "behind"]
-    assert choice.table.chosen.n_params == min(each.n_params for each in good)
+    assert choice.table.chosen_laws.n_params == min(each.n_params for each in good)
     assert choice.table.tried[0].left_out_percent == max(each.left_out_percent for each in choice.table.tried)
     assert choice.table.n_folds == 3
     assert "each predicted without the tests of its motion" in choice.table.sentence
@@ -196,7 +196,7 @@ def test_a_run_folder_holds_the_table_and_the_page_shows_it(
     assert chosen["left_out_percent"] > 97.0
     run = mr.load(out)
     assert run.laws is not None
-    assert run.laws.chosen.laws == chosen["laws"]
+    assert run.laws.chosen_laws.laws == chosen["laws"]
     page = (out / "report.html").read_text()
     assert "Choice of current laws" in page
     assert "k_w quadratic" in page

@@ -60,11 +60,11 @@ def of_model(choice: LawChoice, model: str) -> list[TriedLaws]:
 
 def test_of_models_as_good_as_the_best_the_one_with_fewest_parameters_is_chosen(choice: LawChoice) -> None:
     table = choice.table
-    assert (table.model, table.chosen.model, choice.fit.model) == ("dahl", "dahl", "dahl")
-    assert table.chosen.laws == {"k_w": "linear"}
+    assert (table.model, table.chosen_laws.model, choice.fit.model) == ("dahl", "dahl", "dahl")
+    assert table.chosen_laws.laws == {"k_w": "linear"}
     good = [each for each in table.tried if each.verdict != "behind"]
     assert {each.model for each in good} == {"dahl", "viscous_dahl"}
-    assert table.chosen.n_params == min(each.n_params for each in good)
+    assert table.chosen_laws.n_params == min(each.n_params for each in good)
     assert table.models == MODELS
     assert "of 3 models, the one of dahl with 4 parameters is chosen (k_w linear)" in table.sentence
 
@@ -135,7 +135,7 @@ def test_interrupted_in_the_second_model_and_resumed_is_as_if_nothing_had_happen
             raise KeyboardInterrupt
 
     def choose(journals: StepJournals, **options: object) -> LawChoice:
-        return mr.choose_laws(MODELS, tests, settings=SETTINGS, threads=1, journal_of=journals, **options)  # type: ignore[arg-type]
+        return mr.choose_laws(MODELS, tests, settings=SETTINGS, threads=1, journal_of=journals, **options)  # type: ignore[arg-type] # settings of several kinds by name
 
     with pytest.raises(Interrupted) as interrupted, closing(StepJournals(place, resume=False)) as journals:
         choose(journals, on_progress=stop)
@@ -208,7 +208,7 @@ def test_a_table_whose_models_contradict_each_other_is_refused(
     choice: LawChoice, change: dict[str, object]
 ) -> None:
     assert not choice.table.disagreement()
-    assert replace(choice.table, **change).disagreement()  # type: ignore[arg-type]
+    assert replace(choice.table, **change).disagreement()  # type: ignore[arg-type] # settings of several kinds by name
 
 
 def test_a_run_of_several_models_shows_the_model_wherever_it_shows_the_laws(

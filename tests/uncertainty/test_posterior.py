@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import warnings
+from collections.abc import Callable
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
@@ -85,9 +86,9 @@ def test_walkers_that_disagree_or_never_move_have_not_converged() -> None:
         (np.zeros_like, "fixed"),
     ],
 )
-def test_draws_that_pile_up_at_a_bound_are_said_to(draws: object, remark: str) -> None:
+def test_draws_that_pile_up_at_a_bound_are_said_to(draws: Callable[[Any], Any], remark: str) -> None:
     normal = np.random.default_rng(4).standard_normal((8, 500))
-    chain = draws(normal)  # type: ignore[operator]
+    chain = draws(normal)
     assert summary_of(chain, name="a", unit="1", bounds=(0.0, 10.0), tau=1.0).remark == remark
 
 
@@ -172,7 +173,7 @@ def test_an_interrupted_chain_goes_on_to_the_same_bits_on_any_threads(tmp_path: 
                 # Well over the fifth of a second after which progress is first told.
                 most_steps=2000,
                 journal=journal,
-                **settings,  # type: ignore[arg-type]
+                **settings,  # type: ignore[arg-type] # settings of several kinds by name
             )
 
     whole = sampled("whole.jsonl", threads=1)
@@ -249,7 +250,7 @@ def test_another_sampling_is_not_gone_on_with(tmp_path: Path, refused: Refused) 
 
 def test_impossible_settings_are_refused(refused: Refused) -> None:
     def sampled(**settings: object) -> None:
-        sample(small_fit(), small_test(), **settings)  # type: ignore[arg-type]
+        sample(small_fit(), small_test(), **settings)  # type: ignore[arg-type] # settings of several kinds by name
 
     refused(sampled, walkers=8)
     refused(sampled, walkers=33)

@@ -23,7 +23,7 @@ VALUES = np.array([-1.0, 0.3, 2.0, 7.0])
 def test_a_prior_is_the_density_it_is_called(text: str, known: object) -> None:
     name, prior = parse_prior(text)
     assert name == "c"
-    np.testing.assert_allclose(prior.log_density(VALUES), known.logpdf(VALUES), rtol=1e-13)  # type: ignore[attr-defined]
+    np.testing.assert_allclose(prior.log_density(VALUES), known.logpdf(VALUES), rtol=1e-13)  # type: ignore[attr-defined] # a distribution of SciPy
 
 
 def test_another_form_is_refused_with_the_forms_there_are(refused: Refused) -> None:

@@ -229,7 +229,7 @@ def test_a_fit_short_of_its_minimum_is_told(fit: Fit, test: DamperTest) -> None:
 
 def test_impossible_settings_are_named(fit: Fit, test: DamperTest, refused: Refused) -> None:
     for settings in ({"parameters": ["stiffness"]}, {"level": 95.0}):
-        refused(mr.profile, fit, [test], **settings)  # type: ignore[arg-type]
+        refused(mr.profile, fit, [test], **settings)
 
 
 def test_another_power_has_no_likelihood(fit: Fit, test: DamperTest, refused: Refused) -> None:

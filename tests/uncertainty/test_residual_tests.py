@@ -13,15 +13,15 @@ from report_samples import comparison
 from scipy.stats import chi2, f
 
 from mrwork.report.figures import Comparison
-from mrwork.report.fit.residual_tests import (
+from mrwork.report.fit.residuals import (
     LAGS,
     LEVEL,
     autocorrelation,
     chi_squared_beyond,
     f_beyond,
+    residual_section,
     residual_tests,
 )
-from mrwork.report.fit.residuals import residual_section
 
 N_TIME = 2000
 

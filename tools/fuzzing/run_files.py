@@ -18,7 +18,7 @@ import mrwork as mr
 from mrwork.errors import MrworkWarning
 from mrwork.identification import FitSettings
 from mrwork.identification.fit_file import manifest_of, write_run
-from mrwork.identification.settings import resized, search_named
+from mrwork.identification.settings import resize_search, search_named
 from mrwork.store.codec import json_document
 from mrwork.store.journal_file import read_lines
 from mrwork.store.output_folder import Destination
@@ -81,7 +81,7 @@ def _test(number: int) -> mr.DamperTest:
 
 def _search() -> FitSettings:
     """A search that takes no time."""
-    small = resized(search_named("genetic"), population=8, generations=2)
+    small = resize_search(search_named("genetic"), population=8, generations=2)
     return FitSettings(search=small)
 
 

@@ -23,7 +23,7 @@ from typing import Any, Final, get_args
 
 from mrwork.errors import MrworkError, MrworkWarning
 from mrwork.store import child_formats, child_reader
-from mrwork.store.input_file import allowed
+from mrwork.store.input_file import compute_allowance
 from tools.fuzzing.reader import Reader
 
 SECONDS: Final = 10.0
@@ -124,7 +124,7 @@ def _read_here() -> None:
                 raise child_reader.UnreadableError(str(error).partition("\n")[0]) from None
             stream.seek(0)
             try:
-                return child_reader.received(stream, allowed(len(data)))
+                return child_reader.receive_members(stream, compute_allowance(len(data)))
             except EOFError:
                 raise child_reader.UnreadableError("incomplete") from None
 

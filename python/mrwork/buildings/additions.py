@@ -9,7 +9,7 @@ import numpy as np
 import scipy
 
 from mrwork.arguments import NotNegative, Positive, checked
-from mrwork.buildings.matrices import Building, carried
+from mrwork.buildings.matrices import Building, transform_elements
 from mrwork.buildings.modes import modes_of
 from mrwork.errors import SettingError
 from mrwork.values import Floats
@@ -108,8 +108,6 @@ def with_viscous_damper(building: Building, *, storey: int | str, damping: NotNe
 
     Raises
     ------
-    SettingError
-        If the damping is negative.
     UnknownNameError
         If there is no such storey.
     """
@@ -159,7 +157,7 @@ def with_coordinate(
         storey_names=(*building.storey_names, stroke_name),
         status="ours",
         n_strokes=building.n_strokes + 1,
-        elements=carried(building.elements, np.eye(n, n + 1)),
+        elements=transform_elements(building.elements, np.eye(n, n + 1)),
     )
 
 
@@ -197,8 +195,6 @@ def with_brace(
 
     Raises
     ------
-    SettingError
-        If the stiffness or the mass is not positive, or the damping is negative.
     UnknownNameError
         If there is no such storey.
     """
@@ -238,11 +234,6 @@ def with_base_isolation(
         Mass of the slab [kg].
     stiffness, damping
         Sum over all isolators [N/m], [N s/m].
-
-    Raises
-    ------
-    SettingError
-        If the mass or the stiffness is not positive, or the damping is negative.
     """
     # Displacements relative to the slab, q - r u.
     relative = np.hstack([-building.influence[:, None], np.eye(building.n_coordinates)])
@@ -259,7 +250,7 @@ def with_base_isolation(
         storeys=np.vstack([slab, building.storeys @ relative]),
         floor_names=("base", *building.floor_names),
         storey_names=("isolation", *building.storey_names),
-        elements=carried(building.elements, relative),
+        elements=transform_elements(building.elements, relative),
         source=f"{building.source}; base isolation added".removeprefix("; "),
         status="ours",
     )
@@ -282,11 +273,6 @@ def with_base_isolation_of_period(
         Period of the rigid building on its isolators [s].
     ratio
         Damping ratio of that motion.
-
-    Raises
-    ------
-    SettingError
-        If the mass or the period is not positive, or the ratio is negative.
     """
     omega = 2.0 * np.pi / period
     total = building.total_mass + mass

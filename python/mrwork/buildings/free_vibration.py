@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from mrwork.arguments import NotNegative, Positive, checked
 from mrwork.errors import RecordError, SettingError
-from mrwork.keys import Within
+from mrwork.hints import Within
 from mrwork.summary import Summarised
 from mrwork.values import Floats
 
@@ -149,7 +149,7 @@ def fourier_peak(signal: Floats, *, dt: Positive, band: tuple[float, float] | No
     )
     # The image peak at -omega_d leaks over by zeta / 2 of the height; it is removed before the refinement.
     alone = spectrum.without_image(omega, decay)
-    omega, sides = alone.refined(omega, sides)
+    omega, sides = alone.refine_peak(omega, sides)
     decay = _rate(sides, spectrum.duration, omega)
     width = sides[1] - sides[0]
     noise = alone.noise(omega, decay, width)
@@ -184,7 +184,7 @@ def _peak_at(
             "the record is too short or the damping too large"
         )
     rough = (float(grid[below[-1]]), float(grid[above[0]]))
-    omega, sides = spectrum.refined(float(grid[top]), rough)
+    omega, sides = spectrum.refine_peak(float(grid[top]), rough)
     return omega, _rate(sides, spectrum.duration, omega), sides
 
 
@@ -210,7 +210,7 @@ class _FourierIntegral:
     def power(self, omega: float) -> float:
         return float(np.abs(self._terms(omega).sum()) ** 2)
 
-    def refined(self, omega: float, sides: tuple[float, float]) -> tuple[float, tuple[float, float]]:
+    def refine_peak(self, omega: float, sides: tuple[float, float]) -> tuple[float, tuple[float, float]]:
         """Exact peak and half-power points from an initial guess of each."""
         from scipy.optimize import brentq, minimize_scalar
 

@@ -100,13 +100,13 @@ def _number(field: str, where: str) -> float:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Addition:
-    """What a table puts into a building: by a function, or by the one of several whose keys are given."""
+    """Table of something built into a building, by a function or by the one of several whose keys are given."""
 
     ways: ClassVar[tuple[Callable[..., Building], ...]]
     place: Place
 
-    def applied(self, building: Building) -> Building:
-        """The building with it; keys that are not given have the defaults of the function."""
+    def apply_to(self, building: Building) -> Building:
+        """The building with this addition; keys that are not given have the defaults of the function."""
         takes = [inspect.signature(way).parameters for way in self.ways]
         names = [[name for name in each if name != "building"] for each in takes]
         number = choose_way(self, names, self.place) if len(self.ways) > 1 else 0
@@ -114,7 +114,7 @@ class Addition:
         for entry in keys_of(type(self)):
             if entry.name in names[number] and takes[number][entry.name].default is inspect.Parameter.empty:
                 refuse_missing(entry, given, self.place)
-        with self.place.prefixed():
+        with self.place.prefix_errors():
             return self.ways[number](building, **given)
 
 
@@ -177,11 +177,11 @@ class LeadRubberTable(Addition):
     sharpness: float | None = key(f"{_SHARP}; 2 by default", default=None, least=1.0, most=50.0)
     name: str | None = key("name in tables", default=None, label=True)
 
-    def applied(self, building: Building) -> Building:
+    def apply_to(self, building: Building) -> Building:
         """The building on its bearings."""
         if "isolation" in building.storey_names:
             self.place.refuse("isolation and lead_rubber both stand under the building; keep one")
-        return Addition.applied(self, building)
+        return Addition.apply_to(self, building)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -338,17 +338,17 @@ class BuildingTable:
     liquid_column: tuple[LiquidColumnTable, ...] | LiquidColumnTable = key("liquid columns", default=())
     place: Place
 
-    def changed_by(self, other: BuildingTable) -> BuildingTable:
+    def override_with(self, other: BuildingTable) -> BuildingTable:
         """The table with the keys that another one gives in place of its own."""
-        given = {name: getattr(other, name) for name in _given(other)}
+        given = {name: getattr(other, name) for name in _list_given_keys(other)}
         return replace(self, place=other.place, **given)
 
     def build(self, folder: Path = Path()) -> Building:
         """The building; names of files are relative to `folder`."""
-        return _built(self, folder, ())
+        return _make_building(self, folder, ())
 
     def additions(self) -> Iterator[Addition]:
-        """What is put into the building, in order."""
+        """Additions to the building, in order."""
         for entry in keys_of(BuildingTable):
             value = getattr(self, entry.name)
             for each in value if isinstance(value, tuple) else (value,):
@@ -356,7 +356,7 @@ class BuildingTable:
                     yield each
 
 
-def _given(table: BuildingTable) -> tuple[str, ...]:
+def _list_given_keys(table: BuildingTable) -> tuple[str, ...]:
     return tuple(
         entry.name for entry in keys_of(BuildingTable) if getattr(table, entry.name) != entry.default
     )
@@ -364,7 +364,7 @@ def _given(table: BuildingTable) -> tuple[str, ...]:
 
 def _require(table: BuildingTable, name: str) -> None:
     (entry,) = (entry for entry in keys_of(BuildingTable) if entry.name == name)
-    refuse_missing(entry, _given(table), table.place)
+    refuse_missing(entry, _list_given_keys(table), table.place)
 
 
 _MATRICES: Final = ("mass", "damping", "stiffness")
@@ -409,18 +409,18 @@ def _read(path: Path, readers: tuple[Path, ...]) -> Building:
     place = Place(origin=str(path), lines=toml_lines(text), title="the building")
     table = read_table(BuildingTable, document, place)
     table = replace(table, name=path.stem) if table.name is None else table
-    built = _built(table, path.parent, (*readers, real_place(path)))
+    built = _make_building(table, path.parent, (*readers, real_place(path)))
     return built if built.source else replace(built, source=str(path))
 
 
-def _built(table: BuildingTable, folder: Path, readers: tuple[Path, ...]) -> Building:
-    place, given = table.place, _given(table)
+def _make_building(table: BuildingTable, folder: Path, readers: tuple[Path, ...]) -> Building:
+    place, given = table.place, _list_given_keys(table)
     forms: list[str] = [name for name in ("published", "file", "masses") if name in given]
     forms += ["mass"] if "mass" in given and not forms else []
     if len(forms) != 1:
-        found = " and ".join(forms) or "none of them"
+        given_forms = " and ".join(forms) or "none of them"
         place.refuse(
-            f"a building is given by published, file, mass and stiffness, or masses; here by {found}"
+            f"a building is given by published, file, mass and stiffness, or masses; here by {given_forms}"
         )
     form = forms[0]
     foreign = (*_MATRICES, "influence", *_ROWS) if form == "masses" else _SHEAR
@@ -437,24 +437,26 @@ def _built(table: BuildingTable, folder: Path, readers: tuple[Path, ...]) -> Bui
         elif form == "mass":
             built = _from_matrices(_arrays(table, folder), table)
         else:
-            built = _changed(_named(table, form, folder, readers), table, folder)
+            built = _replace_matrices(_read_named_building(table, form, folder, readers), table, folder)
         for addition in table.additions():
-            built = addition.applied(built)
+            built = addition.apply_to(built)
     return built
 
 
-def _named(table: BuildingTable, form: str, folder: Path, readers: tuple[Path, ...]) -> Building:
+def _read_named_building(
+    table: BuildingTable, form: str, folder: Path, readers: tuple[Path, ...]
+) -> Building:
     name, place = getattr(table, form), table.place.within(form)
     if form == "file" and real_place(folder / name) in readers:
         place.refuse(f"{name} refers back to itself; name the file of another building")
-    with place.prefixed():
+    with place.prefix_errors():
         return published_building(name) if form == "published" else _read(folder / name, readers)
 
 
 def _shear(table: BuildingTable) -> Building:
     _require(table, "stiffnesses")
     masses, stiffnesses, damping = (_each(table, name) for name in _SHEAR[:3])
-    with table.place.prefixed():
+    with table.place.prefix_errors():
         return shear_building(
             name=table.name or "building",
             masses=masses,
@@ -472,7 +474,7 @@ def _each(table: BuildingTable, name: str) -> tuple[float, ...]:
     count = table.n_storeys
     if count is None or not values:
         return values
-    with table.place.within("n_storeys").prefixed():
+    with table.place.within("n_storeys").prefix_errors():
         check_storeys(count)
     if len(values) not in (1, count):
         table.place.within(name).refuse(
@@ -481,14 +483,14 @@ def _each(table: BuildingTable, name: str) -> tuple[float, ...]:
     return values * count if len(values) == 1 else values
 
 
-def _changed(known: Building, table: BuildingTable, folder: Path) -> Building:
+def _replace_matrices(known: Building, table: BuildingTable, folder: Path) -> Building:
     """Return a building with the matrices, names and source replaced by those of a table."""
     arrays: dict[str, Any] = _arrays(table, folder)
     if arrays:
         replaced = f"{known.source}; {', '.join(arrays)} replaced".removeprefix("; ")
         arrays |= {"status": "ours", "source": replaced}
     words = {name: getattr(table, name) for name in ("floor_names", "storey_names", "name", "source")}
-    with table.place.prefixed():
+    with table.place.prefix_errors():
         return replace(known, **arrays, **{name: word for name, word in words.items() if word is not None})
 
 
@@ -497,7 +499,7 @@ def _arrays(table: BuildingTable, folder: Path) -> dict[str, Floats]:
     for name in (*_MATRICES, *_ROWS, "influence"):
         value = getattr(table, name)
         if isinstance(value, str):
-            with table.place.within(name).prefixed():
+            with table.place.within(name).prefix_errors():
                 arrays[name] = read_matrix(folder / value)
         elif value is not None:
             arrays[name] = np.array(value, dtype=np.float64)
@@ -509,12 +511,12 @@ def _from_matrices(matrices: Mapping[str, Floats], table: BuildingTable) -> Buil
     named = {_TITLES[name]: matrix for name, matrix in matrices.items() if name in _TITLES}
     for title in ("mass", "stiffness"):
         if title not in named:
-            found = ", ".join(matrices) or "nothing"
+            given_names = ", ".join(matrices) or "nothing"
             table.place.refuse(
-                f"a building needs mass (M), stiffness (K) and usually damping (C); found {found}"
+                f"a building needs mass (M), stiffness (K) and usually damping (C); found {given_names}"
             )
     n = len(named["mass"])
-    with table.place.prefixed():
+    with table.place.prefix_errors():
         check_size(n, "building")
         floors = named.get("floors", np.eye(n))
         storeys = named.get("storeys", np.diff(floors, axis=0, prepend=0.0))

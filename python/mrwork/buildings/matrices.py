@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Annotated, ClassVar, Final
 
 import numpy as np
@@ -14,16 +14,16 @@ from mrwork.arguments import NotNegative, Positive, checked
 from mrwork.buildings.modes import damping_ratios_of, damping_warnings, growing_modes, is_positive, modes_of
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError, UnknownNameError
-from mrwork.keys import Within, control_in
-from mrwork.numbers import rounded
+from mrwork.hints import Within
+from mrwork.keys import control_in
+from mrwork.numbers import format_rounded
 from mrwork.summary import Summarised, Summary
 from mrwork.tested_range import OperatingRange, Outside, outside_of
-from mrwork.values import Floats, frozen, holds_arrays, keep_arrays
+from mrwork.values import Floats, array_dataclass, freeze_samples, keep_arrays
 
 
-@holds_arrays
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class PassiveElement(Summarised):
     """A passive device `f = k x + c v + d |v| v + f_y w` across a row of a building, x its elongation and v = x'.
 
@@ -49,7 +49,7 @@ class PassiveElement(Summarised):
     sharpness: Annotated[float, Within(least=1.0, most=50.0)] = 10.0
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "row", frozen(self.row))
+        object.__setattr__(self, "row", freeze_samples(self.row))
         if self.row.ndim != 1 or not self.row.size:
             raise SettingError(
                 f"{self.name}: `row` has shape {self.row.shape}; give (n,), a row of `building.storeys`"
@@ -64,7 +64,7 @@ class PassiveElement(Summarised):
         )
         return Summary(
             title=f"Passive element {self.name}",
-            facts=tuple((name, f"{rounded(value)} {unit}") for name, value, unit in facts if value),
+            facts=tuple((name, f"{format_rounded(value)} {unit}") for name, value, unit in facts if value),
         )
 
     @property
@@ -80,14 +80,13 @@ class PassiveElement(Summarised):
         )
 
 
-def carried(elements: Sequence[PassiveElement], onto: Floats) -> tuple[PassiveElement, ...]:
+def transform_elements(elements: Sequence[PassiveElement], onto: Floats) -> tuple[PassiveElement, ...]:
     """The elements of a building in other coordinates y, with q = onto @ y."""
     return tuple(replace(element, row=element.row @ onto) for element in elements)
 
 
-@holds_arrays
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class Building(Summarised):
     """Plane building `M q'' + C q' + K q = -sum_d e_d' f_d - M r a_g`, with q relative to the ground.
 
@@ -143,7 +142,7 @@ class Building(Summarised):
     def __post_init__(self) -> None:
         check_size(len(self.mass) if self.mass.ndim else 0, f"building {self.name}")
         for field in ("mass", "damping", "stiffness", "influence", "floors", "storeys"):
-            object.__setattr__(self, field, frozen(getattr(self, field)))
+            object.__setattr__(self, field, freeze_samples(getattr(self, field)))
         _check_building(self)
 
     @property
@@ -256,7 +255,7 @@ class Building(Summarised):
         return Summary(
             title=f"Building {self.name}: {len(self.floors)} floors, {self.total_mass:.5g} kg",
             facts=(
-                ("frequencies", f"{', '.join(rounded(float(each)) for each in frequencies[:6])} Hz"),
+                ("frequencies", f"{', '.join(format_rounded(float(each)) for each in frequencies[:6])} Hz"),
                 *elements,
                 ("source", f"{self.source} ({self.status})" if self.source else self.status),
             ),
@@ -439,8 +438,7 @@ _CONSTANT = 0.9
 
 
 @checked
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class Device(Summarised):
     """Dampers at one place that follow one command between 0 and `largest_command`.
 
@@ -544,7 +542,7 @@ class Device(Summarised):
 
     @checked
     def outside(self, demand: OperatingRange) -> Outside:
-        """What of a demand lies outside the tested ranges; laws are evaluated at the median of the draws."""
+        """Quantities of a demand outside the tested ranges; laws are evaluated at the median of the draws."""
         return outside_of(self.spec, np.median(self.draws, axis=0), self.tested, demand)
 
     def _summary(self) -> Summary:
@@ -561,7 +559,7 @@ class Device(Summarised):
             ),
             columns=("parameter", "value", "unit"),
             rows=[
-                (parameter.name, rounded(float(np.median(self.draws[:, index]))), parameter.unit)
+                (parameter.name, format_rounded(float(np.median(self.draws[:, index]))), parameter.unit)
                 for index, parameter in enumerate(self.spec.parameters)
             ],
         )

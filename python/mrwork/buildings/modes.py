@@ -8,14 +8,13 @@ damped throughout. The poles are computed only where that is not certain.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 UNDAMPED: Final = 1e-6
 """Damping ratio below which a mode counts as undamped."""
@@ -31,8 +30,7 @@ _OF_ADDITIONS: Final = 0.9
 _MOST_COUPLED: Final = 300
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class ModalDamping:
     """Frequencies [Hz] and damping ratios of the modes with stiffness, lowest first, and how many have none.
 
@@ -108,17 +106,18 @@ def _apart(shapes: NDArray[np.complex128] | Floats, mass: Floats, floors: Floats
 
 
 def growing_modes(mass: Floats, damping: Floats, stiffness: Floats, floors: Floats) -> str:
-    """How many modes have negative damping, and the worst of them, in words; empty if none has."""
+    """Number of modes with negative damping and the worst of them, in words; empty if none has."""
     if not damping.any() or is_damped(mass, damping, stiffness, -_ROUNDING):
         return ""
-    found = modal_damping(mass, damping, stiffness, floors)
-    grows = found.ratio < -_GROWS
+    damped = modal_damping(mass, damping, stiffness, floors)
+    grows = damped.ratio < -_GROWS
     if not grows.any():
         return ""
-    n, worst = len(mass), int(found.ratio.argmin())
+    n, worst = len(mass), int(damped.ratio.argmin())
     return (
-        f"{_modes_have(int(grows.sum()), n)} negative damping, the worst is mode {n - len(found.ratio) + worst + 1} at "
-        f"{found.frequency[worst]:.4g} Hz with the ratio {found.ratio[worst]:.3g}"
+        f"{_modes_have(int(grows.sum()), n)} negative damping, the worst is mode "
+        f"{n - len(damped.ratio) + worst + 1} at {damped.frequency[worst]:.4g} Hz "
+        f"with the ratio {damped.ratio[worst]:.3g}"
     )
 
 
@@ -131,22 +130,22 @@ def damping_warnings(
     """
     n, held = len(mass), _is_held(mass, stiffness)
     if held and not damping.any():
-        return (_undamped(f"{name}: {_modes_have(n, n)} no damping"),)
+        return (_describe_undamped(f"{name}: {_modes_have(n, n)} no damping"),)
     if held and is_damped(mass, damping, stiffness, UNDAMPED):
         return ()
-    found = modal_damping(mass, damping, stiffness, floors)
+    damped = modal_damping(mass, damping, stiffness, floors)
     sentences = []
-    if found.n_free:
+    if damped.n_free:
         sentences.append(
-            f"{name}: {_modes_have(found.n_free, n)} no stiffness, so that nothing limits its drift; give the "
+            f"{name}: {_modes_have(damped.n_free, n)} no stiffness, so that nothing limits its drift; give the "
             "isolators or the lowest storey a stiffness."
         )
-    undamped = (found.ratio < UNDAMPED) & (found.apart < _OF_ADDITIONS)
+    undamped = (damped.ratio < UNDAMPED) & (damped.apart < _OF_ADDITIONS)
     if undamped.any():
         sentences.append(
-            _undamped(
+            _describe_undamped(
                 f"{name}: {_modes_have(int(undamped.sum()), n)} no damping, the lowest of these at "
-                f"{found.frequency[undamped][0]:.4g} Hz"
+                f"{damped.frequency[undamped][0]:.4g} Hz"
             )
         )
     elif not is_damped(mass, damping, stiffness, -_ROUNDING):
@@ -157,9 +156,9 @@ def damping_warnings(
     return tuple(sentences)
 
 
-def _undamped(found: str) -> str:
+def _describe_undamped(fault: str) -> str:
     return (
-        f"{found}. Every damper looks better on a frame without damping: give it modal_damping with ratios of 0.01 to "
+        f"{fault}. Every damper looks better on a frame without damping: give it modal_damping with ratios of 0.01 to "
         "0.02, rayleigh, or a damping matrix."
     )
 

@@ -18,7 +18,7 @@ from mrwork.buildings.additions import (
 )
 from mrwork.buildings.matrices import Building, PassiveElement
 from mrwork.errors import SettingError, UnknownNameError
-from mrwork.keys import Within
+from mrwork.hints import Within
 from mrwork.units import STANDARD_GRAVITY
 
 
@@ -54,8 +54,6 @@ def with_yielding_damper(
 
     Raises
     ------
-    SettingError
-        If a number is out of range.
     UnknownNameError
         If there is no such storey.
     """
@@ -101,8 +99,6 @@ def with_friction_damper(
 
     Raises
     ------
-    SettingError
-        If a number is out of range.
     UnknownNameError
         If there is no such storey.
     """
@@ -150,11 +146,6 @@ def with_lead_rubber_bearings(
         Displacement at which the leads yield [m].
     sharpness, name
         As of `with_yielding_damper`.
-
-    Raises
-    ------
-    SettingError
-        If a number is out of range.
     """
     isolated = with_base_isolation_of_period(building, mass=mass, period=period, ratio=ratio)
     # The first coordinate is the slab; the rubber is in the matrices already.
@@ -209,8 +200,6 @@ def with_liquid_column(
 
     Raises
     ------
-    SettingError
-        If a number is out of range.
     UnknownNameError
         If there is no such floor.
     """
@@ -407,8 +396,6 @@ def with_tuned_mass(
 
     Raises
     ------
-    SettingError
-        If the mass or the frequency is not positive, or the ratio is negative.
     UnknownNameError
         If there is no such floor.
     """

@@ -12,6 +12,7 @@ from mrwork.arguments import NotNegative, Positive, checked
 from mrwork.buildings.additions import with_modal_damping, with_rayleigh_coefficients, with_rayleigh_damping
 from mrwork.buildings.matrices import Building
 from mrwork.errors import SettingError, UnknownNameError
+from mrwork.keys import suggestion
 from mrwork.values import Floats
 
 # No building is as tall; natural frequencies of more coordinates take many seconds.
@@ -244,4 +245,4 @@ def building(name: str) -> Building:
     for known in buildings():
         if known.name == name:
             return known
-    raise UnknownNameError(f"no published building is called {name!r}; choose one of {', '.join(_MAKERS)}")
+    raise UnknownNameError(f"no published building is called {name!r}{suggestion(name, [*_MAKERS])}")

@@ -13,20 +13,19 @@ from numpy.typing import NDArray
 
 from mrwork.arguments import checked
 from mrwork.buildings.from_file import read_matrices
-from mrwork.buildings.matrices import Building, carried
+from mrwork.buildings.matrices import Building, transform_elements
 from mrwork.buildings.modes import modes_of
 from mrwork.buildings.shear import number_names
 from mrwork.errors import ArgumentError, SettingError, UnknownNameError
 from mrwork.summary import Summarised
-from mrwork.values import Floats, frozen, holds_arrays
+from mrwork.values import Floats, array_dataclass, freeze_samples
 
 if TYPE_CHECKING:
     from control import StateSpace
 
 
 @checked
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class LinearSystem(Summarised):
     """Continuous-time linear system `s' = A s + B u`, `y = C s + D u`. The arrays are stored as read-only copies.
 
@@ -54,7 +53,7 @@ class LinearSystem(Summarised):
 
     def __post_init__(self) -> None:
         for title in ("A", "B", "C", "D"):
-            kept = frozen(getattr(self, title))
+            kept = freeze_samples(getattr(self, title))
             object.__setattr__(self, title, kept)
             if kept.ndim != 2:
                 raise SettingError(f"linear system: {title} has shape {kept.shape}; give a matrix")
@@ -344,8 +343,8 @@ def read_system(path: str | Path) -> LinearSystem:
     matrices = read_matrices(path, ("A", "B", "C", "D"))
     for letter in "ABC":
         if letter not in matrices:
-            found = ", ".join(matrices) or "nothing"
-            raise SettingError(f"{path}: a linear system needs A, B and C; found {found}")
+            given_names = ", ".join(matrices) or "nothing"
+            raise SettingError(f"{path}: a linear system needs A, B and C; found {given_names}")
     A, B, C = (matrices[letter] for letter in "ABC")
     return LinearSystem(A=A, B=B, C=C, D=matrices.get("D", np.zeros((len(C), B.shape[1]))))
 
@@ -400,14 +399,13 @@ def modal_truncation(building: Building, *, n_modes: int) -> Building:
         influence=kept.T @ building.mass @ building.influence,
         floors=building.floors @ kept,
         storeys=building.storeys @ kept,
-        elements=carried(building.elements, kept),
+        elements=transform_elements(building.elements, kept),
         source=f"{building.source}; reduced to {n_modes} modes".removeprefix("; "),
         status="ours",
     )
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class BalancedReduction(Summarised):
     """A reduced system, the Hankel singular values of the full system, shape (n,), and an error bound.
 

@@ -1,4 +1,4 @@
-"""The command line: one module per verb, each with `add_parser` and `run`.
+"""The command line: one module per verb, each with `add_options` and `run`.
 
 Exit status: 0 done; 2 bad input, or no stdout, space or memory (one line on stderr); 130 interrupted by Ctrl-C,
 143 ended by SIGTERM (what was finished is kept).
@@ -6,6 +6,7 @@ Exit status: 0 done; 2 bad input, or no stdout, space or memory (one line on std
 
 from __future__ import annotations
 
+import gc
 import os
 import sys
 
@@ -17,6 +18,9 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from typing import NoReturn
 
+# Objects made since the last look for garbage in cycles; 700 by default, which takes a tenth of the time of a page.
+_OBJECTS_PER_COLLECTION = 20_000
+
 
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
     """Run a command line and exit with its status.
@@ -25,6 +29,8 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     of the calling program.
     """
     signals = StopSignals.of_this_process() if arguments is None else StopSignals()
+    if arguments is None:
+        _set_up_process()
     from mrwork.cli.door import status_of
     from mrwork.cli.terminal import let_go, take_streams
 
@@ -40,3 +46,12 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
         # Another thread may still run compiled code that does not notice the interrupt.
         os._exit(status)
     sys.exit(status)
+
+
+def _set_up_process() -> None:
+    """Settings of the interpreter for the time of a command, before NumPy loads."""
+    gc.set_threshold(_OBJECTS_PER_COLLECTION)
+    if "OMP_NUM_THREADS" not in os.environ:
+        # Matrices are small here: threads of OpenBLAS would wait for each other, keep simulations waiting, and sum in
+        # an order that depends on their number.
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

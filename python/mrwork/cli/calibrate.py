@@ -10,6 +10,7 @@ from typing import Any, get_args
 
 import numpy as np
 
+from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.options import (
     add_files,
     add_observation,
@@ -51,19 +52,22 @@ _LEVEL = 0.9
 _Predicted = tuple[Fit, tuple[Prediction, ...], list[dict[str, Any]]]
 
 
-def add_parser(verbs: Any) -> None:
-    """Declare the verb."""
-    parser = verbs.add_parser(
-        "calibrate",
-        description="Calibrate prediction bands with the errors of the model on tests that were not used for the fit, "
+def add_options(parser: CommandParser) -> None:
+    """Declare the options."""
+    parser.description = (
+        "Calibrate prediction bands with the errors of the model on tests that were not used for the fit, "
         "and write them into the run folder, where mrwork predict RUN --level uses them. A test with the motion and "
         "command of a fitted one, such as its raw record or a repeated run, has been seen and is not used. Without "
-        "files, the tests of the run are left out in turn, and each is predicted by a fit to the others.",
+        "files, the tests of the run are left out in turn, and each is predicted by a fit to the others."
+    )
+    parser.epilog = examples(
+        "mrwork calibrate out/rig rig",
+        "mrwork calibrate out/rig --leave-out motion",
     )
     add_run(parser)
     add_files(parser, required=False)
     add_observation(parser, default=_AS_FITTED, nuisances=_AS_FITTED)
-    parser.add_argument(
+    parser.group("cross-validation").add_argument(
         "--leave-out",
         choices=get_args(Fold),
         default="test",
@@ -80,7 +84,7 @@ def run(options: argparse.Namespace) -> int:
         if options.files:
             (fit, predictions, findings), held_out = _unseen(options), "the fit has not seen"
         else:
-            (fit, predictions, findings), held_out = _left_out(options), IN_WORDS[options.leave_out]
+            (fit, predictions, findings), held_out = _predict_held_out(options), IN_WORDS[options.leave_out]
         calibration = calibrate(predictions, held_out=held_out)
         coverage = measured_coverage(predictions) if len(calibration.tests) > 1 else ()
         unseen = [each for each in predictions if each.seen is None]
@@ -109,8 +113,8 @@ def _unseen(options: argparse.Namespace) -> _Predicted:
     return fit, predict_tests(fit, tests, nuisances=nuisances), findings
 
 
-def _left_out(options: argparse.Namespace) -> _Predicted:
-    """The fit of the run, and predictions of the tests of the run, each by a fit to the others."""
+def _predict_held_out(options: argparse.Namespace) -> _Predicted:
+    """The fit of the run, and cross-validated predictions of its tests, each by a fit to the other tests."""
     opened = opened_run(options)
     findings = told_findings("calibrate", opened.tests, options)
     folds = Folds(opened.place, opened.fit)
@@ -127,18 +131,18 @@ def _left_out(options: argparse.Namespace) -> _Predicted:
             )
 
     try:
-        found = predict_left_out(opened.tests, options.leave_out, identify_rest, on_fold=on_fold)
+        left_out = predict_left_out(opened.tests, options.leave_out, identify_rest, on_fold=on_fold)
     except KeyboardInterrupt as interrupt:
         interrupt.add_note(
             f"the fits of folds so far are in {opened.place / FOLDS}; run the same command again to continue"
         )
         raise
-    if found.failures:
+    if left_out.failures:
         raise SettingError(
-            f"{len(found.failures)} of {len(opened.tests)} tests cannot be predicted without themselves, first: "
-            f"{found.failures[0]}; leave out less at a time"
+            f"{len(left_out.failures)} of {len(opened.tests)} tests cannot be predicted without themselves, first: "
+            f"{left_out.failures[0]}; leave out less at a time"
         )
-    return opened.fit, found.predictions, findings
+    return opened.fit, left_out.predictions, findings
 
 
 def _summary(calibration: Calibration, coverage: Sequence[LeftOutCoverage]) -> dict[str, Any]:

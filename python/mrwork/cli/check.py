@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from mrwork.cli.command_parser import OUTPUT, CommandParser, examples
 from mrwork.cli.numbers import named_path
 from mrwork.cli.options import add_files, end_parser, reading_of
 from mrwork.cli.output import print_json
@@ -17,7 +18,7 @@ from mrwork.cli.progress import reading_line
 from mrwork.cli.terminal import note, show
 from mrwork.command_signal import Command, command_range
 from mrwork.errors import MrworkError, SettingError
-from mrwork.escaping import escaped
+from mrwork.escaping import escape_text
 from mrwork.identification.settings import is_synthetic
 from mrwork.records import DamperTest, Finding, guess_tests, write_test_table
 from mrwork.records.findings import findings_of_set, gathered_findings
@@ -25,15 +26,18 @@ from mrwork.records.rig_table import EVERY_USE, TABLE_NAME, files_not_read, reco
 from mrwork.store.input_file import is_folder
 
 
-def add_parser(verbs: Any) -> None:
-    """Declare the verb."""
-    parser = verbs.add_parser(
-        "check",
-        description="Read test records and report findings: wrong signs, offsets, delays, smoothing, clipping, drift "
-        "and others.",
+def add_options(parser: CommandParser) -> None:
+    """Declare the options."""
+    parser.description = (
+        "Read test records and report findings: wrong signs, offsets, delays, smoothing, clipping, drift "
+        "and others."
+    )
+    parser.epilog = examples(
+        "mrwork check rig",
+        "mrwork check rig/10mm1Hz0A.csv --table guess.csv --json",
     )
     add_files(parser)
-    parser.add_argument(
+    parser.group(OUTPUT).add_argument(
         "--table",
         nargs="?",
         type=named_path,
@@ -96,7 +100,7 @@ def _write_table(options: argparse.Namespace) -> int:
         return 0
     for row in rows:
         entries = ", ".join(f"{key} {entry}" for key, entry in row.columns.items())
-        show(f"{escaped(row.file)}: {entries or 'not used'}")
+        show(f"{escape_text(row.file)}: {entries or 'not used'}")
         if row.doubt:
             show(f"  in doubt: {row.doubt}")
     show(f"Written: {table}, {len(rows)} tests, {len(doubtful)} in doubt.")
@@ -139,7 +143,7 @@ def _report(test: DamperTest, own: Sequence[Finding]) -> str:
     facts = _facts(test)
     command = f", {test.command_in_words}" if test.commands else ""
     head = (
-        f"{escaped(test.label)}: {test.n_time} samples at {1.0 / test.dt:g} Hz, "
+        f"{escape_text(test.label)}: {test.n_time} samples at {1.0 / test.dt:g} Hz, "
         f"amplitude {1e3 * facts['amplitude_m']:.3g} mm, {1e3 * facts['peak_velocity_mps']:.3g} mm/s, "
         f"{facts['peak_force_n']:.4g} N{command}"
     )

@@ -9,6 +9,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.numbers import named_path
 from mrwork.cli.options import end_parser
 from mrwork.cli.output import print_result
@@ -22,7 +23,7 @@ from mrwork.references import (
     references_in,
     references_of,
 )
-from mrwork.store.input_file import is_file, stored, text_of
+from mrwork.store.input_file import is_file, make_stored_kind, text_of
 from mrwork.store.parse import json_value
 from mrwork.store.run_folder import ADDITIONS, FIT, MANIFEST, RANKING, RESULTS, STUDY, read_manifest
 
@@ -38,12 +39,12 @@ class _Cited:
     reasons: Sequence[str]
 
 
-def add_parser(verbs: Any) -> None:
-    """Declare the verb."""
-    parser = verbs.add_parser(
-        "cite",
-        description="Print what to cite for a run as BibTeX: the package, models, control laws, methods and records.",
+def add_options(parser: CommandParser) -> None:
+    """Declare the options."""
+    parser.description = (
+        "Print what to cite for a run as BibTeX: the package, models, control laws, methods and records."
     )
+    parser.epilog = examples("mrwork cite out/demo", "mrwork cite out/demo --json")
     parser.add_argument(
         "folder",
         nargs="?",
@@ -88,7 +89,7 @@ def _parts(folder: Path) -> list[_Part]:
         )
     names = dict.fromkeys(_texts(manifest.get("model")))
     if is_file(folder / STUDY):
-        content = text_of(folder / STUDY, stored("respond", name="the study"))
+        content = text_of(folder / STUDY, make_stored_kind("respond", name="the study"))
         names |= dict.fromkeys(_texts(tomllib.loads(content)))
     settings = manifest.get("settings")
     if isinstance(settings, Mapping):
@@ -110,7 +111,9 @@ def _records(folder: Path, manifest: Mapping[str, Any]) -> list[_Part]:
         if isinstance(digest, str) and not is_synthetic(name)
     ]
     if is_file(folder / RESULTS):
-        motions = json_value(text_of(folder / RESULTS, stored("respond", name="the results")))["motions"]
+        motions = json_value(text_of(folder / RESULTS, make_stored_kind("respond", name="the results")))[
+            "motions"
+        ]
         parts += [
             (f"record: {each['name']}", (reference_of_motion(each["name"], each["source"]),))
             for each in motions

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import asdict
-from typing import Any, Literal, get_args
+from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.numbers import SCALE, add_number
 from mrwork.cli.options import end_parser, parsed_number
 from mrwork.cli.output import print_json
@@ -26,6 +26,8 @@ from mrwork.dampers.conversions import (
 )
 from mrwork.dampers.spec import damper
 from mrwork.errors import SettingError
+from mrwork.keys import suggestion
+from mrwork.values import Floats
 
 Convention = Literal["spencer", "normalised", "opensees"]
 
@@ -41,18 +43,22 @@ _NAMES: dict[Convention, tuple[str, ...]] = {
 _OPTIONAL = ("c0", "k0", "x0", "c", "k", "deltaA", "deltaNu", "deltaEta")
 
 
-def add_parser(verbs: Any) -> None:
-    """Declare the verb."""
-    parser = verbs.add_parser(
-        "convert",
-        description="Convert Bouc-Wen parameters to another convention that gives the same force. "
+def add_options(parser: CommandParser) -> None:
+    """Declare the options."""
+    parser.description = (
+        "Convert Bouc-Wen parameters to another convention that gives the same force. "
         f"spencer: {' '.join(_SPENCER)}; normalised: {' '.join(_NORMALISED)}; opensees: {' '.join(_OPENSEES)} "
-        "(c0 is a dashpot in parallel). SI units.",
+        "(c0 is a dashpot in parallel). SI units."
+    )
+    parser.epilog = examples(
+        "mrwork convert spencer alpha=1e5 A=120 n=2 gamma=1e6 beta=1e6 c0=5000 --to normalised",
+        "mrwork convert normalised k_w=680 rho=15500 sigma=0.5 n=2 --to opensees",
     )
     parser.add_argument(
         "source", choices=get_args(Convention), metavar="FROM", help="convention of the values"
     )
-    parser.add_argument(
+    conversion = parser.group("conversion")
+    conversion.add_argument(
         "--to",
         required=True,
         choices=get_args(Convention),
@@ -61,7 +67,7 @@ def add_parser(verbs: Any) -> None:
     )
     parser.add_argument("values", nargs="+", metavar="NAME=VALUE", help="parameters, as in n=2")
     add_number(
-        parser,
+        conversion,
         "--scale",
         SCALE,
         "A of spencer or Ao of opensees, a scale that does not affect the force; default: that of the source, 120 "
@@ -75,7 +81,7 @@ def run(options: argparse.Namespace) -> int:
     """Print the converted parameters."""
     _check_scale(options)
     theta = _spencer(options.source, _parse(options.source, options.values), options.scale)
-    converted, remarks = _converted(options.to, theta, options.scale)
+    converted, remarks = _convert_parameters(options.to, theta, options.scale)
     if options.source != "normalised":
         remarks = (*convention_remarks(theta), *remarks)
     if options.json:
@@ -112,7 +118,8 @@ def _parse(convention: Convention, texts: list[str]) -> dict[str, float]:
         if not (name and equals):
             raise SettingError(f"{text!r} is not NAME=VALUE; write it as in n=2")
         if name not in names:
-            raise SettingError(f"{convention} has no parameter {name!r}; it has {', '.join(names)}")
+            near = suggestion(name, names, otherwise="it has")
+            raise SettingError(f"{convention} has no parameter {name!r}{near}")
         if name in values:
             raise SettingError(f"{name} is given twice; give it once")
         values[name] = parsed_number(number, text)
@@ -122,7 +129,7 @@ def _parse(convention: Convention, texts: list[str]) -> dict[str, float]:
     return {name: values.get(name, 0.0) for name in names}
 
 
-def _spencer(convention: Convention, values: dict[str, float], scale: float | None) -> NDArray[np.float64]:
+def _spencer(convention: Convention, values: dict[str, float], scale: float | None) -> Floats:
     """The given parameters as those of `bouc_wen`, shape (8,)."""
     if convention == "opensees":
         c0 = values.pop("c0")
@@ -134,12 +141,12 @@ def _spencer(convention: Convention, values: dict[str, float], scale: float | No
         if values[name] <= 0.0:
             raise SettingError(f"{name} is {values[name]:g}; it must be positive for the loop to dissipate")
     nominal = damper("bouc_wen").nominal[_SPENCER.index("A")]
-    spencer: NDArray[np.float64] = bouc_wen_from_normalised(theta, A=nominal if scale is None else scale)
+    spencer: Floats = bouc_wen_from_normalised(theta, A=nominal if scale is None else scale)
     return spencer
 
 
-def _converted(
-    convention: Convention, theta: NDArray[np.float64], scale: float | None
+def _convert_parameters(
+    convention: Convention, theta: Floats, scale: float | None
 ) -> tuple[dict[str, float], tuple[str, ...]]:
     """The parameters in a convention, and remarks on their use."""
     if convention == "opensees":

@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import argparse
 import logging
+import traceback
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from importlib import import_module
-from typing import NoReturn, TextIO
+from typing import TextIO
 
+from mrwork.cli.command_parser import CommandParser, VerbHelp
 from mrwork.cli.signals import StopSignals
-from mrwork.cli.terminal import note, show_all
+from mrwork.cli.terminal import note, show, show_all
 from mrwork.errors import MrworkError, MrworkWarning, reason_of
-from mrwork.escaping import escaped
 
 _VERBS = {
+    "demo": "identify a damper from an embedded synthetic test",
+    "init": "write a sample: a rig's test records, or a study file",
     "models": "list the damper models, or show one in full",
     "check": "check test records without fitting",
     "identify": "identify a damper model from test records",
@@ -29,14 +32,8 @@ _VERBS = {
     "tune": "tune control laws on training motions and judge them on test motions",
     "convert": "convert Bouc-Wen parameters between conventions",
     "cite": "print what to cite for a run, as BibTeX",
+    "completion": "print the completion of commands for a shell",
 }
-
-
-class _Parser(argparse.ArgumentParser):
-    """Reports a wrong command line in one line, without the usage."""
-
-    def error(self, message: str) -> NoReturn:
-        self.exit(2, f"{self.prog}: {escaped(message)}; see {self.prog} --help\n")
 
 
 def verbs() -> tuple[str, ...]:
@@ -44,46 +41,79 @@ def verbs() -> tuple[str, ...]:
     return tuple(_VERBS)
 
 
-def parser(arguments: Sequence[str] = ()) -> argparse.ArgumentParser:
+def parser(arguments: Sequence[str] = ()) -> CommandParser:
     """Command line parser, with the options of the first verb among `arguments` only.
 
     A verb may need libraries that take a second to load, which should not delay the other verbs and the help.
     """
+    return _parser_with([each for each in arguments if each in _VERBS][:1])
+
+
+def whole_parser() -> CommandParser:
+    """Command line parser with the options of all verbs."""
+    return _parser_with(verbs())
+
+
+def _parser_with(declared: Collection[str]) -> CommandParser:
     from mrwork import __version__
 
-    requested = next((each for each in arguments if each in _VERBS), "")
-    root = _Parser(
+    root = CommandParser(
         prog="mrwork",
-        description="Identify magnetorheological dampers from test records.",
-        epilog="mrwork VERB --help describes a verb and its options.",
+        description="Identify magnetorheological dampers from test records, and simulate buildings with them.",
+        epilog="mrwork VERB --help describes a verb, with its options and examples; mrwork alone shows where to begin.",
     )
     root.add_argument("--version", action="version", version=f"mrwork {__version__}")
-    commands = root.add_subparsers(title="verbs", metavar="VERB", required=True, parser_class=_Parser)
+    root.set_defaults(run=_show_tour)
+    commands = root.add_subparsers(title="verbs", metavar="VERB", parser_class=CommandParser)
     for verb, purpose in _VERBS.items():
-        if verb == requested:
-            import_module(f"mrwork.cli.{verb}").add_parser(commands)
-        else:
-            commands.add_parser(verb, help=purpose)
+        command = commands.add_parser(verb, help=purpose, formatter_class=VerbHelp)
+        if verb in declared:
+            import_module(f"mrwork.cli.{verb}").add_options(command)
     return root
+
+
+TOUR = """\
+mrwork identifies models of magnetorheological dampers from
+test records, and simulates buildings with such dampers.
+
+Try in an empty folder:
+  mrwork demo
+  mrwork init rig rig
+  mrwork identify rig --law k_w=quadratic --law c=linear --out out/rig
+  mrwork init study study.toml
+  mrwork respond study.toml
+
+Each writes a page, report.html, and says where it lies.
+mrwork --help lists all verbs, mrwork VERB --help has the
+options of one with examples, mrwork models the damper models.
+mrwork completion SHELL completes commands in bash, zsh, fish."""
+
+
+def _show_tour(_: argparse.Namespace) -> int:
+    """Print where to begin: what a command line without a verb does."""
+    show(TOUR)
+    return 0
 
 
 def status_of(arguments: Sequence[str], signals: StopSignals) -> int:
     """Run a command line; return its exit status."""
     try:
         with warnings_in_one_line():
-            status = _ended(arguments, signals)
+            status = _run_command(arguments, signals)
             show_all()
     except KeyboardInterrupt as interrupt:
         # How to continue is told by what has kept something.
         note("; ".join(["interrupted", *getattr(interrupt, "__notes__", ())]))
         return signals.status
-    except _SAID as error:
+    except Exception as error:
+        if not (isinstance(error, _SAID) or _is_of_loading(error)):
+            raise
         note(sentence_on(error))
         return 2
     return signals.status if status == 130 else status
 
 
-def _ended(arguments: Sequence[str], signals: StopSignals) -> int:
+def _run_command(arguments: Sequence[str], signals: StopSignals) -> int:
     try:
         options = parser(arguments).parse_args(arguments)
         signals.interrupt()
@@ -93,12 +123,13 @@ def _ended(arguments: Sequence[str], signals: StopSignals) -> int:
         return int(end.code or 0)
 
 
-# What ends a command in a sentence. Any other error is a defect of mrwork, whose traceback is wanted.
+# What ends a command in a sentence, beside what a library raises while it is loaded. Any other error is a defect of
+# mrwork, whose traceback is wanted.
 _SAID = (MrworkError, OSError, MemoryError, RecursionError, OverflowError, UnicodeError, ImportError)
 
 
 def sentence_on(error: BaseException) -> str:
-    """What happened and what to do."""
+    """Sentence on an error: what happened and what to do."""
     if isinstance(error, MrworkError):
         return reason_of(error)
     if isinstance(error, OSError):
@@ -113,7 +144,18 @@ def sentence_on(error: BaseException) -> str:
         return f"a number is too large ({reason_of(error)}); give a smaller one"
     if isinstance(error, UnicodeError):
         return f"a text cannot be read or written ({reason_of(error)}); save it as UTF-8"
-    return f"a library cannot be loaded ({reason_of(error)}); install mrwork again"
+    what = f"a library cannot be loaded ({reason_of(error)})"
+    if isinstance(error, ImportError):
+        return f"{what}; install mrwork again"
+    return f"{what}; correct or unset the environment variable that it reads"
+
+
+def _is_of_loading(error: BaseException) -> bool:
+    """Whether a library has raised an error while it was loaded, as where an environment variable has a wrong value."""
+    frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
+    own = [str(frame.f_globals.get("__name__", "")).partition(".")[0] == "mrwork" for frame in frames]
+    after = len(own) - own[::-1].index(True) if True in own else len(own)
+    return any(frame.f_code.co_name == "<module>" for frame in frames[after:])
 
 
 @contextmanager

@@ -19,7 +19,7 @@ from mrwork.cli.progress import ProgressLine, progress_line, task_line
 from mrwork.cli.terminal import note, show
 from mrwork.dampers.spec import damper
 from mrwork.errors import Interrupted
-from mrwork.escaping import escaped
+from mrwork.escaping import escape_text
 from mrwork.identification.fit import Estimate, Fit
 from mrwork.identification.fit_file import manifest_of, write_run
 from mrwork.identification.result import FitSpread
@@ -264,7 +264,7 @@ def text_of(fit: Fit, tests: tuple[DamperTest, ...]) -> str:
         settle = f", first {quality.settle_seconds:.2g} s not compared" if quality.settle_seconds > 0 else ""
         recorded = ", ".join(filter(None, (quality.observation.in_words, quality.nuisance.in_words)))
         lines.append(
-            f"  {escaped(test.label)}: fit {quality.fit_percent:.2f} %, RMSE {quality.rmse_n:.4g} N "
+            f"  {escape_text(test.label)}: fit {quality.fit_percent:.2f} %, RMSE {quality.rmse_n:.4g} N "
             f"over {quality.n_time} samples{settle}{f'; the model force {recorded}' if recorded else ''}"
         )
         lines += [f"    {finding.severity}: {finding.message}" for finding in findings]

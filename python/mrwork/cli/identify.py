@@ -9,6 +9,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
+from mrwork.cli.command_parser import SEARCH, CommandParser, examples
 from mrwork.cli.identified import (
     Identification,
     summary_of,
@@ -45,7 +46,7 @@ from mrwork.identification.settings import (
     Reading,
     Search,
     has_generations,
-    resized,
+    resize_search,
     search_named,
     searches,
 )
@@ -62,35 +63,37 @@ if TYPE_CHECKING:
     from mrwork.uncertainty.choice.ranking import Ranking
 
 
-def add_parser(verbs: Any) -> None:
-    """Declare the verb."""
-    parser = verbs.add_parser(
-        "identify",
-        description="Identify one damper model from one or several tests of the same damper.",
+def add_options(parser: CommandParser) -> None:
+    """Declare the options."""
+    parser.description = "Identify one damper model from one or several tests of the same damper."
+    parser.epilog = examples(
+        "mrwork identify rig --law k_w=quadratic --law c=linear --out out/rig",
+        "mrwork identify synthetic:spencer1997 --model dahl,normalised_bouc_wen",
     )
     add_files(parser)
-    parser.add_argument(
+    model, laws = parser.group("model"), parser.group("current laws")
+    model.add_argument(
         "--model",
         default="normalised_bouc_wen",
         metavar="NAME",
         help="damper model, see mrwork models; all, or A,B,C, identifies several models and ranks them, or chooses "
         "among their laws with --law auto",
     )
-    parser.add_argument(
+    model.add_argument(
         "--bound",
         action="append",
         default=[],
         metavar="NAME=LOWER:UPPER",
         help="range of a parameter; repeat for more",
     )
-    parser.add_argument(
+    model.add_argument(
         "--fix",
         action="append",
         default=[],
         metavar="NAME=VALUE",
         help="hold a parameter fixed; repeat for more",
     )
-    parser.add_argument(
+    laws.add_argument(
         "--law",
         action="append",
         default=[],
@@ -99,14 +102,14 @@ def add_parser(verbs: Any) -> None:
         "commands, values:0,0.3,1 by values at these, exponential; repeat for more; auto chooses the laws of all other "
         "parameters without bounds by the fit to tests left out",
     )
-    parser.add_argument(
+    laws.add_argument(
         "--command-unit",
         choices=[*COMMAND_SCALES],
         metavar="UNIT",
         help="unit of the command in the laws, where tests have several: A or V, or that of another scalar, as mm, %%, "
         "bar, psi, lb or degC; default A where the tests have a current",
     )
-    parser.add_argument(
+    laws.add_argument(
         "--driver-lag",
         action="store_true",
         help="let the command reach the coil through a first-order lag; its rate eta [1/s] is a parameter of the fit; "
@@ -114,7 +117,8 @@ def add_parser(verbs: Any) -> None:
     )
     add_choice(parser)
     add_observation(parser)
-    parser.add_argument(
+    search = parser.group(SEARCH)
+    search.add_argument(
         "--start",
         dest="starts",
         action="append",
@@ -125,7 +129,7 @@ def add_parser(verbs: Any) -> None:
     )
     for name, option in FitSettings.number_options().items():
         add_number(
-            parser,
+            search,
             f"--{name.replace('_', '-')}",
             Range(lower=option.least, upper=option.most),
             option.says,
@@ -133,27 +137,28 @@ def add_parser(verbs: Any) -> None:
             metavar=option.metavar,
         )
     add_seed(parser, "the search")
-    parser.add_argument(
+    search.add_argument(
         "--search",
         choices=list(searches()),
-        help="global search; default multistart (least squares from many starts), where every command varies genetic "
-        "(the efficient genetic algorithm)",
+        metavar="NAME",
+        help=f"global search, one of {', '.join(searches())}; default multistart (least squares from many starts), "
+        "where every command varies genetic (the efficient genetic algorithm)",
     )
-    parser.add_argument(
+    search.add_argument(
         "--engine",
         choices=get_args(Engine),
         default="lanes",
         help="engine of the final fit: lanes (default), or twin (JAX), which is slower and serves comparisons",
     )
     add_number(
-        parser,
+        search,
         "--population",
         POPULATION,
         "number of candidates in a generation; not for multistart",
         metavar="N",
     )
     add_number(
-        parser,
+        search,
         "--generations",
         GENERATIONS,
         "largest number of generations; not for multistart",
@@ -258,21 +263,22 @@ def _search(options: argparse.Namespace) -> Search | None:
         raise SettingError(
             "--search multistart takes neither --population nor --generations; leave them or --search out"
         )
-    return resized(search, population=options.population, generations=options.generations)
+    return resize_search(search, population=options.population, generations=options.generations)
 
 
 _WIDTH = 118
 
 
-def add_choice(parser: argparse.ArgumentParser) -> None:
+def add_choice(parser: CommandParser) -> None:
     """Declare the options that only a comparison takes."""
-    parser.add_argument(
+    comparison = parser.group("comparison of models and laws")
+    comparison.add_argument(
         "--leave-out",
         choices=get_args(Fold),
         help="with several models or --law auto: tests that are left out together and predicted: each test alone "
         "(default), all of one motion (default of --law auto from three motions on), or all at one command",
     )
-    parser.add_argument(
+    comparison.add_argument(
         "--posterior",
         action="store_true",
         help="with several models: draw for PSIS-LOO from a Markov chain of the posterior, not from a normal "

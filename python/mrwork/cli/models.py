@@ -6,6 +6,7 @@ import argparse
 from dataclasses import asdict
 from typing import Any
 
+from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.numbers import AMPLITUDE, FREQUENCY, add_number, named_path
 from mrwork.cli.options import end_parser
 from mrwork.cli.output import print_json
@@ -13,7 +14,7 @@ from mrwork.cli.terminal import show
 from mrwork.dampers.spec import DamperSpec, Preset, damper, damper_models
 from mrwork.errors import SettingError
 from mrwork.store.output_file import replacing
-from mrwork.summary import aligned
+from mrwork.summary import align_rows
 from mrwork.table import TableColumn, text_table
 
 _PARAMETER_COLUMNS = (
@@ -27,18 +28,23 @@ _PARAMETER_COLUMNS = (
 )
 
 
-def add_parser(verbs: Any) -> None:
-    """Declare the verb."""
-    parser = verbs.add_parser("models", description="List the damper models, or show one in full.")
+def add_options(parser: CommandParser) -> None:
+    """Declare the options."""
+    parser.description = "List the damper models, or show one in full."
+    parser.epilog = examples(
+        "mrwork models",
+        "mrwork models normalised_bouc_wen --figure loops.svg",
+    )
     parser.add_argument("name", nargs="?", metavar="NAME", help="model to show")
-    parser.add_argument(
+    figure = parser.group("figure")
+    figure.add_argument(
         "--figure",
         type=named_path,
         metavar="FILE",
         help="draw the loops of the model with each parameter halved and doubled, as an .svg or a .png file",
     )
-    add_number(parser, "--amplitude", AMPLITUDE, "of the motion of the figure", metavar="M", default=0.015)
-    add_number(parser, "--frequency", FREQUENCY, "of the motion of the figure", metavar="HZ", default=2.5)
+    add_number(figure, "--amplitude", AMPLITUDE, "of the motion of the figure", metavar="M", default=0.015)
+    add_number(figure, "--frequency", FREQUENCY, "of the motion of the figure", metavar="HZ", default=2.5)
     end_parser(parser, run, quiet="")
 
 
@@ -53,7 +59,7 @@ def run(options: argparse.Namespace) -> int:
             print_json({"models": [_as_dict(spec) for spec in damper_models()]})
             return 0
         listed = [(spec.name, f"{len(spec.parameters)} parameters", spec.title) for spec in damper_models()]
-        show("\n".join(aligned(listed)))
+        show("\n".join(align_rows(listed)))
         return 0
     spec = damper(options.name)
     if options.figure is not None:

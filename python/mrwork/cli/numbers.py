@@ -10,7 +10,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from mrwork.keys import Within
+from mrwork.arguments import Threads
+from mrwork.hints import Within, node_of
+from mrwork.keys import LARGEST_SEED
 from mrwork.search.rules import LARGEST_POPULATION
 from mrwork.uncertainty.planning.candidates import AMPLITUDE_RANGE, COMMAND_RANGE, FREQUENCY_RANGE
 
@@ -26,6 +28,13 @@ class Range:
     upper: float
     unit: str = ""
     whole: bool = False
+
+    @classmethod
+    def of(cls, hint: Any) -> Range:
+        """The range of an annotated number, that of the function which takes it."""
+        node = node_of(hint)
+        (within,) = node.notes
+        return cls(lower=within.least, upper=within.most, whole=node.kind is int)
 
     @property
     def _within(self) -> Within:
@@ -103,9 +112,8 @@ def _of(ends: tuple[float, float], unit: str) -> Range:
     return Range(lower=ends[0], upper=ends[1], unit=unit)
 
 
-# An integer that every reader of JSON keeps.
-SEED = Range(lower=0, upper=2**53 - 1, whole=True)
-THREADS = Range(lower=0, upper=1024, whole=True)
+SEED = Range(lower=0, upper=LARGEST_SEED, whole=True)
+THREADS = Range.of(Threads)
 # Instants of a record may count from a far epoch, in seconds.
 INSTANT = Range(lower=-1e10, upper=1e10, unit="s")
 SETTLE = Range(lower=0.0, upper=1e6, unit="s")
@@ -114,8 +122,6 @@ EVERY = Range(lower=1, upper=1_000_000, whole=True)
 POPULATION = Range(lower=2, upper=LARGEST_POPULATION, whole=True)
 GENERATIONS = Range(lower=1, upper=1_000_000, whole=True)
 SHARE = Range(lower=0.001, upper=0.999999)
-WALKERS = Range(lower=2, upper=10_000, whole=True)
-STEPS = Range(lower=1, upper=10_000_000, whole=True)
 TEMPERING = OrWord("effective", Range(lower=1e-9, upper=1.0))
 SUBSTEP_FACTOR = Range(lower=1, upper=256, whole=True)
 # What a rig can do, with room.

@@ -8,14 +8,16 @@ from math import isfinite
 from pathlib import Path
 from typing import get_args
 
+from mrwork.cli.command_parser import COMPUTATION, MEASUREMENT, OUTPUT, RECORDS, CommandParser
 from mrwork.cli.numbers import EVERY, INSTANT, SEED, SETTLE, THREADS, add_number, named_path
 from mrwork.cli.progress import reading_line
 from mrwork.cli.terminal import note
 from mrwork.dampers.parameters import LawName
 from mrwork.errors import SettingError
 from mrwork.identification.fit_file import OpenedRun, reopen
-from mrwork.identification.nuisance import NuisanceName
+from mrwork.identification.residual import NuisanceName
 from mrwork.identification.settings import Reading, is_synthetic
+from mrwork.keys import suggestion
 from mrwork.records import DamperTest, parse_column_option
 from mrwork.records.repairs import (
     AMOUNTS_IN_WORDS,
@@ -39,9 +41,10 @@ _NONE = "none"
 _AUTO = "auto"
 
 
-def add_files(parser: argparse.ArgumentParser, *, required: bool = True) -> None:
+def add_files(parser: CommandParser, *, required: bool = True) -> None:
     """FILE... and the options for reading the files."""
-    parser.add_argument(
+    records = parser.group(RECORDS)
+    records.add_argument(
         "files",
         nargs="+" if required else "*",
         metavar="FILE",
@@ -49,7 +52,7 @@ def add_files(parser: argparse.ArgumentParser, *, required: bool = True) -> None
         "tests (file, use, columns, command), of which the rows for this verb are used; or a folder, for its tests.csv "
         "or its records",
     )
-    parser.add_argument(
+    records.add_argument(
         "--column",
         action="append",
         default=[],
@@ -57,10 +60,10 @@ def add_files(parser: argparse.ArgumentParser, *, required: bool = True) -> None
         help="heading of a column that is not recognised, with its unit where the file does not tell it, as in "
         "force=F:kN, or the command as a number, as in command=0.5A; repeat for more",
     )
-    add_number(parser, "--from", INSTANT, "use the record from this time on", dest="start", metavar="S")
-    add_number(parser, "--until", INSTANT, "use the record up to this time", dest="end", metavar="S")
-    add_number(parser, "--every", EVERY, "use every N-th sample", default=1, metavar="N")
-    parser.add_argument(
+    add_number(records, "--from", INSTANT, "use the record from this time on", dest="start", metavar="S")
+    add_number(records, "--until", INSTANT, "use the record up to this time", dest="end", metavar="S")
+    add_number(records, "--every", EVERY, "use every N-th sample", default=1, metavar="N")
+    records.add_argument(
         "--repair",
         action="append",
         default=[],
@@ -69,7 +72,7 @@ def add_files(parser: argparse.ArgumentParser, *, required: bool = True) -> None
         f"in delay=0.002: {AMOUNTS_IN_WORDS}; repeat for more",
     )
     add_number(
-        parser,
+        records,
         "--settle",
         SETTLE,
         "time at the start that is simulated but not compared; default: until the damper has travelled half its "
@@ -78,11 +81,10 @@ def add_files(parser: argparse.ArgumentParser, *, required: bool = True) -> None
     )
 
 
-def add_observation(
-    parser: argparse.ArgumentParser, *, default: str = DETECT, nuisances: str = _NONE
-) -> None:
-    """--observe and --nuisance, whose defaults `default` and `nuisances` say."""
-    parser.add_argument(
+def add_observation(parser: CommandParser, *, default: str = DETECT, nuisances: str = _NONE) -> None:
+    """Add --observe and --nuisance, with the defaults `default` and `nuisances`."""
+    measurement = parser.group(MEASUREMENT)
+    measurement.add_argument(
         "--observe",
         action="append",
         default=[],
@@ -92,7 +94,7 @@ def add_observation(
         f"(or 0.1T, a share of the period), lowpass=HZ, delay=S, gain=G, offset=N: {VALUES_IN_WORDS}; repeat for more; "
         f"default: {default}",
     )
-    parser.add_argument(
+    measurement.add_argument(
         "--nuisance",
         action="append",
         default=[],
@@ -102,25 +104,40 @@ def add_observation(
     )
 
 
-def add_run(parser: argparse.ArgumentParser) -> None:
+def add_run(parser: CommandParser) -> None:
     """RUN, the folder of an identification, as `options.run_folder`."""
     parser.add_argument("run_folder", type=named_path, metavar="RUN", help="run folder of mrwork identify")
 
 
-def add_threads(parser: argparse.ArgumentParser) -> None:
+def add_threads(parser: CommandParser) -> None:
     """--threads."""
-    add_number(parser, "--threads", THREADS, "number of threads, default 0, all", default=0, metavar="N")
+    add_number(
+        parser.group(COMPUTATION),
+        "--threads",
+        THREADS,
+        "number of threads, default 0, all",
+        default=0,
+        metavar="N",
+    )
 
 
-def add_seed(parser: argparse.ArgumentParser, of: str) -> None:
+def add_seed(parser: CommandParser, of: str, default: int = 0) -> None:
     """--seed, of what `of` names."""
-    add_number(parser, "--seed", SEED, f"seed of {of}, default 0", default=0, metavar="N")
+    add_number(
+        parser.group(COMPUTATION),
+        "--seed",
+        SEED,
+        f"seed of {of}, default {default}",
+        default=default,
+        metavar="N",
+    )
 
 
-def add_out(parser: argparse.ArgumentParser, what: str) -> None:
+def add_out(parser: CommandParser, what: str) -> None:
     """--out, which `what` describes, and --replace."""
-    parser.add_argument("--out", type=named_path, metavar="DIR", help=what)
-    parser.add_argument(
+    output = parser.group(OUTPUT)
+    output.add_argument("--out", type=named_path, metavar="DIR", help=what)
+    output.add_argument(
         "--replace",
         action="store_true",
         help="replace the run in the folder also where it is of another verb, where other verbs have added to it, or "
@@ -129,17 +146,18 @@ def add_out(parser: argparse.ArgumentParser, what: str) -> None:
 
 
 def end_parser(
-    parser: argparse.ArgumentParser,
+    parser: CommandParser,
     run: Callable[[argparse.Namespace], int],
     *,
     resume: str = "",
     quiet: str = "no progress line",
 ) -> None:
     """Declare --resume and --quiet, each where it has a help, and --json; `run` is what the verb does."""
+    output = parser.group(OUTPUT)
     for option, help in (("--resume", resume), ("--quiet", quiet)):
         if help:
-            parser.add_argument(option, action="store_true", help=help)
-    parser.add_argument(
+            output.add_argument(option, action="store_true", help=help)
+    output.add_argument(
         "--json", action="store_true", help="print one JSON object on stdout and nothing else"
     )
     parser.set_defaults(run=run)
@@ -172,14 +190,14 @@ def reading_of(options: argparse.Namespace, use: Use | EveryUse) -> Reading:
 
 
 def read_tests(options: argparse.Namespace, use: Use) -> tuple[Reading, tuple[DamperTest, ...]]:
-    """The tests of the command line, first cut, then repaired, and their reading; a line tells how many are read."""
+    """Reading and tests of the command line, cut and then repaired; reports progress in a line."""
     reading = reading_of(options, use)
     with reading_line(quiet=is_quiet(options)) as on_read:
         return reading, reading.tests(on_read=on_read)
 
 
 def opened_run(options: argparse.Namespace) -> OpenedRun:
-    """The run folder of the command line with its tests; a line tells how many have been read."""
+    """The run folder of the command line with its tests; reports progress in a line."""
     with reading_line(quiet=is_quiet(options)) as on_read:
         return reopen(options.run_folder, on_read=on_read)
 
@@ -285,4 +303,4 @@ def _repair(option: str) -> tuple[RepairKind, float | None]:
     for kind in REPAIR_KINDS:
         if kind == name:
             return kind, parsed_number(amount, option) if equals else None
-    raise SettingError(f"--repair is {option!r}; give one of {', '.join(REPAIR_KINDS)}")
+    raise SettingError(f"--repair is {option!r}{suggestion(name, REPAIR_KINDS, otherwise='give one of')}")

@@ -17,7 +17,7 @@ from mrwork.records import DamperTest
 from mrwork.records.findings import SharedFinding, Verb, findings_for
 from mrwork.store.codec import finite
 from mrwork.store.run_folder import FIT
-from mrwork.summary import Summarised, aligned
+from mrwork.summary import Summarised, align_rows
 
 if TYPE_CHECKING:
     from mrwork.identification.fit import Fit
@@ -53,15 +53,15 @@ def told_findings(
     verb: Verb, tests: Sequence[DamperTest], options: argparse.Namespace
 ) -> list[dict[str, Any]]:
     """Say what the checks found that matters to a verb, on stderr; with --json return it only, for the object."""
-    found = findings_for(verb, tests)
-    for each in () if options.json else found:
+    findings = findings_for(verb, tests)
+    for each in () if options.json else findings:
         note(each.in_words)
-    return as_plain(found)
+    return as_plain(findings)
 
 
 def table_lines(rows: Sequence[Sequence[str]]) -> list[str]:
     """Aligned and indented lines of a table; the first row has the headings."""
-    return [f"  {line}" for line in aligned(rows)]
+    return [f"  {line}" for line in align_rows(rows)]
 
 
 def result_lines(result: Summarised) -> list[str]:
@@ -79,7 +79,7 @@ def verdicts_elsewhere(fit: Fit, kind: Literal["profile", "posterior"]) -> str:
 
 
 def stopped_in_words(folder: Path, kept: str, *, written: bool) -> str:
-    """What is left after Ctrl-C, and how to continue."""
+    """Sentence on what is saved after Ctrl-C, and how to continue."""
     where = f"{kept} so far is in {folder}" if written else f"{folder} keeps the complete run that it has"
     return f"interrupted; {where}; run the same command with --resume to continue"
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import argparse
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.numbers import AMPLITUDES, COMMANDS, FREQUENCIES, STROKE, VELOCITY, add_number, named_path
 from mrwork.cli.options import add_run, add_seed, add_threads, end_parser, opened_run
 from mrwork.cli.output import end_addition, told_findings
@@ -23,6 +23,7 @@ from mrwork.store.run_folder import PLAN, REPORT
 from mrwork.table import text_table
 from mrwork.uncertainty.planning.candidates import Candidate, Limits, candidate_grid, read_candidates
 from mrwork.units import CommandUnit
+from mrwork.values import Floats
 
 if TYPE_CHECKING:
     from mrwork.uncertainty.planning.plan import CheckedPlan, LinearisedPosterior
@@ -32,20 +33,22 @@ _SHOWN = 15
 _DRAWS = 400
 
 
-def add_parser(verbs: Any) -> None:
-    """Declare the verb."""
-    parser = verbs.add_parser(
-        "plan",
-        description="Rank sinusoidal tests by how much each would reduce the variance of a band.",
+def add_options(parser: CommandParser) -> None:
+    """Declare the options."""
+    parser.description = "Rank sinusoidal tests by how much each would reduce the variance of a band."
+    parser.epilog = examples(
+        "mrwork plan out/demo",
+        "mrwork plan out/rig --band k_w@1.2A --amplitudes 0.005,0.01 --frequencies 1,2 --currents 0.3,0.9",
     )
     add_run(parser)
-    parser.add_argument(
+    band, candidates = parser.group("band"), parser.group("candidates")
+    band.add_argument(
         "--band",
         default="force",
         metavar="BAND",
         help="quantity whose band is to be narrowed: force (default) or energy, mean over the targets, or a parameter",
     )
-    parser.add_argument(
+    candidates.add_argument(
         "--candidates",
         type=named_path,
         metavar="FILE",
@@ -57,16 +60,16 @@ def add_parser(verbs: Any) -> None:
         ("currents", COMMANDS, "their currents or voltages, where the model has current laws"),
     ):
         add_number(
-            parser,
+            candidates,
             f"--{name}",
             numbers,
             f"{what}; default: about those of the tests",
             default=(),
             metavar="LIST",
         )
-    add_number(parser, "--stroke", STROKE, "largest stroke of the rig, peak to peak", metavar="M")
-    add_number(parser, "--peak-velocity", VELOCITY, "largest velocity of the rig", metavar="V")
-    parser.add_argument(
+    add_number(candidates, "--stroke", STROKE, "largest stroke of the rig, peak to peak", metavar="M")
+    add_number(candidates, "--peak-velocity", VELOCITY, "largest velocity of the rig", metavar="V")
+    band.add_argument(
         "--targets",
         type=named_path,
         metavar="FILE",
@@ -127,9 +130,7 @@ def _candidates(options: argparse.Namespace, opened: OpenedRun, limits: Limits) 
     return read_candidates(options.candidates, opened.fit.spec, limits)
 
 
-def _draws(
-    opened: OpenedRun, posterior: LinearisedPosterior, rng: np.random.Generator
-) -> tuple[NDArray[np.float64], str]:
+def _draws(opened: OpenedRun, posterior: LinearisedPosterior, rng: np.random.Generator) -> tuple[Floats, str]:
     """Draws of the parameters in the order of `posterior`, and the name of their distribution."""
     from mrwork.uncertainty.planning.plan import normal_draws
     from mrwork.uncertainty.posterior.draws import read_draws

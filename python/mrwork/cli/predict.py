@@ -1,4 +1,4 @@
-"""`mrwork predict`: free simulations of other tests with a stored fit."""
+"""`mrwork predict`: free-run simulations of other tests with a stored fit."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.numbers import SHARE, SUBSTEP_FACTOR, add_number
 from mrwork.cli.options import (
     add_files,
@@ -22,9 +23,9 @@ from mrwork.cli.output import print_json, told_findings
 from mrwork.cli.terminal import show
 from mrwork.dampers.spec import LawLimit, worst_laws
 from mrwork.identification.fit_file import read_fit
-from mrwork.identification.nuisance import estimated_in_words, missing_warnings
 from mrwork.identification.problem import prediction_warning
-from mrwork.identification.result import FitSpread, explained_by, free_run
+from mrwork.identification.residual import estimated_in_words, missing_warnings
+from mrwork.identification.result import FitSpread, explain_failures, free_run
 from mrwork.records import Likeness, observed
 from mrwork.records.likeness import likenesses_in_words
 from mrwork.table import TableColumn, text_table
@@ -50,18 +51,22 @@ _BAND_COLUMNS = (
 )
 
 
-def add_parser(verbs: Any) -> None:
-    """Declare the verb."""
-    parser = verbs.add_parser(
-        "predict",
-        description="Simulate other tests with a stored fit and compare the simulated force with the measured one. "
-        "Tests with the motion and command of a fitted one are named as seen.",
+def add_options(parser: CommandParser) -> None:
+    """Declare the options."""
+    parser.description = (
+        "Simulate other tests with a stored fit and compare the simulated force with the measured one. "
+        "Tests with the motion and command of a fitted one are named as seen."
+    )
+    parser.epilog = examples(
+        "mrwork predict out/rig rig --level 0.9",
+        "mrwork predict out/demo synthetic:spencer1997_slow --substep-factor 4",
     )
     add_run(parser)
     add_files(parser)
     add_observation(parser, default=_AS_FITTED, nuisances=_AS_FITTED)
+    prediction = parser.group("prediction")
     add_number(
-        parser,
+        prediction,
         "--substep-factor",
         SUBSTEP_FACTOR,
         "multiply the integration steps by N = 2, 4, ... to check that the result does not change",
@@ -69,7 +74,7 @@ def add_parser(verbs: Any) -> None:
         metavar="N",
     )
     add_number(
-        parser,
+        prediction,
         "--level",
         SHARE,
         "also print the half width and the coverage of the prediction band of this level, such as 0.9; needs mrwork "
@@ -95,7 +100,7 @@ def run(options: argparse.Namespace) -> int:
     _, tests = read_tests(options, "test")
     findings = told_findings("predict", tests, options)
     for test in (observed(test, words) for test in tests):
-        with explained_by(fit, test):
+        with explain_failures(fit, test):
             force, quality = free_run(
                 spec, theta, test, nuisances=nuisances, substep_factor=options.substep_factor
             )

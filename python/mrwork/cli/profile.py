@@ -6,8 +6,9 @@ import argparse
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.numbers import SHARE, add_number
 from mrwork.cli.options import add_run, add_threads, end_parser, is_quiet, opened_run
 from mrwork.cli.output import end_addition, print_result, result_lines, told_findings, verdicts_elsewhere
@@ -24,15 +25,19 @@ if TYPE_CHECKING:
     from mrwork.uncertainty.identifiability.profile import Profiles
 
 
-def add_parser(verbs: Any) -> None:
-    """Declare the verb."""
-    parser = verbs.add_parser(
-        "profile",
-        description="Compute the profile likelihood of each parameter of a fit: intervals, which may be open, "
-        "verdicts on identifiability, and directions in parameter space that do not change the force.",
+def add_options(parser: CommandParser) -> None:
+    """Declare the options."""
+    parser.description = (
+        "Compute the profile likelihood of each parameter of a fit: intervals, which may be open, "
+        "verdicts on identifiability, and directions in parameter space that do not change the force."
+    )
+    parser.epilog = examples(
+        "mrwork profile out/demo",
+        "mrwork profile out/demo --parameter k_w --level 0.9",
     )
     add_run(parser)
-    parser.add_argument(
+    intervals = parser.group("intervals")
+    intervals.add_argument(
         "--parameter",
         dest="parameters",
         action="append",
@@ -40,7 +45,7 @@ def add_parser(verbs: Any) -> None:
         metavar="NAME",
         help="profile this parameter only; repeat for more",
     )
-    add_number(parser, "--level", SHARE, "level of the intervals, default 0.95", default=0.95, metavar="P")
+    add_number(intervals, "--level", SHARE, "level of the intervals, default 0.95", default=0.95, metavar="P")
     add_threads(parser)
     end_parser(parser, run)
 
@@ -72,7 +77,7 @@ def _profile(opened: OpenedRun, options: argparse.Namespace) -> int:
                 on_progress=line,
             )
     except Interrupted as interrupt:
-        return stopped(opened, interrupt.result, options)
+        return write_interrupted(opened, interrupt.result, options)
     fit = opened.fit.with_identifiability(
         identifiability_of(opened.fit, opened.tests, threads=options.threads)
     )
@@ -85,7 +90,7 @@ def _profile(opened: OpenedRun, options: argparse.Namespace) -> int:
     return end_addition(options, printed, _text(fit, profiles, directions, opened.place))
 
 
-def stopped(opened: OpenedRun, profiles: Profiles, options: argparse.Namespace) -> int:
+def write_interrupted(opened: OpenedRun, profiles: Profiles, options: argparse.Namespace) -> int:
     """Write and print the profiles of an interrupted run, not in place of complete ones; return the exit status."""
     document = asdict(profiles) | {"directions": []}
     written = not _has_complete(opened)

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Generic, TypeVar
 
 from mrwork.cli.terminal import note, write_stderr
-from mrwork.escaping import escaped
+from mrwork.escaping import escape_text
 from mrwork.identification.progress import Progress
 
 if TYPE_CHECKING:
@@ -55,7 +55,7 @@ class ProgressLine(Generic[Report]):
         """Show a progress report."""
         if not self._active:
             return
-        text = escaped(self._described(progress))
+        text = escape_text(self._described(progress))
         if time.monotonic() >= self._next:
             self._next = time.monotonic() + (_EVERY_PLAIN if self._plain else _EVERY)
             self._write(text)
@@ -88,7 +88,7 @@ def progress_line(
 
 @contextmanager
 def reading_line(*, quiet: bool) -> Iterator[OnRead]:
-    """A line that tells how many of several tests have been read."""
+    """Progress line with the number of tests that have been read."""
     with progress_line(_reading_described, quiet=quiet, patience=0.0) as line:
         yield lambda done, total: line((done, total))
 
@@ -120,7 +120,7 @@ class IdentificationInWords:
             self._began = progress
             self._time_left = _TimeLeft(share=progress.share, seconds=progress.seconds)
         left = self._time_left.after(progress.share, progress.seconds)
-        return self._prefix + described(progress, self._began, left)
+        return self._prefix + describe_progress(progress, self._began, left)
 
 
 class _TimeLeft:
@@ -216,7 +216,7 @@ def sampling_described(progress: SamplingProgress) -> str:
     return ", ".join(parts)
 
 
-def described(progress: Progress, began: Progress, left: float | None) -> str:
+def describe_progress(progress: Progress, began: Progress, left: float | None) -> str:
     """Progress in one line; rates are measured since the stage `began`, of which this time is `left` [s]."""
     generation = f" {progress.generation}" if progress.generation else ""
     parts = [f"{progress.stage}{generation}", f"best {progress.fit_percent:.2f} %"]

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import argparse
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.options import add_run, end_parser, is_quiet
 from mrwork.cli.output import drawing, print_json, told_findings
 from mrwork.cli.terminal import show
@@ -15,19 +16,21 @@ if TYPE_CHECKING:
     from mrwork.report.section import OnDrawn
 
 
-def add_parser(verbs: Any) -> None:
-    """Declare the verb."""
-    parser = verbs.add_parser(
-        "report",
-        description="Draw the page of a run again, with everything that its folder holds.",
+def add_options(parser: CommandParser) -> None:
+    """Declare the options."""
+    parser.description = "Draw the page of a run again, with everything that its folder holds."
+    parser.epilog = examples(
+        "mrwork report out/demo",
+        "mrwork report out/demo --figures",
     )
     add_run(parser)
-    parser.add_argument(
+    page = parser.group("page")
+    page.add_argument(
         "--figures",
         action="store_true",
         help="also write every figure as an SVG and a PNG file into RUN/figures; those of each test for every test",
     )
-    parser.add_argument(
+    page.add_argument(
         "--all-tests",
         action="store_true",
         help="draw every test in full; by default up to four tests, of more the best, the median and the worst fit",

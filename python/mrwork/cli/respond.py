@@ -7,6 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.numbers import named_path
 from mrwork.cli.options import add_out, add_seed, add_threads, end_parser, is_quiet
 from mrwork.cli.progress import progress_line, study_described
@@ -21,26 +22,30 @@ if TYPE_CHECKING:
     from mrwork.study.study import Study
 
 
-def add_parser(verbs: Any) -> None:
-    """Declare the verb."""
-    parser = verbs.add_parser(
-        "respond",
-        description="Simulate a building with dampers and control laws under ground motions, as described in a study "
-        "file.",
+def add_options(parser: CommandParser) -> None:
+    """Declare the options."""
+    parser.description = (
+        "Simulate a building with dampers and control laws under ground motions, as described in a study "
+        "file."
+    )
+    parser.epilog = examples(
+        "mrwork respond study.toml",
+        "mrwork respond study.toml --motions all --check-step --out out/checked",
     )
     parser.add_argument("study", nargs="?", type=named_path, metavar="STUDY.toml", help="study file")
-    parser.add_argument("--schema", action="store_true", help="print the keys of a study file and exit")
-    parser.add_argument(
+    listings, study = parser.group("listings"), parser.group("simulation")
+    listings.add_argument("--schema", action="store_true", help="print the keys of a study file and exit")
+    listings.add_argument(
         "--laws", action="store_true", help="print the control laws with their settings and exit"
     )
     add_seed(parser, "noise and synthetic motions")
-    parser.add_argument(
+    study.add_argument(
         "--motions",
         choices=("test", "training", "all"),
         default="test",
         help="use of the motions that are simulated, default test; with all, scores are those of the test motions",
     )
-    parser.add_argument(
+    study.add_argument(
         "--check-step",
         action="store_true",
         help="repeat every run with half the integration step and compare",
@@ -86,7 +91,7 @@ def _verb(options: argparse.Namespace, study: Study, place: Path) -> StudyVerb[S
             return run_study(
                 study,
                 journal=journal,
-                kept=histories.kept,
+                kept=histories.is_stored,
                 keep=histories.keep,
                 on_progress=line,
                 check_step=options.check_step,

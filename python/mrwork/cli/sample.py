@@ -8,7 +8,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mrwork.cli.numbers import STEPS, TEMPERING, WALKERS, add_number
+from mrwork.cli.command_parser import CommandParser, examples
+from mrwork.cli.numbers import TEMPERING, Range, add_number
 from mrwork.cli.options import (
     add_run,
     add_seed,
@@ -32,28 +33,32 @@ from mrwork.store.output_file import write_files
 from mrwork.store.run_folder import CHAIN, DRAWS, FIT
 from mrwork.store.unfinished import addition_journal, keep_addition
 from mrwork.uncertainty.noise import NOISES, names_in_words
-from mrwork.uncertainty.posterior.target import Prior, parse_prior
+from mrwork.uncertainty.posterior.target import Prior, Steps, Walkers, parse_prior
 
 if TYPE_CHECKING:
     from mrwork.store.journal import Journal
     from mrwork.uncertainty.posterior.draws import Draws
 
 
-def add_parser(verbs: Any) -> None:
-    """Declare the verb."""
-    parser = verbs.add_parser(
-        "sample",
-        description="Sample the posterior of the parameters of a fit, given its tests. Writes the journal of the "
-        f"chain, {CHAIN}, and the draws for ArviZ, {DRAWS}, into the run folder.",
+def add_options(parser: CommandParser) -> None:
+    """Declare the options."""
+    parser.description = (
+        "Sample the posterior of the parameters of a fit, given its tests. Writes the journal of the "
+        f"chain, {CHAIN}, and the draws for ArviZ, {DRAWS}, into the run folder."
+    )
+    parser.epilog = examples(
+        "mrwork sample out/demo --steps 200",
+        "mrwork sample out/demo --steps 400 --resume",
     )
     add_run(parser)
-    parser.add_argument(
+    posterior, chain = parser.group("posterior"), parser.group("chain")
+    posterior.add_argument(
         "--noise",
         default="iid",
         metavar="NAME",
         help=f"noise model of the force: {names_in_words(list(NOISES.values()))}; default iid",
     )
-    parser.add_argument(
+    posterior.add_argument(
         "--prior",
         action="append",
         default=[],
@@ -62,16 +67,23 @@ def add_parser(verbs: Any) -> None:
         "k_w=normal:650:50; repeat for more. The default is uniform over the range of the parameter",
     )
     add_number(
-        parser,
+        posterior,
         "--tempering",
         TEMPERING,
         "factor of the log-likelihood, or effective: the ratio of effective to all samples at the fit. Default "
         "effective, 1 for noise models with correlation",
         metavar="SHARE",
     )
-    add_number(parser, "--walkers", WALKERS, "number of walkers, default 64", default=64, metavar="N")
     add_number(
-        parser, "--steps", STEPS, "largest number of steps, default 20000", default=20_000, metavar="N"
+        chain, "--walkers", Range.of(Walkers), "number of walkers, default 64", default=64, metavar="N"
+    )
+    add_number(
+        chain,
+        "--steps",
+        Range.of(Steps),
+        "largest number of steps, default 20000",
+        default=20_000,
+        metavar="N",
     )
     add_seed(parser, "the walkers")
     add_threads(parser)

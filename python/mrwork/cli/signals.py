@@ -39,7 +39,7 @@ class StopSignals:
         """From now on each raises KeyboardInterrupt, after which a computation keeps what it has."""
         self._answer(self._interrupt)
         if self._numbers:
-            sys.unraisablehook = self._lost
+            sys.unraisablehook = self._raise_again
 
     def leave_with(self, status: int) -> None:
         """From now on each ends the process at once with this status."""
@@ -55,7 +55,7 @@ class StopSignals:
         finally:
             os._exit(128 + number)
 
-    def _lost(self, unraisable: sys.UnraisableHookArgs) -> None:
+    def _raise_again(self, unraisable: sys.UnraisableHookArgs) -> None:
         """Raise an interrupt again that came where nothing can be raised, as while an object is released."""
         if isinstance(unraisable.exc_value, KeyboardInterrupt) and hasattr(signal, "setitimer"):
             self._interrupt_later()

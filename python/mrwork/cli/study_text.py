@@ -1,4 +1,4 @@
-"""What the verbs on a study share: its run from journal to folder, and its results on the terminal.
+"""Shared code of the verbs on a study: its run from journal to folder, and its results on the terminal.
 
 Changes of every quantity come first, then criteria and scores.
 """
@@ -19,11 +19,19 @@ from textwrap import wrap
 from typing import Any, Generic, Literal, TypeVar
 
 from mrwork import __version__
-from mrwork.cli.output import print_result, stopped_in_words, table_lines
+from mrwork.cli.output import print_result, stopped_in_words
 from mrwork.cli.terminal import keep_stdout, note
-from mrwork.closed_loop.evaluation import SCORE, criterion
 from mrwork.errors import Interrupted
-from mrwork.numbers import with_decimals
+from mrwork.numbers import MINUS, NOTHING
+from mrwork.report.study.tables import (
+    bands_of_study,
+    change_table,
+    group_table,
+    ratio_table,
+    spread_table,
+    step_table,
+    value_table,
+)
 from mrwork.store.codec import digest_of
 from mrwork.store.journal import Journal
 from mrwork.store.output_folder import Destination, check_destination
@@ -35,14 +43,17 @@ from mrwork.study.comparison import (
     StudyComparison,
     chosen_in_words,
     compared,
-    in_percent,
     judged_in_words,
     motion_groups,
-    times_better,
 )
-from mrwork.study.results import OFF_BALANCE, ON_OFF, StudyResults, largest_step_changes
+from mrwork.study.results import (
+    OFF_BALANCE,
+    ON_OFF,
+    StudyResults,
+)
 from mrwork.study.schema import Use
-from mrwork.study.study import Kind, Study, StudyFile
+from mrwork.study.study import Study, StudyFile
+from mrwork.table import Table
 from mrwork.tuning.results import TuningResults
 
 
@@ -56,7 +67,7 @@ Results = TypeVar("Results", StudyResults, TuningResults)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StudyVerb(Generic[Results]):
-    """What a verb on a study makes of it: results and their page, folder, JSON object and text.
+    """A verb on a study: computes the results and their page, folder, JSON object and text.
 
     `page` takes the seconds so far, `text` whether the page was drawn and whether the folder was written; `kept` says
     what a folder has after Ctrl-C.
@@ -157,15 +168,9 @@ def run_on_study(
 
 
 _WIDTH = 100
-# Quantities whose changes the tables show; the page and the results file have all.
-_QUANTITIES = (
-    "peak_displacement",
-    "peak_drift",
-    "peak_acceleration",
-    "peak_base_shear",
-    "rms_drift",
-    "rms_acceleration",
-)
+# Longest line of a table.
+_WIDEST = 120
+_PLAIN = str.maketrans({MINUS: "-", NOTHING: "-", "²": "2"})
 
 
 def study_text(results: StudyResults, folder: Path | None) -> str:
@@ -191,7 +196,7 @@ def study_text(results: StudyResults, folder: Path | None) -> str:
 
 
 def _leading_lines(comparison: StudyComparison) -> list[str]:
-    """What the leading row changes, quantity by quantity, and what the passive dampers of the study leave open."""
+    """Changes of each quantity by the leading row, and open questions on the passive dampers of the study."""
     lines: list[str] = []
     if comparison.leading is not None:
         lines.append(comparison.heading(comparison.leading))
@@ -201,48 +206,28 @@ def _leading_lines(comparison: StudyComparison) -> list[str]:
     return [*lines, ""] if lines else []
 
 
+def _lines(table: Table) -> list[str]:
+    """A table of the page, in the characters that every terminal has."""
+    return [line.translate(_PLAIN) for line in table.lines("  ", width=_WIDEST)]
+
+
 def _change_lines(comparison: StudyComparison, reference: int) -> list[str]:
     """Changes of every row against a reference, the rows of each rank together."""
     results = comparison.results
-    several = len(results.judged) > 1
-    table = [("", *(criterion(name).short for name in _QUANTITIES))]
-    for rank, rows in comparison.ranks:
-        others = [row for row in rows if row != reference]
-        table += [(rank.title, *[""] * len(_QUANTITIES))] if others else []
-        for row in others:
-            changes = [comparison.changes(row, reference)[name] for name in _QUANTITIES]
-            cells = [
-                f"{in_percent(each.mean):>4}" + (f" ({in_percent(each.largest):>3})" if several else "")
-                for each in changes
-            ]
-            table.append((f"  {results.rows[row].label}", *cells))
-    means = f", mean of {judged_in_words(results)} (largest of one motion)" if several else ""
-    return [f"Change in % against {results.rows[reference].label}{means}", *table_lines(table)]
+    table = change_table(comparison, reference, range(len(results.rows)))
+    means = f", mean over {judged_in_words(results)}" if len(results.judged_motions) > 1 else ""
+    return [
+        f"Change in % against {results.rows[reference].label}{means}",
+        *_lines(table),
+    ]
 
 
 def _motion_lines(results: StudyResults, motion: int) -> list[str]:
-    """Criteria under one motion, and their ratios to those of the dampers without a command, or without dampers."""
-    reference = results.row_of("passive_off")
-    against: Kind = "uncontrolled" if reference is None else "passive_off"
-    over = "uncontrolled" if reference is None else results.rows[reference].label
-    table = [("", "drift mm", "m/s2", "force N", *(criterion(name).short for name in SCORE))]
-    for row, each in enumerate(results.rows):
-        found = results.criteria(row, motion)
-        if found is None:
-            run = results.runs.get((row, motion))
-            table.append((each.label, "not run" if run is None else run.outcome, *[""] * (2 + len(SCORE))))
-            continue
-        ratios = results.ratios(row, motion, against)
-        table.append(
-            (
-                each.label,
-                f"{1e3 * found['peak_drift']:.4g}",
-                f"{found['peak_acceleration']:.3g}",
-                "-" if each.kind in ("uncontrolled", "baseline") else f"{found['peak_force']:.4g}",
-                *(with_decimals(ratios[name], 3) for name in SCORE),
-            )
-        )
-    return [f"{results.motions[motion].name}: criteria, and over {over}", *table_lines(table)]
+    """Criteria under one motion, and their ratios to those without dampers and of the dampers without a command."""
+    rows, name = range(len(results.rows)), results.motions[motion].name
+    tables = (value_table(results, (motion,), rows), ratio_table(results, motion, rows))
+    lines = [_lines(each) for each in tables]
+    return [f"{name}: criteria", *lines[0], "", f"{name}: ratios", *lines[1]]
 
 
 def _score_lines(comparison: StudyComparison) -> list[str]:
@@ -250,31 +235,16 @@ def _score_lines(comparison: StudyComparison) -> list[str]:
     results = comparison.results
     if not any(isfinite(results.score(row)) for row in range(len(results.rows))):
         return []
-    several = len(results.judged) > 1
-    against = comparison.passive
-    heads = ("least", "25 %", "median", "75 %", "most", "better") if several else ()
-    table = [("", "score", *heads)]
-    for rank, rows in comparison.ranks:
-        table.append((rank.title, *[""] * (1 + len(heads))))
-        for row in rows:
-            spread = results.spread(row)
-            numbers = (
-                (spread.least, spread.lower_quartile, spread.median, spread.upper_quartile, spread.most)
-                if several
-                else ()
-            )
-            better = None if against in (None, row) else times_better(results, row, against)
-            counts = ("" if better is None else f"{better}/{len(results.judged)}",) if several else ()
-            cells = (with_decimals(number, 3) for number in (results.score(row), *numbers))
-            table.append((f"  {results.rows[row].label}", *cells, *counts))
+    several, against = len(results.judged_motions) > 1, comparison.passive
+    table = spread_table(comparison, [row for _, rows in comparison.ranks for row in rows])
     lines = [
         f"Score, the mean of these ratios over {judged_in_words(results)}, lowest first:",
-        *table_lines(table),
+        *_lines(table),
     ]
     if several and against is not None:
         lines += wrap(
-            "Least to most: of single motions. Better: motions with less peak drift and less peak acceleration than "
-            f"{results.rows[against].label}. {chosen_in_words(results)}".rstrip(),
+            "Least to most: of single motions. Better: motions with less peak drift, less peak acceleration, or both, "
+            f"than {results.rows[against].label}. {chosen_in_words(results)}".rstrip(),
             width=_WIDTH,
         )
     notes = [rank.note for rank, _ in comparison.ranks if rank.note]
@@ -287,49 +257,21 @@ def _group_lines(comparison: StudyComparison) -> list[str]:
     groups = motion_groups(results)
     if not groups or not any(isfinite(results.score(row)) for row in range(len(results.rows))):
         return []
-    table = [("", *(f"{group.name} ({len(group.motions)})" for group in groups))]
-    for _, rows in comparison.ranks:
-        for row in rows:
-            scores = (results.score_under(row, group.motions) for group in groups)
-            table.append((results.rows[row].label, *(with_decimals(score, 3) for score in scores)))
-    return ["Score under groups of motions, with the number of motions:", *table_lines(table)]
+    table = group_table(results, [row for _, rows in comparison.ranks for row in rows])
+    return ["Score under groups of motions:", *_lines(table)]
 
 
 def _band_lines(results: StudyResults) -> list[str]:
     """Bands of the scores over realisations, and of the peak drift."""
-    varied = results.varied
-    if varied is None or not varied.rows:
+    if not results.n_realisations:
         return []
-    off = results.row_of("passive_off")
-    table: list[tuple[str, ...]] = [("", "score", "peak drift")]
-    for number, row in enumerate(results.rows):
-        bands = (
-            varied.score_band(number, off, results.judged),
-            varied.ratio_band(number, off, results.judged, "peak_drift"),
-        )
-        cells = [
-            "-" if each is None else f"{each.median:.3f} ({each.lower:.3f} to {each.upper:.3f})"
-            for each in bands
-        ]
-        table.append((row.label, *cells))
-    heading = (
-        f"Over {varied.count} realisations: median and 90 % band of the score, and of peak drift over i = 0"
-    )
-    return [heading, *table_lines(table)]
+    heading = f"Over {results.n_realisations} realisations: median and 90 % band of the score, and of ratios over i = 0"
+    return [heading, *_lines(bands_of_study(results, range(len(results.rows))))]
 
 
 def _step_lines(results: StudyResults) -> list[str]:
-
-    changes = largest_step_changes(results)
-    if not changes:
+    table = step_table(results, range(len(results.rows)))
+    if not table.rows:
         return []
-    table = [
-        (
-            results.rows[each.row].label,
-            f"{each.change:.1e}" if each.criterion else "-",
-            each.in_words(results),
-        )
-        for each in changes
-    ]
     heading = "Half the step: the largest change of a criterion, over its value"
-    return [heading, *table_lines([("", "change", ""), *table]), ON_OFF]
+    return [heading, *_lines(table), ON_OFF]

@@ -1,4 +1,4 @@
-"""What a command prints, and where: text without characters that would command the terminal."""
+"""Output of a command on stdout and stderr, without characters that would control the terminal."""
 
 from __future__ import annotations
 
@@ -11,26 +11,26 @@ from pathlib import Path
 from typing import TextIO
 
 from mrwork.errors import OutputError
-from mrwork.escaping import escaped, escaped_lines
+from mrwork.escaping import escape_text, escaped_lines
 
 
 def show(text: str) -> None:
     """Print a text on stdout; where its reader has left, as head does, the text is lost and the work goes on."""
-    _written(f"{escaped_lines(text)}\n")
+    _write_text(f"{escaped_lines(text)}\n")
 
 
 def show_all() -> None:
-    """Print what others have written on stdout and it still holds back."""
-    _written("")
+    """Flush text that other code has written on stdout."""
+    _write_text("")
 
 
 def note(sentence: str) -> None:
     """Print a message in one line on stderr."""
-    write_stderr(f"mrwork: {escaped(sentence)}\n")
+    write_stderr(f"mrwork: {escape_text(sentence)}\n")
 
 
 def write_stderr(text: str) -> None:
-    """Write on stderr as it is; where that is impossible, the text is lost and the computation goes on."""
+    """Write text on stderr unchanged; if that fails, the text is lost and the computation continues."""
     with contextlib.suppress(OSError, ValueError):
         sys.stderr.write(text)
         sys.stderr.flush()
@@ -38,7 +38,7 @@ def write_stderr(text: str) -> None:
 
 @contextlib.contextmanager
 def keep_stdout() -> Iterator[None]:
-    """Keep stdout for the command: what others print in the block, as a law in Python, goes to stderr.
+    """Reserve stdout for the command: redirect other output in the block, as of a law in Python, to stderr.
 
     Where the streams are those of the process, that holds for its child processes and compiled code, too.
     """
@@ -103,7 +103,7 @@ def let_go() -> None:
             os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
-def _written(text: str) -> None:
+def _write_text(text: str) -> None:
     try:
         sys.stdout.write(text)
         sys.stdout.flush()

@@ -6,8 +6,9 @@ import argparse
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from mrwork.cli.command_parser import SEARCH, CommandParser, examples
 from mrwork.cli.numbers import named_path
 from mrwork.cli.options import add_out, add_seed, add_threads, end_parser, is_quiet
 from mrwork.cli.output import table_lines
@@ -25,17 +26,21 @@ if TYPE_CHECKING:
 _QUICK = (48, 12)
 
 
-def add_parser(verbs: Any) -> None:
-    """Declare the verb."""
-    parser = verbs.add_parser(
-        "tune",
-        description="Tune the settings of the laws in the [[tune]] tables of a study file on its training motions, and "
+def add_options(parser: CommandParser) -> None:
+    """Declare the options."""
+    parser.description = (
+        "Tune the settings of the laws in the [[tune]] tables of a study file on its training motions, and "
         "judge them on its test motions, beside i = 0, the best constant and the largest command and equal drift "
         "weights. The folder has the chosen settings as a study file for mrwork respond. mrwork respond --schema "
-        "prints the keys of [[tune]].",
+        "prints the keys of [[tune]]."
+    )
+    parser.epilog = examples(
+        "mrwork tune study.toml --quick",
+        "mrwork tune study.toml --law lyapunov --quick --out out/lyapunov",
     )
     parser.add_argument("study", type=named_path, metavar="STUDY.toml", help="study file")
-    parser.add_argument(
+    search = parser.group(SEARCH)
+    search.add_argument(
         "--law",
         action="append",
         default=[],
@@ -43,7 +48,7 @@ def add_parser(verbs: Any) -> None:
         help="tune this law with all keys of [[tune]] at their defaults, instead of the tables of the study; repeat "
         "for more",
     )
-    parser.add_argument(
+    search.add_argument(
         "--quick",
         action="store_true",
         help=f"at most {_QUICK[0]} candidates of each law in generations of {_QUICK[1]}: a first look, not a result",
@@ -142,15 +147,15 @@ def _text(results: TuningResults, place: Path, *, drawn: bool) -> str:
 
 
 def _row(law: LawResult, settings: str) -> tuple[str, ...]:
-    found = law.judged
+    judgement = law.judged
     better = "" if law.better is None else f"{law.better.both} of {law.better.motions}"
     nan = float("nan")
     return (
         law.label,
         with_decimals(law.train.score, 3),
         "-" if law.test is None else with_decimals(law.test.score, 3),
-        with_decimals(found.criteria.get("peak_drift", nan), 3),
-        with_decimals(found.criteria.get("peak_acceleration", nan), 3),
+        with_decimals(judgement.criteria.get("peak_drift", nan), 3),
+        with_decimals(judgement.criteria.get("peak_acceleration", nan), 3),
         better,
         settings,
     )

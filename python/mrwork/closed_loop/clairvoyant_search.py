@@ -11,6 +11,7 @@ import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, ClassVar
 
@@ -26,12 +27,12 @@ from mrwork.control.laws import ControlLaw
 from mrwork.errors import Interrupted, SettingError
 from mrwork.keys import key
 from mrwork.motions.ground_motion import GroundMotion
-from mrwork.numbers import rounded
+from mrwork.numbers import format_rounded
 from mrwork.summary import Summarised, Summary
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 if TYPE_CHECKING:
-    from mrwork.twins.loop.prescribed import PrescribedLoop
+    from mrwork.twins.loop.derivatives import PrescribedLoop
 
 
 # Longest step of the twin [s], and the difference of its criteria from those of the loop above which it is halved.
@@ -39,8 +40,7 @@ _LONGEST_STEP = 2e-3
 _AGREEMENT = 2e-3
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class ClairvoyantProblem:
     """Score of commands over intervals [s], for a building with devices under one motion.
 
@@ -118,8 +118,8 @@ class ClairvoyantProblem:
         """A constant share of the largest command, shape (n_intervals, n_devices)."""
         return np.tile(share * self.largest, (self.n_intervals, 1))
 
-    def fitted(self, commands: PrescribedCommands) -> Floats:
-        """Commands with the intervals of this problem, within the range of the devices; cut or held at the end."""
+    def adapt_commands(self, commands: PrescribedCommands) -> Floats:
+        """Commands resampled to the intervals of this problem and clipped to the range of the devices."""
         if abs(commands.interval - self.interval) > 1e-9 or commands.command.shape[1] != len(self.devices):
             raise SettingError(
                 f"a start has commands of {commands.interval:g} s for {commands.command.shape[1]} devices; give "
@@ -199,7 +199,7 @@ class ClairvoyantProblem:
 
     def _twin_of(self, step: float) -> PrescribedLoop:
         # JAX takes a second to load, and no verb needs it unless a clairvoyant is asked for.
-        from mrwork.twins.loop.prescribed import CriteriaAtRest, prescribed_loop
+        from mrwork.twins.loop.derivatives import CriteriaAtRest, prescribed_loop
 
         return prescribed_loop(
             matrices={
@@ -225,8 +225,8 @@ class ClairvoyantProblem:
 
 
 def _rows(rows: Floats, chosen: tuple[int, ...] | None) -> Floats:
-    found = np.asarray(rows, dtype=np.float64)
-    return found if chosen is None else found[list(chosen)]
+    commands = np.asarray(rows, dtype=np.float64)
+    return commands if chosen is None else commands[list(chosen)]
 
 
 # Constant commands that are tried, from zero to the largest.
@@ -240,15 +240,8 @@ _MEMORY = 20
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class ClairvoyantSettings:
-    """Settings of the search for the non-causal optimum; the seed is that of the random starts.
-
-    Raises
-    ------
-    SettingError
-        If a number is out of range.
-    """
+    """Settings of the search for the non-causal optimum; the seed is that of the random starts."""
 
     _made_by: ClassVar[str] = "mr.closed_loop.ClairvoyantSettings(interval=...)"
 
@@ -261,8 +254,7 @@ class ClairvoyantSettings:
     seed: Annotated[int, Within(least=0)] = 0
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class ClairvoyantStart(Summarised):
     """A start of the search: its score, and the commands and score that were reached from it.
 
@@ -309,7 +301,7 @@ class Clairvoyant(Summarised):
 
     @property
     def statement(self) -> str:
-        """What the result is, and what it is not."""
+        """Statement of what the result proves and what it does not."""
         count = len({start.name for start in self.starts if start.name != FINISH})
         starts = "one start" if count == 1 else f"{count} starts"
         return (
@@ -327,7 +319,7 @@ class Clairvoyant(Summarised):
             title=f"Non-causal optimum under {self.motion}, score {self.score:.3f}",
             facts=(
                 *(
-                    (name.replace("_", " "), f"{rounded(each)} of i = 0")
+                    (name.replace("_", " "), f"{format_rounded(each)} of i = 0")
                     for name, each in self.ratios.items()
                 ),
                 ("commands", f"{len(self.commands.command)} of {self.commands.interval:g} s"),
@@ -335,7 +327,12 @@ class Clairvoyant(Summarised):
             ),
             columns=("start", "its score", "reached", "gradients"),
             rows=[
-                (each.name, rounded(each.start_score), rounded(each.score), str(each.evaluations))
+                (
+                    each.name,
+                    format_rounded(each.start_score),
+                    format_rounded(each.score),
+                    str(each.evaluations),
+                )
                 for each in self.starts
             ],
             notes=[self.statement],
@@ -349,7 +346,7 @@ Recall = Callable[[str, Floats, Callable[[], ClairvoyantStart]], ClairvoyantStar
 """Does a search, given its name and the commands it starts from, or recalls it from a journal."""
 
 
-def _done(name: str, start: Floats, search: Callable[[], ClairvoyantStart]) -> ClairvoyantStart:
+def _run_search(name: str, start: Floats, search: Callable[[], ClairvoyantStart]) -> ClairvoyantStart:
     return search()
 
 
@@ -365,7 +362,7 @@ def clairvoyant(
     floors: tuple[Annotated[int, Within(least=0)], ...] | None = None,
     storeys: tuple[Annotated[int, Within(least=0)], ...] | None = None,
     on_progress: Callable[[ClairvoyantProgress], None] = lambda progress: None,
-    recall: Recall = _done,
+    recall: Recall = _run_search,
     threads: Threads = 0,
 ) -> Clairvoyant:
     """Find commands with a low score for a motion that is known in advance.
@@ -420,12 +417,14 @@ def clairvoyant(
     done: list[ClairvoyantStart] = []
     try:
         for name, start in _starts(problem, settings, starts):
-            search = _Search(problem, name, start, _EXPLORING, settings.explore, on_progress)
-            done.append(recall(name, start, search.run))
+            search = partial(_search, problem, name, start, _EXPLORING, settings.explore, on_progress)
+            done.append(recall(name, start, search))
         best = min(done, key=lambda each: each.score)
         if settings.finish:
-            search = _Search(problem, FINISH, best.commands, _FINISHING, settings.finish, on_progress)
-            done.append(recall(FINISH, best.commands, search.run))
+            search = partial(
+                _search, problem, FINISH, best.commands, _FINISHING, settings.finish, on_progress
+            )
+            done.append(recall(FINISH, best.commands, search))
     except KeyboardInterrupt:
         raise Interrupted(_result(problem, done) if done else None, "clairvoyant") from None
     return _result(problem, done)
@@ -448,7 +447,7 @@ def _result(problem: ClairvoyantProblem, done: Sequence[ClairvoyantStart]) -> Cl
 def _starts(
     problem: ClairvoyantProblem, settings: ClairvoyantSettings, given: Mapping[str, PrescribedCommands]
 ) -> Iterator[tuple[str, Floats]]:
-    fitted = {name: problem.fitted(commands) for name, commands in given.items()}
+    fitted = {name: problem.adapt_commands(commands) for name, commands in given.items()}
     shares = np.linspace(0.0, 1.0, _LEVELS)
     scores = problem.constant_scores(shares)
     best = float(shares[int(np.nanargmin(scores))])
@@ -464,63 +463,58 @@ def _starts(
         yield f"random commands {number + 1}", shares * problem.largest
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True)
-class _Search:
-    """L-BFGS-B from one start."""
+def _search(
+    problem: ClairvoyantProblem,
+    name: str,
+    start: Floats,
+    power: float,
+    iterations: int,
+    on_progress: Callable[[ClairvoyantProgress], None],
+) -> ClairvoyantStart:
+    """L-BFGS-B from one start; the result is never worse than it."""
+    from scipy.optimize import OptimizeResult, minimize
 
-    problem: ClairvoyantProblem
-    name: str
-    start: Floats
-    power: float
-    iterations: int
-    on_progress: Callable[[ClairvoyantProgress], None]
+    began = time.perf_counter()
+    largest = problem.largest
+    shape = start.shape
+    count = 0
 
-    def run(self) -> ClairvoyantStart:
-        """Search; the result is never worse than its start."""
-        from scipy.optimize import OptimizeResult, minimize
+    def objective(shares: Floats) -> tuple[float, Floats]:
+        commands = shares.reshape(shape) * largest
+        score, gradient = problem.twin.score_and_gradient(commands, power)
+        return score, (gradient * largest).ravel()
 
-        began = time.perf_counter()
-        largest = self.problem.largest
-        shape = self.start.shape
-        count = 0
-
-        def objective(shares: Floats) -> tuple[float, Floats]:
-            commands = shares.reshape(shape) * largest
-            score, gradient = self.problem.twin.score_and_gradient(commands, self.power)
-            return score, (gradient * largest).ravel()
-
-        def report(intermediate_result: OptimizeResult) -> None:
-            nonlocal count
-            count += 1
-            self.on_progress(
-                ClairvoyantProgress(
-                    start=self.name,
-                    iteration=count,
-                    iterations=self.iterations,
-                    smooth_score=float(intermediate_result.fun),
-                    seconds=time.perf_counter() - began,
-                )
+    def report(intermediate_result: OptimizeResult) -> None:
+        nonlocal count
+        count += 1
+        on_progress(
+            ClairvoyantProgress(
+                start=name,
+                iteration=count,
+                iterations=iterations,
+                smooth_score=float(intermediate_result.fun),
+                seconds=time.perf_counter() - began,
             )
+        )
 
-        found = minimize(
-            objective,
-            (self.start / largest).ravel(),
-            jac=True,
-            method="L-BFGS-B",
-            bounds=[(0.0, 1.0)] * self.start.size,
-            callback=report,
-            options={"maxiter": self.iterations, "maxcor": _MEMORY},
-        )
-        reached = np.clip(found.x, 0.0, 1.0).reshape(shape) * largest
-        start_score, score = self.problem.score(self.start), self.problem.score(reached)
-        better = score < start_score
-        return ClairvoyantStart(
-            name=self.name,
-            start_score=start_score,
-            score=score if better else start_score,
-            commands=reached if better else self.start,
-            evaluations=int(found.nfev),
-            step_time=self.problem.twin.step_time,
-            seconds=time.perf_counter() - began,
-        )
+    found = minimize(
+        objective,
+        (start / largest).ravel(),
+        jac=True,
+        method="L-BFGS-B",
+        bounds=[(0.0, 1.0)] * start.size,
+        callback=report,
+        options={"maxiter": iterations, "maxcor": _MEMORY},
+    )
+    reached = np.clip(found.x, 0.0, 1.0).reshape(shape) * largest
+    start_score, score = problem.score(start), problem.score(reached)
+    better = score < start_score
+    return ClairvoyantStart(
+        name=name,
+        start_score=start_score,
+        score=score if better else start_score,
+        commands=reached if better else start,
+        evaluations=int(found.nfev),
+        step_time=problem.twin.step_time,
+        seconds=time.perf_counter() - began,
+    )

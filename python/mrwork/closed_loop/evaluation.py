@@ -43,7 +43,7 @@ class Criterion:
         object.__setattr__(self, "quantity", self.quantity or self.name)
 
     @property
-    def uncontrolled(self) -> str:
+    def reference_criterion(self) -> str:
         """Criterion of the building without dampers in the denominator of the ratio; empty if there is none."""
         return self.over or (self.name if self.ratio else "")
 
@@ -61,13 +61,13 @@ class Criterion:
             )
         values = np.asarray(getattr(responses, self.quantity))
         if axis_of(self.quantity) == "run":
-            found = values
+            per_run = values
         elif self.summed:
-            found = np.sum(values, axis=-1)
+            per_run = np.sum(values, axis=-1)
         else:
             # A building without devices has an axis of length zero: its largest force is zero.
-            found = np.max(values, axis=-1, initial=0.0)
-        return np.asarray(found / weight if self.over_weight else found)
+            per_run = np.max(values, axis=-1, initial=0.0)
+        return np.asarray(per_run / weight if self.over_weight else per_run)
 
 
 def criteria() -> tuple[Criterion, ...]:

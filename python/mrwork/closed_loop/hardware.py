@@ -31,7 +31,6 @@ _NO_EFFECT = (
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Fault:
     """A temporary fault of a signal: a sensor of a floor or damper, or the command of a damper.
 

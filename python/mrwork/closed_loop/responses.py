@@ -15,14 +15,17 @@ from mrwork.arguments import checked
 from mrwork.buildings.matrices import Building, Device
 from mrwork.dampers.spec import LawLimit, worst_laws
 from mrwork.errors import SettingError
-from mrwork.numbers import rounded
+from mrwork.numbers import format_rounded
 from mrwork.summary import Summarised, Summary
 from mrwork.tested_range import Exceedance, OperatingRange, Outside, least_stroke, worst_of
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 ENERGY_TOLERANCE = 1e-6
 """Energy errors above this are reported: 1e-8 is normal, a chattering law or a long step gives more."""
 
+
+COMMAND_UNIT = "A or V"
+"""Unit of quantities of the command, whatever the dampers."""
 
 Axis = Literal["run", "floor", "storey", "device", "element", "state"]
 
@@ -43,16 +46,16 @@ class Quantity:
 @cache
 def run_quantities() -> tuple[Quantity, ...]:
     """Quantities that the core returns for a run, in the order of its columns."""
-    return _declared(_rust.run_quantities())
+    return _make_quantities(_rust.run_quantities())
 
 
 @cache
 def history_signals() -> tuple[Quantity, ...]:
     """Signals that the core returns for the history of a run, in the order of its columns."""
-    return _declared(_rust.history_signals())
+    return _make_quantities(_rust.history_signals())
 
 
-def _declared(entries: Sequence[tuple[str, str, str, str]]) -> tuple[Quantity, ...]:
+def _make_quantities(entries: Sequence[tuple[str, str, str, str]]) -> tuple[Quantity, ...]:
     return tuple(
         Quantity(name=name, axis=cast("Axis", axis), unit=unit, description=description)
         for name, axis, unit, description in entries
@@ -62,6 +65,11 @@ def _declared(entries: Sequence[tuple[str, str, str, str]]) -> tuple[Quantity, .
 def unit_of(name: str) -> str:
     """Unit of a quantity of a run or a signal of its history."""
     return _by_name()[name].unit
+
+
+def in_command_unit(unit: str, command_unit: str) -> str:
+    """A unit, in place of that of commands in general the one of the dampers at hand, A or V."""
+    return command_unit if unit == COMMAND_UNIT else unit
 
 
 def axis_of(name: str) -> Axis:
@@ -78,13 +86,13 @@ def columns_by_name(
     rows: Floats, quantities: Sequence[Quantity], counts: Sequence[tuple[str, int]]
 ) -> dict[str, Floats]:
     """Columns of the core by name, of which `counts` has the numbers; a quantity of axis "run" has no second axis."""
-    found: dict[str, Floats] = {}
+    by_name: dict[str, Floats] = {}
     start = 0
     for quantity, (_, count) in zip(quantities, counts, strict=True):
         columns = rows[:, start : start + count]
-        found[quantity.name] = columns[:, 0] if quantity.axis == "run" else columns
+        by_name[quantity.name] = columns[:, 0] if quantity.axis == "run" else columns
         start += count
-    return found
+    return by_name
 
 
 class Labelled:
@@ -107,7 +115,7 @@ class Labelled:
         return [*object.__dir__(self), *self.numbers]
 
     def with_numbers(self, **numbers: Any) -> Self:
-        """The same with other values of these names."""
+        """Copy with other values of these quantities."""
         return replace(self, numbers={**self.numbers, **numbers})  # type: ignore[type-var] # a dataclass
 
 
@@ -116,8 +124,7 @@ _SHOWN = ("peak_drift", "peak_acceleration", "peak_force", "peak_current", "ener
 _SHOWN_SIGNALS = ("drift", "acceleration", "force", "current")
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class History(Labelled, Summarised):
     """One run over time, at the control samples; first axis n_time.
 
@@ -153,14 +160,17 @@ class History(Labelled, Summarised):
             title=f"History of one run: {len(self.time)} samples, {self.time[-1]:g} s",
             columns=("quantity", "largest", "unit"),
             rows=[
-                (name.replace("_", " "), rounded(float(np.abs(getattr(self, name)).max())), unit_of(name))
+                (
+                    name.replace("_", " "),
+                    format_rounded(float(np.abs(getattr(self, name)).max())),
+                    unit_of(name),
+                )
                 for name in _SHOWN_SIGNALS
             ],
         )
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class Responses(Labelled, Summarised):
     """Runs in the order candidate, motion, draw, the last varying fastest; infinite for a run that did not finish.
 
@@ -210,7 +220,7 @@ class Responses(Labelled, Summarised):
 
     @checked
     def outside(self, run: int) -> tuple[Outside, ...]:
-        """What of the demand of a run that finished lies outside the tested ranges of each device."""
+        """Quantities of the demand of a finished run outside the tested ranges of each device."""
         return tuple(device.outside(self.demand(run, number)) for number, device in enumerate(self.devices))
 
     def warnings(self) -> list[str]:
@@ -220,9 +230,11 @@ class Responses(Labelled, Summarised):
         laws: list[LawLimit] = []
         for number, device in enumerate(self.devices):
             # One of the runs with the largest or the smallest value of a quantity is the worst.
-            found = [device.outside(self.demand(run, number)) for run in self._extreme(finished, number)]
-            exceeded += [(device.name, each) for outside in found for each in outside.exceedances]
-            laws += [each for outside in found for each in outside.laws]
+            exceedances = [
+                device.outside(self.demand(run, number)) for run in self._extreme(finished, number)
+            ]
+            exceeded += [(device.name, each) for outside in exceedances for each in outside.exceedances]
+            laws += [each for outside in exceedances for each in outside.laws]
         worst = [f"{name}: {each.in_words}" for each, name, _ in worst_of(exceeded)]
         return [*worst, *(each.in_words for each in worst_laws(laws))]
 
@@ -256,7 +268,7 @@ class Responses(Labelled, Summarised):
             rows=[
                 (
                     name.replace("_", " "),
-                    *(rounded(float(value)) for value in np.quantile(largest, [0.0, 0.5, 1.0])),
+                    *(format_rounded(float(value)) for value in np.quantile(largest, [0.0, 0.5, 1.0])),
                     unit_of(name),
                 )
                 for name in _SHOWN

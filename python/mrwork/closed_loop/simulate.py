@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
@@ -26,15 +26,15 @@ from mrwork.closed_loop.user_law import UserLaw
 from mrwork.control.counterpart import is_curve
 from mrwork.control.laws import ControlLaw
 from mrwork.control.lqr import Observer, observer_of
-from mrwork.control.plant import accelerations, deformations, plant_of, stacked
+from mrwork.control.plant import accelerations, deformations, plant_of, stack_outputs
 from mrwork.dampers.parameters import law_named
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import MrworkWarning, SettingError
-from mrwork.keys import Within
+from mrwork.hints import Within
 from mrwork.motions.ground_motion import GroundMotion
 from mrwork.simulate import core_refusals
 from mrwork.summary import Summarised
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 # Seconds of the factors of the mass matrix and of the bounds on the frequencies, per coordinate cubed.
 _SECONDS = 3e-9
@@ -93,17 +93,17 @@ def _stretch_theta(spec: DamperSpec, theta: Floats, factors: Floats) -> Floats:
     (n_candidates * n_draws, n_devices, n_columns); draws vary fastest.
     """
     assert spec.current is not None
-    found = np.repeat(theta[None], len(factors), axis=0)
+    stretched = np.repeat(theta[None], len(factors), axis=0)
     for candidate, device in np.ndindex(*factors.shape):
         factor, start = float(factors[candidate, device]), 0
         for parameter, law in zip(spec.plain, spec.current.laws, strict=True):
             kind = law_named(law)
             columns = slice(start, start + kind.n_coefficients)
-            found[candidate, :, device, columns] = kind.stretched(
+            stretched[candidate, :, device, columns] = kind.rescale_command(
                 theta[:, device, columns], factor, log=parameter.scale == "log"
             )
             start = columns.stop
-    return found.reshape(-1, *theta.shape[1:])
+    return stretched.reshape(-1, *theta.shape[1:])
 
 
 def _core_building(building: Building, devices: Sequence[Device]) -> _rust.Building:
@@ -187,7 +187,7 @@ def loop_observer(
     chosen = measured.select([measured.names[floor] for floor in floors])
     return observer_of(
         plant,
-        stacked(chosen, deformations(plant)),
+        stack_outputs(chosen, deformations(plant)),
         hardware.sample_time,
         noise_intensity=1.0 / hardware.noise_ratio,
     )
@@ -333,12 +333,12 @@ def simulate_loop(
             )
         if on_progress is not None:
             on_progress(min(part.stop, len(runs)), len(runs))
-    found = _responses(parts, matrices, hardware, shape, () if actuators else tuple(devices), motions)
+    responses = _responses(parts, matrices, hardware, shape, () if actuators else tuple(devices), motions)
     if largest_commands is None:
-        return found
+        return responses
     scale = factors[candidate]
-    return found.with_numbers(
-        **{name: found.numbers[name] * scale for name in ("peak_current", "mean_current", "rms_current")}
+    return responses.with_numbers(
+        **{name: responses.numbers[name] * scale for name in ("peak_current", "mean_current", "rms_current")}
     )
 
 
@@ -426,9 +426,8 @@ def _responses(
 _MOST_PER_INTERVAL = 10_000_000
 
 
-@holds_arrays
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class PrescribedCommands(Summarised):
     """Commands that are held over equal intervals, from the start of a motion; the last one until its end.
 

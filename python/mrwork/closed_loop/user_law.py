@@ -25,9 +25,9 @@ from mrwork.arguments import AnyNumbers, checked
 from mrwork.buildings.matrices import Device
 from mrwork.control.laws import ControlLaw
 from mrwork.errors import SettingError
-from mrwork.keys import Within
+from mrwork.hints import Within, node_of
 from mrwork.summary import Summarised, Summary
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 
 class Undone:
@@ -67,13 +67,13 @@ def place_raised(error: BaseException, file: str) -> str:
         return f"{file}, line {error.lineno}"
     # The first entry is that of the function that caught the error.
     trace = error.__traceback__.tb_next if error.__traceback__ is not None else None
-    found = ""
+    place = ""
     while trace is not None:
         name = trace.tb_frame.f_code.co_filename
-        if name == file or not found:
-            found = f"{name}, line {trace.tb_lineno}"
+        if name == file or not place:
+            place = f"{name}, line {trace.tb_lineno}"
         trace = trace.tb_next
-    return found
+    return place
 
 
 def _file_of(function: Callable[..., object]) -> str:
@@ -103,9 +103,9 @@ def _never_a_value(function: Callable[..., object]) -> str:
 def _code_of(function: Callable[..., object]) -> CodeType | None:
     while isinstance(function, functools.partial):
         function = function.func
-    found = inspect.unwrap(function)
+    unwrapped = inspect.unwrap(function)
     # An object that is called has its code in its class.
-    code = getattr(found, "__code__", None) or getattr(type(found).__call__, "__code__", None)
+    code = getattr(unwrapped, "__code__", None) or getattr(type(unwrapped).__call__, "__code__", None)
     return code if isinstance(code, CodeType) else None
 
 
@@ -120,7 +120,7 @@ def _working_directory() -> str:
 MOST_MEMORY = 1_000_000
 """Most numbers that a run may keep from sample to sample."""
 # A command that is not a number fails safe where a reading is not.
-_COMMANDS = kind_of(AnyNumbers)
+_COMMANDS = kind_of(node_of(AnyNumbers))
 # A run with larger readings [m, m/s, N] diverges, and a law may overflow on them.
 _LARGEST_READING = 1e30
 
@@ -128,10 +128,9 @@ Ask = Callable[[int, NDArray[np.uintp], Floats, Floats, Floats, Floats, Floats],
 """The form in which the core asks: number of the sample, places of the runs, and what is measured."""
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class LoopSample(Summarised):
-    """What a law in Python receives at a control sample, a row for each run.
+    """Input of a law in Python at a control sample, one row per run.
 
     Attributes
     ----------
@@ -309,30 +308,30 @@ class UserLaw(Summarised):
         return ask
 
     def _commands(self, returned: object, sample: LoopSample, shape: tuple[int, int]) -> Floats:
-        """What the law returned as an array of this shape."""
+        """Commands returned by the law, as an array of this shape."""
         try:
-            found: Floats = _COMMANDS.accept(returned)
+            commands: Floats = _COMMANDS.accept(returned)
         except Refusal as refusal:
             if inspect.iscoroutine(returned):
                 returned.close()
             raise SettingError(
                 f"{self._title}: what it returned at {sample.time:g} s {refusal.sentence}"
             ) from None
-        if found.shape == shape[:1] and shape[1] == 1:
-            found = found[:, None]
-        if found.shape != shape:
+        if commands.shape == shape[:1] and shape[1] == 1:
+            commands = commands[:, None]
+        if commands.shape != shape:
             raise SettingError(
-                f"{self._title} returned commands of shape {found.shape} at {sample.time:g} s; give {shape}, a row "
+                f"{self._title} returned commands of shape {commands.shape} at {sample.time:g} s; give {shape}, a row "
                 "for each run and a column for each device"
             )
-        invalid = np.isnan(found)
+        invalid = np.isnan(commands)
         if invalid.any() and (blamed := invalid.any(axis=1) & sample.is_physical).any():
             run = int(blamed.argmax())
             raise SettingError(
                 f"{self._title} returned a command that is not a number (NaN) for device "
                 f"{int(invalid[run].argmax()) + 1} at {sample.time:g} s, and its readings are numbers; correct the law"
             )
-        return np.ascontiguousarray(found)
+        return np.ascontiguousarray(commands)
 
     def _summary(self) -> Summary:
         return Summary(

@@ -68,7 +68,7 @@ if True:  # the lower tier
     from .plant import Plant as Plant
     from .plant import deformation_rates as deformation_rates
     from .plant import natural_frequencies as natural_frequencies
-    from .plant import stacked as stacked
+    from .plant import stack_outputs as stack_outputs
     from .regulator_settings import ClippedSettings as ClippedSettings
     from .regulator_settings import NetworkSettings as NetworkSettings
     from .regulator_settings import RegulatorSettings as RegulatorSettings

@@ -15,7 +15,7 @@ from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import SettingError
 from mrwork.simulate import Loading, simulate_force
 from mrwork.summary import Summarised
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 # Model of a counterpart, and the published set whose current laws it has. The name is compared because the laws of the
 # core are written for the equation of this model; other static models have other equations.
@@ -44,8 +44,7 @@ class StaticCounterpart(Summarised):
     fit_percent: float
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class _Cycles:
     """Simulated samples of a damper at all motions and commands, shape (n_samples,) each."""
 

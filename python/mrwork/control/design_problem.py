@@ -1,4 +1,4 @@
-"""What the design of every law takes and gives: the problem, the settings of the law, and its gains.
+"""Inputs and results of every law design: the problem, the settings of the law, and its gains.
 
 A `Span` stands beside each setting that a search may change. It is relative to magnitudes of the response, so that
 it fits any building and damper.
@@ -24,7 +24,7 @@ from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
 from mrwork.keys import DeclaredTable, plain_values, refuse_repeated
 from mrwork.summary import Summarised
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 
 @checked
@@ -70,14 +70,14 @@ class DesignProblem(Summarised):
                 f"this law needs the force as a function of the command, for which {device.spec.name} is replaced by a "
                 "static model; give the [[damper]] its amplitude and velocity, as amplitude = [1e-4, 1e-2]"
             )
-        found = static_counterpart(
+        counterpart = static_counterpart(
             device.spec,
             theta,
             largest_command=device.largest_command,
             amplitude=self.amplitude,
             velocity=self.velocity,
         )
-        return found.spec, np.array(found.theta)
+        return counterpart.spec, np.array(counterpart.theta)
 
     @property
     def plant(self) -> Plant:
@@ -93,9 +93,9 @@ class DesignProblem(Summarised):
         devices = tuple(
             replace(device, largest_command=min(command, device.largest_command)) for device in self.devices
         )
-        found = replace(self, devices=devices)
-        object.__setattr__(found, "_plant", self._plant)
-        return found
+        problem = replace(self, devices=devices)
+        object.__setattr__(problem, "_plant", self._plant)
+        return problem
 
     @property
     def timing(self) -> LoopTiming:
@@ -128,8 +128,7 @@ class DesignProblem(Summarised):
         return np.full(len(self.devices), number)
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class Design(Summarised):
     """Gains of a law by name, one number or one row over the state for each device; and its tables."""
 
@@ -242,7 +241,7 @@ class LawSettings(metaclass=DeclaredTable):
 
     @classmethod
     def cost(cls, held: Mapping[str, float], magnitudes: Magnitudes) -> float:
-        """What weights that are held add up to at these magnitudes; 1 for a law without weights."""
+        """Cost of the held weights at these magnitudes; 1 for a law without weights."""
         return 1.0
 
     @property
@@ -255,25 +254,25 @@ class LawSettings(metaclass=DeclaredTable):
         return ()
 
     def certificate(self, problem: DesignProblem) -> str:
-        """What is proved of the law on this building, in words; `NO_CERTIFICATE` where nothing is."""
+        """Stability certificate of the law on this building, in words; `NO_CERTIFICATE` without one."""
         return NO_CERTIFICATE
 
 
 def attempt_each(make: Callable[[T], U], many: Iterable[T]) -> list[U | SettingError]:
-    """What is made of each, or the reason why it cannot be."""
-    found: list[U | SettingError] = []
+    """Result of a function for each item, or the error that it raised."""
+    outcomes: list[U | SettingError] = []
     for each in many:
         try:
-            found.append(make(each))
+            outcomes.append(make(each))
         except SettingError as reason:
-            found.append(reason)
-    return found
+            outcomes.append(reason)
+    return outcomes
 
 
 def solve_together(
     solve: Callable[[list[T]], Iterable[U | SettingError]], many: Sequence[T | SettingError]
 ) -> list[U | SettingError]:
-    """What one call makes of all that are no error; errors keep their places."""
+    """Results of one call for all items that are not errors; errors keep their places."""
     sound = [each for each in many if not isinstance(each, SettingError)]
     solved = iter(solve(sound) if sound else ())
     return [each if isinstance(each, SettingError) else next(solved) for each in many]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cache
 from typing import Annotated
 
@@ -12,9 +11,10 @@ from numpy.typing import ArrayLike
 from mrwork.arguments import Positive, checked
 from mrwork.control.design_problem import Design, DesignProblem, LawSettings, Span
 from mrwork.errors import SettingError
-from mrwork.keys import Within, key
+from mrwork.hints import Within
+from mrwork.keys import key
 from mrwork.summary import Summarised
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 # Centres of triangles of half-width 0.5 over [-1, 1]; values beyond belong to the outermost set.
 INPUT_SETS = {"NL": -1.0, "NS": -0.5, "ZE": 0.0, "PS": 0.5, "PL": 1.0}
@@ -36,8 +36,7 @@ RULES = (
 _UNIVERSE = np.linspace(-0.25, 1.25, 1201)
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class FuzzyTable(Summarised):
     """Share of the largest command, shape (n, n): rows by deformation, columns by rate, each over [-1, 1].
 
@@ -107,7 +106,6 @@ def memberships(value: ArrayLike) -> Floats:
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class FuzzySettings(LawSettings):
     """Scales of the inputs of the fuzzy controller."""
 

@@ -6,7 +6,7 @@ It is trained on random motions with the commands that give the wanted forces.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
@@ -15,11 +15,11 @@ from numpy.typing import ArrayLike
 from mrwork.arguments import Positive, Seed, checked
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import SettingError
-from mrwork.keys import Within
+from mrwork.hints import Within
 from mrwork.simulate import Loading, simulate_force
 from mrwork.summary import Summarised
 from mrwork.units import CommandUnit
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 N_SAMPLES = 2000
 # Least weight of a sample, for those at which the command hardly changes the force.
@@ -36,8 +36,7 @@ _BAND = 5.0
 _PER_CYCLE = 100
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class _InverseSamples:
     """Inputs, shape (n, n_inputs); the right command as a share of the largest; and the weight of each sample."""
 
@@ -87,8 +86,7 @@ def random_loading(
     )
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class _DamperGroup:
     """`count` equal dampers in parallel; with `differential` as many act in opposition, with the same command."""
 
@@ -168,8 +166,7 @@ _MAX_STEPS = 200
 _RIDGE = 1e-8
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class InverseNetwork(Summarised):
     """`command = output_scale clip(w2 tanh(W1 clip(inputs/input_scale, -1, 1) + b1) + b2, 0, 1)`.
 
@@ -392,9 +389,9 @@ def _train(
     )
     from scipy.optimize import least_squares
 
-    found = least_squares(residuals, start, jac=jacobian, method="lm", max_nfev=_MAX_STEPS).x
-    W1 = found[:shapes].reshape(n_hidden, n_inputs) @ to_features
-    return W1, found[shapes : shapes + n_hidden], found[shapes + n_hidden : -1], float(found[-1])
+    solution = least_squares(residuals, start, jac=jacobian, method="lm", max_nfev=_MAX_STEPS).x
+    W1 = solution[:shapes].reshape(n_hidden, n_inputs) @ to_features
+    return W1, solution[shapes : shapes + n_hidden], solution[shapes + n_hidden : -1], float(solution[-1])
 
 
 def _test(network: InverseNetwork, group: _DamperGroup, loading: Loading, n_previous: int) -> InverseNetwork:

@@ -35,7 +35,6 @@ from mrwork.values import Floats
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class NoSettings(LawSettings):
     """A law without settings."""
 
@@ -45,7 +44,6 @@ class NoSettings(LawSettings):
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class PassiveSettings(LawSettings):
     """A constant command."""
 
@@ -68,7 +66,6 @@ class PassiveSettings(LawSettings):
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class FrictionSettings(LawSettings):
     """Friction in proportion to the last peak elongation."""
 

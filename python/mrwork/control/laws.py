@@ -15,9 +15,9 @@ from mrwork.arguments import May, checked
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.keys import suggestion
-from mrwork.numbers import rounded
+from mrwork.numbers import format_rounded
 from mrwork.summary import Summarised, Summary
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 Shape = Literal["device", "state", "numbers"]
 
@@ -76,8 +76,7 @@ class ControlLawSpec:
 
 
 @checked
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class ControlLaw(Summarised):
     """A law with its gains, for one or several candidates.
 
@@ -179,7 +178,7 @@ class ControlLaw(Summarised):
                 (
                     name,
                     str(np.shape(value)),
-                    rounded(float(np.abs(np.asarray(value, dtype=np.float64)).max())),
+                    format_rounded(float(np.abs(np.asarray(value, dtype=np.float64)).max())),
                 )
                 for name, value in (*self.gains.items(), *self.tables.items())
             ],

@@ -15,9 +15,9 @@ from mrwork.control.design_problem import attempt_each, solve_together
 from mrwork.control.plant import Outputs, Plant, accelerations, check_outputs
 from mrwork.control.riccati import RiccatiStatus, kalman_gains, regulator_gains
 from mrwork.errors import InvalidSettingError, SettingError, UnknownNameError
-from mrwork.keys import Within
+from mrwork.hints import Within
 from mrwork.summary import Summarised
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 MatrixRows = tuple[tuple[float, ...], ...]
 """A matrix, row by row."""
@@ -44,14 +44,14 @@ def weight_matrix(name: str, given: ArrayLike, size: int, each: str) -> Floats:
     matrix = np.diag(value) if value.ndim == 1 else value
     if matrix.shape != (size, size):
         count = f"{size} {each}" if size > 1 else f"1 {each.removesuffix('s')}"
-        found = (
+        given = (
             f"{value.size} weight{'s' if value.size > 1 else ''}"
             if value.ndim == 1
             else f"shape {value.shape}"
         )
         raise InvalidSettingError(
             name,
-            f"{name} has {found}, and there {'are' if size > 1 else 'is'} {count}; give one for each, or one for all, "
+            f"{name} has {given}, and there {'are' if size > 1 else 'is'} {count}; give one for each, or one for all, "
             f"or a symmetric {size} x {size} matrix",
         )
     if not np.isfinite(matrix).all():
@@ -78,10 +78,9 @@ def weight_matrix(name: str, given: ArrayLike, size: int, each: str) -> Floats:
     return 0.5 * (matrix + matrix.T)
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class Weighed:
-    """What the weights add up to over a state s and device forces f: `s'Q s + 2 s'N f + f'S f`.
+    """Cost of the weights over a state s and device forces f: `s'Q s + 2 s'N f + f'S f`.
 
     Outputs y = C s + D f with weight W add `Q = C'W C`, `N = C'W D`, `S = D'W D`; N and S are zero unless accelerations
     are weighed.
@@ -95,19 +94,18 @@ class Weighed:
 
 
 def weighed_outputs(outputs: Outputs, weights: Floats) -> Weighed:
-    """What a weight W of outputs, shape (n_outputs, n_outputs), adds to a cost."""
+    """Cost of a weight W of outputs, shape (n_outputs, n_outputs)."""
     C, D = outputs.C, outputs.D
     return Weighed(Q=C.T @ weights @ C, N=C.T @ weights @ D, S=D.T @ weights @ D)
 
 
 def weighed_state(plant: Plant, weights: Floats) -> Weighed:
-    """What a weight Q of the state, shape (2n, 2n), adds to a cost."""
+    """Cost of a weight Q of the state, shape (2n, 2n)."""
     n_devices = plant.n_devices
     return Weighed(Q=weights, N=np.zeros((len(weights), n_devices)), S=np.zeros((n_devices, n_devices)))
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class Regulator(Summarised):
     """The regulator that minimises `int s'Q s + 2 s'N f + f'R f dt` over the forces f of the devices.
 
@@ -186,10 +184,10 @@ def regulator_of_state(plant: Plant, state_weight: ArrayLike, control_weight: Ar
 
 def regulator_of_weights(plant: Plant, weighed: Weighed, control_weight: ArrayLike) -> Regulator:
     """The regulator of `int s'Q s + 2 s'N f + f'(R + S) f dt`, with Q, N and S of the weights of outputs and state."""
-    (found,) = regulators_of_weights(plant, [weighed], [control_weight], threads=1)
-    if isinstance(found, SettingError):
-        raise found
-    return found
+    (regulators,) = regulators_of_weights(plant, [weighed], [control_weight], threads=1)
+    if isinstance(regulators, SettingError):
+        raise regulators
+    return regulators
 
 
 @checked
@@ -248,10 +246,10 @@ def _regulators(
     poles = np.linalg.eigvals(
         inverse @ plant.A @ plant.scaling - (inverse @ plant.B) @ (gain @ plant.scaling)
     ).astype(np.complex128)
-    found: list[Regulator | SettingError] = []
+    outcomes: list[Regulator | SettingError] = []
     for row, status in enumerate(solutions.status):
         if status == RiccatiStatus.WEIGHT_NOT_POSITIVE:
-            found.append(
+            outcomes.append(
                 SettingError(
                     "the weight of the forces, with what the outputs add to it, is not positive definite; "
                     "give a positive `control_weight`"
@@ -261,10 +259,10 @@ def _regulators(
         try:
             solutions.check(row)
         except SettingError as error:
-            found.append(error)
+            outcomes.append(error)
             continue
         P = solutions.P[row]
-        found.append(
+        outcomes.append(
             Regulator(
                 gain=gain[row],
                 riccati=P,
@@ -274,7 +272,7 @@ def _regulators(
                 residual=float(solutions.residual[row]),
             )
         )
-    return found
+    return outcomes
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -339,8 +337,7 @@ PUBLISHED_REGULATORS = (
 )
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class Observer(Summarised):
     """`x_{k+1} = Ad x_k + Bd f_k + L (y_k - C x_k - D f_k)`: x_k is the state predicted before y_k is measured.
 
@@ -379,7 +376,7 @@ def observer_of(
     Parameters
     ----------
     measurements
-        Accelerations of floors and deformations of devices; see `accelerations`, `deformations` and `stacked`.
+        Accelerations of floors and deformations of devices; see `accelerations`, `deformations` and `stack_outputs`.
     sample_time
         Ts of the controller [s].
     ground_intensity
@@ -457,7 +454,7 @@ def _filter(
     # Scale of the state such that the process noise of a step is 1, as that of the sensors is.
     unit = float(np.linalg.norm(E_z))
     E_z, C_z = E_z / unit, C_z * unit
-    found = kalman_gains(
+    solution = kalman_gains(
         A_z,
         C_z,
         np.outer(E_z, E_z) + unmodelled * np.eye(len(E_z)),
@@ -468,14 +465,14 @@ def _filter(
         scaling=np.eye(len(E_z)),
         threads=1,
     )
-    if found.status[0] == RiccatiStatus.NO_STABILISING_SOLUTION:
+    if solution.status[0] == RiccatiStatus.NO_STABILISING_SOLUTION:
         raise SettingError(
             "no observer is stable with these measurements; add a measurement in which every undamped mode is "
             "observable"
         )
-    if not found.solved[0]:
+    if not solution.solved[0]:
         raise SettingError(
-            f"the Riccati equation of the observer is met to {found.residual[0]:.1e} of its terms; give intensities of "
-            "less extreme ratio, or measure more"
+            f"the Riccati equation of the observer is met to {solution.residual[0]:.1e} of its terms; give "
+            "intensities of less extreme ratio, or measure more"
         )
-    return unit**2 * T @ found.P[0] @ T.T, unit * T @ found.gain[0] / deviation
+    return unit**2 * T @ solution.P[0] @ T.T, unit * T @ solution.gain[0] / deviation

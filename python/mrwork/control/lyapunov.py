@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import ClassVar, Self
 
 import numpy as np
@@ -25,11 +24,10 @@ from mrwork.control.weights import CostWeights
 from mrwork.errors import SettingError
 from mrwork.keys import key
 from mrwork.summary import Summarised
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class LyapunovFunction(Summarised):
     """`V = s'P s / 2` with `V' = -s'Q_P s / 2 + sigma f`, `sigma = vectors @ s`; `weight` is Q_P.
 
@@ -66,10 +64,10 @@ def lyapunov_function(plant: Plant, weight: ArrayLike | None = None) -> Lyapunov
     SettingError
         If Q_P is not symmetric and positive, or a mode of the building without control is undamped.
     """
-    (found,) = _lyapunov_functions(plant, [plant.energy if weight is None else weight], threads=1)
-    if isinstance(found, SettingError):
-        raise found
-    return found
+    (functions,) = _lyapunov_functions(plant, [plant.energy if weight is None else weight], threads=1)
+    if isinstance(functions, SettingError):
+        raise functions
+    return functions
 
 
 def _lyapunov_functions(
@@ -124,7 +122,6 @@ def _check_weight(weight: ArrayLike, T: Floats) -> Floats:
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class LyapunovSettings(CostWeights, LawSettings):
     """A Lyapunov function; without weights of outputs or states its weight is the energy of the building.
 
@@ -136,10 +133,10 @@ class LyapunovSettings(CostWeights, LawSettings):
 
     def design(self, problem: DesignProblem) -> Design:
         """The gains that follow from the weight of the state."""
-        (found,) = type(self).designs(problem, [self])
-        if isinstance(found, SettingError):
-            raise found
-        return found
+        (designs,) = type(self).designs(problem, [self])
+        if isinstance(designs, SettingError):
+            raise designs
+        return designs
 
     @classmethod
     def designs(cls, problem: DesignProblem, many: Sequence[Self]) -> list[Design | SettingError]:
@@ -167,7 +164,6 @@ class LyapunovSettings(CostWeights, LawSettings):
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class ProportionalSettings(LyapunovSettings):
     """The smooth law kappa sigma G; with a control weight sigma is that of a regulator with the same weights."""
 
@@ -204,17 +200,17 @@ class ProportionalSettings(LyapunovSettings):
 
 
 def _lyapunov_vectors(plant: Plant, many: Sequence[LyapunovSettings]) -> list[Floats | SettingError]:
-    found = solve_together(
+    functions = solve_together(
         lambda weights: _lyapunov_functions(plant, weights),
-        attempt_each(lambda each: each.weighed(plant).Q, many),
+        attempt_each(lambda each: each.weigh_outputs(plant).Q, many),
     )
-    return [each if isinstance(each, SettingError) else each.vectors for each in found]
+    return [each if isinstance(each, SettingError) else each.vectors for each in functions]
 
 
 def _regulator_vectors(plant: Plant, many: Sequence[ProportionalSettings]) -> list[Floats | SettingError]:
     def cost(each: ProportionalSettings) -> tuple[Weighed, ArrayLike]:
         assert each.control_weight is not None
-        return each.weighed(plant), each.control_weight
+        return each.weigh_outputs(plant), each.control_weight
 
-    found = regulators_of_costs(plant, attempt_each(cost, many))
-    return [each if isinstance(each, SettingError) else each.vectors for each in found]
+    regulators = regulators_of_costs(plant, attempt_each(cost, many))
+    return [each if isinstance(each, SettingError) else each.vectors for each in regulators]

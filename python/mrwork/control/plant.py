@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any, ClassVar
 
 import numpy as np
@@ -13,11 +13,10 @@ from mrwork.arguments import checked
 from mrwork.buildings.matrices import Building
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.summary import Summarised
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class Plant(Summarised):
     """`s' = A s + B f + E a_g` with s = [q; q'] and f the resisting force of each device.
 
@@ -138,8 +137,7 @@ def _scaling(A: Floats, energy: Floats) -> Floats:
 
 
 @checked
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class Outputs(Summarised):
     """`y = C s + D f + G a_g`: names and rows, shapes (n_outputs, 2n), (n_outputs, n_devices), (n_outputs,).
 
@@ -176,7 +174,7 @@ class Outputs(Summarised):
         return Outputs(names=tuple(names), C=self.C[rows], D=self.D[rows], G=self.G[rows])
 
 
-def stacked(*parts: Outputs) -> Outputs:
+def stack_outputs(*parts: Outputs) -> Outputs:
     """Concatenate groups of outputs."""
     if not parts:
         raise SettingError("no outputs were given; give one group or more")

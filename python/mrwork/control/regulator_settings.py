@@ -24,14 +24,12 @@ from mrwork.control.laws import control_law
 from mrwork.control.lqr import MatrixRows, Regulator, Weights, regulator_of_weights, regulators_of_costs
 from mrwork.control.plant import Plant
 from mrwork.control.weights import CostWeights
-from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import InvalidSettingError, SettingError
 from mrwork.keys import key
 from mrwork.values import Floats
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class RegulatorSettings(CostWeights, LawSettings):
     """A linear quadratic regulator; without weights of outputs or states it weighs the energy of the building."""
 
@@ -68,7 +66,7 @@ class RegulatorSettings(CostWeights, LawSettings):
     def regulator(self, problem: DesignProblem) -> Regulator:
         """The regulator with these weights."""
         plant = problem.plant
-        return regulator_of_weights(plant, self.weighed(plant), self.control_weight_of(plant))
+        return regulator_of_weights(plant, self.weigh_outputs(plant), self.control_weight_of(plant))
 
     def control_weight_of(self, plant: Plant) -> Weights:
         """R of the devices; one number with designed weights keeps the ratios of the design."""
@@ -87,17 +85,17 @@ class RegulatorSettings(CostWeights, LawSettings):
             regulators_of_costs(
                 plant,
                 attempt_each(
-                    lambda each: (each.weighed(plant), each.control_weight_of(plant)),
+                    lambda each: (each.weigh_outputs(plant), each.control_weight_of(plant)),
                     [each for each in many if not each.sampled],
                 ),
             )
         )
-        found: list[Design | SettingError] = []
+        outcomes: list[Design | SettingError] = []
         for settings in many:
             known = next(sampled if settings.sampled else regulators)
             gain = known.gain if isinstance(known, Regulator) else known
-            found.append(gain if isinstance(gain, SettingError) else settings.of_gain(problem, gain))
-        return found
+            outcomes.append(gain if isinstance(gain, SettingError) else settings.of_gain(problem, gain))
+        return outcomes
 
     def certificate(self, problem: DesignProblem) -> str:
         """Stability of the linear loop of the regulator, or of a sampled design."""
@@ -127,7 +125,6 @@ class RegulatorSettings(CostWeights, LawSettings):
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class ClippedSettings(RegulatorSettings):
     """A regulator with a command in proportion to the wanted force."""
 
@@ -148,8 +145,11 @@ def _about(magnitude: Magnitude) -> Span:
     return Span(lower=0.3, upper=3.0, start=1.0, of=((magnitude, 1.0),), free=False)
 
 
+# The network of a device does not depend on the regulator, of which a search tries many.
+_trained_network = lru_cache(maxsize=32)(train_inverse_network)
+
+
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class NetworkSettings(RegulatorSettings):
     """A regulator with a neural network from the wanted force to the command.
 
@@ -164,47 +164,19 @@ class NetworkSettings(RegulatorSettings):
     def of_gain(self, problem: DesignProblem, gain: Floats) -> Design:
         """The gain, and the trained network."""
         device = problem.devices[0]
-        network = _train(
+        network = _trained_network(
             device.spec,
             tuple(device.draws[0].tolist()),
-            device.largest_command,
-            self.amplitude,
-            self.velocity,
-            problem.sample_time,
-            self.hidden,
-            device.count,
-            device.differential,
-            self.seed,
+            largest_command=device.largest_command,
+            amplitude=self.amplitude,
+            velocity=self.velocity,
+            sample_time=problem.sample_time,
+            n_hidden=self.hidden,
+            count=device.count,
+            differential=device.differential,
+            rng=self.seed,
         )
         return Design(gains={"gain": gain}, tables=_network_tables(network))
-
-
-@lru_cache(maxsize=32)
-def _train(
-    spec: DamperSpec,
-    theta: tuple[float, ...],
-    largest_command: float,
-    amplitude: float,
-    velocity: float,
-    sample_time: float,
-    hidden: int,
-    count: float,
-    differential: bool,
-    seed: int,
-) -> InverseNetwork:
-    """The network of a device; it does not depend on the regulator, of which a search tries many."""
-    return train_inverse_network(
-        spec,
-        np.array(theta),
-        largest_command=largest_command,
-        amplitude=amplitude,
-        velocity=velocity,
-        sample_time=sample_time,
-        n_hidden=hidden,
-        count=count,
-        differential=differential,
-        rng=seed,
-    )
 
 
 def _network_tables(network: InverseNetwork) -> dict[str, Floats]:
@@ -255,7 +227,6 @@ class SignalSettings(RegulatorSettings):
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class SignalNetworkSettings(SignalSettings):
     """A regulator with a small network of measured signals, whose numbers are learned; all devices have the same."""
 
@@ -281,7 +252,6 @@ class SignalNetworkSettings(SignalSettings):
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class SignalPolynomialSettings(SignalSettings):
     """A regulator with a polynomial of measured signals, each over its scale and within -1 to 1."""
 

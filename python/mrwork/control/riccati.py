@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import IntEnum
 from typing import Literal
 
@@ -13,7 +12,7 @@ from mrwork import _rust
 from mrwork.arguments import Threads, checked
 from mrwork.errors import SettingError
 from mrwork.summary import Summarised, Summary
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 Time = Literal["continuous", "discrete"]
 """Whether a plant is a differential equation or goes from sample to sample."""
@@ -41,8 +40,7 @@ class RiccatiStatus(IntEnum):
         }[self]
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class RiccatiSolutions(Summarised):
     """Solutions of a batch of equations, one row for each; infinite in a row that is not solved.
 
@@ -159,8 +157,7 @@ def regulator_gains(
     return _solve(given, time, threads)
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class RiccatiSolution(Summarised):
     """The only row of a batch: P, shape (n, n), the gain K of f = -K s, shape (m, n), and the relative residual."""
 
@@ -173,9 +170,9 @@ def solve_riccati(
     A: Floats, B: Floats, Q: Floats, R: Floats, N: Floats, *, scaling: Floats, time: Time = "continuous"
 ) -> RiccatiSolution:
     """Solve one equation; see `regulator_gains`."""
-    found = regulator_gains(A, B, Q, R, N, time=time, scaling=scaling, threads=1)
-    found.check()
-    return RiccatiSolution(P=found.P[0], gain=found.gain[0], residual=float(found.residual[0]))
+    solutions = regulator_gains(A, B, Q, R, N, time=time, scaling=scaling, threads=1)
+    solutions.check()
+    return RiccatiSolution(P=solutions.P[0], gain=solutions.gain[0], residual=float(solutions.residual[0]))
 
 
 @checked
@@ -300,7 +297,7 @@ def _columns(name: str, matrix: ArrayLike) -> int:
 
 
 def _stack(name: str, given: ArrayLike, rows: int, columns: int) -> Floats:
-    """As the core takes it: with a leading axis of the batch, which has length one if all rows share the matrix."""
+    """Array with a leading batch axis for the core; the axis has length one if all rows share the matrix."""
     matrices = np.asarray(given, dtype=np.float64)
     if matrices.ndim not in (2, 3) or matrices.shape[-2:] != (rows, columns):
         raise SettingError(

@@ -16,13 +16,13 @@ from mrwork.control.design_problem import Design, DesignProblem, LawSettings, Sp
 from mrwork.control.plant import Plant
 from mrwork.control.riccati import solve_riccati
 from mrwork.errors import MrworkWarning, SettingError
-from mrwork.keys import Within, key, keys_of
+from mrwork.hints import Within
+from mrwork.keys import key, keys_of
 from mrwork.summary import Summarised
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class SlidingSurface(Summarised):
     """`sigma = S s`, scaled so that S B = 1: `sigma' = drift s + f + ground a_g`, and sigma is an impulse [N s].
 
@@ -40,8 +40,7 @@ class SlidingSurface(Summarised):
     poles: NDArray[np.complex128]
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class SlidingGains(Summarised):
     """Gains of the sliding mode laws for one surface, one number for each device, shape (n_devices,).
 
@@ -125,7 +124,7 @@ def placed_surface(plant: Plant, poles: NDArray[np.complex128]) -> SlidingSurfac
     try:
         with catch_warnings(record=True) as said:
             simplefilter("always")
-            found = place_poles(A[:n_rest, :n_rest], A[:n_rest, n_rest:], poles)
+            placement = place_poles(A[:n_rest, :n_rest], A[:n_rest, n_rest:], poles)
     except ValueError as error:
         raise SettingError(f"the poles of the surface cannot be placed: {error}") from error
     if said:
@@ -135,7 +134,7 @@ def placed_surface(plant: Plant, poles: NDArray[np.complex128]) -> SlidingSurfac
             MrworkWarning,
             stacklevel=3,
         )
-    return _surface(plant, back, A, np.asarray(found.gain_matrix, dtype=np.float64))
+    return _surface(plant, back, A, np.asarray(placement.gain_matrix, dtype=np.float64))
 
 
 def sliding_gains(
@@ -264,7 +263,6 @@ class _SurfaceSettings(LawSettings):
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class SlidingSettings(_SurfaceSettings):
     """A sliding mode with a boundary layer."""
 
@@ -275,7 +273,6 @@ class SlidingSettings(_SurfaceSettings):
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class AdaptiveSlidingSettings(_SurfaceSettings):
     """A sliding mode whose gain adapts."""
 
@@ -287,7 +284,6 @@ class AdaptiveSlidingSettings(_SurfaceSettings):
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class SuperTwistingSettings(_SurfaceSettings):
     """A second-order sliding mode."""
 

@@ -26,7 +26,7 @@ from mrwork.control.plant import (
     displacements,
     drifts,
     relative_velocities,
-    stacked,
+    stack_outputs,
     velocities,
 )
 from mrwork.errors import InvalidSettingError
@@ -39,7 +39,6 @@ _LIMITS = ("rms_drift", "rms_acceleration", "rms_displacement", "rms_force")
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class WeightWishes(RmsLimits, metaclass=DeclaredTable):
     """Weights of a law from limits on rms responses and a budget of force, see `design_weights`.
 
@@ -126,13 +125,13 @@ class WeightWishes(RmsLimits, metaclass=DeclaredTable):
         return soil if self.spectrum == "kanai_tajimi" else CloughPenzien(soil=soil)
 
     def in_words(self, problem: DesignProblem) -> tuple[str, ...]:
-        """What the design reaches, what binds, and how the weights are to be used."""
+        """Sentences on what the design reaches, which limits bind, and how to use the weights."""
         return (*self.of_problem(problem).in_words, SCAN)
 
     def relative_control_weight(self, plant: Plant) -> tuple[float, ...]:
         """R of each device as designed, over their mean."""
-        found = self.design(plant).control_weight
-        return tuple((found / found.mean()).tolist())
+        designed_weight = self.design(plant).control_weight
+        return tuple((designed_weight / designed_weight.mean()).tolist())
 
 
 def _declare_weight(says: str, unit: str = "", of: Magnitude | None = None, *, free: bool = False) -> Any:
@@ -183,7 +182,7 @@ class CostWeights:
         default=None,
     )
 
-    def weighed(self, plant: Plant) -> Weighed:
+    def weigh_outputs(self, plant: Plant) -> Weighed:
         """The sum of what the weights add to the cost."""
         if self.designed is not None:
             return self._weigh_designed(self.designed, plant)
@@ -196,7 +195,7 @@ class CostWeights:
         parts = []
         if given:
             W = scipy.linalg.block_diag(*(weights for _, weights in given))
-            parts.append(weighed_outputs(stacked(*(outputs for outputs, _ in given)), W))
+            parts.append(weighed_outputs(stack_outputs(*(outputs for outputs, _ in given)), W))
         if self.state_weight is not None:
             Q = weight_matrix("state_weight", self.state_weight, 2 * plant.n_coordinates, "states")
             parts.append(weighed_state(plant, Q))
@@ -214,17 +213,17 @@ class CostWeights:
         )
 
     def _weigh_designed(self, wishes: WeightWishes, plant: Plant) -> Weighed:
-        """What designed weights add, scaled such that the mean control weight is 1 as designed."""
+        """Cost of designed weights, scaled such that the mean control weight is 1 as designed."""
         self.check_designed_alone()
         if wishes.sampled:
             raise InvalidSettingError(
                 "designed",
                 "a sampled design gives the gain of a wanted force, and this law takes weights; leave sampled out",
             )
-        found = wishes.design(plant)
-        scale = 1.0 / float(found.control_weight.mean())
-        S = found.R - np.diag(found.control_weight)
-        return Weighed(Q=scale * found.Q, N=scale * found.N, S=scale * S)
+        designed = wishes.design(plant)
+        scale = 1.0 / float(designed.control_weight.mean())
+        S = designed.R - np.diag(designed.control_weight)
+        return Weighed(Q=scale * designed.Q, N=scale * designed.N, S=scale * S)
 
     @property
     def sampled(self) -> bool:
@@ -238,7 +237,7 @@ class CostWeights:
                 raise InvalidSettingError("designed", f"the law has designed weights, and {name}; keep one")
 
     def notes(self, problem: DesignProblem) -> tuple[str, ...]:
-        """What designed weights reach, and how they are to be used."""
+        """Sentences on what designed weights reach, and how to use them."""
         return () if self.designed is None else self.designed.in_words(problem)
 
     @classmethod
@@ -248,7 +247,7 @@ class CostWeights:
 
     @classmethod
     def cost(cls, held: Mapping[str, float], magnitudes: Magnitudes) -> float:
-        """What weights that are held add up to at these magnitudes; those of single floors are averaged."""
+        """Cost of the held weights at these magnitudes; weights of single floors are averaged."""
         if "designed" in held:
             # Of these weights R is 1 as designed.
             return magnitudes.force**2

@@ -13,15 +13,14 @@ from math import isfinite
 from typing import Annotated, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.arguments import AnyArray, Shape, checked
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
+from mrwork.values import Floats
 
 # NumPy or JAX.
 Array = Any
-Floats = NDArray[np.float64]
 
 # A number that is not finite is refused in a sentence.
 _QUIET = np.errstate(divide="ignore", invalid="ignore", over="ignore")
@@ -158,7 +157,6 @@ def rescaled_bouc_wen(theta: AnyArray, A: float) -> Array:
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class OpenSeesBoucWen:
     """Uniaxial material `BoucWen` of OpenSees, with its names and order of arguments.
 
@@ -215,7 +213,7 @@ def opensees_from_bouc_wen(
 
 
 @checked
-def bouc_wen_from_opensees(material: OpenSeesBoucWen, *, c0: float = 0.0) -> NDArray[np.float64]:
+def bouc_wen_from_opensees(material: OpenSeesBoucWen, *, c0: float = 0.0) -> Floats:
     """Parameters of `bouc_wen`, shape (8,), equal in force to an OpenSees material and a parallel dashpot c0 [N s/m].
 
     A equals Ao: z is the same variable in both.
@@ -255,7 +253,7 @@ def solver_remarks(material: OpenSeesBoucWen) -> tuple[str, ...]:
     )
 
 
-def require_bounded_loop(theta: NDArray[np.float64]) -> None:
+def require_bounded_loop(theta: Floats) -> None:
     """Check that a `bouc_wen`, shape (8,), has a normalised form."""
     alpha, gamma, beta, A, n = map(float, theta[3:])
     if not (alpha > 0.0 and A > 0.0 and n >= 1.0):
@@ -273,7 +271,7 @@ def require_bounded_loop(theta: NDArray[np.float64]) -> None:
         )
 
 
-def convention_remarks(theta: NDArray[np.float64]) -> tuple[str, ...]:
+def convention_remarks(theta: Floats) -> tuple[str, ...]:
     """Remarks on a `bouc_wen`, shape (8,), whose source may have gamma and beta interchanged."""
     gamma, beta = float(theta[4]), float(theta[5])
     if gamma == beta or gamma + beta <= 0.0:
@@ -292,7 +290,7 @@ def convention_remarks(theta: NDArray[np.float64]) -> tuple[str, ...]:
     return tuple(remarks)
 
 
-def _check_finite(theta: NDArray[np.float64], names: tuple[str, ...]) -> None:
+def _check_finite(theta: Floats, names: tuple[str, ...]) -> None:
     for name, value in zip(names, theta, strict=True):
         if not isfinite(value):
             raise SettingError(f"{name} is {value}; a finite number is expected")

@@ -7,7 +7,7 @@ that they accept NumPy and JAX arrays; the last axis is the parameter.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import isfinite
 from typing import Any, ClassVar
 
@@ -16,6 +16,7 @@ import numpy as np
 from mrwork.arguments import AnyArray, checked
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
+from mrwork.keys import suggestion
 
 # NumPy or JAX array; no annotation covers both without importing JAX.
 Array = Any
@@ -27,7 +28,6 @@ _LEAST_RATIO = 1.0 + 1e-14
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Box:
     """A range for each parameter; `theta` has all parameters of the model, `unit` and `latent` the free ones only.
 
@@ -82,7 +82,8 @@ class Box:
         lower, upper = list(self.lower), list(self.upper)
         for name, (low, high) in bounds.items():
             if name not in self.names:
-                raise SettingError(f"no parameter is called {name!r}; this model has {', '.join(self.names)}")
+                near = suggestion(name, self.names, otherwise="this model has")
+                raise SettingError(f"no parameter is called {name!r}{near}")
             index = self.names.index(name)
             if not (isfinite(low) and isfinite(high)):
                 raise SettingError(f"bounds of {name} are {low:g} and {high:g}; both must be finite numbers")

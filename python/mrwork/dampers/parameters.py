@@ -10,12 +10,12 @@ from types import ModuleType
 from typing import Any, ClassVar, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork import _rust
 from mrwork.errors import UnknownChoiceError, UnknownNameError
 from mrwork.keys import suggestion
 from mrwork.units import CommandUnit
+from mrwork.values import Floats
 
 # NumPy or JAX array; no annotation covers both without importing JAX.
 Array = Any
@@ -92,9 +92,8 @@ def laws_in_order(
     names = [parameter.name for parameter in plain]
     for name in laws:
         if name not in names:
-            raise UnknownNameError(
-                f"{model} has no parameter {name!r} to follow the command; it has {', '.join(names)}"
-            )
+            near = suggestion(name, names, otherwise="it has")
+            raise UnknownNameError(f"{model} has no parameter {name!r} to follow the command{near}")
     return tuple(law_named(laws.get(name, polynomial_laws()[0])).name for name in names)
 
 
@@ -144,9 +143,7 @@ class CurrentLaw:
         """Whether this is `p.0 + p.1 exp(p.2 u)`."""
         return self.degree is None and not self.nodes
 
-    def values(
-        self, coefficients: NDArray[np.float64], command: NDArray[np.float64], *, log: bool = False
-    ) -> NDArray[np.float64]:
+    def values(self, coefficients: Floats, command: Floats, *, log: bool = False) -> Floats:
         """The parameter at commands, (n,), perhaps beyond its range; `log` says whether its scale is logarithmic."""
         if self.nodes:
             return np.asarray(
@@ -157,9 +154,7 @@ class CurrentLaw:
             return np.asarray(at_zero + factor * np.exp(exponent * command))
         return np.asarray(np.polynomial.polynomial.polyval(command, coefficients))
 
-    def stretched(
-        self, coefficients: NDArray[np.float64], factor: float, *, log: bool = False
-    ) -> NDArray[np.float64]:
+    def rescale_command(self, coefficients: Floats, factor: float, *, log: bool = False) -> Floats:
         """Coefficients, on the last axis, of the parameter as a function of the command over `factor`: p(factor u)."""
         if self.nodes:
             # The values of the polynomial at `factor` times the nodes.
@@ -198,13 +193,13 @@ def _place(nodes: tuple[float, ...], command: Array) -> Array:
     return (command - 0.5 * (nodes[0] + nodes[-1])) * (2.0 / (nodes[-1] - nodes[0]))
 
 
-def _powers(nodes: tuple[float, ...], command: NDArray[np.float64]) -> NDArray[np.float64]:
+def _powers(nodes: tuple[float, ...], command: Floats) -> Floats:
     """Powers of the place of each command, shape (n_commands, n_nodes)."""
     return np.asarray(np.vander(_place(nodes, command), len(nodes), increasing=True))
 
 
 @cache
-def _basis(nodes: tuple[float, ...]) -> NDArray[np.float64]:
+def _basis(nodes: tuple[float, ...]) -> Floats:
     """Coefficients of the polynomial in the place of the command for a value of 1 at each node, one column each."""
     return np.asarray(np.linalg.inv(_powers(nodes, np.array(nodes))), dtype=np.float64)
 

@@ -8,7 +8,7 @@ from functools import cache
 from typing import ClassVar, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from mrwork import _rust
 from mrwork.arguments import checked
@@ -23,9 +23,11 @@ from mrwork.dampers.parameters import (
     polynomial_laws,
 )
 from mrwork.errors import SettingError, UnknownNameError
-from mrwork.numbers import of_unit, rounded
+from mrwork.keys import suggestion
+from mrwork.numbers import format_rounded, of_unit
 from mrwork.summary import Summarised, Summary
 from mrwork.units import CommandUnit
+from mrwork.values import Floats
 
 # In place of the name of one model: every model.
 ALL = "all"
@@ -189,7 +191,7 @@ class DamperSpec(Summarised):
         return tuple(parameter.name for parameter in self.parameters)
 
     @property
-    def nominal(self) -> NDArray[np.float64]:
+    def nominal(self) -> Floats:
         """Typical parameter values, shape (n_params,)."""
         return np.array([parameter.nominal for parameter in self.parameters])
 
@@ -279,8 +281,8 @@ class DamperSpec(Summarised):
         for entry in PUBLISHED_SETS:
             if (entry.model, entry.name) == (self.name, name):
                 return _preset(self, entry)
-        known = ", ".join(self.presets) or "none"
-        raise UnknownNameError(f"{self.name} has no published set called {name!r}; it has {known}")
+        near = suggestion(name, self.presets, otherwise="it has")
+        raise UnknownNameError(f"{self.name} has no published set called {name!r}{near}")
 
     def _summary(self) -> Summary:
         return Summary(
@@ -290,9 +292,9 @@ class DamperSpec(Summarised):
             rows=[
                 (
                     each.name,
-                    rounded(each.nominal),
-                    rounded(each.lower),
-                    rounded(each.upper),
+                    format_rounded(each.nominal),
+                    format_rounded(each.lower),
+                    format_rounded(each.upper),
                     each.unit,
                     each.description,
                 )
@@ -318,7 +320,7 @@ class Preset(Summarised):
             title=f"Preset {self.name} of {self.spec.name}, {self.status}: {self.source}",
             columns=("parameter", "value", "unit"),
             rows=[
-                (each.name, rounded(value, 6), each.unit)
+                (each.name, format_rounded(value, 6), each.unit)
                 for each, value in zip(self.spec.parameters, self.theta, strict=True)
             ],
             notes=(self.note,),
@@ -383,8 +385,8 @@ def damper(name: str) -> DamperSpec:
     for spec in damper_models():
         if spec.name == name:
             return spec
-    known = ", ".join(spec.name for spec in damper_models())
-    raise UnknownNameError(f"no damper model is called {name!r}; choose one of {known}")
+    near = suggestion(name, [spec.name for spec in damper_models()])
+    raise UnknownNameError(f"no damper model is called {name!r}{near}")
 
 
 # Commands at which a law is evaluated.
@@ -408,7 +410,7 @@ class LawLimit:
 
     @property
     def in_words(self) -> str:
-        """As in "the law of k_w turns negative: -120 N at 0 A, taken as 0.001 N from 0 to 0.12 A"."""
+        """Text such as "the law of k_w turns negative: -120 N at 0 A, taken as 0.001 N from 0 to 0.12 A"."""
         if self.value == self.used:
             what = "vanishes"
         elif self.value > self.used:
@@ -436,7 +438,7 @@ def law_limits(spec: DamperSpec, theta: ArrayLike, commands: tuple[float, float]
     if spec.current is None:
         return ()
     command = np.linspace(*commands, _N_COMMANDS)
-    found = []
+    limits = []
     for parameter, value in _values(spec, np.asarray(theta, dtype=np.float64), command):
         used = np.clip(value, parameter.lower, parameter.upper)
         beyond = np.abs(value - used)
@@ -445,7 +447,7 @@ def law_limits(spec: DamperSpec, theta: ArrayLike, commands: tuple[float, float]
         outside = np.flatnonzero(beyond)
         if outside.size:
             worst = int(np.argmax(beyond))
-            found.append(
+            limits.append(
                 LawLimit(
                     parameter=parameter.name,
                     unit=parameter.unit,
@@ -457,7 +459,7 @@ def law_limits(spec: DamperSpec, theta: ArrayLike, commands: tuple[float, float]
                     command_unit=spec.current.unit,
                 )
             )
-    return tuple(found)
+    return tuple(limits)
 
 
 def worst_laws(limits: Iterable[LawLimit]) -> list[LawLimit]:
@@ -470,9 +472,7 @@ def worst_laws(limits: Iterable[LawLimit]) -> list[LawLimit]:
     return list(worst.values())
 
 
-def _values(
-    spec: DamperSpec, theta: NDArray[np.float64], command: NDArray[np.float64]
-) -> Iterator[tuple[ParamSpec, NDArray[np.float64]]]:
+def _values(spec: DamperSpec, theta: Floats, command: Floats) -> Iterator[tuple[ParamSpec, Floats]]:
     """Each parameter that follows the command, with the values that its law gives."""
     assert spec.current is not None
     start = 0

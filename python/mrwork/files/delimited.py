@@ -74,7 +74,7 @@ def nanoseconds(text: str) -> int | None:
 
 def seconds_since_first(times: Sequence[int | None], *, with_dates: bool) -> Floats:
     """Seconds since the first of times [ns], NaN where one is missing; without dates, a new day begins at midnight."""
-    found = np.full(len(times), np.nan)
+    seconds = np.full(len(times), np.nan)
     first: int | None = None
     last, days = 0, 0
     for row, time in enumerate(times):
@@ -85,8 +85,8 @@ def seconds_since_first(times: Sequence[int | None], *, with_dates: bool) -> Flo
         elif not with_dates and time < last - 12 * _HOUR:
             days += 1
         last = time
-        found[row] = (time + days * _DAY - first) * 1e-9
-    return found
+        seconds[row] = (time + days * _DAY - first) * 1e-9
+    return seconds
 
 
 def has_date(text: str) -> bool:
@@ -262,10 +262,10 @@ def open_delimited(path: Path) -> ColumnTable:
 
 
 def table_of_text(data: bytes, *, source: str, sha256: str) -> ColumnTable:
-    """As `open_delimited`, of the bytes of a text."""
+    """Table of the bytes of a text, as by `open_delimited`."""
 
     def line_by_line() -> DelimitedTable:
-        lines = decoded(data).replace("\r\n", "\n").replace("\r", "\n").split("\n")
+        lines = decode_text(data).replace("\r\n", "\n").replace("\r", "\n").split("\n")
         layout: Layout | None = None
         if is_labview(lines):
             lines, layout = labview_layout(lines, source)
@@ -404,7 +404,7 @@ def encoding_of(data: bytes) -> str:
     return "utf-8"
 
 
-def decoded(data: bytes) -> str:
+def decode_text(data: bytes) -> str:
     """Text of the bytes of a file, without a byte-order mark."""
     encoding = encoding_of(data)
     return (data.removeprefix(BOM_UTF8) if encoding == "utf-8" else data).decode(encoding)

@@ -49,7 +49,7 @@ _BRACKETS: Final = "()[]{}<> \t"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Layout:
-    """How the lines of a table are to be read.
+    """Layout of a table: how its lines are to be parsed.
 
     `delimiter` is `None` for blanks, `units` are of a row below the names, `data` are the lines with rows of numbers;
     `header` is the line of the names where that may be repeated. Columns without names have numbers.
@@ -81,7 +81,7 @@ def layout_of(lines: Sequence[str], source: str) -> Layout:
 
 
 def sampled_layout(lines: Sequence[str], middle: Sequence[str]) -> tuple[Layout, bool] | None:
-    """As `layout_of`, of a file of which the first lines and some from its middle are given, and whether it has texts.
+    """Layout of a long file, guessed from its first lines and a sample of its middle, and whether it has texts.
 
     `None` where all lines must be looked at. It is the layout of the whole file if all lines below are blank, comments
     or rows of data, of which none is a row of numbers only if the rows have texts.
@@ -178,19 +178,19 @@ def _run(
     Rows with numbers only are looked for first, then rows that also have texts; with `like`, rows as wide as its.
     """
     delimiters = ("\t", ";", None, ",") if like is None else (like.delimiter,)
-    found: _Run | None = None
+    longest: _Run | None = None
     for only_numbers in kinds:
         runs = [_Run(delimiter=delimiter) for delimiter in delimiters]
         for index in filled:
             line = _without_remark(lines[index])
             for number, run in enumerate(runs):
-                runs[number] = run = run.continued(index, line, only_numbers=only_numbers)
+                runs[number] = run = run.extend_with(index, line, only_numbers=only_numbers)
                 fits = like is None or run.width == like.width
-                if run.length and fits and (found is None or run.length > found.length):
-                    found = run
-            if found is not None and found.length >= _ENOUGH_ROWS:
-                return found
-    return found
+                if run.length and fits and (longest is None or run.length > longest.length):
+                    longest = run
+            if longest is not None and longest.length >= _ENOUGH_ROWS:
+                return longest
+    return longest
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -203,7 +203,7 @@ class _Run:
     width: int = 0
     raw_width: int = 0
 
-    def continued(self, index: int, line: str, *, only_numbers: bool) -> _Run:
+    def extend_with(self, index: int, line: str, *, only_numbers: bool) -> _Run:
         """The run with the next line: longer, begun anew or broken off."""
         if self.delimiter is not None and self.delimiter not in line:
             return self if not self.length else _Run(delimiter=self.delimiter)

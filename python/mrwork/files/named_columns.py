@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from mrwork.errors import RecordError
 from mrwork.store.child_reader import TooLargeError, UnreadableError, read_members
 from mrwork.store.input_file import RECORD, bytes_of, exists
-from mrwork.summary import listed
+from mrwork.summary import list_names
 from mrwork.units import FACTORS, CommandUnit, command_unit_of, quantity_of
 from mrwork.values import Floats
 
@@ -354,7 +354,7 @@ class VectorTable(ColumnTable):
 
 def unused_parts(noun: str, names: Sequence[str], why: str) -> tuple[str, ...]:
     """Parts of a file that are no columns, and why, as `ColumnTable.unused` has them; nothing where there are none."""
-    return (f"{noun}{'s' if len(names) > 1 else ''} {listed(names)} ({why})",) if names else ()
+    return (f"{noun}{'s' if len(names) > 1 else ''} {list_names(names)} ({why})",) if names else ()
 
 
 def open_parquet(path: Path) -> ColumnTable:
@@ -382,8 +382,8 @@ def listed_files(paths: str | os.PathLike[str] | Iterable[str | os.PathLike[str]
         pattern = os.fspath(paths)
         _refuse_nameless(pattern)
         # An existing file whose name contains brackets is not a pattern.
-        found = glob.glob(pattern, recursive=True)  # noqa: PTH207 - `Path.glob` takes no absolute patterns
-        files = [pattern] if exists(pattern) else sorted(found)
+        paths_of_pattern = glob.glob(pattern, recursive=True)  # noqa: PTH207 - `Path.glob` takes no absolute patterns
+        files = [pattern] if exists(pattern) else sorted(paths_of_pattern)
         if not files:
             raise RecordError(f"no file matches '{pattern}'; check the path and the pattern")
         return files

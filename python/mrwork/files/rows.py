@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from mrwork.errors import RecordError
 from mrwork.files.layout import DECIMAL_COMMA, MISSING, NUMBER, RULE, split
-from mrwork.values import holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -109,17 +109,16 @@ class RowForm:
         return frozenset(range(len(self.cells.names))).difference(self.texts)
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class Rows:
-    """What was read: columns of shape (n_rows,) by place, and what must be refused.
+    """Parsed rows: columns of shape (n_rows,) by place, and the fault that must be refused.
 
     `width` are the first row with another number of fields and that number; where there is one, nothing else was read.
     `no_numbers` are the first row, and its text, of each column with a cell that is no number.
     """
 
     n_rows: int
-    columns: Mapping[int, NDArray[np.float64]] = field(default_factory=dict)
+    columns: Mapping[int, Floats] = field(default_factory=dict)
     width: tuple[int, int] | None = None
     no_numbers: Mapping[int, tuple[int, str]] = field(default_factory=dict)
 

@@ -1,4 +1,4 @@
-"""What speaks against a fit that has converged: each doubt is a sentence, and they stand in one list.
+"""Warnings about a fit that has converged, one sentence each.
 
 A moving average that was found in a record is applied also where the fit would be better without it: without it the
 parameters describe the smoothed loop and not the damper, and the fit to the same record says little about which is
@@ -30,11 +30,11 @@ from mrwork.identification.progress import on_every_test
 from mrwork.identification.result import Slopes, autocorrelation_time
 from mrwork.records import DamperTest
 from mrwork.records.motion import Smoother, spectrum
-from mrwork.values import Floats, frozen
+from mrwork.values import Floats, freeze_samples
 
 
 def doubts_on_fit(problem: Problem, points: StartingPoints, polished: Polished, fit: Fit) -> tuple[str, ...]:
-    """Sentences on a fit, from the tests alone: some fit the model once more, and take a while."""
+    """Warnings about a fit, computed from its tests; some fit the model again, which takes a while."""
     objective, form = problem.objective, problem.form
     # On the excerpts of the search: another fit to the whole tests would cost as much as the final one.
     excerpts = objective.on(form.spec, points.objective.tests)
@@ -58,18 +58,18 @@ _FEW_SAMPLES = 6.0
 
 
 def needless_average_warnings(objective: Objective, box: Box, theta: Floats) -> tuple[str, ...]:
-    """A sentence for each test with a detected average whose fit would be better without it, by more than chance.
+    """Warning for each test whose fit improves significantly without its detected moving average.
 
     A single test is fitted again from the fit `theta`, shape (n_params,); several are compared there.
     """
-    found = [index for index, test in enumerate(objective.tests) if _has_detected_average(test)]
-    if not found:
+    with_average = [index for index, test in enumerate(objective.tests) if _has_detected_average(test)]
+    if not with_average:
         return ()
     without = objective.on(
         objective.spec,
         tuple(
             replace(test, observation=replace(test.observation, average_seconds=0.0))
-            if index in found
+            if index in with_average
             else test
             for index, test in enumerate(objective.tests)
         ),
@@ -78,7 +78,7 @@ def needless_average_warnings(objective: Objective, box: Box, theta: Floats) -> 
     if len(objective.tests) == 1:
         refitted = find_minima(without, box, theta[None], max_iterations=_MOST_ITERATIONS).theta[0]
     sentences = []
-    for index in found:
+    for index in with_average:
         test = objective.tests[index]
         (averaged,), _ = objective.compared[index].residuals(theta[None])
         (plain,), _ = without.compared[index].residuals(refitted[None])
@@ -134,7 +134,7 @@ _FAR_BETTER = 0.8
 
 
 def law_shape_warnings(objective: Objective, box: Box, theta: Floats) -> tuple[str, ...]:
-    """A sentence where the laws through values themselves, fitted from `theta`, shape (n_params,), are far better."""
+    """Warning where laws through values, fitted from `theta`, (n_params,), fit far better than through logarithms."""
     spec = objective.spec
     through = _laws_through_values(spec)
     if spec.current is None or not through:
@@ -145,13 +145,13 @@ def law_shape_warnings(objective: Objective, box: Box, theta: Floats) -> tuple[s
     # Their coefficients have the same names and ranges, because they are the values at the same commands.
     other = objective.on(by_values, objective.tests)
     minimum = find_minima(other, box, theta[None], max_iterations=_MOST_ITERATIONS)
-    own, found = float(objective.plain(theta[None])[0]), float(other.plain(minimum.theta)[0])
-    if not found < _FAR_BETTER * own:
+    own, misfits = float(objective.plain(theta[None])[0]), float(other.plain(minimum.theta)[0])
+    if not misfits < _FAR_BETTER * own:
         return ()
     named = ", ".join(f"{name}={law}" for name, law in through.items())
     return (
         "laws through the values themselves, not through their logarithms, describe the tests better: "
-        f"{100.0 * (1.0 - found):.2f} % against {100.0 * (1.0 - own):.2f} %; give {named} as laws",
+        f"{100.0 * (1.0 - misfits):.2f} % against {100.0 * (1.0 - own):.2f} %; give {named} as laws",
     )
 
 
@@ -179,7 +179,7 @@ _SURELY = 2.0
 
 
 def motion_noise_warning(slopes: Slopes, standard_errors: Floats, names: Sequence[str]) -> tuple[str, ...]:
-    """A sentence where hardly 90 % of the 95 % intervals are expected to hold, for the noise of the motion.
+    """Warning where noise of the motion lowers the expected coverage of 95 % intervals to about 90 % or less.
 
     The model integrates the noise of the recorded motion: its force is wrong at reversals, by errors that the few
     samples there hardly show. That noise, estimated from the records, is added once more, and the change of the force
@@ -197,9 +197,9 @@ def motion_noise_warning(slopes: Slopes, standard_errors: Floats, names: Sequenc
     for changes in _changes_by_noise(slopes):
         shares = np.sqrt(np.mean(changes**2, axis=0))[known] / errors[known]
         # A mean square of n draws has a relative standard error of sqrt(2/n), a root of it half of that.
-        if _held(shares * (1.0 + _SURELY / sqrt(2.0 * len(changes)))) >= _HELD:
+        if _estimate_coverage(shares * (1.0 + _SURELY / sqrt(2.0 * len(changes)))) >= _HELD:
             return ()
-    if not len(changes) or _held(shares) >= _HELD:
+    if not len(changes) or _estimate_coverage(shares) >= _HELD:
         return ()
     worst = int(np.argmax(shares))
     measured = any(test.velocity_source == "measured" for test in slopes.objective.tests)
@@ -207,17 +207,17 @@ def motion_noise_warning(slopes: Slopes, standard_errors: Floats, names: Sequenc
     return (
         f"noise of the motion dominates: it moves {np.array(names)[known][worst]} by about {shares[worst]:.2g} times "
         f"the error that the residuals of the force give it, so that 95 % intervals hold about "
-        f"{100 * _held(shares):.0f} % of the parameters; {remedy}measure the motion with less noise",
+        f"{100 * _estimate_coverage(shares):.0f} % of the parameters; {remedy}measure the motion with less noise",
     )
 
 
-def _held(shares: Floats) -> float:
-    """Expected share of the 95 % intervals that hold, where noise moves parameters by these shares of their errors."""
+def _estimate_coverage(shares: Floats) -> float:
+    """Expected coverage of 95 % intervals if noise shifts the parameters by `shares` of their standard errors."""
     return float(np.mean([erf(_QUANTILE / sqrt(2.0 * (1.0 + each**2))) for each in shares]))
 
 
 def _changes_by_noise(slopes: Slopes) -> Iterator[Floats]:
-    """Changes of the parameters of the requested model by noise of the motion, more and more, (n_draws, n_params).
+    """Yield parameter changes caused by noise of the motion, shape (n_draws, n_params), with ever more draws.
 
     Draws under which the model cannot be simulated are left out.
     """
@@ -228,7 +228,7 @@ def _changes_by_noise(slopes: Slopes) -> Iterator[Floats]:
     inverse = np.linalg.pinv(slopes.by_interior().T)
     noises = [_noise_of_motion(test) for test in objective.tests]
 
-    def moved(first: int, index: int, threads: int) -> Floats | None:
+    def find_shift(first: int, index: int, threads: int) -> Floats | None:
         parts = []
         for number, each in enumerate(noises):
             observed = objective.compared[number].of_test(each([first + index, number]))
@@ -242,14 +242,14 @@ def _changes_by_noise(slopes: Slopes) -> Iterator[Floats]:
 
     changes = list[Floats]()
     for first in range(0, _DRAWS, _ROUND):
-        draws = on_every_test(_ROUND, objective.threads, partial(moved, first))
+        draws = on_every_test(_ROUND, objective.threads, partial(find_shift, first))
         changes += [change for change in draws if change is not None]
         if changes:
             yield np.array(changes)
 
 
 def _noise_of_motion(test: DamperTest) -> Callable[[list[int]], DamperTest]:
-    """A function that adds noise to the motion of the test, by a seed, as large as its smoother removes.
+    """Function of a seed that adds noise to the motion of the test, as large as the noise that its smoother removes.
 
     The noise of a velocity that was derived is that of its derivation.
     """
@@ -267,8 +267,8 @@ def _noise_of_motion(test: DamperTest) -> Callable[[list[int]], DamperTest]:
             velocity = of_velocity * rng.standard_normal(test.n_time)
         return replace(
             test,
-            displacement=frozen(test.displacement + displacement),
-            velocity=frozen(test.velocity + velocity),
+            displacement=freeze_samples(test.displacement + displacement),
+            velocity=freeze_samples(test.velocity + velocity),
         )
 
     return add_noise

@@ -1,4 +1,4 @@
-"""The model that is searched, and where: equivalent forms without redundant parameters, and ranges that suit the tests.
+"""Equivalent forms without redundant parameters, and search ranges that suit the tests.
 
 Some models are identified in a form of other parameters, with exact conversions. The ranges in which a search samples
 the parameters follow from the stroke, speed and force of the tests. Coefficients of current laws are fitted to values
@@ -265,13 +265,13 @@ def with_other_laws(earlier: DamperSpec, theta: Floats, spec: DamperSpec, comman
 
 
 def leaves_range(spec: DamperSpec, theta: Floats, commands: Floats) -> tuple[str, ...]:
-    """Parameters whose law leaves the admissible range, and is limited to it, at or between these rising commands."""
+    """Parameters whose law is clipped to its admissible range at or between these increasing commands."""
     limits = law_limits(spec, theta, (float(commands[0]), float(commands[-1])))
     return tuple(each.parameter for each in limits if each.value != each.used)
 
 
 def within_range(spec: DamperSpec, theta: Floats, commands: Floats) -> Floats:
-    """Coefficients, shape (n_params,), of laws that do not leave their ranges at these commands and between them.
+    """Coefficients, shape (n_params,), of laws that stay within their ranges at and between these commands.
 
     A law that leaves its range becomes the straight line between its values at the first and the last command.
     """

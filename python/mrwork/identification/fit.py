@@ -6,23 +6,21 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any, ClassVar, Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
 from mrwork.arguments import Count, Level, NotNegative, Positive, Samples, Whole, checked
 from mrwork.dampers.parameters import CurrentLaws
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import UnknownNameError
-from mrwork.identification.nuisance import NONE, Nuisance, NuisanceName
+from mrwork.identification.residual import NONE, Nuisance, NuisanceName
 from mrwork.identification.settings import FitSettings, Reading
-from mrwork.numbers import of_unit, rounded
+from mrwork.keys import suggestion
+from mrwork.numbers import format_rounded, of_unit
 from mrwork.records import AS_IT_IS, DamperTest, Observation, observed
+from mrwork.records.damper_test import OperatingRange, Outside, range_of_test
 from mrwork.records.likeness import Likeness, RecordedMotion, likest_of_other_force, likest_of_same_force
-from mrwork.records.operating_range import OperatingRange, Outside, range_of_test
 from mrwork.store.codec import LowerBound, OrInfinite, Related, UpperBound, digest_of
-from mrwork.summary import Summarised, Summary, listed
+from mrwork.summary import Summarised, Summary, list_names
 from mrwork.tested_range import outside_of
-from mrwork.values import holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 # Decided in `uncertainty/identifiability/verdicts.py` alone, and read from `Fit.verdict_on`.
 VerdictName = Literal["identifiable", "weakly identifiable", "sign unknown", "negligible", "not identifiable"]
@@ -42,13 +40,13 @@ class Interval(Related):
     reason: str
 
     def disagreement(self) -> str:
-        """Whether the ends are in order."""
+        """First contradiction: ends that are not in order."""
         if self.lower is None or self.upper is None or self.lower <= self.upper:
             return ""
         return f"the interval of {self.name} is from {self.lower:g} to {self.upper:g}"
 
     def in_words(self, shown: Callable[[float], str]) -> str:
-        """As in "6317 to 7278", or "above 835.8" where one end is open; `shown` writes a number."""
+        """Text such as "6317 to 7278", or "above 835.8" where one end is open; `shown` formats a number."""
         if self.lower is None:
             return "open" if self.upper is None else f"below {shown(self.upper)}"
         return (
@@ -107,7 +105,7 @@ class ParameterChange:
 
     @property
     def in_words(self) -> str:
-        """As in "alpha up 1 %", or "x0 down 0.0002 m" where the value may be zero."""
+        """Text such as "alpha up 1 %", or "x0 down 0.0002 m" where the value may be zero."""
         way = "up" if self.percent > 0 else "down"
         if self.of_range and self.amount is not None:
             return f"{self.name} {way} {of_unit(abs(self.amount), self.unit, 2)}"
@@ -150,7 +148,7 @@ class Identifiability(Summarised):
     by_derivatives: tuple[Verdict, ...] = ()
 
     def with_intervals(self, intervals: Intervals | None) -> Identifiability:
-        """With the verdicts of the intervals where there are any, else with those by the derivatives."""
+        """Identifiability with the verdicts of the intervals, or of the derivatives where there is no interval."""
         own = self.by_derivatives or self.verdicts
         if intervals is None:
             return replace(self, verdicts=own, by_derivatives=())
@@ -166,7 +164,7 @@ class Identifiability(Summarised):
 
     @property
     def informative(self) -> tuple[Direction, ...]:
-        """The directions without those along which a parameter moves most whose verdict asks for no caution."""
+        """The directions except those dominated by a parameter whose verdict asks for no caution."""
         settled = {each.name for each in self.verdicts if each.verdict in ("identifiable", "negligible")}
         return tuple(each for each in self.directions if not each.seen or each.changes[0].name not in settled)
 
@@ -175,7 +173,7 @@ class Identifiability(Summarised):
             title=f"Identifiability from {self.n_time} samples, worth {self.n_effective:.0f} independent ones",
             columns=("parameter", "standard error [SI]", "verdict", "reason"),
             rows=[
-                (each.name, rounded(each.standard_error, 2), each.verdict, each.reason)
+                (each.name, format_rounded(each.standard_error, 2), each.verdict, each.reason)
                 for each in self.verdicts
             ],
             notes=[each.sentence for each in self.informative],
@@ -214,7 +212,7 @@ class Estimate:
     remark: Remark = ""
 
     def judge(self, verdict: Verdict | None) -> Estimate:
-        """The estimate with the standard error that its verdict is by; as it is where it has no verdict."""
+        """The estimate with the standard error that belongs to its verdict; unchanged without a verdict."""
         if verdict is None:
             return self
         undetermined = verdict.verdict == "not identifiable"
@@ -277,7 +275,7 @@ class SearchTrace(Summarised, Related):
     ends: tuple[OrInfinite, ...] = ()
 
     def disagreement(self) -> str:
-        """Whether there is one entry per generation."""
+        """First contradiction: an array without one entry per generation."""
         sizes = len(self.evaluations), len(self.best), len(self.median)
         if len(set(sizes)) == 1:
             return ""
@@ -300,8 +298,7 @@ class Provenance:
     created: str
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class Fit(Summarised, Related):
     """An identified damper: estimates in the order of the model's spec, quality per test, provenance.
 
@@ -344,7 +341,7 @@ class Fit(Summarised, Related):
     status_reason: str = ""
     motions: tuple[RecordedMotion, ...] = ()
     tested: OperatingRange | None = None
-    forces: tuple[NDArray[np.float64], ...] = field(default=(), compare=False)
+    forces: tuple[Floats, ...] = field(default=(), compare=False)
     live_settings: FitSettings | None = field(default=None, compare=False)
 
     @property
@@ -364,7 +361,7 @@ class Fit(Summarised, Related):
 
     @property
     def fingerprint(self) -> str:
-        """Digest of what later verbs start from: model, parameters, laws, nuisance parameters and tests."""
+        """Digest of the inputs of later verbs: model, parameters, laws, nuisance parameters and tests."""
         values = [
             (each.name, float(each.value), float(each.lower), float(each.upper)) for each in self.estimates
         ]
@@ -372,12 +369,12 @@ class Fit(Summarised, Related):
         return digest_of(self.model, values, self.current, tuple(self.nuisances), inputs)
 
     def disagreement(self) -> str:
-        """Whether the estimates are those of the model and within their bounds, and all else is of its parameters."""
+        """First contradiction: estimates of another model, an estimate out of its bounds, or an unknown parameter."""
         spec = self.spec
-        found = tuple(each.name for each in self.estimates)
-        if found != spec.names:
-            named = listed(found, 8) or "nothing"
-            return f"its estimates are of {named} where {self.model} has {listed(spec.names, 8)}"
+        names = tuple(each.name for each in self.estimates)
+        if names != spec.names:
+            named = list_names(names, 8) or "nothing"
+            return f"its estimates are of {named} where {self.model} has {list_names(spec.names, 8)}"
         for each, parameter in zip(self.estimates, spec.parameters, strict=True):
             if (each.unit or "1") != parameter.unit:
                 return f"{each.name} is in {each.unit or 'no unit'} where {self.model} has it in {parameter.unit}"
@@ -386,7 +383,7 @@ class Fit(Summarised, Related):
                 return f"{each.name} is {each.value:g}, outside its bounds {each.lower:g} to {each.upper:g}"
         judged = [] if self.identifiability is None else [each.name for each in self.identifiability.verdicts]
         bounded = [] if self.intervals is None else [each.name for each in self.intervals.intervals]
-        unknown = [name for name in (*judged, *bounded) if name not in found]
+        unknown = [name for name in (*judged, *bounded) if name not in names]
         if unknown:
             return f"it judges {unknown[0]}, which {self.model} does not have"
         if not self.quality:
@@ -402,16 +399,16 @@ class Fit(Summarised, Related):
 
     @checked
     def seen(self, test: DamperTest) -> Likeness | None:
-        """The test of the fit that a test is, or whose motion, command and force it has; `None` if there is none."""
-        found = likest_of_same_force(RecordedMotion.of(test), self.motions)
-        if found is None and test.sha256:
+        """The test of the fit with the motion, command and force of `test`; `None` if there is none."""
+        alike = likest_of_same_force(RecordedMotion.of(test), self.motions)
+        if alike is None and test.sha256:
             same = (label for label, digest in self.provenance.inputs.items() if digest == test.sha256)
-            found = next((Likeness(test=test.label, like=label, correlation=1.0) for label in same), None)
-        return found
+            alike = next((Likeness(test=test.label, like=label, correlation=1.0) for label in same), None)
+        return alike
 
     @checked
     def other_condition(self, test: DamperTest) -> Likeness | None:
-        """The test of the fit whose motion a test has, with another force; `None` where it is like none or seen."""
+        """The test of the fit with the motion of `test` but another force; `None` without one, or if it is seen."""
         if self.seen(test) is not None:
             return None
         return likest_of_other_force(RecordedMotion.of(test), self.motions)
@@ -463,7 +460,7 @@ class Fit(Summarised, Related):
 
     @checked
     def outside(self, test: DamperTest, force: Samples | None = None) -> Outside:
-        """What of a test lies outside the tested ranges, with the model's force [N], shape (n_time,), if given."""
+        """Quantities of a test outside the tested ranges; includes the model's force [N], shape (n_time,), if given."""
         unit = self.current.unit if self.tested is None and self.current is not None else None
         demand = range_of_test(test, self.tested.command_unit if self.tested else unit, force)
         return outside_of(self.spec, self.theta, self.tested, demand)
@@ -483,7 +480,7 @@ class Fit(Summarised, Related):
 
     @checked
     def with_identifiability(self, identifiability: Identifiability) -> Fit:
-        """The fit with its verdicts, and the standard errors that they are by; its intervals still come first."""
+        """The fit with verdicts and their standard errors; verdicts of its intervals have precedence."""
         own = identifiability.with_intervals(None)
         return replace(
             self,
@@ -494,7 +491,7 @@ class Fit(Summarised, Related):
 
     @checked
     def verdict_on(self, name: str) -> tuple[str, str]:
-        """Verdict on a parameter, and the reason: by its interval, else by the derivatives at the fit.
+        """Verdict on a parameter with its reason, from its interval or else from the derivatives at the fit.
 
         Instead of a verdict "fixed", and empty where none is known.
 
@@ -505,24 +502,24 @@ class Fit(Summarised, Related):
         """
         named = [each for each in self.estimates if each.name == name]
         if not named:
-            names = ", ".join(each.name for each in self.estimates)
-            raise UnknownNameError(f"{self.model} has no parameter {name!r}; it has {names}")
+            near = suggestion(name, [each.name for each in self.estimates], otherwise="it has")
+            raise UnknownNameError(f"{self.model} has no parameter {name!r}{near}")
         (estimate,) = named
         if estimate.remark == "fixed":
             return "fixed", ""
-        found = None if self.identifiability is None else self.identifiability.verdict_on(name)
+        verdict = None if self.identifiability is None else self.identifiability.verdict_on(name)
         interval = None if self.intervals is None else self.intervals.of(name)
-        if found is not None:
-            return found.verdict, found.reason
+        if verdict is not None:
+            return verdict.verdict, verdict.reason
         if interval is not None and interval.verdict is not None:
             return interval.verdict, interval.reason
         return ("not identifiable", "") if estimate.remark == "not identifiable" else ("", estimate.remark)
 
     def _uncertainty(self, estimate: Estimate) -> str:
         if self.intervals is None:
-            return rounded(estimate.standard_error, 2)
+            return format_rounded(estimate.standard_error, 2)
         interval = self.intervals.of(estimate.name)
-        return "-" if interval is None else interval.in_words(rounded)
+        return "-" if interval is None else interval.in_words(format_rounded)
 
     def as_dict(self) -> dict[str, Any]:
         """Nested dictionaries and lists for JSON, without the forces and the live settings."""
@@ -535,7 +532,7 @@ class Fit(Summarised, Related):
         return Summary(
             title=f"Fit of {self.model}{tests}: {self.fit_percent:.2f} %, {self.status.replace('_', ' ')}",
             facts=(
-                ("tests", listed([quality.test for quality in self.quality])),
+                ("tests", list_names([quality.test for quality in self.quality])),
                 ("error", f"{self.rmse_n:.4g} N rms, {100.0 * self.nrmse:.3g} % of the force's deviation"),
                 ("search", f"{self.evaluations} simulations, {self.seconds:.1f} s, {self.stop_reason}"),
                 *([("tested", self.tested.in_words)] if self.tested else []),
@@ -544,7 +541,7 @@ class Fit(Summarised, Related):
             rows=[
                 (
                     each.name,
-                    rounded(each.value, 6),
+                    format_rounded(each.value, 6),
                     self._uncertainty(each),
                     each.unit,
                     *self.verdict_on(each.name),

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from mrwork.errors import RecordError
 from mrwork.identification.fit import Fit
 from mrwork.records import DamperTest
-from mrwork.store.codec import json_document, parsed, read_document, record_from_json, record_of
-from mrwork.store.input_file import exists, is_folder, is_there, stored, text_of
+from mrwork.store.codec import json_document, parse_document, read_document, record_from_json, record_of
+from mrwork.store.input_file import exists, is_folder, is_there, make_stored_kind, text_of
 from mrwork.store.output_folder import Destination, write_folder
 from mrwork.store.run_folder import (
     FIT,
@@ -99,7 +99,7 @@ def manifest_of(fit: Fit, status: str) -> dict[str, object]:
 
 
 def _facts(fit: Fit) -> dict[str, tuple[object, ...]]:
-    """What the manifest of a fit may state."""
+    """Admissible values of each key in the manifest of a fit."""
     return {
         "kind": (FIT_RUN.kind,),
         "model": (fit.model,),
@@ -119,14 +119,14 @@ def addition_content(document: Mapping[str, object], fit: Fit) -> bytes:
 
 def read_addition(kind: type[T], path: Path, fit: Fit, *, name: str, verb: str) -> T | None:
     """Read a file with an `addition_content`; `None` if there is no such file."""
-    file = stored(verb, name=f"a {name}")
+    file = make_stored_kind(verb, name=f"a {name}")
     if not is_there(path, file):
         return None
-    document = parsed(text_of(path, file), origin=str(path), verb=verb)
-    found: T = record_of(kind, document, origin=str(path), name=name, verb=verb)
+    document = parse_document(text_of(path, file), origin=str(path), verb=verb)
+    addition: T = record_of(kind, document, origin=str(path), name=name, verb=verb)
     if document.get(_FIT_OF) != fit.fingerprint:
         raise RecordError(f"{path} is of another fit than {FIT} beside it; run `mrwork {verb}` again")
-    return found
+    return addition
 
 
 def fit_from_json(text: str, *, origin: str) -> Fit:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -29,7 +29,7 @@ from mrwork.identification.objective import Objective
 from mrwork.identification.problem import Problem
 from mrwork.identification.settings import Multistart, Start
 from mrwork.records.window import excerpt
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 if TYPE_CHECKING:
     from mrwork.search import Optimiser, SearchResult
@@ -48,8 +48,7 @@ _NESTED_ITERATIONS = 30
 _NEAR = 0.1
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class NestedFit:
     """Fit of a simpler `model` that the searched one contains.
 
@@ -85,7 +84,7 @@ def nested_fit(
         most_iterations=min(search.most_iterations, _NESTED_ITERATIONS),
     )
 
-    def lifted(theta: Floats) -> Floats:
+    def lift_points(theta: Floats) -> Floats:
         values = dict(zip(simpler.names, theta.tolist(), strict=True))
         points = nesting.points(values, half_ranges(objective.tests))
         whole = np.array([[point[name] for name in names] for point in points])
@@ -95,7 +94,7 @@ def nested_fit(
     first, second = halves(on_iteration)
     try:
         deeper = nested_fit(rough, form.box, search, rng=rng, on_iteration=first)
-        found = search_starts(
+        minima = search_starts(
             rough,
             form.box,
             search_box(simpler, form.box, objective.tests),
@@ -106,13 +105,13 @@ def nested_fit(
             on_iteration=second,
         )
     except Interrupted as interrupt:
-        found = interrupt.result
-        if found is None or not len(found.theta):
+        minima = interrupt.result
+        if minima is None or not len(minima.theta):
             raise Interrupted(None, "search") from interrupt
-        raise Interrupted(replace(found, theta=lifted(found.theta[0])[-1:]), "search") from interrupt
-    if not len(found.theta):
+        raise Interrupted(replace(minima, theta=lift_points(minima.theta[0])[-1:]), "search") from interrupt
+    if not len(minima.theta):
         return None
-    starts, misfit = lifted(found.theta[0]), float(found.misfit[0])
+    starts, misfit = lift_points(minima.theta[0]), float(minima.misfit[0])
     near = float(np.min(objective(starts))) <= misfit + _NEAR
     return NestedFit(model=simpler.name, starts=starts, misfit=misfit if near else math.inf)
 
@@ -133,8 +132,7 @@ _STARTS = 16
 OnSearch = Callable[[int, float, float, float], None]
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class StartingPoints:
     """Starting points, shape (n_starts, n_params), best first, and the trace of the search that found them.
 
@@ -172,9 +170,9 @@ def points_from_multistart(problem: Problem, search: Multistart, *, on_search: O
     # The loops of a few cycles are sufficient to find the minima; the final fit compares all samples.
     objective = problem.objective.on(form.spec, tuple(excerpt(test) for test in problem.objective.tests))
 
-    def on_iteration(found: MultistartResult, share: float) -> None:
+    def on_iteration(minima: MultistartResult, share: float) -> None:
         # The first entry is that of the samples.
-        on_search(len(found.best) - 1, found.best[-1], found.median[-1], share)
+        on_search(len(minima.best) - 1, minima.best[-1], minima.median[-1], share)
 
     first, second = halves(on_iteration)
 
@@ -199,7 +197,7 @@ def points_from_multistart(problem: Problem, search: Multistart, *, on_search: O
         found = interrupt.result
         if found is None or not len(found.theta):
             raise Interrupted(None, "search") from interrupt
-        raise interrupted_at(found.theta[0], objective, form, trace_of(found)) from interrupt
+        raise make_interrupt(found.theta[0], objective, form, trace_of(found)) from interrupt
     if not len(found.theta):
         raise no_simulation(form.spec, found.evaluations[-1])
     return StartingPoints(
@@ -212,35 +210,35 @@ def points_from_multistart(problem: Problem, search: Multistart, *, on_search: O
     )
 
 
-def doubts_about(found: MultistartResult, nested: NestedFit | None, settings: Multistart) -> tuple[str, ...]:
+def doubts_about(minima: MultistartResult, nested: NestedFit | None, settings: Multistart) -> tuple[str, ...]:
     """Warnings about the minimum of a search."""
-    least = float(found.misfit[0])
+    least = float(minima.misfit[0])
     if nested is not None and least > (1.0 + settings.closeness) * nested.misfit:
         return (
             f"the fit of {nested.model}, which this model contains, is better in the search "
             f"({100.0 * (1.0 - nested.misfit):.2f} % against {100.0 * (1.0 - least):.2f} %): the minimum is false; "
             "try another seed",
         )
-    if found.stop_reason == "max_rounds":
-        again = int(np.count_nonzero(found.misfit <= (1.0 + settings.closeness) * least))
-        if again >= max(settings.found, len(found.misfit) / 2):
+    if minima.stop_reason == "max_rounds":
+        again = int(np.count_nonzero(minima.misfit <= (1.0 + settings.closeness) * least))
+        if again >= max(settings.found, len(minima.misfit) / 2):
             # The search went on only because a simpler description is as good, which has a warning of its own.
             return ()
         return (
-            f"the search is not sure of its minimum: {again} of {len(found.misfit)} local minimisations reached it; "
+            f"the search is not sure of its minimum: {again} of {len(minima.misfit)} local minimisations reached it; "
             "compare the fit of another seed",
         )
     return ()
 
 
-def trace_of(found: MultistartResult) -> SearchTrace:
+def trace_of(minima: MultistartResult) -> SearchTrace:
     """Trace of a multistart search."""
     return SearchTrace(
-        evaluations=found.evaluations,
-        best=found.best,
-        median=found.median,
-        stop_reason=found.stop_reason,
-        ends=tuple(found.misfit.tolist()),
+        evaluations=minima.evaluations,
+        best=minima.best,
+        median=minima.median,
+        stop_reason=minima.stop_reason,
+        ends=tuple(minima.misfit.tolist()),
     )
 
 
@@ -252,14 +250,14 @@ def points_from_optimiser(problem: Problem, search: Optimiser[Any], *, on_search
     def theta_of(unit: Floats) -> Floats:
         return np.asarray(box.theta_from_unit(unit))
 
-    found = search_elite(
+    elite = search_elite(
         problem, search, objective, form, theta_of, n_params=len(box.free), on_search=on_search
     )
     return StartingPoints(
         objective=objective,
         form=form,
-        theta=theta_of(found.elite[:_STARTS]),
-        trace=trace_of_generations(found),
+        theta=theta_of(elite.elite[:_STARTS]),
+        trace=trace_of_generations(elite),
     )
 
 
@@ -286,7 +284,7 @@ def search_elite(
         if not np.isfinite(result.best_misfit):
             raise Interrupted(None, "search") from interrupt
         best = theta_of(result.best_unit[None])[0]
-        raise interrupted_at(best, objective, form, trace_of_generations(result)) from interrupt
+        raise make_interrupt(best, objective, form, trace_of_generations(result)) from interrupt
 
 
 def optimise(
@@ -305,7 +303,7 @@ def optimise(
         share = event.generation / search.stop.max_generations
         on_search(event.generation, event.best_misfit, event.median_misfit, share)
 
-    found = run_search(
+    result = run_search(
         search,
         lambda unit: objective(theta_of(unit)),
         rng=rng,
@@ -313,12 +311,12 @@ def optimise(
         on_generation=on_generation,
         journal=objective.journal,
     )
-    if not len(found.elite):
-        raise no_simulation(objective.spec, found.evaluations)
-    return found
+    if not len(result.elite):
+        raise no_simulation(objective.spec, result.evaluations)
+    return result
 
 
-def interrupted_at(
+def make_interrupt(
     theta: Floats, objective: Objective, form: Form, trace: SearchTrace
 ) -> Interrupted[StartingPoints]:
     """An interrupt that carries the best point so far, shape (n_params,)."""

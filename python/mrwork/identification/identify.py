@@ -7,9 +7,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from warnings import warn
 
-import numpy as np
-from numpy.typing import NDArray
-
 from mrwork.arguments import Seed, Threads, checked
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec, damper, damper_models
@@ -23,16 +20,17 @@ from mrwork.identification.global_search import (
     points_from_optimiser,
 )
 from mrwork.identification.levenberg_marquardt import LocalMinimum
-from mrwork.identification.nuisance import NuisanceName
 from mrwork.identification.polish import polish_with_wanted_lag
 from mrwork.identification.problem import Problem, fingerprint_of
 from mrwork.identification.progress import Progress, Reporter, interruptible
+from mrwork.identification.residual import NuisanceName
 from mrwork.identification.result import BuildingCost, cost_warning, fit_at
 from mrwork.identification.settings import Engine, FitSettings, Multistart, Search, Start, UnregisteredSearch
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
 from mrwork.records.repairs import DETECT, as_words
 from mrwork.store.journal import Journal
+from mrwork.values import Floats
 
 
 @checked
@@ -187,15 +185,15 @@ def identify_with(
     try:
         points = starting_points(problem, on_search=on_search)
     except KeyboardInterrupt as interrupt:
-        found = interrupt.result if isinstance(interrupt, Interrupted) else None
-        if found is not None:
-            return ending.at(interrupt, found.theta[0], found.trace)
+        partial_result = interrupt.result if isinstance(interrupt, Interrupted) else None
+        if partial_result is not None:
+            return ending.at(interrupt, partial_result.theta[0], partial_result.trace)
         if not (isinstance(interrupt, Interrupted) and interrupt.stopped):
             raise Interrupted(None, "identification") from interrupt
         raise SimulationError(
             f"no candidate of {problem.spec.name} could be simulated before the run was stopped; let it run longer"
         ) from interrupt
-    return ending.finished(points.with_given(problem.spec, problem.settings.starts))
+    return ending.finish_fit(points.with_given(problem.spec, problem.settings.starts))
 
 
 def identify_from(
@@ -218,7 +216,7 @@ def identify_from(
     points = StartingPoints(
         objective=problem.objective, form=problem.form, theta=start[None], trace=trace, minima=True
     )
-    return _Ending(problem=problem, reporter=reporter, journal=journal).finished(points)
+    return _Ending(problem=problem, reporter=reporter, journal=journal).finish_fit(points)
 
 
 def _begin(
@@ -248,7 +246,7 @@ class _Ending:
     compares: bool = False
     examines: bool = True
 
-    def at(self, interrupt: KeyboardInterrupt, theta: NDArray[np.float64], trace: SearchTrace) -> Fit:
+    def at(self, interrupt: KeyboardInterrupt, theta: Floats, trace: SearchTrace) -> Fit:
         """The fit at the best point so far: returned where it was stopped by the callback, else raised."""
         if self.journal is not None:
             # The abandoned thread of a local minimisation must not write to it any more.
@@ -270,7 +268,7 @@ class _Ending:
             return so_far(replace(trace, stop_reason=reason), "stopped")
         raise Interrupted(so_far(trace, "interrupted"), "identification") from interrupt
 
-    def finished(self, points: StartingPoints) -> Fit:
+    def finish_fit(self, points: StartingPoints) -> Fit:
         """Fit from the starting points to convergence."""
         problem, reporter = replace(self.problem, form=points.form), self.reporter
         best = points.theta[0]
@@ -321,14 +319,14 @@ class _Ending:
         if spec.current is not None:
             return ()
         settings, objective = self.problem.settings, self.problem.objective
-        found = []
+        fits = []
         for model in damper_models():
             if model.n_states:
                 continue
             bounds = {name: ends for name, ends in settings.bounds.items() if name in model.names}
             own = replace(settings, bounds=bounds, starts=(), search=None, engine="lanes")
             try:
-                found.append(
+                fits.append(
                     identify_with(
                         model, objective.tests, own, threads=objective.threads, warns=False, examines=False
                     )
@@ -336,7 +334,7 @@ class _Ending:
             except MrworkError:
                 # One that cannot be fitted is none to be named.
                 continue
-        return tuple(found)
+        return tuple(fits)
 
 
 def starting_points(problem: Problem, *, on_search: OnSearch) -> StartingPoints:

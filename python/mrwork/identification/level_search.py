@@ -7,7 +7,7 @@ is limited to it, has no slope there, and no local minimisation returns from tha
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Annotated, Any
 
 import numpy as np
@@ -38,7 +38,7 @@ from mrwork.identification.global_search import (
     OnSearch,
     StartingPoints,
     doubts_about,
-    interrupted_at,
+    make_interrupt,
     nested_fit,
     no_simulation,
     optimise,
@@ -60,7 +60,7 @@ from mrwork.records.damper_test import loading_of
 from mrwork.records.window import middle_excerpt
 from mrwork.search import Optimiser
 from mrwork.summary import Summarised
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 # Samples of a cycle in the excerpts on which laws are searched: fits differ by 0.02 points from those with 400.
 PER_CYCLE = 100
@@ -86,8 +86,7 @@ _SPREAD = 0.25
 
 
 @checked
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class LevelFit(Summarised):
     """Minima of the plain model at one command [A or V], shape (n_minima, n_plain), best first."""
 
@@ -125,9 +124,9 @@ def points_from_levels(
     fits: list[LevelFit] = []
     trace = SearchTrace(evaluations=(), best=(), median=(), stop_reason="interrupted")
 
-    def on_iteration(found: MultistartResult, share: float) -> None:
+    def on_iteration(minima: MultistartResult, share: float) -> None:
         done = (len(fits) + share) / (len(levels) + 1)
-        on_search(len(found.best) - 1, found.best[-1], found.median[-1], done)
+        on_search(len(minima.best) - 1, minima.best[-1], minima.median[-1], done)
 
     def in_own_laws(theta: Floats) -> Floats:
         rows = [with_other_laws(joint.spec, row, form.spec, commands) for row in theta]
@@ -209,7 +208,7 @@ def points_from_levels(
             best = joint_starts(joint.spec, known, 1, rng=rng)[0] if known else None
         if best is None:
             raise Interrupted(None, "search") from interrupt
-        raise interrupted_at(
+        raise make_interrupt(
             in_own_laws(best[None])[0], objective.on(form.spec, excerpts), own_form, trace
         ) from interrupt
     if left_out and not is_simulated:
@@ -227,8 +226,7 @@ def points_from_levels(
     )
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class _OwnFits:
     """Fits of the plain model to each test alone: command, parameters (n_tests, n_plain), NRMSE; NaN if it varies."""
 
@@ -237,18 +235,18 @@ class _OwnFits:
     nrmse: Floats
 
     def worse_in(self, objective: Objective, theta: Floats) -> NDArray[np.intp]:
-        """The tests that the first of these minima describes far worse than their own fits do."""
+        """Tests whose error at the first of these minima is far larger than in their own fits."""
         if not len(theta):
             return np.empty(0, dtype=np.intp)
         return far_worse(objective.nrmse_of_tests(theta[:1])[:, 0], self.nrmse)
 
     def at(self, tests: NDArray[np.intp], fits: Sequence[LevelFit]) -> list[LevelFit]:
         """The fits at single commands, with the parameters of these tests first."""
-        found = []
+        levels = []
         for fit in fits:
             own = self.theta[[index for index in tests if self.command[index] == fit.command]]
-            found.append(LevelFit(command=fit.command, minima=np.concatenate([own, fit.minima])))
-        return found
+            levels.append(LevelFit(command=fit.command, minima=np.concatenate([own, fit.minima])))
+        return levels
 
 
 def _fit_each(problem: Problem, tests: tuple[DamperTest, ...], fits: Sequence[LevelFit]) -> _OwnFits:
@@ -262,7 +260,7 @@ def _fit_each(problem: Problem, tests: tuple[DamperTest, ...], fits: Sequence[Le
         own = float(np.mean(np.asarray(loading_of(test, problem.form.spec).command)))
         fit = min(fits, key=lambda fit: abs(fit.command - own))
         searched = search_box(plain, box, (test,))
-        near = _widened(searched, box)
+        near = _widen_box(searched, box)
         minima = find_minima(
             problem.objective.on(plain, (test,)),
             near,
@@ -276,7 +274,7 @@ def _fit_each(problem: Problem, tests: tuple[DamperTest, ...], fits: Sequence[Le
 
 
 def unlike_tests(tests: Sequence[DamperTest], most: int) -> tuple[DamperTest, ...]:
-    """At most this number of the tests, in their order, with strokes and velocities as far apart as can be.
+    """Subset of at most `most` tests whose strokes and velocities differ most, in their order.
 
     The first has the largest velocity, each further one is the farthest from all before in the logarithms of both.
     """
@@ -390,7 +388,7 @@ def _fit_level(
     plain, box = plain_of(problem.form)
     objective = problem.objective.on(plain, tests)
     searched = search_box(plain, box, tests)
-    near = _widened(searched, box)
+    near = _widen_box(searched, box)
     starts = np.empty((0, len(plain.names)))
     if nearest is not None:
         # Each minimum gives two starts: unchanged, and with its forces scaled by the ratio of the measured ones.
@@ -440,7 +438,7 @@ def _move_inside(box: Box, theta: Floats) -> Floats:
     return np.asarray(box.inside(np.clip(theta, box.lower, box.upper)))
 
 
-def _widened(searched: Box, box: Box) -> Box:
+def _widen_box(searched: Box, box: Box) -> Box:
     """The range that is searched, widened within the box."""
     bounds = {}
     for index, name in enumerate(searched.names):

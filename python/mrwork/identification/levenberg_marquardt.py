@@ -21,10 +21,10 @@ from numpy.typing import NDArray
 from mrwork.arguments import Count
 from mrwork.dampers.coordinates import Box
 from mrwork.errors import JournalError
-from mrwork.identification.objective import Objective, linearised
+from mrwork.identification.objective import Objective, linearise_residuals
 from mrwork.identification.residual import ObservedTest
 from mrwork.simulate import stiffness_shares
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 # Distance from the limit that a step along it keeps, in the logarithm of the stiffness: the limit is curved.
 _MARGIN = 0.02
@@ -71,7 +71,7 @@ def nearest_below_stiffness(tests: Sequence[ObservedTest], box: Box, theta: Floa
 
     A minimum on some tests, or on parts of them, may lie where others are not simulated.
     """
-    found = theta.copy()
+    nearest = theta.copy()
     excess = _log_stiffness(tests, theta).max(axis=1)
     for row in np.flatnonzero((excess > 0.0) & (excess < _NOT_FAR_ABOVE)):
         latent = np.asarray(box.latent_from_theta(box.inside(theta[[row]])))[0]
@@ -82,8 +82,8 @@ def nearest_below_stiffness(tests: Sequence[ObservedTest], box: Box, theta: Floa
             latent = latent + _minimise_within(
                 np.eye(latent.size), np.zeros(latent.size), slope, -_MARGIN - value
             )
-        found[row] = np.asarray(box.theta_from_latent(latent[None]))[0]
-    return found
+        nearest[row] = np.asarray(box.theta_from_latent(latent[None]))[0]
+    return nearest
 
 
 def _stiffness_and_slope(tests: Sequence[ObservedTest], box: Box, latent: Floats) -> tuple[Floats, Floats]:
@@ -142,8 +142,7 @@ _MOST_DAMPING = 1e8
 _PACED = 5
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class LocalMinimum:
     """Result of a local minimisation: parameters (n_params,), misfit, number of evaluations, whether it converged."""
 
@@ -166,7 +165,7 @@ def find_minimum(
     `max_evaluations`: largest number of evaluations of the residuals with their Jacobian. `on_step`: called with the
     number of evaluations so far and the misfit; not if the result is recalled from a journal.
     """
-    found = objective.once(
+    minimum = objective.once(
         "descent",
         LocalMinimum,
         lambda: _minimise_from(objective, box, start, max_evaluations, on_step),
@@ -174,12 +173,12 @@ def find_minimum(
         start,
         max_evaluations,
     )
-    check_recalled_minimum(found.theta, box, start)
-    return found
+    check_recalled_minimum(minimum.theta, box, start)
+    return minimum
 
 
 def check_recalled_minimum(theta: Floats, box: Box, start: Floats) -> None:
-    """Refuse a minimum of a journal that no search from `start` inside `box` ends at."""
+    """Refuse a recalled minimum that a search from `start` inside `box` cannot return."""
     _check_recalled(theta, start)
     if not (np.array_equal(theta, start) or box.contains(theta)):
         raise JournalError(
@@ -246,7 +245,7 @@ class _Linearisations:
             if np.array_equal(cached, latent):
                 return residuals, jacobian
         theta = np.asarray(self.box.theta_from_latent(latent))
-        (residuals,), (jacobian,) = linearised(self.objective, theta[None], self.box.free)
+        (residuals,), (jacobian,) = linearise_residuals(self.objective, theta[None], self.box.free)
         jacobian *= np.exp(self.box.log_slope(latent))[:, None]
         # Two, because after a rejected step the method evaluates the point before it again.
         self._cache = [(latent.copy(), residuals, jacobian), *self._cache[:1]]
@@ -256,8 +255,7 @@ class _Linearisations:
         return residuals, jacobian
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class LocalMinima:
     """Results of a batch: parameters (n_starts, n_params), misfits (n_starts,), which converged, iterations."""
 
@@ -332,8 +330,7 @@ def find_minima(
     return _minima(box, state, iterations)
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class _State:
     """State of the batch, one row for each start, as it is recorded in the journal.
 
@@ -369,7 +366,7 @@ def _initial(objective: Objective, box: Box, starts: Floats) -> _State:
 
 
 def _iteration(objective: Objective, box: Box, state: _State, tolerance: float) -> _State:
-    found = objective.once(
+    next_state = objective.once(
         "iteration",
         _State,
         lambda: _iterate_once(objective, box, state, tolerance),
@@ -380,15 +377,15 @@ def _iteration(objective: Objective, box: Box, state: _State, tolerance: float) 
         state.damping,
         state.running,
     )
-    _check_recalled(found.latent, state.latent)
-    return found
+    _check_recalled(next_state.latent, state.latent)
+    return next_state
 
 
-def _check_recalled(found: Floats, expected: Floats) -> None:
-    """Refuse a result of a journal that another one has been put in the place of."""
-    if found.shape != expected.shape:
+def _check_recalled(recalled: Floats, expected: Floats) -> None:
+    """Refuse a recalled result of the wrong shape."""
+    if recalled.shape != expected.shape:
         raise JournalError(
-            f"the journal holds a minimum of the shape {found.shape} where {expected.shape} was expected; "
+            f"the journal holds a minimum of the shape {recalled.shape} where {expected.shape} was expected; "
             "run again without --resume"
         )
 
@@ -456,6 +453,6 @@ def _linearise_rows(
         some = rows[at : at + _ROWS]
         theta = np.asarray(box.theta_from_latent(latent[some]))
         slope = np.exp(box.log_slope(latent[some]))
-        residuals, jacobian = linearised(objective, theta, box.free)
+        residuals, jacobian = linearise_residuals(objective, theta, box.free)
         jacobian *= slope[..., None]
         yield from zip(some.tolist(), residuals, jacobian, strict=True)

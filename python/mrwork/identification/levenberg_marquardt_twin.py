@@ -16,12 +16,12 @@ import optimistix as optx
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec
 from mrwork.identification.levenberg_marquardt import check_recalled_minimum
-from mrwork.identification.nuisance import NuisanceName, columns_of, scale_columns
 from mrwork.identification.objective import Objective
+from mrwork.identification.residual import NuisanceName, columns_of, scale_columns
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import loading_of
 from mrwork.twins.models import begin, simulate
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 
 class RecordArrays(NamedTuple):
@@ -154,8 +154,7 @@ OnStep = Callable[[int, float], None]
 _Data = tuple[RecordArrays, ...]
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class TwinMinimum:
     """Result of a local minimisation: parameters (n_params,), misfit, number of steps, whether it converged."""
 
@@ -176,11 +175,11 @@ def find_minimum_on_twin(
     `on_step`: called after every step with the number of steps so far and the misfit; not if the result is recalled
     from a journal.
     """
-    found = objective.once(
+    minimum = objective.once(
         "refinement", TwinMinimum, lambda: _minimise_on_twin(objective, box, start, on_step), box, start
     )
-    check_recalled_minimum(found.theta, box, start)
-    return found
+    check_recalled_minimum(minimum.theta, box, start)
+    return minimum
 
 
 def _minimise_on_twin(objective: Objective, box: Box, start: Floats, on_step: OnStep | None) -> TwinMinimum:
@@ -188,14 +187,14 @@ def _minimise_on_twin(objective: Objective, box: Box, start: Floats, on_step: On
     minimum = TwinMinimum(theta=start, misfit=float(objective(start[None])[0]), steps=0, converged=False)
     for _ in range(_ROUNDS):
         substeps = _substeps(objective, minimum.theta)
-        minimum = _minimised_with(objective, box, minimum, substeps, on_step)
+        minimum = _minimise_with_substeps(objective, box, minimum, substeps, on_step)
         # Fewer sub-steps would suffice too, but the minimum would differ from that of the lanes.
         if minimum.converged and _substeps(objective, minimum.theta) == substeps:
             break
     return minimum
 
 
-def _minimised_with(
+def _minimise_with_substeps(
     objective: Objective, box: Box, start: TwinMinimum, substeps: tuple[int, ...], on_step: OnStep | None
 ) -> TwinMinimum:
     """One minimisation with fixed sub-steps; the result is not worse than the start."""

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,8 +26,8 @@ from mrwork.identification.objective import Objective
 from mrwork.identification.settings import Multistart
 from mrwork.records import DamperTest
 from mrwork.search.unit_cube import Streams, latin_hypercube
-from mrwork.summary import Summarised, listed
-from mrwork.values import Floats, holds_arrays
+from mrwork.summary import Summarised, list_names
+from mrwork.values import Floats, array_dataclass
 
 # A fit whose misfit is not below this share of that of a linear spring and dashpot has lost its non-linear part.
 LINEAR_SHARE = 0.98
@@ -47,7 +46,7 @@ def linear_misfit(tests: Sequence[DamperTest], *, follows_command: bool = False)
 
 
 def _command_of(test: DamperTest) -> object:
-    """What tests at one command share; a test whose command varies is by itself."""
+    """Key of the group of tests at one command; a test whose command varies is a group of its own."""
     if test.has_varying_command:
         return test.label
     return tuple((unit, command_level(float(np.mean(command)), unit)) for command, unit in test.commands)
@@ -108,7 +107,7 @@ def far_worse_sentence(
         f"{tests[index].name} ({100.0 * (1.0 - joint[index]):.1f} % for {100.0 * (1.0 - alone[index]):.1f} %)"
         for index in worse
     ]
-    shown = listed(both, _SHOWN)
+    shown = list_names(both, _SHOWN)
     tests_shown = f"{len(worse)} of {len(tests)} tests are described far worse together than alone: {shown}"
     if found_again:
         return (
@@ -133,8 +132,7 @@ _CROSSED = 3
 _REPLACED = 0.3
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class MultistartResult(Summarised):
     """Minima, best first, shape (n_minima, n_params), with their misfits (n_minima,), and why the search ended.
 
@@ -188,7 +186,7 @@ def search_starts(
         def advance(minima: LocalMinima) -> None:
             rounds.advance(minima)
             if on_iteration is not None:
-                on_iteration(rounds.found(""), min(len(rounds.best) / most, 1.0))
+                on_iteration(rounds.make_result(""), min(len(rounds.best) / most, 1.0))
 
         rounds.end(_descend(objective, box, starts, settings, earlier=rounds.misfits, on_iteration=advance))
 
@@ -198,7 +196,7 @@ def search_starts(
         number = settings.least_rounds
         while number <= settings.most_rounds:
             if rounds.ended:
-                given = rounds.crossed(samples, np.random.default_rng([rng, number]))
+                given = rounds.cross_samples(samples, np.random.default_rng([rng, number]))
                 wanted = settings.starts
             else:
                 given = samples[:0] if nested is None else nested
@@ -223,10 +221,10 @@ def search_starts(
                 break
             number += 1
         if mirrored and rounds.ended:
-            run_round(mirror(rounds.found("").theta[:1], mirrored))
+            run_round(mirror(rounds.make_result("").theta[:1], mirrored))
     except KeyboardInterrupt as interrupt:
-        raise Interrupted(rounds.found("interrupted"), "search") from interrupt
-    return rounds.found(reason)
+        raise Interrupted(rounds.make_result("interrupted"), "search") from interrupt
+    return rounds.make_result(reason)
 
 
 def mirror(theta: Floats, mirrored: tuple[int, ...]) -> Floats:
@@ -333,12 +331,12 @@ def minima_from(
     `mirrored` as in `search_starts`.
     """
     settings = Multistart()
-    found = _descend(objective, box, starts, settings, on_iteration=on_iteration)
-    theta, misfit = found.theta, found.misfit
+    minima = _descend(objective, box, starts, settings, on_iteration=on_iteration)
+    theta, misfit = minima.theta, minima.misfit
     if mirrored:
         image = mirror(theta[[int(np.argmin(misfit))]], mirrored)
-        found = _descend(objective, box, image, settings, on_iteration=on_iteration)
-        theta, misfit = np.concatenate([theta, found.theta]), np.concatenate([misfit, found.misfit])
+        minima = _descend(objective, box, image, settings, on_iteration=on_iteration)
+        theta, misfit = np.concatenate([theta, minima.theta]), np.concatenate([misfit, minima.misfit])
     order = np.argsort(misfit, kind="stable")
     return distinct_minima(box, theta[order], misfit[order])
 
@@ -386,7 +384,7 @@ class _Rounds:
         unit = np.asarray(box.unit_from_theta(self.best_minimum))
         return bool(np.any((unit < ON_BOUND) | (unit > 1.0 - ON_BOUND)))
 
-    def crossed(self, samples: Floats, random: np.random.Generator) -> Floats:
+    def cross_samples(self, samples: Floats, random: np.random.Generator) -> Floats:
         """The best minimum with some of its parameters replaced by those of samples, shape (n_crossed, n_params)."""
         chosen = samples[random.integers(len(samples), size=_CROSSED)]
         return np.where(random.random(chosen.shape) < _REPLACED, chosen, self.best_minimum)
@@ -395,7 +393,7 @@ class _Rounds:
         """Number of local minimisations that ended at the least misfit."""
         return int(np.count_nonzero(np.array(self.misfits) <= (1.0 + closeness) * self.least))
 
-    def found(self, stop_reason: str) -> MultistartResult:
+    def make_result(self, stop_reason: str) -> MultistartResult:
         groups = [(minima.theta, minima.misfit) for minima in self.ended]
         if self.running is not None:
             groups.append((self.running.theta, self.running.misfit))

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, replace
 from typing import Annotated, ClassVar, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork import _rust
 from mrwork.arguments import AnyNumbers, Shape, Threads, checked
@@ -161,7 +160,7 @@ class Objective(Summarised):
     @checked
     def __call__(
         self, theta: _Rows, thresholds: Annotated[AnyNumbers, Shape(("n_batch",))] | None = None
-    ) -> NDArray[np.float64]:
+    ) -> Floats:
         """Misfit of each row of `theta`, shape (n_batch,); infinite where a simulation failed.
 
         With `thresholds`, shape (n_batch,), the simulation of a row ends when its misfit reaches its threshold, and the
@@ -178,9 +177,7 @@ class Objective(Summarised):
         squared = [run.squared_error * weight for run, weight in zip(self.misfits(theta), own, strict=True)]
         return self._mean(np.array(squared))
 
-    def _misfits_below(
-        self, theta: NDArray[np.float64], thresholds: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def _misfits_below(self, theta: Floats, thresholds: Floats) -> Floats:
         """Misfits with thresholds.
 
         The tests are simulated in descending order of what they have added to the misfit per step, an eighth of them at
@@ -223,9 +220,7 @@ class Objective(Summarised):
         misfit[misfit > _MARGIN * thresholds] = np.inf
         return misfit
 
-    def _with_limits(
-        self, tests: Sequence[int], theta: NDArray[np.float64], allowed: NDArray[np.float64]
-    ) -> list[Misfits]:
+    def _with_limits(self, tests: Sequence[int], theta: Floats, allowed: Floats) -> list[Misfits]:
         """Misfits of each row of `theta` in these tests, up to its `allowed` squared NRMSE."""
 
         def run(number: int, threads: int) -> Misfits:
@@ -235,32 +230,32 @@ class Objective(Summarised):
 
         return on_every_test(len(tests), self.threads, run)
 
-    def _indirect(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _indirect(self, theta: Floats) -> Floats:
         self.tally.simulations += len(theta)
 
-        def squared(index: int, threads: int) -> NDArray[np.float64]:
+        def square_residuals(index: int, threads: int) -> Floats:
             return _squares(self._part(index, theta, failure=np.inf, threads=threads))
 
-        return self._mean(len(self.tests) * np.array(self._on_every_test(squared)))
+        return self._mean(len(self.tests) * np.array(self._on_every_test(square_residuals)))
 
     @checked
-    def squared_nrmse(self, parts: Iterable[AnyNumbers]) -> NDArray[np.float64]:
+    def squared_nrmse(self, parts: Iterable[AnyNumbers]) -> Floats:
         """Squared NRMSE of each test, shape (n_tests, n_batch), from its weighted residuals."""
         return len(self.tests) * np.array([_squares(part) for part in parts])
 
     @checked
-    def nrmse_of_tests(self, theta: _Rows) -> NDArray[np.float64]:
+    def nrmse_of_tests(self, theta: _Rows) -> Floats:
         """NRMSE of each test, shape (n_tests, n_batch), whatever its share; infinite where a simulation failed."""
         self.tally.simulations += len(theta)
 
-        def nrmse(index: int, threads: int) -> NDArray[np.float64]:
+        def nrmse(index: int, threads: int) -> Floats:
             each = self.compared[index]
             squares = _squares(self._part(index, theta, failure=np.inf, threads=threads))
             return np.asarray(np.sqrt(len(self.tests) * squares / each.share))
 
         return np.array(self._on_every_test(nrmse))
 
-    def _mean(self, squared: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _mean(self, squared: Floats) -> Floats:
         """Power mean of the NRMSE, shape (n_batch,), from its squares, shape (n_tests, n_batch)."""
         total = np.zeros(squared.shape[1])
         # One test after the other: NumPy sums a single column in another order than several.
@@ -283,9 +278,9 @@ class Objective(Summarised):
     def _simulate_test(
         self,
         index: int,
-        theta: NDArray[np.float64],
+        theta: Floats,
         *,
-        limits: NDArray[np.float64] | None = None,
+        limits: Floats | None = None,
         threads: int,
     ) -> Misfits:
         each = self.compared[index]
@@ -300,7 +295,7 @@ class Objective(Summarised):
         )
 
     @checked
-    def residuals(self, theta: _Rows) -> NDArray[np.float64]:
+    def residuals(self, theta: _Rows) -> Floats:
         """Residuals of each row of `theta`, shape (n_batch, n_residuals); the sum of squares is the squared misfit.
 
         Residuals of a simulation that failed are 1, far above those of any fit. For a power other than 2, the residuals
@@ -316,16 +311,12 @@ class Objective(Summarised):
         return np.concatenate(parts, axis=1)
 
     @checked
-    def power_factors(
-        self, squared: Annotated[AnyNumbers, Shape(("n_tests", "n_batch"))]
-    ) -> NDArray[np.float64]:
+    def power_factors(self, squared: Annotated[AnyNumbers, Shape(("n_tests", "n_batch"))]) -> Floats:
         """(NRMSE/misfit)^(power/2 - 1), shape (n_tests, n_batch), from squared NRMSE of the same shape."""
         ratio = np.sqrt(squared) / np.maximum(self._mean(squared), np.finfo(float).tiny)
         return np.asarray(ratio ** (self.settings.power / 2.0 - 1.0))
 
-    def _part(
-        self, index: int, theta: NDArray[np.float64], *, failure: float, threads: int
-    ) -> NDArray[np.float64]:
+    def _part(self, index: int, theta: Floats, *, failure: float, threads: int) -> Floats:
         """Weighted residuals of a test, shape (n_batch, n_counted); rows that failed have the value `failure`."""
         each = self.compared[index]
         residuals, failed = each.residuals(theta, threads=threads)
@@ -342,7 +333,7 @@ def _squares(residuals: Floats) -> Floats:
 _BLOCK_SIZE = 1 << 23
 
 
-def linearised(objective: Objective, theta: Floats, columns: Sequence[int]) -> tuple[Floats, Floats]:
+def linearise_residuals(objective: Objective, theta: Floats, columns: Sequence[int]) -> tuple[Floats, Floats]:
     """Residuals and their exact derivatives with respect to columns of `theta`, from one simulation of each row.
 
     Shapes (n_batch, n_residuals) and (n_batch, n_columns, n_residuals), per unit of the column; derivatives are zero
@@ -368,7 +359,7 @@ def _block(objective: Objective, theta: Floats, columns: Sequence[int]) -> tuple
 
     def fill(index: int, threads: int) -> None:
         each = objective.compared[index]
-        own, derivative, failed = each.linearised(theta, columns, threads=threads)
+        own, derivative, failed = each.linearise_residuals(theta, columns, threads=threads)
         weight = each.weight(len(objective.compared))
         np.multiply(own, weight, out=residuals[:, slices[index]])
         np.multiply(derivative, weight, out=jacobian[..., slices[index]])

@@ -25,7 +25,7 @@ from mrwork.identification.multistart import distinct_minima, minima_from, mirro
 from mrwork.identification.objective import Objective
 from mrwork.identification.problem import Problem, rate_is_shown
 from mrwork.identification.result import Slopes, covariance_at, standard_errors
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 # Largest number of evaluations: of the final fit, of the screening of each start, and of the second screening, which
 # takes this number of the best.
@@ -40,8 +40,7 @@ OnStart = Callable[[LocalMinimum, float], None]
 OnStep = Callable[[int, float], None]
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class Polished:
     """A minimum: parameters and standard errors for `n_effective` samples, (n_params,), steps, whether it converged."""
 
@@ -67,7 +66,7 @@ def polish(
     form = problem.form
     starts = points.theta
     if not points.minima:
-        starts = screened(points.objective, form.box, starts, mirrored=form.mirrored, on_start=on_start)
+        starts = screen_starts(points.objective, form.box, starts, mirrored=form.mirrored, on_start=on_start)
     if problem.settings.engine == "twin":
         fitted = _on_the_twin
     elif points.minima:
@@ -132,7 +131,7 @@ def _with_standard_errors(objective: Objective, form: Form, ended: LocalMinimum)
     )
 
 
-def screened(
+def screen_starts(
     objective: Objective,
     box: Box,
     starts: Floats,
@@ -146,20 +145,22 @@ def screened(
     """
     done = 0
     total = len(starts) + min(_SCREENED_TWICE, len(starts)) + bool(mirrored)
-    found: list[LocalMinimum] = []
+    minima: list[LocalMinimum] = []
 
-    def minimised(start: Floats, max_evaluations: int) -> LocalMinimum:
+    def minimise_from(start: Floats, max_evaluations: int) -> LocalMinimum:
         nonlocal done
         minimum = find_minimum(objective, box, start, max_evaluations=max_evaluations)
-        found.append(minimum)
+        minima.append(minimum)
         done += 1
-        on_start(min(found, key=_misfit), done / total)
+        on_start(min(minima, key=_misfit), done / total)
         return minimum
 
-    first = sorted((minimised(start, _FIRST_SCREENING) for start in starts), key=_misfit)
-    last = sorted((minimised(each.theta, _SECOND_SCREENING) for each in first[:_SCREENED_TWICE]), key=_misfit)
+    first = sorted((minimise_from(start, _FIRST_SCREENING) for start in starts), key=_misfit)
+    last = sorted(
+        (minimise_from(each.theta, _SECOND_SCREENING) for each in first[:_SCREENED_TWICE]), key=_misfit
+    )
     if mirrored:
-        image = minimised(mirror(last[0].theta, mirrored), _SECOND_SCREENING)
+        image = minimise_from(mirror(last[0].theta, mirrored), _SECOND_SCREENING)
         last = sorted([*last, image], key=_misfit)
     return distinct_minima(
         box, np.array([each.theta for each in last]), np.array([each.misfit for each in last])
@@ -178,7 +179,7 @@ _SHARE = 0.98
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MissingLag:
-    """A rate of the driver's lag [1/s] with which the misfit of a fit without a lag is lower, all else as it is."""
+    """Rate of the driver's lag [1/s] that lowers the misfit of a fit without a lag, other parameters unchanged."""
 
     rate: float
     misfit_without: float
@@ -217,8 +218,7 @@ _CHANCE = 6.63
 _WITHIN_A_SAMPLE = 0.01
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class Ended:
     """The minimum at which a fit ends, of the problem that it solves, and sentences on the driver's lag."""
 
@@ -272,15 +272,15 @@ def _without_lag(problem: Problem) -> Problem:
     spec = change_laws(problem.spec, lagged=False)
     rate = problem.spec.names[-1]
 
-    def kept(values: Mapping[str, T]) -> dict[str, T]:
+    def drop_rate(values: Mapping[str, T]) -> dict[str, T]:
         return {name: value for name, value in values.items() if name != rate}
 
     settings = replace(
         problem.settings,
-        bounds=kept(problem.settings.bounds),
-        starts=tuple(kept(start) for start in problem.settings.starts),
+        bounds=drop_rate(problem.settings.bounds),
+        starts=tuple(drop_rate(start) for start in problem.settings.starts),
     )
-    form = identifiable_form(spec, kept(bounds_of(problem.form.box, problem.form.box.names)))
+    form = identifiable_form(spec, drop_rate(bounds_of(problem.form.box, problem.form.box.names)))
     return replace(
         problem,
         spec=spec,

@@ -20,8 +20,8 @@ from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.identification.equivalent import Form, identifiable_form
 from mrwork.identification.fit import Fit, Provenance
-from mrwork.identification.nuisance import bounds_without_offsets, offset_warning
 from mrwork.identification.objective import Objective
+from mrwork.identification.residual import bounds_without_offsets, offset_warning
 from mrwork.identification.settings import (
     ROOT_MEAN_SQUARE,
     FitSettings,
@@ -33,7 +33,7 @@ from mrwork.identification.settings import (
 from mrwork.records import DamperTest, observed
 from mrwork.store.codec import digest_of, package_version
 from mrwork.store.journal import Journal
-from mrwork.summary import listed
+from mrwork.summary import list_names
 from mrwork.values import Floats
 
 _PACKAGES = ("mrwork", "numpy", "scipy", "jax", "optimistix")
@@ -228,11 +228,11 @@ def command_warning(tests: Sequence[DamperTest], specs: Sequence[DamperSpec]) ->
         for unit in dict.fromkeys(unit for unit, _ in levels)
     ]
     if varying:
-        found = f"the command varies during tests ({'; '.join([*listing, *sorted(varying)])})"
+        observation = f"the command varies during tests ({'; '.join([*listing, *sorted(varying)])})"
     else:
-        found = f"the tests are at {len(levels)} commands ({', '.join(listing)})"
+        observation = f"the tests are at {len(levels)} commands ({', '.join(listing)})"
     return (
-        f"{found} but no parameter of {listed(constant)} follows the "
+        f"{observation} but no parameter of {list_names(constant)} follows the "
         "command, so the fit is a compromise between them and right at none; let parameters follow the command "
         "with --law auto or --law NAME=LAW (in Python `with_current_laws`), or give tests at one command",
     )
@@ -244,8 +244,9 @@ def prediction_warning(spec: DamperSpec, tests: Sequence[DamperTest]) -> tuple[s
     if spec.follows_command or not varying:
         return ()
     return (
-        f"the command varies in {listed(varying)}, but no parameter of this {spec.name} follows it, so the predicted "
-        "force is that of the command of the fit; identify it with --law NAME=LAW (in Python `with_current_laws`)",
+        f"the command varies in {list_names(varying)}, but no parameter of this {spec.name} follows it, so the "
+        "predicted force is that of the command of the fit; identify it with --law NAME=LAW "
+        "(in Python `with_current_laws`)",
     )
 
 

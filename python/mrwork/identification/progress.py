@@ -1,4 +1,4 @@
-"""How an identification runs: tests side by side on threads, counts of simulations, progress reports, interruption."""
+"""Run of an identification: tests in parallel on threads, counts of simulations, progress reports, interruption."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from typing import Annotated, Any, Literal, TypeVar
 import numpy as np
 
 from mrwork.errors import Interrupted
-from mrwork.keys import Within
-from mrwork.store.codec import built
+from mrwork.hints import Within
+from mrwork.store.codec import build_value
 from mrwork.store.journal import Journal
 
 T = TypeVar("T")
@@ -106,11 +106,11 @@ class Tally:
 
     def restore(self, record: Mapping[str, Any]) -> None:
         """Set the counts to those of a journal."""
-        self.simulations = built(_Count, record["simulations"], "simulations")
-        self.steps = built(_Count, record["steps"], "steps")
-        self.spared = built(int, record["spared"], "spared")
+        self.simulations = build_value(_Count, record["simulations"], "simulations")
+        self.steps = build_value(_Count, record["steps"], "steps")
+        self.spared = build_value(int, record["spared"], "spared")
         self.added_per_step = {
-            int(index): built(float, each, "told") for index, each in record["told"].items()
+            int(index): build_value(float, each, "told") for index, each in record["told"].items()
         }
 
 

@@ -1,12 +1,14 @@
 """Residuals of a model on one test: simulation, observation model, nuisance parameters, weight.
 
-Misfits, local minimisations, likelihoods and predictions all use them.
+Misfits, local minimisations, likelihoods and predictions all use them. Nuisance parameters of a test are the offset,
+level and delay of its force channel.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,22 +16,198 @@ from numpy.typing import NDArray
 from mrwork import _rust
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import RecordError, SettingError, SimulationError
-from mrwork.identification.nuisance import (
-    Nuisance,
-    NuisanceName,
-    linearised_without_nuisance,
-    nuisance_of,
-    without_nuisance,
-)
+from mrwork.hints import SMALLEST
 from mrwork.records import AS_IT_IS, DamperTest
-from mrwork.records.damper_test import loading_of
+from mrwork.records.checks import FORCE_OFFSET
+from mrwork.records.damper_test import delay_signal, loading_of
 from mrwork.records.detectors.velocity import refuse_velocity
 from mrwork.simulate import Outcome, simulate_forces, simulate_sensitivities
-from mrwork.values import Floats, holds_arrays
+from mrwork.summary import list_names
+from mrwork.values import Floats, array_dataclass
+
+NuisanceName = Literal["offset", "level", "delay"]
 
 
-@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Nuisance:
+    """Estimates for one test: `F = level f(t - delay) + offset`, offset [N], delay [s]."""
+
+    offset: float = 0.0
+    level: float = 1.0
+    delay: float = 0.0
+
+    @property
+    def in_words(self) -> str:
+        """The estimates as text; empty where nothing was estimated."""
+        parts = [
+            (self.offset, f"offset by {self.offset:.4g} N"),
+            (self.level - 1.0, f"times {self.level:.4g}"),
+            (self.delay, f"late by {1e3 * self.delay:.3g} ms"),
+        ]
+        return ", ".join(text for value, text in parts if value != 0.0)
+
+    def apply_to(self, force: Floats, dt: float) -> Floats:
+        """Apply the estimates to `force` [N], shape (n_time,), which is sampled every `dt` [s]."""
+        return np.asarray(self.level * delay_signal(force, self.delay / dt) + self.offset)
+
+
+NONE = Nuisance()
+
+
+def estimated_in_words(names: Sequence[NuisanceName]) -> str:
+    """What is estimated from the measured force of each test."""
+    return " and ".join(f"{name} of the force" for name in names)
+
+
+def missing_warnings(fitted: Sequence[NuisanceName], used: Sequence[NuisanceName]) -> tuple[str, ...]:
+    """A warning where the fit estimated nuisance parameters for each test that a prediction does not use."""
+    missing = [name for name in fitted if name not in used]
+    if not missing:
+        return ()
+    held = ", and its model has no offset of its own" if "offset" in missing else ""
+    return (
+        f"the fit estimated the {estimated_in_words(missing)} for each test{held}; this prediction does not, so it is "
+        f"worse than the fit by what they change; --nuisance {' --nuisance '.join(fitted)}, the default, estimates "
+        "them from the measured force of each test",
+    )
+
+
+def bounds_without_offsets(
+    names: tuple[NuisanceName, ...], spec: DamperSpec
+) -> dict[str, tuple[float, float]]:
+    """Bounds that fix the model's own force offset at zero, where the offset is a nuisance parameter of each test."""
+    return dict.fromkeys(_shifts(spec), (0.0, 0.0)) if "offset" in names else {}
+
+
+def offset_warning(
+    names: tuple[NuisanceName, ...],
+    spec: DamperSpec,
+    bounds: Mapping[str, tuple[float, float]],
+    tests: Sequence[DamperTest],
+) -> tuple[str, ...]:
+    """A warning where tests have a static offset of the force, and the bounds leave nothing that describes it."""
+    shifts = _shifts(spec)
+    if "offset" in names or any(bounds.get(name) != (0.0, 0.0) for name in shifts):
+        return ()
+    shifted = [test.label for test in tests if any(each.code == FORCE_OFFSET for each in test.findings)]
+    if not shifted:
+        return ()
+    fixed = f"{list_names(shifts)} {'is' if len(shifts) == 1 else 'are'} fixed at 0"
+    return (
+        f"the force has a static offset in {list_names(shifted)}, and {fixed}, so the model cannot describe it; leave "
+        f"{list_names(shifts)} free, subtract the offset by --repair offset, or estimate it for each test by "
+        "--nuisance offset",
+    )
+
+
+def _shifts(spec: DamperSpec) -> tuple[str, ...]:
+    """Names of the parameters that shift the force of a model by a constant: f0, or x0 of its spring."""
+    shifts = {each.name for each in spec.plain if each.scale == "offset" and each.unit in ("N", "m")}
+    return tuple(each.name for each in spec.parameters if each.plain_name in shifts)
+
+
+def without_nuisance(force: Floats, measured: Floats, names: tuple[NuisanceName, ...]) -> Floats:
+    """Residuals [N] of `force`, shape (n_batch, n_time), with the nuisance parameters at their least-squares values.
+
+    The residuals are linear in these parameters (in the delay to first order), so their values have a closed form.
+    """
+    residuals = force - measured
+    if names:
+        coefficients, columns = _best(force, residuals, names)
+        residuals = residuals - np.einsum("kb,kbt->bt", coefficients, columns)
+    return residuals
+
+
+def _linearised_without_nuisance(
+    force: Floats,
+    slope: Floats,
+    measured: Floats,
+    names: tuple[NuisanceName, ...],
+) -> tuple[Floats, Floats]:
+    """Residuals as in `without_nuisance`, with derivatives from those of the force, shape (n_batch, n_params, n_time).
+
+    Residuals are r = y - C c with c = C^+ y. The columns C, except that of the offset, depend on the force, hence
+
+        dr = P (dy - dC c) - (C^+)' dC' r,  P = 1 - C C^+
+
+    (Golub, Pereyra, SIAM J. Numer. Anal. 10, 1973, 413-432).
+    """
+    residuals = force - measured
+    if not names:
+        return residuals, slope
+    coefficients, columns = _best(force, residuals, names)
+    residuals = residuals - np.einsum("kb,kbt->bt", coefficients, columns)
+    change = np.stack([_slope(name, slope) for name in names])
+    moved = slope - np.einsum("kb,kbpt->bpt", coefficients, change)
+    along = np.einsum("kbpt,bt->kbp", change, residuals)
+    derivative = np.empty_like(slope)
+    for row in range(len(force)):
+        own = columns[:, row]
+        unit, length = scale_columns(own)
+        # Rows of the pseudo-inverse of the scaled columns.
+        inverse = np.linalg.pinv(unit @ unit.T) @ unit
+        projected = moved[row] - (moved[row] @ inverse.T) @ unit
+        derivative[row] = projected - (along[:, row] / length[:, None]).T @ inverse
+    return residuals, derivative
+
+
+def nuisance_of(force: Floats, measured: Floats, dt: float, names: tuple[NuisanceName, ...]) -> Nuisance:
+    """Least-squares nuisance parameters for one `force` [N], shape (n_time,)."""
+    if not names:
+        return NONE
+    coefficients, _ = _best(force[None], (force - measured)[None], names)
+    best = dict(zip(names, -coefficients[:, 0], strict=True))
+    return Nuisance(
+        offset=float(best.get("offset", 0.0)),
+        level=1.0 + float(best.get("level", 0.0)),
+        delay=-float(best.get("delay", 0.0)) * dt,
+    )
+
+
+def _best(force: Floats, residuals: Floats, names: tuple[NuisanceName, ...]) -> tuple[Floats, Floats]:
+    """Least-squares coefficients, shape (n_names, n_batch), of the columns, (n_names, n_batch, n_time)."""
+    columns = columns_of(force, names)
+    unit, length = scale_columns(columns)
+    gram = np.einsum("jbt,kbt->bjk", unit, unit)
+    right = np.einsum("jbt,bt->bj", unit, residuals)
+    return (np.linalg.pinv(gram) @ right[..., None])[..., 0].T / length, columns
+
+
+def columns_of(force: Any, names: tuple[NuisanceName, ...]) -> Any:
+    """Derivative of the residuals with respect to each nuisance parameter, shape (n_names, ..., n_time).
+
+    `force`, shape (..., n_time), and the result are arrays of NumPy or, on the twin, of JAX.
+    """
+    return force.__array_namespace__().stack([_column(name, force) for name in names])
+
+
+def scale_columns(columns: Any) -> tuple[Any, Any]:
+    """Columns of unit length, and their lengths, shape (n_names, ...).
+
+    Without this scaling the normal equations are ill-conditioned: a force of 1e3 N is far larger than its change per
+    sample.
+    """
+    xp = columns.__array_namespace__()
+    # A column without a length, of a force that is nearly zero, has the coefficient zero.
+    length = xp.linalg.norm(columns, axis=-1)
+    length = xp.where(length < SMALLEST, np.inf, length)
+    return columns / length[..., None], length
+
+
+def _column(name: NuisanceName, force: Any) -> Any:
+    """Derivative of the residuals with respect to one nuisance parameter, to first order."""
+    xp = force.__array_namespace__()
+    if name == "offset":
+        return xp.ones_like(force)
+    return force if name == "level" else xp.gradient(force, axis=-1)
+
+
+def _slope(name: NuisanceName, slope: Floats) -> Floats:
+    """Derivative of the column with respect to the parameters of the model, from that of the force."""
+    return np.zeros_like(slope) if name == "offset" else np.asarray(_column(name, slope))
+
+
+@array_dataclass()
 class ObservedTest:
     """One test that a model is compared with; the splines of its `history` are computed once for all candidates.
 
@@ -101,7 +279,7 @@ class ObservedTest:
         force, failed = self.forces(theta, threads=threads)
         return without_nuisance(force[:, self.counted], self.measured, self.nuisances), failed
 
-    def linearised(
+    def linearise_residuals(
         self, theta: Floats, columns: Sequence[int], *, threads: int = 0
     ) -> tuple[Floats, Floats, NDArray[np.bool_]]:
         """Residuals with their exact derivatives, from one simulation of each row, and which rows failed.
@@ -117,7 +295,7 @@ class ObservedTest:
         if observation != AS_IT_IS:
             force = observation.observe(force, dt)
             slope = replace(observation, offset=0.0).observe(slope, dt)
-        residuals, derivative = linearised_without_nuisance(
+        residuals, derivative = _linearised_without_nuisance(
             force[:, counted], slope[..., counted], self.measured, self.nuisances
         )
         return residuals, derivative, failed
@@ -125,9 +303,9 @@ class ObservedTest:
     def with_nuisance(self, force: Floats) -> tuple[Floats, Nuisance]:
         """Apply the least-squares nuisance parameters to a recorded `force` [N], shape (n_time,); return them too."""
         nuisance = nuisance_of(force[self.counted], self.measured, self.test.dt, self.nuisances)
-        return nuisance.applied(force, self.test.dt) if self.nuisances else force, nuisance
+        return nuisance.apply_to(force, self.test.dt) if self.nuisances else force, nuisance
 
-    def predicted(self, theta: Floats, *, substep_factor: int = 1) -> tuple[Floats, Nuisance, int]:
+    def predict_force(self, theta: Floats, *, substep_factor: int = 1) -> tuple[Floats, Nuisance, int]:
         """Force of one set of parameters as recorded [N], shape (n_time,), nuisance parameters, number of sub-steps."""
         run = simulate_forces(self.spec, theta[None], self.history, substep_factor=substep_factor)
         outcome = Outcome(run.outcome[0])

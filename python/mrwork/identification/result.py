@@ -31,17 +31,15 @@ from mrwork.identification.fit import (
     Remark,
     SearchTrace,
 )
-from mrwork.identification.nuisance import NONE, Nuisance, NuisanceName
-from mrwork.identification.objective import Objective, linearised
+from mrwork.identification.objective import Objective, linearise_residuals
 from mrwork.identification.problem import Problem, provenance_of
-from mrwork.identification.residual import ObservedTest
+from mrwork.identification.residual import NONE, Nuisance, NuisanceName, ObservedTest
 from mrwork.records import DamperTest, RecordedMotion
-from mrwork.records.damper_test import loading_of
-from mrwork.records.operating_range import range_of_tests
+from mrwork.records.damper_test import loading_of, range_of_tests
 from mrwork.simulate import stiffness_shares
-from mrwork.summary import listed
+from mrwork.summary import list_names
 from mrwork.tested_range import OperatingRange
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 
 def free_run(
@@ -57,12 +55,12 @@ def free_run(
     `nuisances`: parameters that are estimated from the test itself before the comparison.
     """
     observed = ObservedTest.of(spec, test, nuisances)
-    force, nuisance, substeps = observed.predicted(theta, substep_factor=substep_factor)
+    force, nuisance, substeps = observed.predict_force(theta, substep_factor=substep_factor)
     return force, fit_quality(test, force, substeps=substeps, nuisance=nuisance)
 
 
 @contextmanager
-def explained_by(fit: Fit, test: DamperTest) -> Iterator[None]:
+def explain_failures(fit: Fit, test: DamperTest) -> Iterator[None]:
     """Add to a simulation that fails in the block what of the test lies outside the tested ranges of the fit."""
     try:
         yield
@@ -174,12 +172,12 @@ def remarks_of(form: Form, theta: Floats) -> tuple[Remark, ...]:
     Such a parameter depends only on parameters of the form, `theta`, (n_params,), that are fixed or on a bound.
     """
     own = [remark_of(form.box, index, float(value)) for index, value in enumerate(theta)]
-    found: list[Remark] = []
+    remarks: list[Remark] = []
     for row in form.to_model.jacobian(theta):
         used = {own[index] for index in np.flatnonzero(row)}
         on_bound = sorted(used - {"", "fixed"})
-        found.append("" if "" in used else on_bound[0] if on_bound else "fixed")
-    return tuple(found)
+        remarks.append("" if "" in used else on_bound[0] if on_bound else "fixed")
+    return tuple(remarks)
 
 
 def remark_of(box: Box, index: int, value: float) -> Remark:
@@ -307,7 +305,7 @@ class BuildingCost:
 
     @property
     def in_words(self) -> str:
-        """As in "about 64 integration steps a sample of 1 ms in a building"."""
+        """Text such as "about 64 integration steps a sample of 1 ms in a building"."""
         if not isfinite(self.steps):
             return f"more than {_MOST_FACTOR * _FEWEST} integration steps a sample of 1 ms in a building"
         return f"about {self.steps:.0f} integration steps a sample of 1 ms in a building"
@@ -316,7 +314,7 @@ class BuildingCost:
 def cost_warning(fit: Fit, cost: BuildingCost, cheap: Sequence[Fit]) -> str:
     """A sentence on a fit with a high cost; it names the best of the fits of `cheap` models to the same tests."""
     at_bound = [each.name for each in fit.estimates if each.remark in ("at lower bound", "at upper bound")]
-    causes = f", with {listed(at_bound)} on a bound" if at_bound else ""
+    causes = f", with {list_names(at_bound)} on a bound" if at_bound else ""
     least = f"where a model without states takes {_FEWEST}"
     return f"the fit takes {cost.in_words}{causes}, {least}; {_remedy(fit, cheap)}"
 
@@ -342,8 +340,7 @@ def _remedy(fit: Fit, cheap: Sequence[Fit]) -> str:
 INSENSITIVE = 1e-7
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class Slopes:
     """Residuals of an objective at `theta`, (n_residuals,), and derivatives by what varies, (n_free, n_residuals).
 
@@ -359,7 +356,7 @@ class Slopes:
     @classmethod
     def at(cls, objective: Objective, form: Form, theta: Floats) -> Slopes:
         """Simulate the tests once with derivatives; they give the residuals where no parameter is free."""
-        (residuals,), (by_free,) = linearised(objective, theta[None], form.box.free)
+        (residuals,), (by_free,) = linearise_residuals(objective, theta[None], form.box.free)
         return cls(objective=objective, form=form, theta=theta, residuals=residuals, by_free=by_free)
 
     @property

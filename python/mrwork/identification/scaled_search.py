@@ -14,7 +14,7 @@ from mrwork.identification.equivalent import fitted_law, joint_box, plain_of, se
 from mrwork.identification.global_search import (
     OnSearch,
     StartingPoints,
-    interrupted_at,
+    make_interrupt,
     search_elite,
     trace_of_generations,
 )
@@ -115,24 +115,24 @@ def points_from_scaled_forces(
         theta = laws_of(np.asarray(box.theta_from_unit(unit)))
         return np.clip(theta, joint_form.box.lower, joint_form.box.upper)
 
-    found = search_elite(
+    elite = search_elite(
         problem, search, objective, joint_form, from_unit, n_params=len(box.free), on_search=on_search
     )
-    starts = from_unit(found.elite[:_STARTS])
+    starts = from_unit(elite.elite[:_STARTS])
     if form.spec.current is not None and form.spec.current.lagged:
         starts[:, -1] *= np.resize(_RATES, len(starts))
     box = joint_form.box
     starts = np.array([box.inside(start) for start in np.clip(starts, box.lower, box.upper)])
-    trace = trace_of_generations(found)
+    trace = trace_of_generations(elite)
 
     def on_iteration(minima: LocalMinima) -> None:
         misfits = minima.misfit[np.isfinite(minima.misfit)]
         on_search(
-            len(found.trace.best) + minima.iterations, float(misfits.min()), float(np.median(misfits)), 1.0
+            len(elite.trace.best) + minima.iterations, float(misfits.min()), float(np.median(misfits)), 1.0
         )
 
     try:
         theta = minima_from(objective, box, starts, mirrored=joint_form.mirrored, on_iteration=on_iteration)
     except KeyboardInterrupt as interrupt:
-        raise interrupted_at(starts[0], objective, joint_form, trace) from interrupt
+        raise make_interrupt(starts[0], objective, joint_form, trace) from interrupt
     return StartingPoints(objective=objective, form=joint_form, theta=theta, trace=trace, minima=True)

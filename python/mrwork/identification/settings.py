@@ -6,17 +6,18 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
 from functools import cache
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any, Literal, TypeAlias, get_args, get_type_hints
+from typing import Any, Literal, TypeAlias
 
 from mrwork.arguments import Count, Level, Seed, checked
 from mrwork.errors import RecordError, SettingError, UnknownNameError
-from mrwork.identification.nuisance import NuisanceName
+from mrwork.hints import Record, fields_of, hints_of
+from mrwork.identification.residual import NuisanceName
+from mrwork.keys import suggestion
 from mrwork.records import DamperTest, read_damper_test, repair
 from mrwork.records.repairs import DETECT, RepairKind, as_words
-from mrwork.records.window import counted_from, cut
+from mrwork.records.window import count_samples_from, cut
 from mrwork.search.loop import Optimiser
-from mrwork.store.codec import LowerBound, UpperBound, built, record_of
+from mrwork.store.codec import LowerBound, UpperBound, build_value, record_of
 from mrwork.store.input_file import exists
 from mrwork.synthetic import synthetic_test
 
@@ -24,7 +25,6 @@ _MULTISTART = "multistart"
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Multistart:
     """Settings of the multistart search: local minimisations from the best of many samples, in rounds.
 
@@ -76,7 +76,7 @@ def has_generations(search: Search) -> bool:
     return not isinstance(search, Multistart | UnregisteredSearch)
 
 
-def resized(search: Search, *, population: int | None = None, generations: int | None = None) -> Search:
+def resize_search(search: Search, *, population: int | None = None, generations: int | None = None) -> Search:
     """The search with another population or largest number of generations; `None` keeps the present one."""
     # Any, because the protocol of optimisers does not declare that the settings are a dataclass.
     settings: Any = search
@@ -110,7 +110,7 @@ def searches() -> Mapping[str, Search]:
 def search_named(name: str) -> Search:
     """The search called `name`, with its default settings."""
     if name not in searches():
-        raise UnknownNameError(f"there is no search called {name!r}; choose one of {', '.join(searches())}")
+        raise UnknownNameError(f"there is no search called {name!r}{suggestion(name, [*searches()])}")
     return searches()[name]
 
 
@@ -154,16 +154,16 @@ def _search_of_record(record: Mapping[str, Any]) -> Search:
         return UnregisteredSearch(kind=kind, settings=settings)
     own = Multistart if kind == _MULTISTART else type(searches()[kind])
     _refuse_unknown(own, settings)
-    return built(own, settings, "search")  # type: ignore[no-any-return] # the type is the one given
+    return build_value(own, settings, "search")  # type: ignore[no-any-return] # the type is the one given
 
 
 def _refuse_unknown(kind: type, settings: Mapping[str, Any]) -> None:
-    hints = get_type_hints(kind)
+    known = fields_of(kind)
     for name, value in settings.items():
-        if name not in hints:
+        if name not in known:
             raise ValueError(f"{kind.__name__} has no setting {name!r}")
-        if is_dataclass(hints[name]) and isinstance(value, Mapping):
-            _refuse_unknown(hints[name], value)
+        if isinstance(inner := known[name], Record) and isinstance(value, Mapping):
+            _refuse_unknown(inner.kind, value)
 
 
 # Where the final fit runs: in lanes, with derivatives by dual numbers, or on the JAX twin.
@@ -218,8 +218,8 @@ class Reading:
         """Undo `as_record`; `origin` names the record in messages."""
         if record is None:
             raise RecordError(f"{origin} does not say how its tests were read; run `mrwork identify` again")
-        found: Reading = record_of(cls, record, origin=origin, name="reading of tests", verb="identify")
-        return found
+        reading: Reading = record_of(cls, record, origin=origin, name="reading of tests", verb="identify")
+        return reading
 
     def tests(self, *, on_read: OnRead | None = None) -> tuple[DamperTest, ...]:
         """Read the files as tests; `on_read` is called before each."""
@@ -240,7 +240,7 @@ class Reading:
             test = cut(test, start=self.start, end=self.end, every=self.every)
         amounts = {kind: amount for kind, amount in self.repairs.items() if amount is not None}
         test, _ = repair(test, self.repairs, amounts=amounts)
-        return test if self.settle is None else counted_from(test, self.settle)
+        return test if self.settle is None else count_samples_from(test, self.settle)
 
     def _path(self, file: str) -> str:
         """Path of a file from the current folder, or else from the folder where it was read."""
@@ -249,7 +249,7 @@ class Reading:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NumberOption:
-    """How the command line offers a setting that is a number: its help, its placeholder, its default and its range."""
+    """Command-line option of a numeric setting: help, placeholder, default and range."""
 
     says: str
     metavar: str
@@ -265,7 +265,6 @@ def _number_option(says: str, *, metavar: str, default: float, least: float, mos
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class FitSettings:
     """Settings of `identify`, where each is described. The fields are recorded with a fit and in its journal.
 
@@ -308,8 +307,6 @@ class FitSettings:
         if isinstance(self.search, str):
             object.__setattr__(self, "search", search_named(self.search))
         object.__setattr__(self, "observe", as_words(self.observe))
-        if self.engine not in get_args(Engine):
-            raise SettingError(f"`engine` is {self.engine!r}; choose one of {', '.join(get_args(Engine))}")
         if not ROOT_MEAN_SQUARE <= self.power <= LARGEST_POWER:
             raise SettingError(
                 f"the power of the mean over tests is {self.power:g}; give 2, where all weigh the same, "
@@ -319,11 +316,6 @@ class FitSettings:
             raise SettingError(
                 f"the exponent of the force is {self.force_exponent:g}; give 1, where all tests weigh the same, down "
                 "to 0, where errors in newtons do"
-            )
-        unknown = [name for name in self.nuisances if name not in get_args(NuisanceName)]
-        if unknown:
-            raise SettingError(
-                f"`nuisances` names {unknown[0]!r}; choose from {', '.join(get_args(NuisanceName))}"
             )
 
     def as_record(self) -> dict[str, Any]:
@@ -353,9 +345,9 @@ class FitSettings:
         try:
             search = record.get("search")
             known = {
-                name: built(kind, record[name], name)
-                for name, kind in _recorded_kinds().items()
-                if name in record
+                name: build_value(kind, record[name], name)
+                for name, kind in hints_of(cls).items()
+                if name in record and name != "search"
             }
             return cls(
                 search=None if search is None else _search_of_record(search),
@@ -373,9 +365,3 @@ def _plain(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [_plain(entry) for entry in value]
     return value
-
-
-def _recorded_kinds() -> dict[str, Any]:
-    """Annotations of the fields that records have as they are: all but the search."""
-    own = {name: kind for name, kind in FitSettings.__annotations__.items() if name != "search"}
-    return get_type_hints(SimpleNamespace(__annotations__=own), globals(), include_extras=True)

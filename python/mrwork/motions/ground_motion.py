@@ -6,7 +6,7 @@ Each function of the processing returns a new motion; its `changes` state what w
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from fractions import Fraction
 from typing import Annotated, ClassVar
 
@@ -15,14 +15,13 @@ from numpy.polynomial import Legendre
 
 from mrwork.arguments import AnyNumbers, May, checked
 from mrwork.errors import RecordError, SettingError
-from mrwork.keys import SMALLEST
+from mrwork.hints import SMALLEST
 from mrwork.summary import Summarised, Summary
-from mrwork.values import Floats, holds_arrays, keep_arrays
+from mrwork.values import Floats, array_dataclass, keep_arrays
 
 
 @checked
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class GroundMotion(Summarised):
     """Ground acceleration [m/s^2], shape (n_time,), every `dt` [s], linear between samples.
 
@@ -104,7 +103,7 @@ class GroundMotion(Summarised):
         )
 
 
-def changed(motion: GroundMotion, acceleration: Floats, dt: float, change: str) -> GroundMotion:
+def replace_samples(motion: GroundMotion, acceleration: Floats, dt: float, change: str) -> GroundMotion:
     """Return the motion with other samples and one more entry in `changes`."""
     return replace(motion, acceleration=acceleration, dt=dt, changes=(*motion.changes, change))
 
@@ -124,10 +123,10 @@ def likeness(one: GroundMotion, other: GroundMotion) -> float:
     the energy of one motion and a tenth of that of the other in the overlap. Motions with different steps are also
     compared sample by sample, which finds a copy with another time axis.
     """
-    found = _largest_correlation(_on_step(one), _on_step(other))
+    correlation = _largest_correlation(_on_step(one), _on_step(other))
     if abs(one.dt - other.dt) > 1e-6 * one.dt:
-        found = max(found, _largest_correlation(one.acceleration, other.acceleration))
-    return found
+        correlation = max(correlation, _largest_correlation(one.acceleration, other.acceleration))
+    return correlation
 
 
 def is_copy(one: GroundMotion, other: GroundMotion) -> bool:
@@ -139,12 +138,12 @@ def _on_step(motion: GroundMotion) -> Floats:
     """Accelerations every 10 ms: means of finer samples, straight lines between coarser ones."""
     time = np.arange(0.0, motion.duration, _STEP)
     if motion.dt >= 0.999 * _STEP:
-        found = np.interp(time, motion.time, motion.acceleration)
+        acceleration = np.interp(time, motion.time, motion.acceleration)
     else:
         # The mean over a step is a difference of the velocity.
         edges = np.append(time, time[-1] + _STEP) - 0.5 * _STEP
-        found = np.diff(np.interp(edges, motion.time, motion.velocity)) / _STEP
-    return np.asarray(found, dtype=np.float64)
+        acceleration = np.diff(np.interp(edges, motion.time, motion.velocity)) / _STEP
+    return np.asarray(acceleration, dtype=np.float64)
 
 
 def _largest_correlation(one: Floats, other: Floats) -> float:
@@ -178,7 +177,7 @@ def scaled(motion: GroundMotion, factor: float) -> GroundMotion:
     """
     if factor == 0.0:
         raise SettingError(f"ground motion {motion.name}: scaled by 0; give another factor")
-    return changed(motion, factor * motion.acceleration, motion.dt, f"acceleration x {factor:.6g}")
+    return replace_samples(motion, factor * motion.acceleration, motion.dt, f"acceleration x {factor:.6g}")
 
 
 @checked
@@ -197,7 +196,7 @@ def scaled_to_peak(motion: GroundMotion, peak: float) -> GroundMotion:
     if motion.peak == 0.0:
         raise SettingError(f"ground motion {motion.name}: is zero throughout and cannot be scaled to a peak")
     change = f"scaled from a peak of {motion.peak:.6g} to {peak:.6g} m/s2"
-    return changed(motion, motion.acceleration * (peak / motion.peak), motion.dt, change)
+    return replace_samples(motion, motion.acceleration * (peak / motion.peak), motion.dt, change)
 
 
 @checked
@@ -219,7 +218,7 @@ def time_scaled(motion: GroundMotion, factor: float) -> GroundMotion:
     """
     if not factor > 0.0:
         raise SettingError(f"ground motion {motion.name}: time axis x {factor}; give a positive factor")
-    return changed(motion, motion.acceleration, factor * motion.dt, f"time axis x {factor:.6g}")
+    return replace_samples(motion, motion.acceleration, factor * motion.dt, f"time axis x {factor:.6g}")
 
 
 @checked
@@ -245,7 +244,7 @@ def trimmed(motion: GroundMotion, *, start: float = 0.0, end: float = math.inf) 
     if (first, last) == (0, motion.n_time - 1):
         return motion
     change = f"cut to {first * motion.dt:.6g} to {last * motion.dt:.6g} s"
-    return changed(motion, motion.acceleration[first : last + 1].copy(), motion.dt, change)
+    return replace_samples(motion, motion.acceleration[first : last + 1].copy(), motion.dt, change)
 
 
 # Of a motion, and bytes of each in the arrays of a Fourier transform.
@@ -278,7 +277,7 @@ def resampled(motion: GroundMotion, dt: float) -> GroundMotion:
     """
     n_time = _n_time(motion, dt)
     acceleration = np.interp(dt * np.arange(n_time), motion.time, motion.acceleration)
-    return changed(
+    return replace_samples(
         motion, acceleration, dt, f"resampled from {motion.dt:.6g} to {dt:.6g} s, straight between"
     )
 
@@ -307,7 +306,7 @@ def resampled_band_limited(motion: GroundMotion, dt: float) -> GroundMotion:
 
     filtered = resample_poly(motion.acceleration, ratio.numerator, ratio.denominator)[:n_time]
     change = f"resampled from {motion.dt:.6g} to {dt:.6g} s, limited to {0.5 / max(dt, motion.dt):.4g} Hz"
-    return changed(motion, np.ascontiguousarray(filtered, dtype=np.float64), dt, change)
+    return replace_samples(motion, np.ascontiguousarray(filtered, dtype=np.float64), dt, change)
 
 
 def _n_time(motion: GroundMotion, dt: float) -> int:
@@ -349,7 +348,7 @@ def baseline_corrected(motion: GroundMotion, *, order: int) -> GroundMotion:
     place = np.linspace(-1.0, 1.0, motion.n_time)
     drift = np.asarray(Legendre.fit(place, motion.acceleration, order)(place), dtype=np.float64)
     change = f"baseline of order {order} taken from the acceleration, up to {np.abs(drift).max():.3g} m/s2"
-    return changed(motion, motion.acceleration - drift, motion.dt, change)
+    return replace_samples(motion, motion.acceleration - drift, motion.dt, change)
 
 
 def brought_to_rest(motion: GroundMotion) -> GroundMotion:
@@ -368,4 +367,4 @@ def brought_to_rest(motion: GroundMotion) -> GroundMotion:
     weights = np.linalg.solve(system, [motion.velocity[-1], motion.displacement[-1]])
     drift = weights[0] * shapes[0] + weights[1] * shapes[1]
     change = f"brought to rest at its end, by up to {np.abs(drift).max():.3g} m/s2"
-    return changed(motion, motion.acceleration - drift, motion.dt, change)
+    return replace_samples(motion, motion.acceleration - drift, motion.dt, change)

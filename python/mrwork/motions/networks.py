@@ -13,10 +13,10 @@ from pathlib import Path
 import numpy as np
 
 from mrwork.errors import RecordError, SettingError
-from mrwork.files.delimited import decoded
+from mrwork.files.delimited import decode_text
 from mrwork.motions.ground_motion import GroundMotion
 from mrwork.units import FACTORS, factor_to_si
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 _HEADER_SHOWN = 60
 # Characters of a line of a header: what searches it takes longer than in proportion.
@@ -42,7 +42,7 @@ class Lines:
 def lines_of(data: bytes, path: Path) -> Lines:
     """Lines of the bytes of a text file with any line ends; headers of old files may be Latin-1."""
     # Some archives hold files with line ends CR CR LF; a run of CR is looked at once, from its start.
-    return Lines(path=path, texts=tuple(re.split(r"(?<!\r)\r*\n|\r", decoded(data))))
+    return Lines(path=path, texts=tuple(re.split(r"(?<!\r)\r*\n|\r", decode_text(data))))
 
 
 def read_numbers(lines: Lines, first: int) -> Floats:
@@ -61,7 +61,7 @@ def read_numbers(lines: Lines, first: int) -> Floats:
         if not is_number(word) or not np.isfinite(float(word))
     )
     raise RecordError(
-        f"{lines.where(index)} holds '{shown(word)}' where a number was expected; the file is damaged or in "
+        f"{lines.where(index)} holds '{quote_text(word)}' where a number was expected; the file is damaged or in "
         "another format"
     )
 
@@ -75,7 +75,7 @@ def is_number(word: str) -> bool:
     return True
 
 
-def shown(text: str) -> str:
+def quote_text(text: str) -> str:
     """Text as a message quotes it, shortened if it is long."""
     clean = " ".join(text.split())
     return clean if len(clean) <= _HEADER_SHOWN else clean[:_HEADER_SHOWN] + "..."
@@ -112,7 +112,7 @@ def refuse_needless(stated: Stated, needs: frozenset[str], *, source: str, kind:
             raise SettingError(f"{source}: {kind} takes no `{field.name}`; leave it out")
 
 
-def recorded(
+def make_motion(
     path: Path,
     *,
     dt: float,
@@ -164,7 +164,7 @@ def _read_at2(lines: Lines, stated: Stated) -> GroundMotion:
     size = _NAMED.search(lines.at(3)) or _BARE.match(lines.at(3))
     if content is None or size is None:
         raise RecordError(
-            f"{lines.where(3)}: expected 'NPTS= ..., DT= ... SEC', found '{shown(lines.at(3))}'; "
+            f"{lines.where(3)}: expected 'NPTS= ..., DT= ... SEC', found '{quote_text(lines.at(3))}'; "
             "the header of this PEER record is damaged"
         )
     if content[1].upper() != "ACCELERATION":
@@ -180,7 +180,7 @@ def _read_at2(lines: Lines, stated: Stated) -> GroundMotion:
             "damaged, fetch it again"
         )
     title = " ".join(lines.at(1).split())
-    return recorded(lines.path, dt=dt, acceleration=factor * numbers, source=title)
+    return make_motion(lines.path, dt=dt, acceleration=factor * numbers, source=title)
 
 
 PEER_AT2 = Format(name="a PEER AT2 record", recognises=_recognises_at2, read=_read_at2)
@@ -191,9 +191,9 @@ def refuse_false_at2(lines: Lines) -> None:
     if len(lines.texts) < _HEADER:
         came = f"the file has {len(lines.texts)} lines"
     elif _CONTENT.search(lines.at(2)) is None:
-        came = f"line 3 reads '{shown(lines.at(2))}'"
+        came = f"line 3 reads '{quote_text(lines.at(2))}'"
     else:
-        came = f"line 4 reads '{shown(lines.at(3))}'"
+        came = f"line 4 reads '{quote_text(lines.at(3))}'"
     raise RecordError(
         f"{lines.path}: has the extension of a PEER AT2 record but not its header ('ACCELERATION TIME SERIES IN UNITS "
         f"OF G' in line 3, 'NPTS= ..., DT= ... SEC' in line 4); {came}; save it as two columns, time and acceleration"
@@ -213,8 +213,7 @@ _COMMENTS = re.compile(r"\s*([0-9]{1,9})\s+Comment", re.IGNORECASE)
 _UNIT = re.compile(r"units\s*=\s*([^\s,()]+)", re.IGNORECASE)
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class _Series:
     """A channel: its title, first line, unit, step [s], and numbers in the unit of the file."""
 
@@ -246,7 +245,7 @@ def _read_cosmos(lines: Lines, stated: Stated) -> GroundMotion:
             channels.append(series)
     if stated.channel is None and len(channels) > 1:
         listed = ", ".join(
-            f"{number} {shown(series.title)}" for number, series in enumerate(channels, start=1)
+            f"{number} {quote_text(series.title)}" for number, series in enumerate(channels, start=1)
         )
         raise RecordError(
             f"{lines.path}: holds {len(channels)} channels ({listed}); choose one with `channel`"
@@ -257,7 +256,7 @@ def _read_cosmos(lines: Lines, stated: Stated) -> GroundMotion:
     chosen = channels[number - 1]
     if "acceleration" not in chosen.title.lower():
         raise RecordError(
-            f"{lines.where(chosen.head)}: the series is '{shown(chosen.title)}'; give one of acceleration"
+            f"{lines.where(chosen.head)}: the series is '{quote_text(chosen.title)}'; give one of acceleration"
         )
     if chosen.unit.lower().startswith("c") and not chosen.unit.lower().startswith("cm"):
         raise RecordError(
@@ -265,12 +264,12 @@ def _read_cosmos(lines: Lines, stated: Stated) -> GroundMotion:
             "corrected acceleration of the same record, which are in physical units"
         )
     factor = factor_to_si(chosen.unit, "acceleration", context=lines.where(chosen.head))
-    return recorded(
+    return make_motion(
         lines.path,
         name=lines.path.stem if stated.channel is None else f"{lines.path.stem}_{number}",
         dt=chosen.dt,
         acceleration=factor * chosen.numbers,
-        source=f"{' '.join(lines.at(chosen.head + 4).split())}, {shown(chosen.title)}",
+        source=f"{' '.join(lines.at(chosen.head + 4).split())}, {quote_text(chosen.title)}",
     )
 
 
@@ -285,7 +284,7 @@ def _series_cosmos(lines: Lines, head: int, title: re.Match[str]) -> tuple[_Seri
     unit = _UNIT.search(lines.at(place))
     numbers, end = _block_cosmos(lines, place, "series")
     if unit is None:
-        raise RecordError(f"{lines.where(place)}: expected 'units=', found '{shown(lines.at(place))}'")
+        raise RecordError(f"{lines.where(place)}: expected 'units=', found '{quote_text(lines.at(place))}'")
     series = _Series(
         title=lines.at(head)[: title.start()].strip(),
         head=head,
@@ -302,7 +301,7 @@ def _block_cosmos(lines: Lines, place: int, what: str) -> tuple[Floats, int]:
     if announced is None:
         raise RecordError(
             f"{lines.where(place)}: expected the line before the {what}, which states how many numbers follow and in "
-            f"which format, found '{shown(lines.at(place))}'; the file is cut off or damaged"
+            f"which format, found '{quote_text(lines.at(place))}'; the file is cut off or damaged"
         )
     n_numbers, per_line, width = (int(announced[group]) for group in (1, 2, 3))
     numbers: list[float] = []
@@ -321,7 +320,7 @@ def _block_cosmos(lines: Lines, place: int, what: str) -> tuple[Floats, int]:
                 numbers.append(value)
             elif word.strip():
                 raise RecordError(
-                    f"{lines.where(index)} holds '{shown(word)}' where a number of the {what} was expected; the "
+                    f"{lines.where(index)} holds '{quote_text(word)}' where a number of the {what} was expected; the "
                     "file is cut off or damaged"
                 )
     if len(numbers) != n_numbers:
@@ -368,7 +367,7 @@ def _read_esm(lines: Lines, stated: Stated) -> GroundMotion:
     kind_line, kind = header.get("DATA_TYPE", (0, "ACCELERATION"))
     if kind.upper() != "ACCELERATION":
         raise RecordError(
-            f"{lines.where(kind_line)}: the record holds {shown(kind).lower()}; give the file of its acceleration"
+            f"{lines.where(kind_line)}: the record holds {quote_text(kind).lower()}; give the file of its acceleration"
         )
     unit_line, unit = _entry_esm(lines, header, "UNITS")
     factor = factor_to_si(unit, "acceleration", context=lines.where(unit_line))
@@ -384,7 +383,7 @@ def _read_esm(lines: Lines, stated: Stated) -> GroundMotion:
         header.get(key, (0, ""))[1] for key in ("EVENT_NAME", "EVENT_DATE_YYYYMMDD", "STATION_CODE", "STREAM")
     ]
     title = ", ".join(part for part in parts if part)
-    return recorded(lines.path, dt=dt, acceleration=factor * numbers, source=title)
+    return make_motion(lines.path, dt=dt, acceleration=factor * numbers, source=title)
 
 
 def _entry_esm(lines: Lines, header: dict[str, tuple[int, str]], key: str) -> tuple[int, str]:
@@ -401,7 +400,7 @@ def _number_esm(lines: Lines, header: dict[str, tuple[int, str]], key: str) -> f
         value = 0.0
     if not 0.0 < value < float("inf"):
         raise RecordError(
-            f"{lines.where(index)}: {key} is '{shown(text)}' where a positive number was expected; the header "
+            f"{lines.where(index)}: {key} is '{quote_text(text)}' where a positive number was expected; the header "
             "of this ESM record is damaged"
         )
     return value
@@ -448,7 +447,7 @@ def _read_knet(lines: Lines, stated: Stated) -> GroundMotion:
         lines.at(_line_knet(lines, label))[_LABEL:].strip()
         for label in ("Station Code", "Origin Time", "Dir.")
     )
-    return recorded(
+    return make_motion(
         lines.path,
         # The extension states the direction of the record.
         name=lines.path.name.replace(".", "_"),
@@ -474,7 +473,7 @@ def _field_knet(lines: Lines, label: str, pattern: re.Pattern[str], example: str
     match = pattern.search(text)
     if match is None:
         raise RecordError(
-            f"{lines.where(index)}: expected '{label}' such as '{example}', found '{shown(text)}'; the header "
+            f"{lines.where(index)}: expected '{label}' such as '{example}', found '{quote_text(text)}'; the header "
             "of this K-NET record is damaged"
         )
     return match

@@ -21,7 +21,7 @@ from mrwork.files.delimited import DelimitedTable, encoding_of, read_text_bytes,
 from mrwork.files.layout import DECIMAL_COMMA
 from mrwork.files.matlab import open_matlab, read_matlab_matrices
 from mrwork.files.named_columns import LONGEST_NAME, ColumnTable, VectorTable, listed_files, rounded_grid
-from mrwork.keys import SMALLEST
+from mrwork.hints import SMALLEST
 from mrwork.motions.ground_motion import GroundMotion
 from mrwork.motions.networks import (
     COSMOS,
@@ -33,12 +33,12 @@ from mrwork.motions.networks import (
     Stated,
     is_number,
     lines_of,
+    make_motion,
+    quote_text,
     read_numbers,
-    recorded,
     refuse_absurd,
     refuse_false_at2,
     refuse_needless,
-    shown,
 )
 from mrwork.store.input_file import RECORD, is_file, is_folder, start_of
 from mrwork.units import factor_of, factor_to_si, known_units
@@ -147,16 +147,16 @@ def acceleration_column(names: Sequence[str], stated: Stated, *, source: str) ->
     """Find the column of the acceleration."""
     listed = ", ".join(f"'{name}'" for name in names)
     if stated.column is None:
-        found = [name for name in names if _is_acceleration(name)]
+        candidates = [name for name in names if _is_acceleration(name)]
     else:
-        found = [name for name in names if name.strip().casefold() == stated.column.strip().casefold()]
-    if len(found) != 1:
-        how_many = f"{len(found)} columns are" if found else "no column is"
+        candidates = [name for name in names if name.strip().casefold() == stated.column.strip().casefold()]
+    if len(candidates) != 1:
+        how_many = f"{len(candidates)} columns are" if candidates else "no column is"
         what = "the acceleration" if stated.column is None else f"'{stated.column}'"
         raise RecordError(
             f"{source}: {how_many} {what} among {listed}; name one with `column`, or call it a_mps2 in the file"
         )
-    (name,) = found
+    (name,) = candidates
     unit = _unit_in(name)
     if unit is None and stated.unit is None:
         raise UnitError(
@@ -173,14 +173,14 @@ def acceleration_column(names: Sequence[str], stated: Stated, *, source: str) ->
 
 def _time_column(names: Sequence[str], *, source: str) -> Column | None:
     """Find the column of time, `None` if there is none; a column without a unit is in seconds."""
-    found = [(name, match[1] or "s") for name in names for match in [_TIME.fullmatch(name)] if match]
-    if len(found) > 1:
+    candidates = [(name, match[1] or "s") for name in names for match in [_TIME.fullmatch(name)] if match]
+    if len(candidates) > 1:
         raise RecordError(
-            f"{source}: columns '{found[0][0]}' and '{found[1][0]}' both look like time; rename one"
+            f"{source}: columns '{candidates[0][0]}' and '{candidates[1][0]}' both look like time; rename one"
         )
-    if not found:
+    if not candidates:
         return None
-    name, unit = found[0]
+    name, unit = candidates[0]
     unit = "s" if unit.casefold() in _SECONDS else unit
     context = f"{source}: column '{name}'"
     return Column(name=name, factor=factor_to_si(unit, "time", context=context))
@@ -309,7 +309,7 @@ def _table(lines: Lines, texts: list[str], names: tuple[str, ...] | None = None)
 
 
 def _delimiter(line: str) -> str:
-    """What separates the numbers of a line; a tab for blanks. A comma between blanks is a decimal comma."""
+    """Separator of the numbers of a line; a tab stands for blanks. A comma between blanks is a decimal comma."""
     words = line.split()
     if len(words) > 1 and all(is_number(word) or _has_comma(word) for word in words):
         return "\t"
@@ -329,8 +329,8 @@ def _series(lines: Lines, first: int, delimiter: str, stated: Stated) -> GroundM
         )
     if delimiter == "," and all(_has_comma(text) for text in lines.texts[first:] if text.strip()):
         raise RecordError(
-            f"{lines.where(first)} holds '{shown(lines.at(first))}', two numbers or one with a decimal comma; write "
-            "decimal points, or one number a line"
+            f"{lines.where(first)} holds '{quote_text(lines.at(first))}', two numbers or one with a decimal comma; "
+            "write decimal points, or one number a line"
         )
     if delimiter != ",":
         lines = replace(lines, texts=tuple(text.replace(",", ".") for text in lines.texts))
@@ -340,7 +340,7 @@ def _series(lines: Lines, first: int, delimiter: str, stated: Stated) -> GroundM
     if len(lines.at(first).split()) == 2 and np.allclose(every_second, stated.dt, rtol=0.1):
         raise SettingError(f"{lines.path}: its first column runs as time does; leave out `dt`")
     factor = factor_to_si(stated.unit, "acceleration", context=f"{lines.path}: `unit`")
-    return recorded(
+    return make_motion(
         lines.path, dt=_step(stated.dt, lines.path), acceleration=factor * numbers, source="numbers"
     )
 
@@ -462,10 +462,12 @@ def read_motions(
 def motion_files(paths: str | os.PathLike[str] | Iterable[str | os.PathLike[str]]) -> tuple[Path, ...]:
     """Files of motions: a sequence of paths, the files of a folder but hidden ones and documents, or a pattern's."""
     if isinstance(paths, str | os.PathLike) and is_folder(Path(paths)):
-        found = [path for path in sorted(Path(paths).iterdir()) if is_file(path) and not _is_document(path)]
-        if not found:
+        paths_in_folder = [
+            path for path in sorted(Path(paths).iterdir()) if is_file(path) and not _is_document(path)
+        ]
+        if not paths_in_folder:
             raise RecordError(f"{paths}: the folder has no file of a ground motion; check the path")
-        return tuple(found)
+        return tuple(paths_in_folder)
     files = listed_files(paths, none="no ground motion given; name at least one file")
     return tuple(Path(file) for file in files if len(files) == 1 or not is_folder(file))
 

@@ -6,21 +6,20 @@ Densities are two-sided in circular frequency: the variance is the integral over
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.arguments import checked
 from mrwork.errors import SettingError
-from mrwork.keys import SMALLEST
-from mrwork.values import Floats, holds_arrays
+from mrwork.hints import SMALLEST
+from mrwork.values import Floats, array_dataclass
 
 Complexes = NDArray[np.complex128]
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class FilterMatrices:
     """Shaping filter `s' = state s + noise w`, `a_g = output s`, with white noise w of density `intensity`."""
 
@@ -37,7 +36,6 @@ def _refuse_not_positive(spectrum: SpectralDensity, *names: str) -> None:
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class KanaiTajimi:
     """Kanai-Tajimi spectrum: white noise at the bedrock filtered by one layer of soil (Kanai 1957, Tajimi 1960).
 
@@ -53,17 +51,13 @@ class KanaiTajimi:
         S0 [m^2/s^3], two-sided in circular frequency.
     """
 
+    name: ClassVar[str] = "Kanai-Tajimi"
     frequency: float = 15.0
     damping: float = 0.6
     intensity: float = 0.01
 
     def __post_init__(self) -> None:
         _refuse_not_positive(self, "frequency", "damping", "intensity")
-
-    @property
-    def name(self) -> str:
-        """Name in reports."""
-        return "Kanai-Tajimi"
 
     @checked
     def transfer(self, w: Floats) -> Complexes:
@@ -87,7 +81,6 @@ class KanaiTajimi:
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class CloughPenzien:
     """Clough-Penzien spectrum: Kanai-Tajimi with a high-pass filter, which keeps ground displacements finite.
 
@@ -95,17 +88,13 @@ class CloughPenzien:
     Structures, 1975). The defaults are firm soil as in `KanaiTajimi`.
     """
 
+    name: ClassVar[str] = "Clough-Penzien"
     soil: KanaiTajimi = KanaiTajimi()
     frequency: float = 1.5
     damping: float = 0.6
 
     def __post_init__(self) -> None:
         _refuse_not_positive(self, "frequency", "damping")
-
-    @property
-    def name(self) -> str:
-        """Name in reports."""
-        return "Clough-Penzien"
 
     @property
     def intensity(self) -> float:

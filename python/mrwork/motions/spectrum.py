@@ -12,12 +12,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from mrwork.arguments import Positive, checked
 from mrwork.errors import RecordError, SettingError
-from mrwork.keys import SMALLEST, Within
-from mrwork.motions.ground_motion import GroundMotion, changed, resampled, scaled
+from mrwork.hints import SMALLEST, Within
+from mrwork.motions.ground_motion import GroundMotion, replace_samples, resampled, scaled
 from mrwork.motions.spectral_density import CloughPenzien, KanaiTajimi, SpectralDensity
-from mrwork.numbers import rounded
+from mrwork.numbers import format_rounded
 from mrwork.summary import Summarised, Summary
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 Complexes = NDArray[np.complex128]
 
@@ -31,8 +31,7 @@ _MOST_PLACES = 64
 _AT_ONCE = 1 << 20
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class ResponseSpectrum(Summarised):
     """Peak responses, each of shape (n_periods,), at one damping ratio.
 
@@ -71,7 +70,7 @@ class ResponseSpectrum(Summarised):
             columns=("period [s]", "displacement [m]", "velocity [m/s]", "acceleration [m/s^2]"),
             rows=[
                 tuple(
-                    rounded(float(each[at]))
+                    format_rounded(float(each[at]))
                     for each in (self.periods, self.displacement, self.velocity, self.acceleration)
                 )
                 for at in shown
@@ -212,7 +211,7 @@ def fitted_spectrum(motion: GroundMotion, kind: SpectrumKind = "kanai_tajimi") -
     used = (w > 0.0) & (w <= 2.0 * np.pi * _HIGHEST)
     w, periodogram = w[used], periodogram[used]
 
-    def made(shape: Floats, intensity: float = 1.0) -> SpectralDensity:
+    def make_density(shape: Floats, intensity: float = 1.0) -> SpectralDensity:
         frequency, damping, *filter_shape = np.exp(shape)
         soil = KanaiTajimi(frequency=float(frequency), damping=float(damping), intensity=intensity)
         if not filter_shape:
@@ -222,18 +221,18 @@ def fitted_spectrum(motion: GroundMotion, kind: SpectrumKind = "kanai_tajimi") -
     def misfit(shape: Floats) -> float:
         if np.any(np.abs(shape) > 8.0):
             return math.inf
-        density = made(shape).density(w)
+        density = make_density(shape).density(w)
         return float(np.mean(np.log(density)) + np.log(np.mean(periodogram / density)))
 
     rest = () if kind == "kanai_tajimi" else (1.5, 0.6)
-    found = min(
+    best = min(
         (
             minimize(misfit, np.log([*start, *rest]), method="Nelder-Mead", options={"xatol": 1e-4})
             for start in _STARTS
         ),
         key=lambda each: float(each.fun),
     )
-    return made(found.x, float(np.mean(periodogram / made(found.x).density(w))))
+    return make_density(best.x, float(np.mean(periodogram / make_density(best.x).density(w))))
 
 
 def _strong_part(motion: GroundMotion) -> Floats:
@@ -280,7 +279,6 @@ class TableDemand(Summarised):
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class ShakeTable:
     """A shake table: an actuator with limits and a bandwidth, on which the specimen has no effect.
 
@@ -329,7 +327,7 @@ class ShakeTable:
     @checked
     def demand(self, motion: GroundMotion) -> TableDemand:
         """What a commanded motion takes of the table, whether the table can run it or not."""
-        return self._taken_by(self._follow(motion))
+        return self._measure_demand(self._follow(motion))
 
     @checked
     def driven(self, motion: GroundMotion, *, beyond: Literal["refuse", "scale"] = "refuse") -> GroundMotion:
@@ -351,7 +349,7 @@ class ShakeTable:
             samples.
         """
         given = self._follow(motion)
-        taken = self._taken_by(given)
+        taken = self._measure_demand(given)
         if taken.within:
             return given
         limit, most = taken.limit, getattr(self, taken.limit)
@@ -363,7 +361,7 @@ class ShakeTable:
             )
         reason = f"scaled to the {limit} of the table, {most:.3g} {_UNITS[limit]}"
         smaller = scaled(given, 1.0 / taken.share)
-        return changed(given, smaller.acceleration, given.dt, f"{reason}: {smaller.changes[-1]}")
+        return replace_samples(given, smaller.acceleration, given.dt, f"{reason}: {smaller.changes[-1]}")
 
     def _follow(self, motion: GroundMotion) -> GroundMotion:
         """The command after the low-pass, exact for a command that runs straight between its samples."""
@@ -378,14 +376,14 @@ class ShakeTable:
         a = command.acceleration
         inputs = np.concatenate(([0.0], first * a[:-1] + second * np.diff(a)))
         state = lfilter([1.0], [1.0, -complex(decay[0])], inputs)
-        return changed(
+        return replace_samples(
             command,
             np.ascontiguousarray(w * w * state.imag / pole.imag),
             command.dt,
             f"followed by a table of {self.bandwidth:g} Hz",
         )
 
-    def _taken_by(self, given: GroundMotion) -> TableDemand:
+    def _measure_demand(self, given: GroundMotion) -> TableDemand:
         peaks: dict[TableLimit, float] = {
             "stroke": float(np.abs(given.displacement).max()),
             "velocity": float(np.abs(given.velocity).max()),

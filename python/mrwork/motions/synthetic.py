@@ -40,7 +40,7 @@ import numpy as np
 
 from mrwork.arguments import Seed, checked
 from mrwork.errors import SettingError
-from mrwork.keys import SMALLEST, Within
+from mrwork.hints import SMALLEST, Within
 from mrwork.motions.ground_motion import GroundMotion, brought_to_rest, check_samples, scaled_to_peak
 from mrwork.motions.spectral_density import CloughPenzien, KanaiTajimi, SpectralDensity
 from mrwork.values import Floats
@@ -128,7 +128,6 @@ def _memory(spectrum: SpectralDensity) -> float:
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Envelope:
     """Envelope `(t / rise)^2` up to `rise` [s], 1 up to `plateau_end` [s], then `exp(-decay (t - plateau_end))`.
 
@@ -155,7 +154,6 @@ class Envelope:
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class GammaEnvelope:
     """Envelope whose square is a gamma density in time, `t^(shape - 1) exp(-t / scale)`, with a peak of 1.
 

@@ -1,8 +1,8 @@
 from .damper_test import DamperTest as DamperTest
 from .damper_test import Finding as Finding
 from .damper_test import Observation as Observation
+from .damper_test import OperatingRange as OperatingRange
 from .loop_branches import branches as branches
-from .operating_range import OperatingRange as OperatingRange
 from .read import build_damper_test as build_damper_test
 from .read import guess_tests as guess_tests
 from .read import read_damper_test as read_damper_test
@@ -16,15 +16,15 @@ from .window import cut as cut
 if True:  # the lower tier
     from .columns import parse_column_option as parse_column_option
     from .damper_test import AS_IT_IS as AS_IT_IS
+    from .damper_test import Exceedance as Exceedance
     from .damper_test import Measured as Measured
+    from .damper_test import Outside as Outside
     from .damper_test import Smoothing as Smoothing
+    from .damper_test import range_of_test as range_of_test
+    from .damper_test import range_of_tests as range_of_tests
     from .detectors.smoothing import detect_smoothing as detect_smoothing
-    from .findings import mislabelled as mislabelled
+    from .findings import find_mislabelled as find_mislabelled
     from .likeness import Likeness as Likeness
     from .likeness import RecordedMotion as RecordedMotion
     from .loop_branches import Branches as Branches
-    from .operating_range import Exceedance as Exceedance
-    from .operating_range import Outside as Outside
-    from .operating_range import range_of_test as range_of_test
-    from .operating_range import range_of_tests as range_of_tests
     from .rig_table import ListedTest as ListedTest

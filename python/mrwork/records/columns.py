@@ -26,7 +26,8 @@ from mrwork.files.named_columns import (
     unit_in_name,
     without_unit,
 )
-from mrwork.summary import listed
+from mrwork.keys import closest, suggestion
+from mrwork.summary import list_names
 from mrwork.units import (
     FACTORS,
     OTHER_COMMAND_UNITS,
@@ -184,16 +185,18 @@ class StatedCommand:
 
 def scalar_command(names: Sequence[str], units: Mapping[str, str], *, source: str) -> StatedCommand | None:
     """The column whose name means a command that is neither a current nor a voltage, with its unit; else `None`."""
-    found = [
+    candidates = [
         (name, unit) for name in names for unit in [scalar_unit_in_name(name, units.get(name, ""))] if unit
     ]
-    if len(found) > 1:
-        (first, unit), (second, _) = found[:2]
+    if len(candidates) > 1:
+        (first, unit), (second, _) = candidates[:2]
         raise RecordError(
             f"{source}: columns '{first}' and '{second}' both look like the command; say which one to use, as in "
             f"{column_option(COMMAND, first, unit)}"
         )
-    return StatedCommand(quantity=None, column=found[0][0], unit=found[0][1]) if found else None
+    return (
+        StatedCommand(quantity=None, column=candidates[0][0], unit=candidates[0][1]) if candidates else None
+    )
 
 
 def choose_columns(
@@ -215,7 +218,7 @@ def choose_columns(
     chosen: dict[TestQuantity, ColumnChoice] = {}
     for name, specification in (columns or {}).items():
         quantity = _quantity(name)
-        chosen[quantity] = named.specified(quantity, specification)
+        chosen[quantity] = named.parse_specification(quantity, specification)
     taken = {choice.column for choice in chosen.values()}
     named = replace(named, free=tuple(name for name in names if name not in taken))
     unclear: list[_UnclearError] = []
@@ -262,7 +265,7 @@ class _Names:
     stamps: Collection[str]
     source: str
 
-    def specified(self, quantity: TestQuantity, specification: str) -> ColumnChoice:
+    def parse_specification(self, quantity: TestQuantity, specification: str) -> ColumnChoice:
         """The column that a ``"COLUMN:UNIT"`` or ``"COLUMN"`` names; without a unit it has that of the file."""
         column, unit = _parse_specification(quantity, specification)
         name = _find(column, self.names, self.source)
@@ -354,7 +357,7 @@ class _Names:
                 "add a header line such as t_s,displacement_m,force_n, or give the columns by their numbers"
             )
         else:
-            shown = listed([f"'{name}'" for name in self.names], _MOST_SHOWN)
+            shown = list_names([f"'{name}'" for name in self.names], _MOST_SHOWN)
             problem = f"no column for the {quantity} among {shown}"
             remedy = f"rename one, for example to '{_EXAMPLE[quantity]}', or say which it is"
         return _UnclearError(problem, remedy, kind=RecordError, quantity=quantity)
@@ -436,9 +439,8 @@ def _quantity(name: str) -> TestQuantity:
     for quantity in QUANTITIES:
         if quantity == name:
             return quantity
-    raise SettingError(
-        f"'{name}' is not a quantity of a damper test; use one of {', '.join((*QUANTITIES, COMMAND))}"
-    )
+    near = suggestion(name, (*QUANTITIES, COMMAND), otherwise="use one of")
+    raise SettingError(f"'{name}' is not a quantity of a damper test{near}")
 
 
 def _parse_specification(quantity: TestQuantity, specification: str) -> tuple[str, str]:
@@ -471,12 +473,14 @@ def _find(column: str, names: Sequence[str], source: str) -> str:
     if len(alike) == 1:
         return alike[0]
     if len(set(alike)) > 1:
-        found = listed([f"'{name}'" for name in alike])
-        raise RecordError(f"{source}: '{column}' may be {found}; give the whole heading")
+        quoted = list_names([f"'{name}'" for name in alike])
+        raise RecordError(f"{source}: '{column}' may be {quoted}; give the whole heading")
     if alike:
         raise RecordError(f"{source}: the column name '{column}' occurs {len(alike)} times; make it unique")
     shown = ", ".join(f"'{name}'" for name in names)
-    raise RecordError(f"{source}: there is no column '{column}'; the columns are {shown}")
+    near = closest(column, names)
+    columns = f", did you mean '{near}'" if near else f"; the columns are {shown}"
+    raise RecordError(f"{source}: there is no column '{column}'{columns}")
 
 
 def tells_a_test(table: ColumnTable, *, source: str) -> bool:

@@ -124,17 +124,17 @@ def with_nominal_command(test: DamperTest, nominal: Nominal, unclear: Sequence[s
         return test
     recorded = {of_unit: command for command, of_unit in test.commands}
     named = f"{value:g} {unit}"
-    found: tuple[Finding, ...] = ()
+    findings: tuple[Finding, ...] = ()
     if unit in recorded:
         # A varying command disagrees if it never is the nominal one.
         nearest = float(np.clip(value, *command_range(recorded[unit])))
         if abs(nearest - value) > command_noise(value, unit):
-            found = (_disagrees(quantity, value, nearest, unit),)
+            findings = (_disagrees(quantity, value, nearest, unit),)
     elif recorded:
         message = f"the command is {test.command_in_words}; the {named} of the file name are not used"
-        found = (Finding.note("name_not_used", message),)
+        findings = (Finding.note("name_not_used", message),)
     elif unclear:
-        found = (
+        findings = (
             Finding.warning(
                 "command_unclear",
                 f"column '{unclear[0]}' may be the command and does not say its unit, so the {named} of the file name "
@@ -144,7 +144,7 @@ def with_nominal_command(test: DamperTest, nominal: Nominal, unclear: Sequence[s
         )
     else:
         return replace(test, current=value) if unit == "A" else replace(test, voltage=value)
-    return replace(test, findings=(*test.findings, *found))
+    return replace(test, findings=(*test.findings, *findings))
 
 
 def _disagrees(quantity: str, named: float, measured: float, unit: str, how: str = "") -> Finding:

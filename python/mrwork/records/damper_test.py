@@ -1,4 +1,4 @@
-"""Damper test: a record in SI on a uniform time step, with its findings and its observation model.
+"""Damper test: a record in SI on a uniform time step, with its findings, observation model and operating ranges.
 
 The observation model states how the recorded force follows from the force of the damper.
 """
@@ -18,11 +18,16 @@ from mrwork.arguments import AnyNumbers, Count, NotNegative, Positive, Samples, 
 from mrwork.command_signal import Command, command_in_words, part_of_command, same_command
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import RecordError, SettingError
-from mrwork.keys import Within
+from mrwork.hints import Within
+from mrwork.records.motion import whole_cycles
 from mrwork.simulate import Loading
 from mrwork.summary import Summarised, Summary
-from mrwork.units import CommandUnit
-from mrwork.values import Floats, frozen, holds_arrays, keep_arrays
+from mrwork.tested_range import Exceedance as Exceedance
+from mrwork.tested_range import OperatingRange as OperatingRange
+from mrwork.tested_range import Outside as Outside
+from mrwork.tested_range import covering, least_stroke
+from mrwork.units import COMMAND_SCALES, CommandUnit
+from mrwork.values import Floats, array_dataclass, freeze_samples, keep_arrays
 
 RANGES: Final = {
     "delay_seconds": (-1e6, 1e6, "s"),
@@ -35,7 +40,6 @@ RANGES: Final = {
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Observation:
     """Effects of rig and processing on the recorded force, in this order; the default has no effect.
 
@@ -83,17 +87,17 @@ class Observation:
         return ceil(before - _ROUNDING), ceil(after - _ROUNDING)
 
     @checked
-    def observe(self, force: AnyNumbers, dt: Positive) -> NDArray[np.float64]:
+    def observe(self, force: AnyNumbers, dt: Positive) -> Floats:
         """Recorded force for a damper force [N], shape (..., n_time), sampled every `dt` [s]."""
         if force.ndim < 1 or force.shape[-1] < 2:
             raise SettingError(f"`force` has shape {force.shape}; give two samples or more")
         observed = force
         if self.delay_seconds != 0.0:
-            observed = delayed(observed, self.delay_seconds / dt)
+            observed = delay_signal(observed, self.delay_seconds / dt)
         if self.lowpass_hz > 0.0:
             observed = _low_passed(observed, self.lowpass_hz, dt)
         if self.average_seconds > 0.0:
-            observed = averaged(observed, self.average_seconds / dt)
+            observed = average_signal(observed, self.average_seconds / dt)
         if self.gain != 1.0:
             observed = self.gain * observed
         return observed + self.offset if self.offset != 0.0 else observed
@@ -108,7 +112,7 @@ _ROUNDING = 1e-6
 _LOWEST = 1e-7
 
 
-def delayed(signal: Floats, samples: float) -> Floats:
+def delay_signal(signal: Floats, samples: float) -> Floats:
     """Delay a signal, shape (..., n_time), by `samples`, linear in between; the ends are held constant."""
     last = signal.shape[-1] - 1
     place = np.clip(np.arange(last + 1) - samples, 0.0, last)
@@ -117,7 +121,7 @@ def delayed(signal: Floats, samples: float) -> Floats:
     return np.asarray(signal[..., before] * (1.0 - share) + signal[..., before + 1] * share)
 
 
-def averaged(signal: Floats, samples: float) -> Floats:
+def average_signal(signal: Floats, samples: float) -> Floats:
     """Moving average of a signal, shape (..., n_time), linear between samples, over a centred window of `samples`.
 
     At the ends, the window is truncated to the record.
@@ -209,8 +213,7 @@ class Smoothing:
 
 
 @checked
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class DamperTest(Summarised):
     """A force-motion record of one damper, uniformly sampled, in SI.
 
@@ -350,9 +353,9 @@ class DamperTest(Summarised):
             )
         return replace(
             self,
-            displacement=frozen(self.displacement[window]),
-            velocity=frozen(self.velocity[window]),
-            force=frozen(self.force[window]),
+            displacement=freeze_samples(self.displacement[window]),
+            velocity=freeze_samples(self.velocity[window]),
+            force=freeze_samples(self.force[window]),
             current=part_of_command(self.current, first, min(last, self.n_time), every),
             voltage=part_of_command(self.voltage, first, min(last, self.n_time), every),
             command=part_of_command(self.command, first, min(last, self.n_time), every),
@@ -362,7 +365,7 @@ class DamperTest(Summarised):
         )
 
     @property
-    def time(self) -> NDArray[np.float64]:
+    def time(self) -> Floats:
         """Sample times [s], shape (n_time,)."""
         return self.start_time + self.dt * np.arange(self.n_time, dtype=np.float64)
 
@@ -402,15 +405,15 @@ def as_tests(tests: DamperTest | Sequence[DamperTest]) -> tuple[DamperTest, ...]
     """One test or several as a tuple, each of other data."""
     if isinstance(tests, DamperTest):
         return (tests,)
-    found = tuple(tests)
-    for (first, one), (second, other) in combinations(enumerate(found, start=1), 2):
+    as_tuple = tuple(tests)
+    for (first, one), (second, other) in combinations(enumerate(as_tuple, start=1), 2):
         if _has_samples_of(one, other):
             names = one.label if one.label == other.label else f"{one.label} and {other.label}"
             raise RecordError(
                 f"tests {first} and {second} ({names}) have the same samples; data that count twice make errors and "
                 "bands too narrow, so give each test once"
             )
-    return found
+    return as_tuple
 
 
 def _has_samples_of(one: DamperTest, other: DamperTest) -> bool:
@@ -446,3 +449,48 @@ def loading_of(test: DamperTest, spec: DamperSpec) -> Loading:
         f"{test.label}: the model takes its command in {spec.current.unit}, the test has "
         f"{test.command_in_words or 'none'}; give a column for it, or a model in the other unit"
     )
+
+
+# Share of the cycles that are longer, and that are shorter, than those of the frequency range.
+_RARE = 0.1
+
+
+def range_of_test(test: DamperTest, unit: CommandUnit | None, force: Samples | None = None) -> OperatingRange:
+    """Ranges of a test with its command in `unit`; `force` replaces the measured one [N], shape (n_time,)."""
+    load = test.force if force is None else force
+    if load.size != test.n_time:
+        raise SettingError(
+            f"`force` has {load.size} samples; give one for each of the {test.n_time} of {test.label}"
+        )
+    command = test.command_in(unit)
+    return OperatingRange(
+        stroke=0.5 * float(np.ptp(test.displacement)),
+        velocity=float(np.abs(test.velocity).max()),
+        frequency=_frequencies(test),
+        command=None if command is None else (float(np.min(command)), float(np.max(command))),
+        command_unit=None if command is None else unit,
+        force=float(np.abs(load).max()),
+        power=max(0.0, float(np.mean(load * test.velocity))),
+        least_stroke=least_stroke(test.displacement),
+    )
+
+
+def range_of_tests(tests: Sequence[DamperTest], unit: CommandUnit | None = None) -> OperatingRange:
+    """Ranges of one or more tests together; without a `unit`, that in which most of the commands are known."""
+    if not tests:
+        raise SettingError("the range of no test was asked for; give at least one test")
+    if unit is None:
+        # Of several units with as many commands a current, then a voltage.
+        units: Sequence[CommandUnit] = [own for test in tests for _, own in test.commands]
+        known: list[CommandUnit] = [each for each in COMMAND_SCALES if each in units]
+        unit = max(known, key=units.count) if known else None
+    return covering([range_of_test(test, unit) for test in tests])
+
+
+def _frequencies(test: DamperTest) -> tuple[float, float] | None:
+    """Frequencies of the cycles [Hz], without the slowest and the fastest tenth; `None` without a whole cycle."""
+    seconds = [test.dt * (cycle.stop - cycle.start) for cycle in whole_cycles(test.displacement)]
+    if not seconds:
+        return None
+    lowest, highest = np.quantile(1.0 / np.array(seconds), [_RARE, 1.0 - _RARE])
+    return float(lowest), float(highest)

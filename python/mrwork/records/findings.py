@@ -1,4 +1,4 @@
-"""Findings among several tests: those of all, each said once, those that only a set shows, and the verbs that say them.
+"""Findings of several tests: shared ones, those that only a set shows, and the verbs that report them.
 
 `CONCERNS` lists the findings that a verb states before anybody relies on what it computes.
 """
@@ -19,7 +19,7 @@ from mrwork.records.checks import mean_over_travel
 from mrwork.records.damper_test import DamperTest, Finding, Measured
 from mrwork.records.motion import motion_of
 from mrwork.records.repairs import REPAIR_KINDS
-from mrwork.summary import listed
+from mrwork.summary import list_names
 from mrwork.values import Floats
 
 
@@ -32,7 +32,7 @@ def repeated_records(tests: Sequence[DamperTest]) -> tuple[Finding, ...]:
     return tuple(
         Finding.warning(
             "record_repeated",
-            f"{listed(labels)} are the same record, byte for byte, which counts {len(labels)} times",
+            f"{list_names(labels)} are the same record, byte for byte, which counts {len(labels)} times",
             action="give it once",
         )
         for labels in copies.values()
@@ -49,7 +49,7 @@ _SIGNIFICANT: Final = 3.5
 _MAD_TO_DEVIATION: Final = 1.4826
 
 
-def mislabelled(tests: Sequence[DamperTest]) -> tuple[Finding, ...]:
+def find_mislabelled(tests: Sequence[DamperTest]) -> tuple[Finding, ...]:
     """Warn of tests whose dissipative force does not match that of the other tests at their command.
 
     The dissipative force of a test is int F v dt / int |v| dt. Its logarithm is modelled by a level for each command
@@ -164,18 +164,18 @@ class SharedFinding:
     @property
     def in_words(self) -> str:
         """One sentence: the severity, the tests, the message, and the range of the measured sizes."""
-        place = f" in {self.concerned}" if self.tests else ""
+        place = f" in {self.concerned_tests}" if self.tests else ""
         return f"{self.severity}{place}: {self.message}{self._numbers}"
 
     @property
-    def concerned(self) -> str:
+    def concerned_tests(self) -> str:
         """The tests in words: the one, all, or their number and the names of the first."""
         count = len(self.tests)
         if count == 1:
             return self.tests[0]
         if count == self.n_tests:
             return f"all {count} tests"
-        return f"{count} of {self.n_tests} tests ({listed(self.tests, _NAMED)})"
+        return f"{count} of {self.n_tests} tests ({list_names(self.tests, _NAMED)})"
 
     @property
     def _numbers(self) -> str:
@@ -296,12 +296,12 @@ CONCERNS: Final[Mapping[str, tuple[Verb, ...]]] = {
 
 
 def concerns(finding: Finding, verb: Verb) -> bool:
-    """Whether a verb says a finding."""
+    """Whether a verb reports a finding."""
     return verb in CONCERNS.get(finding.code, _EVERY)
 
 
 def findings_for(verb: Verb, tests: Sequence[DamperTest]) -> tuple[SharedFinding, ...]:
-    """What the checks found in several tests and in each that matters to a verb, each once, warnings first."""
+    """Findings of several tests that matter to a verb, each once, warnings first."""
     told = [
         replace(test, findings=tuple(each for each in test.findings if concerns(each, verb)))
         for test in tests
@@ -322,5 +322,5 @@ def findings_for(verb: Verb, tests: Sequence[DamperTest]) -> tuple[SharedFinding
 
 
 def findings_of_set(tests: Sequence[DamperTest]) -> tuple[Finding, ...]:
-    """What several tests show together and none alone: wrong commands, and copies."""
-    return (*mislabelled(tests), *repeated_records(tests))
+    """Findings that need several tests: wrong commands, and copies."""
+    return (*find_mislabelled(tests), *repeated_records(tests))

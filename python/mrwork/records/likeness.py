@@ -20,7 +20,7 @@ from mrwork.records.damper_test import DamperTest
 from mrwork.records.motion import regular_cycles, spectrum
 from mrwork.store.codec import Related
 from mrwork.units import CommandUnit
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 # Samples of a cycle, and most samples of a motion that is not periodic.
 _PER_CYCLE: Final = 32
@@ -93,8 +93,8 @@ class RecordedMotion(Related):
             n_each = _samples_of_a_mean(displacement, test.dt)
             samples, means = _means(displacement, n_each), _means(force, n_each)
             step = test.dt * n_each
-        half_stroke, shape = _encoded(samples)
-        half_force, force_shape = _encoded(means)
+        half_stroke, shape = _encode_samples(samples)
+        half_force, force_shape = _encode_samples(means)
         varying = [command[settled] for command, _ in test.commands if isinstance(command, np.ndarray)]
         return cls(
             test=test.label,
@@ -111,26 +111,26 @@ class RecordedMotion(Related):
             force_mean=float(means.mean()),
             half_force=half_force,
             force_shape=force_shape,
-            commands=tuple(_encoded(_means(command, n_each))[1] for command in varying),
+            commands=tuple(_encode_samples(_means(command, n_each))[1] for command in varying),
         )
 
     def disagreement(self) -> str:
-        """Whether the shapes of motion and commands can be read."""
+        """First contradiction: a motion without samples, or a force of another length."""
         for text in (self.shape, *self.commands):
-            if not _decoded(text).size:
+            if not _decode_samples(text).size:
                 return f"the motion of {self.test} has no samples"
-        if _decoded(self.force_shape).size != _decoded(self.shape).size:
+        if _decode_samples(self.force_shape).size != _decode_samples(self.shape).size:
             return f"the force of {self.test} has other samples than its motion"
         return ""
 
     @property
     def displacement(self) -> Floats:
         """The displacement about its mean [m], shape (n_samples,)."""
-        return self.half_stroke * _decoded(self.shape)
+        return self.half_stroke * _decode_samples(self.shape)
 
     @property
     def _force(self) -> Floats:
-        return self.force_mean + self.half_force * _decoded(self.force_shape)
+        return self.force_mean + self.half_force * _decode_samples(self.force_shape)
 
     def same_command(self, other: RecordedMotion) -> bool:
         """Whether the commands are equal; where one is unknown, whether the forces are of one size.
@@ -157,37 +157,37 @@ class RecordedMotion(Related):
         ]
         return all(known) if known else None
 
-    def _aligned(self, seen: RecordedMotion) -> _Alignment | None:
-        """Motion and force beside the part of another test that contains the motion, or most of it; `None` without."""
+    def _align_with(self, seen: RecordedMotion) -> _Alignment | None:
+        """Motion and force aligned with the part of another test that contains most of the motion; `None` if none."""
         mine, other = (
-            np.stack([each.displacement, each._force, *map(_decoded, each.commands)]) for each in (self, seen)
+            np.stack([each.displacement, each._force, *map(_decode_samples, each.commands)])
+            for each in (self, seen)
         )
         if self.periodic and seen.periodic:
             periods = self.step * _PER_CYCLE, seen.step * _PER_CYCLE
             if abs(periods[0] - periods[1]) > _PERIOD * max(periods):
                 return None
             # In phases of the cycle, whose lengths may differ a little.
-            return _contained(mine, np.tile(other, 2), least=1.0, limit=_PERIODIC)
+            return _find_pattern(mine, np.tile(other, 2), least=1.0, limit=_PERIODIC)
         step = max(self.step, seen.step)
         if self.periodic:
             pattern = _at(np.tile(mine, 2), self.step, step)
-            return _contained(pattern, _at(other, seen.step, step), least=1.0, limit=_PERIODIC)
+            return _find_pattern(pattern, _at(other, seen.step, step), least=1.0, limit=_PERIODIC)
         own = _at(mine, self.step, step)
         if seen.periodic:
             n_cycles = int(_SHARE * self.displacement.size * self.step / (seen.step * _PER_CYCLE))
             cycles = np.tile(other, max(1, min(n_cycles, _CYCLES)))
-            found = _contained(_at(cycles, seen.step, step), own, least=1.0, limit=_PERIODIC)
-            return None if found is None else replace(found, one=found.other, other=found.one)
+            alignment = _find_pattern(_at(cycles, seen.step, step), own, least=1.0, limit=_PERIODIC)
+            return None if alignment is None else replace(alignment, one=alignment.other, other=alignment.one)
         record = _at(other, seen.step, step)
         least = _SHARE
         if seen.displacement.size == _MOST:
             # Of a longer motion only the first part is kept.
             least *= min(1.0, record.shape[1] / own.shape[1])
-        return _contained(own, record, least=least, limit=_IRREGULAR)
+        return _find_pattern(own, record, least=least, limit=_IRREGULAR)
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class _Alignment:
     """Correlation of two motions, and what overlaps: displacement, force and commands of each, shape (n, n_samples)."""
 
@@ -222,7 +222,7 @@ class Likeness:
 
     @property
     def condition_in_words(self) -> str:
-        """How the force differs, and what that may mean."""
+        """Difference of the force and its possible causes, in words."""
         ratio, shift = self.force_ratio or 1.0, self.force_shift or 0.0
         # At unknown commands that may be the reason.
         shared, command = ("motion and command", "") if self.known_command else ("motion", "command, ")
@@ -235,26 +235,26 @@ class Likeness:
         return f"{self.test} has the {shared} of {self.like} (correlation of displacements {self.correlation:.4f})"
 
 
-def likenesses_in_words(found: Sequence[Likeness]) -> str:
+def likenesses_in_words(likenesses: Sequence[Likeness]) -> str:
     """The first few of several likenesses."""
-    more = f", and {len(found) - 3} more alike" if len(found) > 3 else ""
-    return "; ".join(each.in_words for each in found[:3]) + more
+    more = f", and {len(likenesses) - 3} more alike" if len(likenesses) > 3 else ""
+    return "; ".join(each.in_words for each in likenesses[:3]) + more
 
 
 def likeness(test: RecordedMotion, seen: RecordedMotion) -> Likeness | None:
-    """Whether a test has the motion and command of another one, wholly or for the greater part."""
+    """Likeness of two tests with the same motion and command, whole or for the greater part; `None` if they differ."""
     if test.sha256 and test.sha256 == seen.sha256:
         return Likeness(test=test.test, like=seen.test, correlation=1.0)
     return motion_likeness(test, seen) if test.same_command(seen) else None
 
 
 def motion_likeness(test: RecordedMotion, seen: RecordedMotion) -> Likeness | None:
-    """Whether a test has the motion of another one and no other command, whatever its force is."""
+    """Likeness of two tests with the same motion, unless their commands are known to differ; `None` if unlike."""
     known = test._same_known_command(seen)
-    found = None if known is False else test._aligned(seen)
-    if found is None:
+    alignment = None if known is False else test._align_with(seen)
+    if alignment is None:
         return None
-    (stroke, force), (other_stroke, other_force) = found.one[:2], found.other[:2]
+    (stroke, force), (other_stroke, other_force) = alignment.one[:2], alignment.other[:2]
     deviation = max(float(np.std(other_force)), np.finfo(np.float64).tiny)
     ratio = float(np.std(force)) / deviation
     shift = float(np.mean(force) - ratio * np.mean(other_force))
@@ -262,7 +262,7 @@ def motion_likeness(test: RecordedMotion, seen: RecordedMotion) -> Likeness | No
     return Likeness(
         test=test.test,
         like=seen.test,
-        correlation=found.correlation,
+        correlation=alignment.correlation,
         known_command=known is True,
         force_ratio=ratio,
         force_shift=shift,
@@ -286,8 +286,10 @@ def likest_of_other_force(test: RecordedMotion, seen: Sequence[RecordedMotion]) 
     return _closest(each for other in seen if (each := motion_likeness(test, other)) and not each.same_force)
 
 
-def _closest(found: Iterable[Likeness | None]) -> Likeness | None:
-    return max((each for each in found if each is not None), key=lambda each: each.correlation, default=None)
+def _closest(likenesses: Iterable[Likeness | None]) -> Likeness | None:
+    return max(
+        (each for each in likenesses if each is not None), key=lambda each: each.correlation, default=None
+    )
 
 
 def alike_groups(motions: Sequence[RecordedMotion]) -> list[list[int]]:
@@ -330,14 +332,14 @@ def _means(samples: Floats, n_each: int) -> Floats:
     return np.asarray(samples[: n_means * n_each].reshape(n_means, n_each).mean(axis=1))
 
 
-def _encoded(samples: Floats) -> tuple[float, str]:
+def _encode_samples(samples: Floats) -> tuple[float, str]:
     """Largest distance from the mean, and the samples about their mean in its unit as text."""
     about = samples - samples.mean()
     largest = max(float(np.max(np.abs(about))), 1e-12)
     return largest, base64.b64encode(np.round(_INT16 * about / largest).astype("<i2").tobytes()).decode()
 
 
-def _decoded(text: str) -> Floats:
+def _decode_samples(text: str) -> Floats:
     return np.frombuffer(base64.b64decode(text, validate=True), dtype="<i2").astype(np.float64) / _INT16
 
 
@@ -354,7 +356,7 @@ def _at(channels: Floats, step: float, wanted: float) -> Floats:
     return np.stack([np.interp(place, np.arange(n_samples), each) for each in channels])
 
 
-def _contained(pattern: Floats, record: Floats, *, least: float, limit: float) -> _Alignment | None:
+def _find_pattern(pattern: Floats, record: Floats, *, least: float, limit: float) -> _Alignment | None:
     """A pattern where it correlates best with a record, over all shifts; `None` below the limit.
 
     Both have displacement, force and any commands, shape (n, n_samples); the least correlation counts, not the force's.
@@ -365,15 +367,15 @@ def _contained(pattern: Floats, record: Floats, *, least: float, limit: float) -
     if min(n_pattern, n_record) < n_least or len(pattern) != len(record):
         return None
     compared = [row for row in range(len(pattern)) if row != _FORCE_ROW]
-    found = np.min([_correlations(pattern[row], record[row], n_least) for row in compared], axis=0)
-    best = int(np.argmax(found))
-    if found[best] < limit:
+    correlations = np.min([_correlations(pattern[row], record[row], n_least) for row in compared], axis=0)
+    best = int(np.argmax(correlations))
+    if correlations[best] < limit:
         return None
     # The shifts of `_correlations` are those with enough overlap.
     shift = n_least - n_pattern + best
     first, last = max(0, shift), min(n_record, shift + n_pattern)
     return _Alignment(
-        correlation=min(float(found[best]), 1.0),
+        correlation=min(float(correlations[best]), 1.0),
         one=pattern[:, first - shift : last - shift],
         other=record[:, first:last],
     )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Annotated, ClassVar, Final, Literal
 
 import numpy as np
@@ -11,11 +10,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from mrwork.arguments import checked
 from mrwork.errors import RecordError, SettingError
-from mrwork.keys import Within
+from mrwork.hints import Within
 from mrwork.records.damper_test import DamperTest
 from mrwork.records.motion import regular_cycles
 from mrwork.summary import Summarised
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 Mask = NDArray[np.bool_]
 Abscissa = Literal["velocity", "displacement"]
@@ -23,8 +22,7 @@ Abscissa = Literal["velocity", "displacement"]
 _OTHER: Final[Mapping[Abscissa, Abscissa]] = {"velocity": "displacement", "displacement": "velocity"}
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class Branches(Summarised):
     """The two branches of the loops of a periodic test, made by `branches`.
 

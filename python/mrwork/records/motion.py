@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 
 # Tests of one rig have few windows and steps, and each has several derivatives.
@@ -26,9 +26,9 @@ def weights(window: int, order: int, *, derivative: int = 0, step: float = 1.0) 
     powers = np.arange(half, -half - 1.0, -1.0) ** np.arange(order + 1.0)[:, None]
     wanted = np.zeros(order + 1)
     wanted[derivative] = factorial(derivative) / step**derivative
-    found = np.asarray(np.linalg.lstsq(powers, wanted, rcond=None)[0])
-    found.setflags(write=False)
-    return found
+    solution = np.asarray(np.linalg.lstsq(powers, wanted, rcond=None)[0])
+    solution.setflags(write=False)
+    return solution
 
 
 def savitzky_golay(
@@ -71,22 +71,22 @@ def _sums_of_block(signal: Floats, weights: Floats) -> Floats:
     n_inner = signal.size - 2 * half
     along = weights[::-1]
 
-    def shifted(by: int) -> Floats:
+    def shift_signal(by: int) -> Floats:
         return signal[half + by : half + by + n_inner]
 
     # Weights that are even or odd up to rounding are treated as such, as in `scipy.ndimage.correlate1d`.
     if np.all(np.abs(weights - along) <= np.finfo(float).eps):
-        total = shifted(0) * along[half]
+        total = shift_signal(0) * along[half]
         for by in range(-half, 0):
-            total += (shifted(by) + shifted(-by)) * along[half + by]
+            total += (shift_signal(by) + shift_signal(-by)) * along[half + by]
     elif np.all(np.abs(weights + along)[:half] <= np.finfo(float).eps):
-        total = shifted(0) * along[half]
+        total = shift_signal(0) * along[half]
         for by in range(-half, 0):
-            total += (shifted(by) - shifted(-by)) * along[half + by]
+            total += (shift_signal(by) - shift_signal(-by)) * along[half + by]
     else:
-        total = shifted(half) * along[-1]
+        total = shift_signal(half) * along[-1]
         for by in range(-half, half):
-            total += shifted(by) * along[half + by]
+            total += shift_signal(by) * along[half + by]
     return np.asarray(total)
 
 
@@ -160,8 +160,7 @@ class Smoother:
         return weights(self.window, _ORDER, derivative=order, step=self.dt)
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class SmoothMotion:
     """Smoothed motion: displacement [m], velocity [m/s], acceleration [m/s^2], shape (n_time,).
 

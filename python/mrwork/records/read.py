@@ -60,9 +60,9 @@ from mrwork.records.window import (
     uncompared_spans,
     uniform_step,
 )
-from mrwork.summary import listed
+from mrwork.summary import list_names
 from mrwork.units import CommandUnit
-from mrwork.values import Floats, frozen
+from mrwork.values import Floats, freeze_samples
 
 _DETECTORS: Final[tuple[Callable[[DamperTest, SmoothMotion], tuple[Finding, ...]], ...]] = (
     smoothing_finding,
@@ -183,7 +183,7 @@ def build_damper_test(
         sent = getattr(signals, channel_name)
         if sent is not None and unit is not None:
             rings |= ringing_samples(sent, unit)
-            commands[channel_name] = frozen(without_ringing(sent, unit))
+            commands[channel_name] = freeze_samples(without_ringing(sent, unit))
     resisting, about_sign = checks.force_sign(signals.force, motion.velocity)
     findings += [
         *about_velocity,
@@ -204,9 +204,9 @@ def build_damper_test(
         sha256=_digest(raw, current, voltage, command) if sha256 is None else sha256,
         dt=dt,
         start_time=float(signals.time[0]),
-        displacement=frozen(displaced),
-        velocity=frozen(moving),
-        force=frozen(resisting),
+        displacement=freeze_samples(displaced),
+        velocity=freeze_samples(moving),
+        force=freeze_samples(resisting),
         velocity_source=velocity_source,
         n_settle=settling_samples(displaced),
         uncompared=spans_with(uncompared, rings),
@@ -371,11 +371,11 @@ def read_damper_test(path: str | os.PathLike[str], *, columns: Mapping[str, str]
 def unused_finding(table: ColumnTable, used: Collection[str]) -> tuple[Finding, ...]:
     """Note the columns and other parts of a file that no quantity of the test is read from."""
     columns = [f"'{name}'" for name in table.names if name and name not in used]
-    named = f"column{'s' if len(columns) > 1 else ''} {listed(columns, _MOST_NAMED)}"
+    named = f"column{'s' if len(columns) > 1 else ''} {list_names(columns, _MOST_NAMED)}"
     parts = [*([named] if columns else []), *table.unused]
     findings = [Finding.note("not_used", f"not used: {'; '.join(parts)}")] if parts else []
     if table.further:
-        further = listed([f"'{name}'" for name in table.further], _MOST_NAMED)
+        further = list_names([f"'{name}'" for name in table.further], _MOST_NAMED)
         message = f"{len(table.further)} more sheets have a record: {further}"
         action = "save each as a file of its own to read it"
         findings.append(Finding.warning("further_records", message, action=action))

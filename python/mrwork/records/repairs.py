@@ -1,4 +1,4 @@
-"""What a user may ask of a test: repairs, which are recorded as findings, and its observation model.
+"""Repairs of a test, which are recorded as findings, and its observation model.
 
 An observation model is given in words of a setting: a moving average that was detected in the record, or given values.
 """
@@ -14,13 +14,14 @@ import numpy as np
 
 from mrwork.arguments import checked
 from mrwork.errors import SettingError
+from mrwork.keys import closest
 from mrwork.records.checks import mean_over_travel, rest_before_motion, samples_at_rest
 from mrwork.records.damper_test import AS_IT_IS, RANGES, DamperTest, Finding, Measured, Observation
 from mrwork.records.detectors.cycles import force_delay, moving_mass
 from mrwork.records.detectors.velocity import OFF_BY_FACTOR
 from mrwork.records.motion import motion_of, spectrum
 from mrwork.records.window import cut
-from mrwork.values import frozen
+from mrwork.values import freeze_samples
 
 RepairKind = Literal["rest", "delay", "offset", "mass", "velocity"]
 REPAIR_KINDS: Final[tuple[RepairKind, ...]] = get_args(RepairKind)
@@ -112,7 +113,7 @@ def _rest(test: DamperTest, _: float | None) -> tuple[DamperTest, Finding]:
     rest = samples_at_rest(test.displacement)
     seconds = rest * test.dt
     shorter = cut(test, start=float(test.time[rest]))
-    return shorter, _done("rest", f"the first {seconds:.3g} s, at rest, were cut off", seconds, "s")
+    return shorter, _make_finding("rest", f"the first {seconds:.3g} s, at rest, were cut off", seconds, "s")
 
 
 def _delay(test: DamperTest, amount: float | None) -> tuple[DamperTest, Finding]:
@@ -141,8 +142,8 @@ def _delay(test: DamperTest, amount: float | None) -> tuple[DamperTest, Finding]
         (max(first - lost, 0), last) if late else (first, min(last + lost, shorter.n_time))
         for first, last in shorter.uncompared
     )
-    shifted_test = replace(shorter, force=frozen(shifted), uncompared=uncompared)
-    return shifted_test, _done("delay", message, seen.value, "s", seen)
+    shifted_test = replace(shorter, force=freeze_samples(shifted), uncompared=uncompared)
+    return shifted_test, _make_finding("delay", message, seen.value, "s", seen)
 
 
 def _offset(test: DamperTest, amount: float | None) -> tuple[DamperTest, Finding]:
@@ -151,7 +152,9 @@ def _offset(test: DamperTest, amount: float | None) -> tuple[DamperTest, Finding
     motion = motion_of(test.displacement, test.dt)
     offset = mean_over_travel(test.force, motion.velocity) if amount is None else amount
     message = f"a static force of {offset:+.4g} N was subtracted"
-    return replace(test, force=frozen(test.force - offset)), _done("offset", message, offset, "N")
+    return replace(test, force=freeze_samples(test.force - offset)), _make_finding(
+        "offset", message, offset, "N"
+    )
 
 
 def _mass(test: DamperTest, amount: float | None) -> tuple[DamperTest, Finding]:
@@ -161,7 +164,9 @@ def _mass(test: DamperTest, amount: float | None) -> tuple[DamperTest, Finding]:
         return test, _no_cause("mass", "the force has no component in phase with the acceleration; give one")
     inertia = seen.value * motion.acceleration
     message = f"the inertia of {seen.value:.3g} kg{_error(seen, 1.0)} was taken out of the force"
-    return replace(test, force=frozen(test.force - inertia)), _done("mass", message, seen.value, "kg", seen)
+    return replace(test, force=freeze_samples(test.force - inertia)), _make_finding(
+        "mass", message, seen.value, "kg", seen
+    )
 
 
 def _velocity(test: DamperTest, _: float | None) -> tuple[DamperTest, Finding]:
@@ -172,8 +177,8 @@ def _velocity(test: DamperTest, _: float | None) -> tuple[DamperTest, Finding]:
     message = (
         f"the velocity was derived from the displacement anew; it changed by {100 * changed:.2g} % (rms)"
     )
-    repaired = replace(test, velocity=frozen(derived), velocity_source="derived")
-    return repaired, _done("velocity", message, changed, "")
+    repaired = replace(test, velocity=freeze_samples(derived), velocity_source="derived")
+    return repaired, _make_finding("velocity", message, changed, "")
 
 
 _STEPS: Final[dict[RepairKind, Callable[[DamperTest, float | None], tuple[DamperTest, Finding]]]] = {
@@ -185,7 +190,9 @@ _STEPS: Final[dict[RepairKind, Callable[[DamperTest, float | None], tuple[Damper
 }
 
 
-def _done(kind: RepairKind, message: str, value: float, unit: str, seen: Measured | None = None) -> Finding:
+def _make_finding(
+    kind: RepairKind, message: str, value: float, unit: str, seen: Measured | None = None
+) -> Finding:
     error = None if seen is None else seen.standard_error
     measured = Measured(value=value, standard_error=error, unit=unit)
     return Finding(code=f"repaired_{kind}", severity="repaired", message=message, measured=measured)
@@ -288,8 +295,10 @@ def _value(word: str, *, period: float) -> tuple[str, float]:
     """Name and value of WHAT=VALUE, or WHAT=VALUET with a share of the period [s]."""
     name, _, text = word.partition("=")
     if name not in _FIELDS:
+        near = closest(name, [DETECT, NONE, *_FIELDS])
+        values = ", ".join(f"{key}=VALUE" for key in _FIELDS)
         raise SettingError(
-            f"--observe is {word!r}; give {DETECT}, {NONE}, or {', '.join(f'{key}=VALUE' for key in _FIELDS)}"
+            f"--observe is {word!r}{f', did you mean {near}' if near else f'; give {DETECT}, {NONE}, or {values}'}"
         )
     share = text.endswith("T") and name in _OF_PERIOD
     try:

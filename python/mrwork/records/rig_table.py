@@ -10,15 +10,16 @@ from typing import Final, Literal, get_args
 
 from mrwork.arguments import checked
 from mrwork.errors import MrworkError, OutputError, RecordError, SettingError
-from mrwork.files.delimited import decoded, read_text_bytes
+from mrwork.files.delimited import decode_text, read_text_bytes
 from mrwork.files.layout import delimiter_of, is_data, split
 from mrwork.files.named_columns import listed_files
 from mrwork.files.open_table import EXTENSIONS, TEXT_EXTENSIONS
+from mrwork.keys import closest, suggestion
 from mrwork.records.columns import COMMAND, REQUIRED, check_specification
 from mrwork.store.input_file import RECORD, exists, is_file, is_folder, start_of
 from mrwork.store.output_file import replacing
 from mrwork.store.run_folder import real_place
-from mrwork.summary import Summarised, listed
+from mrwork.summary import Summarised, list_names
 from mrwork.table import csv_text
 
 Use = Literal["fit", "calibration", "test"]
@@ -112,7 +113,7 @@ def _is_record(path: Path) -> bool:
 
 
 def files_not_read(paths: str | os.PathLike[str] | Iterable[str | os.PathLike[str]]) -> dict[Path, str]:
-    """What is not read of each folder among the paths, as a sentence; folders that are read whole are left out.
+    """Sentence on the unread files of each folder among the paths; folders that are read completely are omitted.
 
     Of a folder with a table of tests these are the records that the table does not name, else all that is no record.
     """
@@ -130,7 +131,7 @@ def files_not_read(paths: str | os.PathLike[str] | Iterable[str | os.PathLike[st
             why = "not read"
         if left:
             names = [f"{path.name}/" if is_folder(path) else path.name for path in left]
-            sentences[folder] = f"of the folder {folder}, {why}: {listed(names, _MOST_NAMED)}"
+            sentences[folder] = f"of the folder {folder}, {why}: {list_names(names, _MOST_NAMED)}"
     return sentences
 
 
@@ -139,7 +140,7 @@ def is_test_table(path: Path) -> bool:
     if path.suffix.lower() not in TEXT_EXTENSIONS or not is_file(path):
         return False
     try:
-        start = decoded(start_of(path, RECORD, 4096))
+        start = decode_text(start_of(path, RECORD, 4096))
     except RecordError:
         return False
     line = next(filter(is_data, start.splitlines()), "")
@@ -162,7 +163,7 @@ def read_test_table(path: str | os.PathLike[str]) -> tuple[ListedTest, ...]:
         The file is no such table, or an entry is invalid or still "?"; the message names the line.
     """
     place = Path(path)
-    lines = decoded(read_text_bytes(place)).splitlines()
+    lines = decode_text(read_text_bytes(place)).splitlines()
     filled = [(number, line) for number, line in enumerate(lines, start=1) if is_data(line)]
     if not filled:
         raise RecordError(
@@ -174,9 +175,11 @@ def read_test_table(path: str | os.PathLike[str]) -> tuple[ListedTest, ...]:
         header.pop()
     unknown = [name for name in header if name not in _HEADER]
     if unknown or "file" not in header or len(set(header)) < len(header):
+        near = closest(unknown[0], _HEADER) if unknown else ""
+        meant = f", did you mean {near}" if near else ""
         raise RecordError(
             f"{place}, line {filled[0][0]}: a table of tests has the columns {', '.join(_HEADER)}, each at most once; "
-            f"{f'there is none called {unknown[0]!r}' if unknown else f'these are {listed(header, 8)}'}"
+            f"{f'there is none called {unknown[0]!r}{meant}' if unknown else f'these are {list_names(header, 8)}'}"
         )
     rows: dict[str, ListedTest] = {}
     for number, line in filled[1:]:
@@ -235,7 +238,8 @@ def _row(entries: Mapping[str, str], folder: Path) -> ListedTest:
     name = entries.get("use", UNUSED).casefold()
     use = next((each for each in get_args(Use) if each == name), None)
     if use is None and name != UNUSED:
-        raise SettingError(f"the use is '{name}'; give one of {', '.join((*get_args(Use), UNUSED))}")
+        near = suggestion(name, (*get_args(Use), UNUSED), otherwise="give one of")
+        raise SettingError(f"the use is '{name}'{near}")
     columns = {key: entries[key] for key in _SPECIFIED if key in entries}
     if use is not None:
         for key, specification in columns.items():

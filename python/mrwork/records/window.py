@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from math import ceil
 from typing import Final
 
@@ -16,7 +16,7 @@ from mrwork.errors import RecordError, SettingError
 from mrwork.files.named_columns import rounded_grid
 from mrwork.records.damper_test import DamperTest, Finding
 from mrwork.records.motion import spectrum
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 FEWEST_SAMPLES: Final = 10
 # Limits far beyond any damper test; arithmetic on larger values could overflow.
@@ -28,8 +28,7 @@ _JITTER: Final = 1e-3
 _GAP_STEPS: Final = 3.0
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class Signals:
     """Channels in SI on one time base, each of shape (n_time,); `None` for a channel that was not measured.
 
@@ -114,8 +113,7 @@ def check_time(time: Floats, *, source: str, locate: Callable[[int], str]) -> No
     )
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class UniformSamples:
     """Signals on a uniform grid of step `dt` [s].
 
@@ -380,7 +378,7 @@ def middle_excerpt(test: DamperTest, *, per_cycle: int) -> DamperTest:
     return cut(test, start=start, end=start + length, every=thin)
 
 
-def counted_from(test: DamperTest, settle: float) -> DamperTest:
+def count_samples_from(test: DamperTest, settle: float) -> DamperTest:
     """Return the test with the first `settle` seconds simulated but not compared."""
     n_settle = ceil(settle / test.dt - 1e-9)
     if settle < 0 or test.n_time - n_settle < _FEWEST:

@@ -11,7 +11,7 @@ if True:  # the lower tier
     from .canvas import finish as finish
     from .canvas import finish_loop as finish_loop
     from .canvas import tested_points as tested_points
-    from .expectations import departures as departures
+    from .html import departures as departures
     from .html import swatch as swatch
     from .html import symbol as symbol
     from .html import write_study_page as write_study_page

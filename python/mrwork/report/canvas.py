@@ -18,11 +18,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from mrwork.escaping import escaped_lines
 from mrwork.numbers import shortest
 from mrwork.report import style
+from mrwork.values import Floats
 
 LEFT, RIGHT, TOP, BOTTOM = 0.62, 0.20, 0.34, 0.5
 # One of several figures side by side in a study, and one that fills its page.
@@ -135,7 +136,7 @@ def plain_ticks(axes: Axes, digits: int, axis: Literal["x", "y"] = "x") -> None:
     chosen.set_major_formatter(FuncFormatter(lambda value, _: shortest(value, digits)))
 
 
-def logarithmic(axes: Axes, values: NDArray[np.float64]) -> None:
+def logarithmic(axes: Axes, values: Floats) -> None:
     """A logarithmic ordinate for positive `values`, with ticks over any range."""
     axes.set_yscale("log")
     low, high = (float(values.min()), float(values.max())) if values.size else (0.1, 1.0)
@@ -201,9 +202,7 @@ def draw_points(
     )
 
 
-def tested_points(
-    axes: Axes, abscissa: NDArray[np.float64], force: NDArray[np.float64], cycle: slice
-) -> None:
+def tested_points(axes: Axes, abscissa: Floats, force: Floats, cycle: slice) -> None:
     """One cycle of a test as points, thinned so that they can be distinguished."""
     drawn = slice(cycle.start, cycle.stop, max(1, (cycle.stop - cycle.start) // _LOOP_POINTS))
     draw_points(axes, abscissa[drawn], force[drawn], size=4.5)
@@ -216,7 +215,7 @@ _PNG_DOTS_PER_INCH = 200
 
 def svg_bytes(figure: Figure) -> bytes:
     """An SVG file with outlines for letters, which looks the same everywhere."""
-    return _saved(figure, font_type="path").encode()
+    return _save_svg(figure, font_type="path").encode()
 
 
 def png_bytes(figure: Figure) -> bytes:
@@ -234,7 +233,7 @@ def inline_svg(figure: Figure, *, identifier: str, description: str) -> str:
     Its letters are text in the font that the page embeds.
     `identifier` keeps the element's names apart from those of the other figures of the page.
     """
-    text = _saved(figure, font_type="none")
+    text = _save_svg(figure, font_type="none")
     view_box = re.search(r'viewBox="([^"]+)"', text)
     body = text[text.index(">", text.index("<svg")) + 1 : text.rindex("</svg>")]
     body = re.sub(r"<metadata>.*?</metadata>", "", body, flags=re.DOTALL)
@@ -248,7 +247,7 @@ def inline_svg(figure: Figure, *, identifier: str, description: str) -> str:
     )
 
 
-def _saved(figure: Figure, *, font_type: str) -> str:
+def _save_svg(figure: Figure, *, font_type: str) -> str:
     target = io.StringIO()
     _without_controls(figure)
     with style.drawn_in_style(), matplotlib.rc_context({"svg.fonttype": font_type}):
@@ -262,6 +261,10 @@ def _without_controls(figure: Figure) -> None:
         text.set_text(escaped_lines(text.get_text()))
 
 
+# Looked behind, so that nothing is put back: there are ten thousands of numbers on a page.
+_DIGITS_BEYOND = re.compile(r"(?<=\.\d\d)\d+")
+
+
 def _two_decimals(element: re.Match[str]) -> str:
     # A hundredth of a point is far below what a screen or a printer shows, and halves the page.
-    return re.sub(r"(\.\d\d)\d+", r"\1", element.group())
+    return _DIGITS_BEYOND.sub("", element.group())

@@ -11,7 +11,7 @@ from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from mrwork.arguments import NotNegative, Positive, checked
 from mrwork.dampers.design import DamperDesign
@@ -24,6 +24,7 @@ from mrwork.records.loop_branches import Abscissa
 from mrwork.report import canvas, style
 from mrwork.report.canvas import axes_between
 from mrwork.simulate import Loading, Outcome, simulate_forces
+from mrwork.values import Floats
 
 _STEEL, _ROD, _COIL, _FLUID = "#b9c2c9", "#e3e7ea", "#e3a66a", "#bcd6ea"
 _MM = style.MILLIMETRE.factor
@@ -255,8 +256,6 @@ def _number(count: int, noun: str) -> str:
     return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
-Floats = NDArray[np.float64]
-
 # Half, as given, double: the last is drawn above the others.
 _FACTORS = (0.5, 2.0, 1.0)
 _LINES = ((style.RESIDUAL, 1.1, "half"), (style.MODEL, 1.1, "double"), (style.INK, 1.4, "as given"))
@@ -314,7 +313,7 @@ def parameter_effects_figure(
         command=None if spec.current is None else command or 0.0,
         command_unit=None if spec.current is None else spec.current.unit,
     )
-    candidates = np.concatenate([_varied(spec, given, number) for number in range(given.size)])
+    candidates = np.concatenate([_vary_parameter(spec, given, number) for number in range(given.size)])
     simulated = simulate_forces(spec, candidates, loading.history())
     finished = simulated.outcome == Outcome.FINISHED
     if not finished[len(_FACTORS) - 1]:
@@ -340,7 +339,7 @@ def parameter_effects_figure(
     return figure
 
 
-def _varied(spec: DamperSpec, given: Floats, number: int) -> Floats:
+def _vary_parameter(spec: DamperSpec, given: Floats, number: int) -> Floats:
     """The parameters with one of them changed, shape (3, n_params)."""
     parameter = spec.parameters[number]
     rows = np.tile(given, (len(_FACTORS), 1))
@@ -464,7 +463,7 @@ def branches_figure(
     return figure
 
 
-def _add_cycles(axes: Axes, loop: Branches, forces: NDArray[np.float64], tone: str) -> None:
+def _add_cycles(axes: Axes, loop: Branches, forces: Floats, tone: str) -> None:
     """Mean over the cycles as points, and the standard deviation of a cycle as a band."""
     mean, deviation = forces.mean(axis=0), forces.std(axis=0, ddof=1)
     at = 1e3 * loop.abscissa

@@ -22,16 +22,15 @@ from mrwork.records.motion import upward_crossings
 from mrwork.report import canvas, style
 from mrwork.report.canvas import axes_between, draw_points, finish_signed, legend
 from mrwork.report.style import DisplayUnit
-from mrwork.values import holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class Comparison:
     """A test, the free-run `model_force` [N] on its samples, shape (n_time,), and how well they agree."""
 
     test: DamperTest
-    model_force: NDArray[np.float64]
+    model_force: Floats
     quality: FitQuality
 
     def __post_init__(self) -> None:
@@ -43,7 +42,7 @@ class Comparison:
             )
 
     @property
-    def residual(self) -> NDArray[np.float64]:
+    def residual(self) -> Floats:
         """Measured minus model force [N], shape (n_time,)."""
         return self.test.force - self.model_force
 
@@ -51,9 +50,6 @@ class Comparison:
     def data_label(self) -> str:
         """Name of the data in a legend; synthetic data are never called measured."""
         return "synthetic" if self.test.synthetic else "measured"
-
-
-Floats = NDArray[np.float64]
 
 
 def envelope(time: Floats, signal: Floats, bins: int) -> tuple[Floats, Floats]:
@@ -96,7 +92,7 @@ class Window:
         return slice(self.start, self.stop)
 
 
-def zoom_window(displacement: NDArray[np.float64]) -> Window:
+def zoom_window(displacement: Floats) -> Window:
     """A few whole cycles from the middle of a record, or its middle third where it has none.
 
     At most half of the cycles are shown, so that the window enlarges the record.
@@ -117,9 +113,7 @@ def zoom_window(displacement: NDArray[np.float64]) -> Window:
     )
 
 
-def even_samples(
-    abscissa: NDArray[np.float64], ordinate: NDArray[np.float64], most: int, *, aspect: float
-) -> NDArray[np.intp]:
+def even_samples(abscissa: Floats, ordinate: Floats, most: int, *, aspect: float) -> NDArray[np.intp]:
     """At most `most` samples at equal steps along the drawn curve, shape (n_drawn,).
 
     Equal steps in time would crowd where the curve is flat and leave gaps where it is steep. `aspect`
@@ -128,9 +122,7 @@ def even_samples(
     return _nearest_samples(abscissa, ordinate, np.arange(most) / most, aspect)
 
 
-def scattered_samples(
-    abscissa: NDArray[np.float64], ordinate: NDArray[np.float64], most: int
-) -> NDArray[np.intp]:
+def scattered_samples(abscissa: Floats, ordinate: Floats, most: int) -> NDArray[np.intp]:
     """At most `most` samples spread along a loop that is passed many times, shape (n_drawn,).
 
     Equal steps can coincide with the cycles and draw the same few points repeatedly; a reproducible
@@ -141,9 +133,9 @@ def scattered_samples(
 
 
 def _nearest_samples(
-    abscissa: NDArray[np.float64],
-    ordinate: NDArray[np.float64],
-    shares: NDArray[np.float64],
+    abscissa: Floats,
+    ordinate: Floats,
+    shares: Floats,
     aspect: float,
 ) -> NDArray[np.intp]:
     """The samples at `shares` of the length of the curve, each sample once."""
@@ -378,6 +370,6 @@ def _limits_of(comparison: Comparison, unit: DisplayUnit) -> tuple[float, float]
     return low - margin, high + margin
 
 
-def _largest(values: NDArray[np.float64]) -> float:
+def _largest(values: Floats) -> float:
     finite = values[np.isfinite(values)]
     return float(np.abs(finite).max()) if finite.size else 0.0

@@ -1,8 +1,13 @@
-"""Self-contained HTML pages: templates with their content, the style sheet, names and equations as mathematics."""
+"""Self-contained HTML pages: templates with their content, the style sheet, names and equations as mathematics.
+
+A study also compares its figures with those that a file expects.
+"""
 
 from __future__ import annotations
 
+import math
 import re
+from collections.abc import Iterator, Mapping
 from html import escape
 from importlib.resources import files
 from pathlib import Path
@@ -11,9 +16,12 @@ from typing import Any
 from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 
+from mrwork.errors import RecordError
 from mrwork.escaping import escaped_lines
 from mrwork.report import style
-from mrwork.table import breakable, coded
+from mrwork.store.input_file import TOML, text_of
+from mrwork.store.parse import toml_table
+from mrwork.table import breakable, format_code
 
 _GREEK = {
     "alpha": "α",
@@ -112,7 +120,7 @@ _STROKES = {
 }
 
 
-def filled_in(name: str, **content: Any) -> str:
+def fill_template(name: str, **content: Any) -> str:
     """A template of the package with its content, whose control characters are shown; it may use `styles`."""
     return escaped_lines(_environment().get_template(name).render(**content))
 
@@ -166,6 +174,43 @@ def _environment() -> Environment:
     )
     environment.globals["styles"] = Markup(_styles())
     environment.filters["breakable"] = lambda name: Markup(breakable(name))
-    environment.filters["coded"] = lambda sentence: Markup(coded(sentence))
+    environment.filters["coded"] = lambda sentence: Markup(format_code(sentence))
     environment.filters["symbol"] = lambda name: Markup(symbol(name))
     return environment
+
+
+def departures(found: Mapping[str, Any], file: Path) -> list[str]:
+    """One sentence for each value outside its limits; values that were not measured are not compared.
+
+    The file has tables like those of `found`; a value is expected to be equal, or in a range `{ least, most }`, or at a
+    `{ value, tolerance }`.
+    """
+    text = text_of(file, TOML)
+    try:
+        expected = toml_table(text)
+    except ValueError as reason:
+        raise RecordError(f"{file}: is not TOML ({reason}); correct it there") from None
+    try:
+        return list(_compared("", found, expected))
+    except (KeyError, TypeError, AttributeError) as reason:
+        raise RecordError(
+            f"{file}: an entry is neither a value, a range nor a table ({reason}); correct it there"
+        ) from None
+
+
+def _compared(path: str, found: Mapping[str, Any], expected: Mapping[str, Any]) -> Iterator[str]:
+    for name, below in expected.items():
+        if name not in found:
+            continue
+        inner = f"{path}, {name}" if path else name
+        value = found[name]
+        if not isinstance(below, dict):
+            if value != below:
+                yield f"{inner} is {value!r}, expected {below!r}"
+        elif not {"least", "most", "value"} & below.keys():
+            yield from _compared(inner, value, below)
+        elif "value" in below:
+            if not abs(value - below["value"]) <= below["tolerance"]:
+                yield f"{inner} is {value:.5g}, expected {below['value']:g} +- {below['tolerance']:g}"
+        elif not below.get("least", -math.inf) <= value <= below.get("most", math.inf):
+            yield f"{inner} is {value:.5g}, expected {below}"

@@ -5,14 +5,12 @@ In the form of figures 6.3 to 6.10 of the thesis, for any building and any contr
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Annotated, Literal
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
-from numpy.typing import NDArray
 
 from mrwork.arguments import Positive, checked
 from mrwork.buildings.matrices import Building
@@ -20,13 +18,12 @@ from mrwork.closed_loop.responses import History
 from mrwork.control.lyapunov import lyapunov_function
 from mrwork.control.plant import plant_of
 from mrwork.errors import SettingError
-from mrwork.keys import Within
+from mrwork.hints import Within
 from mrwork.report import style
 from mrwork.report.canvas import axes_between, legend, name_ordinate, symmetric
 from mrwork.report.figures import envelope, strong_part
-from mrwork.values import holds_arrays
+from mrwork.values import Floats, array_dataclass
 
-Floats = NDArray[np.float64]
 Index = Annotated[int, Within(least=0, most=10_000)]
 
 # Inches: height of a panel, of the title above it, of the labels of the time below it, and the margins at the sides.
@@ -34,8 +31,7 @@ _PANEL, _TITLE, _TIME, _LEFT, _RIGHT = 0.86, 0.34, 0.42, 0.62, 0.16
 _BINS = 300
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class _Signal:
     """A quantity with its unit, with control and without, shape (n_time,); `signed` about zero, else from it up."""
 

@@ -1,4 +1,4 @@
-"""What a page is made of: its sections with text, tables and figures, their kinds, and the progress of drawing them."""
+"""Sections of a page with text, tables and figures, their kinds, and the progress of drawing them."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ OnDrawn = Callable[[PageProgress], None]
 """Receives the progress of a page."""
 
 
-def unobserved(_: PageProgress) -> None:
+def ignore_progress(_: PageProgress) -> None:
     """Ignore progress."""
 
 

@@ -5,23 +5,22 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Annotated, Any, ClassVar, Protocol, TypeVar, get_type_hints
+from dataclasses import replace
+from typing import Annotated, Any, ClassVar, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.arguments import AnyNumbers, Seed, checked
 from mrwork.errors import ArgumentError, SettingError
-from mrwork.keys import Within
+from mrwork.hints import Record, Scalar, Within, fields_of
 from mrwork.search.rules import EliteRule, StopRules, check_ranges, distinct_best, reason_of
 from mrwork.search.unit_cube import Streams
 from mrwork.summary import Summarised
-from mrwork.values import holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class Proposal(Summarised):
     """One generation of the running replicates, to be simulated in one call.
 
@@ -33,13 +32,13 @@ class Proposal(Summarised):
     _made_by: ClassVar[str] = "optimiser.ask(state)"
 
     number: NDArray[np.int64]
-    population: NDArray[np.float64]
-    known: NDArray[np.float64]
+    population: Floats
+    known: Floats
     changed: NDArray[np.bool_]
-    limit: NDArray[np.float64]
+    limit: Floats
 
     @property
-    def unit(self) -> NDArray[np.float64]:
+    def unit(self) -> Floats:
         """Candidates to simulate, shape (n_ask, n_params), replicate by replicate."""
         return self.population[self.changed]
 
@@ -49,11 +48,11 @@ class Proposal(Summarised):
         return np.repeat(self.number, np.count_nonzero(self.changed, axis=1))
 
     @property
-    def threshold(self) -> NDArray[np.float64]:
+    def threshold(self) -> Floats:
         """Misfit at which the simulation of a row may stop, shape (n_ask,); `inf` where it may not."""
         return self.limit[self.changed]
 
-    def accepted(self, misfit: AnyNumbers) -> NDArray[np.float64]:
+    def accept_misfits(self, misfit: AnyNumbers) -> Floats:
         """Misfits for the optimiser, shape (n_ask,): `inf` at or above the threshold, and for failed or stopped ones.
 
         They do not depend on whether a simulation stopped at its threshold.
@@ -73,10 +72,10 @@ class Proposal(Summarised):
             )
         return np.where(misfit >= self.threshold, math.inf, misfit)
 
-    def member_misfits(self, misfit: AnyNumbers) -> NDArray[np.float64]:
+    def member_misfits(self, misfit: AnyNumbers) -> Floats:
         """Accepted misfits of all members, shape (n_running, n_population), `inf` for those not simulated."""
         members = np.full(self.known.shape, math.inf)
-        members[self.changed] = self.accepted(misfit)
+        members[self.changed] = self.accept_misfits(misfit)
         return members
 
 
@@ -85,8 +84,7 @@ Replicate = Annotated[int, Within(least=0, most=2**63 - 1)]
 ScalarT = TypeVar("ScalarT", bound=np.generic)
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class Trace(Summarised):
     """Progress, one entry per generation, each of shape (n_replicates, n_generations).
 
@@ -97,12 +95,11 @@ class Trace(Summarised):
     _made_by: ClassVar[str] = "optimiser.start(n_params, rng).course.trace"
 
     evaluations: NDArray[np.int64]
-    best: NDArray[np.float64]
-    median: NDArray[np.float64]
+    best: Floats
+    median: Floats
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class Course(Summarised):
     """Progress of `n` replicates, the part of the state that all optimisers share.
 
@@ -120,15 +117,15 @@ class Course(Summarised):
     generation: NDArray[np.int64]
     evaluations: NDArray[np.int64]
     ended: NDArray[np.int8]
-    best_unit: NDArray[np.float64]
-    best_misfit: NDArray[np.float64]
-    elite_unit: NDArray[np.float64]
-    elite_misfit: NDArray[np.float64]
+    best_unit: Floats
+    best_misfit: Floats
+    elite_unit: Floats
+    elite_misfit: Floats
     trace: Trace
 
     @classmethod
     @checked
-    def begun(
+    def begin(
         cls, n_params: Dimension, rng: Seed, replicates: Sequence[Replicate], elite: EliteRule
     ) -> Course:
         """Progress before the first simulation."""
@@ -179,7 +176,7 @@ class Course(Summarised):
         proposal: Proposal,
         simulated: AnyNumbers,
         *,
-        population: NDArray[np.float64],
+        population: Floats,
         misfit: AnyNumbers,
         elite: EliteRule,
         stop: StopRules,
@@ -255,11 +252,11 @@ class SearchState(Protocol):
         """Progress of each replicate."""
 
     @property
-    def population(self) -> NDArray[np.float64]:
+    def population(self) -> Floats:
         """Current candidates, shape (n_replicates, n_population, n_params), in the unit cube."""
 
     @property
-    def misfit(self) -> NDArray[np.float64]:
+    def misfit(self) -> Floats:
         """Their misfits, shape (n_replicates, n_population); `inf` for failures, and before the first generation."""
 
 
@@ -287,14 +284,14 @@ def select(state: StateT, rows: Sequence[int]) -> StateT:
             return tuple(value[row] for row in index)
         return _with_parts(value, part) if dataclasses.is_dataclass(value) else value
 
-    def shortened(value: Any) -> Any:
+    def shorten_value(value: Any) -> Any:
         if isinstance(value, Course):
             n_generations = int(value.generation.max(initial=0))
             trace = _with_parts(value.trace, lambda entries: entries[:, :n_generations])
             return dataclasses.replace(value, trace=trace)
         return value
 
-    return _with_parts(_with_parts(state, part), shortened)
+    return _with_parts(_with_parts(state, part), shorten_value)
 
 
 def arrays_of(state: object) -> dict[str, NDArray[Any]]:
@@ -322,14 +319,13 @@ def state_from_arrays(kind: type[T], arrays: Mapping[str, NDArray[Any]]) -> T:
 
 
 def _from_arrays(kind: type[T], arrays: Mapping[str, NDArray[Any]]) -> T:
-    hints = get_type_hints(kind)
     values: dict[str, Any] = {}
-    for name, hint in ((each.name, hints[each.name]) for each in dataclasses.fields(kind)):  # type: ignore[arg-type] # a dataclass
-        if dataclasses.is_dataclass(hint):
+    for name, node in fields_of(kind).items():
+        if isinstance(node, Record):
             inner = {key.removeprefix(f"{name}."): each for key, each in arrays.items()}
-            values[name] = _from_arrays(hint, inner)  # type: ignore[arg-type] # a hint is a class here
+            values[name] = _from_arrays(node.kind, inner)
         else:
-            values[name] = int(arrays[name]) if hint is int else arrays[name]
+            values[name] = int(arrays[name]) if node == Scalar(int, node.notes) else arrays[name]
     return kind(**values)
 
 
@@ -340,8 +336,7 @@ def _with_parts(value: T, change: Callable[[Any], Any]) -> T:
     return dataclasses.replace(value, **changed)  # type: ignore[type-var] # T is a dataclass
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class PopulationState(Summarised):
     """A population and its misfits, (n_replicates, n_population, n_params) and (n_replicates, n_population).
 
@@ -351,23 +346,23 @@ class PopulationState(Summarised):
     _made_by: ClassVar[str] = "optimiser.start(n_params, rng)"
 
     course: Course
-    population: NDArray[np.float64]
-    misfit: NDArray[np.float64]
+    population: Floats
+    misfit: Floats
 
     @classmethod
     @checked
-    def begun(cls, course: Course, population: NDArray[np.float64]) -> PopulationState:
+    def begin(cls, course: Course, population: Floats) -> PopulationState:
         """State before the first simulation."""
         return cls(course=course, population=population, misfit=np.full(population.shape[:2], math.inf))
 
 
 def propose(
     course: Course,
-    population: NDArray[np.float64],
+    population: Floats,
     *,
-    known: NDArray[np.float64] | None = None,
+    known: Floats | None = None,
     changed: NDArray[np.bool_] | None = None,
-    limit: NDArray[np.float64] | float = math.inf,
+    limit: Floats | float = math.inf,
 ) -> Proposal:
     """Proposal of this population for the running replicates.
 
@@ -386,7 +381,7 @@ def propose(
 
 
 def with_generation(
-    state: StateT, proposal: Proposal, misfit: NDArray[np.float64], *, elite: EliteRule, stop: StopRules
+    state: StateT, proposal: Proposal, misfit: Floats, *, elite: EliteRule, stop: StopRules
 ) -> StateT:
     """State after a generation that replaces the old population; `misfit` (n_ask,) is that of `Proposal.unit`."""
     simulated = proposal.member_misfits(misfit)
@@ -395,7 +390,7 @@ def with_generation(
 
 
 def with_better_members(
-    state: StateT, proposal: Proposal, misfit: NDArray[np.float64], *, elite: EliteRule, stop: StopRules
+    state: StateT, proposal: Proposal, misfit: Floats, *, elite: EliteRule, stop: StopRules
 ) -> StateT:
     """State after a generation in which each proposed member replaces the old one if it is better."""
     rows = state.course.running
@@ -409,9 +404,9 @@ def with_better_members(
 def _replace_population(
     state: StateT,
     proposal: Proposal,
-    simulated: NDArray[np.float64],
-    population: NDArray[np.float64],
-    misfit: NDArray[np.float64],
+    simulated: Floats,
+    population: Floats,
+    misfit: Floats,
     elite: EliteRule,
     stop: StopRules,
 ) -> StateT:
@@ -427,7 +422,7 @@ def _replace_population(
     )
 
 
-def relative_fitness(misfit: NDArray[np.float64]) -> NDArray[np.float64]:
+def relative_fitness(misfit: Floats) -> Floats:
     """`F = (e_max - e)/(e_max - e_min)` in each population, shape (n_replicates, n_population).
 
     The extremes are those of the simulations that succeeded. Failures have fitness 0; where all errors are equal, all
@@ -443,7 +438,6 @@ def relative_fitness(misfit: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Ceiling:
     """Misfit at or above which a chromosome counts as failed; the lower of the two limits applies, `None` is no limit.
 
@@ -484,7 +478,7 @@ class Ceiling:
             {"absolute": (self.absolute, 0.0, math.inf), "over_median": (self.over_median, 1.0, math.inf)}
         )
 
-    def limit(self, course: Course) -> NDArray[np.float64]:
+    def limit(self, course: Course) -> Floats:
         """The ceiling of each running replicate, shape (n_running, 1); `inf` where there is none."""
         rows = course.running
         limit = np.full((rows.size, 1), math.inf if self.absolute is None else self.absolute)

@@ -9,7 +9,7 @@ the simulation of a trial may stop when its misfit reaches that of the parent.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Literal
 
 import numpy as np
@@ -30,7 +30,6 @@ from mrwork.search.unit_cube import latin_hypercube, others, reflect
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class DifferentialEvolution:
     """Settings of differential evolution; its methods are pure functions of the state.
 
@@ -75,8 +74,8 @@ class DifferentialEvolution:
         self, n_params: Dimension, rng: Seed, replicates: Sequence[Replicate] = (0,)
     ) -> PopulationState:
         """Initial state with Latin hypercube samples of the unit cube."""
-        course = Course.begun(n_params, rng, replicates, self.elite)
-        return PopulationState.begun(course, latin_hypercube(course.streams, self.population, n_params))
+        course = Course.begin(n_params, rng, replicates, self.elite)
+        return PopulationState.begin(course, latin_hypercube(course.streams, self.population, n_params))
 
     @checked
     def ask(self, state: PopulationState) -> Proposal:

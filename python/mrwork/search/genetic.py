@@ -37,7 +37,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import ClassVar
 
 import numpy as np
@@ -58,11 +58,10 @@ from mrwork.search.course import (
 from mrwork.search.rules import LARGEST_POPULATION, EliteRule, StopRules, check_ranges
 from mrwork.search.unit_cube import latin_hypercube, reflect
 from mrwork.summary import Summarised
-from mrwork.values import holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class StandardGA:
     """Settings of the standard genetic algorithm; its methods are pure functions of the state.
 
@@ -107,8 +106,8 @@ class StandardGA:
         self, n_params: Dimension, rng: Seed, replicates: Sequence[Replicate] = (0,)
     ) -> PopulationState:
         """Initial state with Latin hypercube samples of the unit cube."""
-        course = Course.begun(n_params, rng, replicates, self.elite)
-        return PopulationState.begun(course, latin_hypercube(course.streams, self.population, n_params))
+        course = Course.begin(n_params, rng, replicates, self.elite)
+        return PopulationState.begin(course, latin_hypercube(course.streams, self.population, n_params))
 
     @checked
     def ask(self, state: PopulationState) -> Proposal:
@@ -153,7 +152,7 @@ class StandardGA:
         return with_generation(state, proposal, misfit, elite=self.elite, stop=self.stop)
 
 
-def _roulette(fitness: NDArray[np.float64], uniform: NDArray[np.float64]) -> NDArray[np.int64]:
+def _roulette(fitness: Floats, uniform: Floats) -> NDArray[np.int64]:
     """Members selected in proportion to fitness, one for each number in [0, 1), shape (n_replicates, n_drawn)."""
     slot = np.cumsum(np.where(fitness.any(axis=1, keepdims=True), fitness, 1.0), axis=1)
     ball = uniform * slot[:, -1:]
@@ -162,8 +161,7 @@ def _roulette(fitness: NDArray[np.float64], uniform: NDArray[np.float64]) -> NDA
     return np.asarray(np.minimum(member, fitness.shape[1] - 1))
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class GAState(Summarised):
     """State of the efficient genetic algorithm.
 
@@ -175,13 +173,12 @@ class GAState(Summarised):
     _made_by: ClassVar[str] = "optimiser.start(n_params, rng)"
 
     course: Course
-    population: NDArray[np.float64]
-    misfit: NDArray[np.float64]
-    mutation_spread: NDArray[np.float64]
+    population: Floats
+    misfit: Floats
+    mutation_spread: Floats
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class EfficientGA:
     """Settings of the efficient genetic algorithm; its methods are pure functions of the state.
 
@@ -227,7 +224,7 @@ class EfficientGA:
     @checked
     def start(self, n_params: Dimension, rng: Seed, replicates: Sequence[Replicate] = (0,)) -> GAState:
         """Initial state with Latin hypercube samples of the unit cube."""
-        course = Course.begun(n_params, rng, replicates, self.elite)
+        course = Course.begin(n_params, rng, replicates, self.elite)
         population = latin_hypercube(course.streams, self.population, n_params)
         return GAState(
             course=course,
@@ -252,8 +249,8 @@ class EfficientGA:
         return with_generation(state, proposal, misfit, elite=self.elite, stop=self.stop)
 
     def _offspring(
-        self, state: GAState, before: NDArray[np.float64], misfit: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
+        self, state: GAState, before: Floats, misfit: Floats
+    ) -> tuple[Floats, Floats, NDArray[np.bool_]]:
         """Next populations, known misfits, and which chromosomes changed."""
         course, rows = state.course, state.course.running
         size = misfit.shape[1]
@@ -275,7 +272,7 @@ class EfficientGA:
         return population, misfit, changed
 
 
-def _pairs(uniform: NDArray[np.float64]) -> NDArray[np.int64]:
+def _pairs(uniform: Floats) -> NDArray[np.int64]:
     """Two different chromosomes in each column, shape (n_replicates, 2, n_population), from numbers in [0, 1)."""
     size = uniform.shape[2]
     first = (uniform[:, 0] * size).astype(np.int64)
@@ -283,7 +280,7 @@ def _pairs(uniform: NDArray[np.float64]) -> NDArray[np.int64]:
     return np.stack([first, second], axis=1)
 
 
-def _fitness(population: NDArray[np.float64], misfit: NDArray[np.float64]) -> NDArray[np.float64]:
+def _fitness(population: Floats, misfit: Floats) -> Floats:
     """Fitness, shape (n_replicates, n_population): 1 for the best, 0 for its copies."""
     fitness = relative_fitness(misfit)
     among = np.arange(len(misfit))
@@ -294,11 +291,11 @@ def _fitness(population: NDArray[np.float64], misfit: NDArray[np.float64]) -> ND
 
 
 def _crossover(
-    population: NDArray[np.float64],
-    misfit: NDArray[np.float64],
-    share: NDArray[np.float64],
+    population: Floats,
+    misfit: Floats,
+    share: Floats,
     pairs: NDArray[np.int64],
-) -> NDArray[np.float64]:
+) -> Floats:
     """In each pair, one pair after the other, the less fit moves by a share r towards the fitter, which stays."""
     n_replicates, size, n_params = population.shape
     rank = np.empty(misfit.shape, dtype=np.int64)

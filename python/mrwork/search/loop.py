@@ -12,25 +12,24 @@ from numpy.typing import NDArray
 
 from mrwork.arguments import Seed, checked
 from mrwork.errors import Interrupted, SettingError
-from mrwork.numbers import rounded
+from mrwork.numbers import format_rounded
 from mrwork.search.course import Dimension, Proposal, Replicate, SearchState, StateT, select
 from mrwork.search.rules import EliteRule, StopRules
 from mrwork.store.codec import array_of, digest_of, plain
 from mrwork.store.journal import Journal
 from mrwork.summary import Summarised, Summary
-from mrwork.values import holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 
 class RunTrace(NamedTuple):
     """Progress of one replicate, as in `Trace`, each of shape (n_generations,)."""
 
     evaluations: NDArray[np.int64]
-    best: NDArray[np.float64]
-    median: NDArray[np.float64]
+    best: Floats
+    median: Floats
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class SearchResult(Summarised, Generic[StateT]):
     """Result of one replicate, its stop reason, and the state from which it can be resumed alone.
 
@@ -43,10 +42,10 @@ class SearchResult(Summarised, Generic[StateT]):
     _made_by: ClassVar[str] = "mr.search.run_search(optimiser, objective, rng=..., n_params=...)"
 
     replicate: int
-    best_unit: NDArray[np.float64]
+    best_unit: Floats
     best_misfit: float
-    elite: NDArray[np.float64]
-    elite_misfit: NDArray[np.float64]
+    elite: Floats
+    elite_misfit: Floats
     trace: RunTrace
     evaluations: int
     generations: int
@@ -56,13 +55,13 @@ class SearchResult(Summarised, Generic[StateT]):
 
     def _summary(self) -> Summary:
         return Summary(
-            title=f"Search, replicate {self.replicate}: least misfit {rounded(self.best_misfit, 6)}",
+            title=f"Search, replicate {self.replicate}: least misfit {format_rounded(self.best_misfit, 6)}",
             facts=(
                 (
                     "ended",
                     f"{self.stop_reason} after {self.generations} generations, {self.evaluations} simulations",
                 ),
-                ("seconds", rounded(self.seconds, 3)),
+                ("seconds", format_rounded(self.seconds, 3)),
                 ("elite", str(len(self.elite))),
             ),
         )
@@ -117,11 +116,10 @@ def _result(state: StateT, reason: str, seconds: float) -> SearchResult[StateT]:
     )
 
 
-Objective = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+Objective = Callable[[Floats], Floats]
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class AbortableObjective:
     """An objective that may stop the simulation of a candidate when its misfit reaches a threshold.
 
@@ -129,7 +127,7 @@ class AbortableObjective:
     number at or above it, or `inf`, otherwise.
     """
 
-    misfits: Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
+    misfits: Callable[[Floats, Floats], Floats]
 
 
 class Optimiser(Protocol[StateT]):
@@ -158,19 +156,18 @@ class Optimiser(Protocol[StateT]):
     def ask(self, state: StateT) -> Proposal:
         """Candidates of the next generation of all running replicates."""
 
-    def tell(self, state: StateT, proposal: Proposal, misfit: NDArray[np.float64]) -> StateT:
+    def tell(self, state: StateT, proposal: Proposal, misfit: Floats) -> StateT:
         """State after the misfits of the proposal's rows, shape (n_ask,); `inf` marks a failed simulation."""
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class GenerationEvent(Summarised, Generic[StateT]):
     """Progress after one generation of all running replicates.
 
     `evaluations` is the sum over replicates; `best_misfit` and `best_unit` (n_params,) are those of the best replicate;
     `median_misfit` is the median over replicates of the median of the population; `n_running` replicates continue.
     `seconds` is the time since this call of the loop began. `misfit` (n_ask,) are the accepted misfits, see
-    `Proposal.accepted`, from which `tell` computed `state`.
+    `Proposal.accept_misfits`, from which `tell` computed `state`.
     """
 
     _units: ClassVar[Mapping[str, str]] = {"seconds": "s"}
@@ -180,9 +177,9 @@ class GenerationEvent(Summarised, Generic[StateT]):
     best_misfit: float
     median_misfit: float
     seconds: float
-    best_unit: NDArray[np.float64]
+    best_unit: Floats
     n_running: int
-    misfit: NDArray[np.float64]
+    misfit: Floats
     state: StateT
 
 
@@ -294,10 +291,10 @@ def run_replicates(
     return _results_of(state, reason, time.perf_counter() - began)
 
 
-def _misfits(objective: Objective | AbortableObjective, proposal: Proposal) -> NDArray[np.float64]:
+def _misfits(objective: Objective | AbortableObjective, proposal: Proposal) -> Floats:
     if isinstance(objective, AbortableObjective):
-        return proposal.accepted(objective.misfits(proposal.unit, proposal.threshold))
-    return proposal.accepted(objective(proposal.unit))
+        return proposal.accept_misfits(objective.misfits(proposal.unit, proposal.threshold))
+    return proposal.accept_misfits(objective(proposal.unit))
 
 
 def _check_same_search(state: SearchState, rng: int, n_params: int, replicates: Sequence[int]) -> None:
@@ -311,7 +308,7 @@ def _check_same_search(state: SearchState, rng: int, n_params: int, replicates: 
         )
 
 
-def _event(state: StateT, misfit: NDArray[np.float64], began: float) -> GenerationEvent[StateT]:
+def _event(state: StateT, misfit: Floats, began: float) -> GenerationEvent[StateT]:
     course = state.course
     leader = int(np.argmin(course.best_misfit))
     return GenerationEvent(
@@ -330,12 +327,11 @@ def _event(state: StateT, misfit: NDArray[np.float64], began: float) -> Generati
 _STEP = "generation"
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class Generation:
     """Record of a generation: accepted misfits (n_ask,) and time since the search began [s]."""
 
-    misfit: NDArray[np.float64]
+    misfit: Floats
     seconds: float
 
 

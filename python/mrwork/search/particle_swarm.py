@@ -18,11 +18,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.arguments import AnyNumbers, Seed, checked
 from mrwork.search.course import (
@@ -37,11 +36,10 @@ from mrwork.search.course import (
 from mrwork.search.rules import LARGEST_POPULATION, EliteRule, StopRules, check_ranges
 from mrwork.search.unit_cube import latin_hypercube, reflect
 from mrwork.summary import Summarised
-from mrwork.values import holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class SwarmState(Summarised):
     """State of a swarm.
 
@@ -53,14 +51,13 @@ class SwarmState(Summarised):
     _made_by: ClassVar[str] = "optimiser.start(n_params, rng)"
 
     course: Course
-    population: NDArray[np.float64]
-    misfit: NDArray[np.float64]
-    position: NDArray[np.float64]
-    velocity: NDArray[np.float64]
+    population: Floats
+    misfit: Floats
+    position: Floats
+    velocity: Floats
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class ParticleSwarm:
     """Settings of a particle swarm; its methods are pure functions of the state.
 
@@ -103,7 +100,7 @@ class ParticleSwarm:
     @checked
     def start(self, n_params: Dimension, rng: Seed, replicates: Sequence[Replicate] = (0,)) -> SwarmState:
         """Initial state with Latin hypercube samples of the unit cube and velocities up to the limit."""
-        course = Course.begun(n_params, rng, replicates, self.elite)
+        course = Course.begin(n_params, rng, replicates, self.elite)
         position = latin_hypercube(course.streams, self.population, n_params)
         # The hypercube used the first numbers of the stream.
         drawn = course.streams.uniform(3 * position[0].size)[:, 2 * position[0].size :]

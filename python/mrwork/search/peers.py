@@ -29,7 +29,7 @@ from mrwork.search.unit_cube import latin_hypercube
 from mrwork.store.codec import digest_of
 from mrwork.store.journal import Journal
 from mrwork.summary import Summarised
-from mrwork.values import holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 # Misfit of a failed simulation for a library that needs finite numbers, above any misfit.
 _FAILURE = 1e100
@@ -48,10 +48,10 @@ def library(name: str) -> ModuleType:
 class Peer(Protocol):
     """One replicate of a search by another library."""
 
-    def ask(self) -> NDArray[np.float64]:
+    def ask(self) -> Floats:
         """Candidates, shape (n_ask, n_params); at most the population size of the settings."""
 
-    def tell(self, misfit: NDArray[np.float64]) -> None:
+    def tell(self, misfit: Floats) -> None:
         """Take the misfits of the candidates, shape (n_ask,), all finite."""
 
 
@@ -61,16 +61,16 @@ class PeerSearch:
     def __init__(self, peer: Peer) -> None:
         self._peer = peer
         self._generation = 0
-        self._pending: NDArray[np.float64] | None = None
+        self._pending: Floats | None = None
 
-    def ask(self, generation: int) -> NDArray[np.float64]:
+    def ask(self, generation: int) -> Floats:
         """Candidates of this generation, the same in every call."""
         self._check(generation)
         if self._pending is None:
             self._pending = np.clip(self._peer.ask(), 0.0, 1.0)
         return self._pending
 
-    def tell(self, generation: int, misfit: NDArray[np.float64]) -> None:
+    def tell(self, generation: int, misfit: Floats) -> None:
         """Take the misfits of all candidates of this generation, shape (n_ask,)."""
         self._check(generation)
         self._peer.tell(np.where(np.isfinite(misfit), misfit, _FAILURE))
@@ -84,8 +84,7 @@ class PeerSearch:
             )
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class PeerState:
     """Searches of another library, one for each replicate.
 
@@ -94,8 +93,8 @@ class PeerState:
     """
 
     course: Course
-    population: NDArray[np.float64]
-    misfit: NDArray[np.float64]
+    population: Floats
+    misfit: Floats
     searches: tuple[PeerSearch, ...]
 
 
@@ -115,7 +114,7 @@ class PeerOptimiser(ABC):
     def __post_init__(self) -> None:
         check_ranges({"population": (self.population, self.least_population, LARGEST_POPULATION)})
 
-    def near(self, point: NDArray[np.float64], deviation: float) -> PeerOptimiser:
+    def near(self, point: Floats, deviation: float) -> PeerOptimiser:
         """The optimiser with its search begun around a point of the unit cube, if the library takes one."""
         return self
 
@@ -125,7 +124,7 @@ class PeerOptimiser(ABC):
 
     def start(self, n_params: Dimension, rng: Seed, replicates: Sequence[Replicate] = (0,)) -> PeerState:
         """Start one search for each replicate, each from its own seed; nothing is simulated yet."""
-        course = Course.begun(n_params, rng, replicates, self.elite)
+        course = Course.begin(n_params, rng, replicates, self.elite)
         starter = self._starter(course, n_params)
         shape = (len(course.replicate), self.population)
         return PeerState(
@@ -146,7 +145,7 @@ class PeerOptimiser(ABC):
             changed[index, : len(candidates)] = True
         return propose(course, population, known=state.misfit[rows], changed=changed)
 
-    def tell(self, state: PeerState, proposal: Proposal, misfit: NDArray[np.float64]) -> PeerState:
+    def tell(self, state: PeerState, proposal: Proposal, misfit: Floats) -> PeerState:
         """State after the simulations of the proposal, `misfit` (n_ask,); the given state cannot be used again."""
         simulated = proposal.member_misfits(misfit)
         for index, row in enumerate(state.course.running):
@@ -172,7 +171,7 @@ class CMAEvolution(PeerOptimiser):
         PeerOptimiser.__post_init__(self)
         check_ranges({"deviation": (self.deviation, 1e-12, 1.0)})
 
-    def near(self, point: NDArray[np.float64], deviation: float) -> CMAEvolution:
+    def near(self, point: Floats, deviation: float) -> CMAEvolution:
         """The optimiser begun around a point, where most of its first candidates are inside the cube."""
         inside = np.clip(point, deviation, 1.0 - deviation)
         return replace(self, begin=tuple(inside.tolist()), deviation=deviation)
@@ -182,7 +181,7 @@ class CMAEvolution(PeerOptimiser):
 
         first = np.array(self.begin) if self.begin else np.full(n_params, 0.5)
 
-        def started(seed: int) -> Peer:
+        def start_peer(seed: int) -> Peer:
             generator = np.random.default_rng(seed)
             options = {
                 "bounds": [0.0, 1.0],
@@ -194,19 +193,19 @@ class CMAEvolution(PeerOptimiser):
             }
             return _CMAPeer(cma.CMAEvolutionStrategy(first, self.deviation, options))
 
-        return started
+        return start_peer
 
 
 class _CMAPeer:
     def __init__(self, strategy: Any) -> None:
         self._strategy = strategy
-        self._pending: list[NDArray[np.float64]] = []
+        self._pending: list[Floats] = []
 
-    def ask(self) -> NDArray[np.float64]:
+    def ask(self) -> Floats:
         self._pending = self._strategy.ask()
         return np.array(self._pending)
 
-    def tell(self, misfit: NDArray[np.float64]) -> None:
+    def tell(self, misfit: Floats) -> None:
         self._strategy.tell(self._pending, misfit.tolist())
 
 
@@ -237,11 +236,11 @@ class _PymooPeer:
         self._algorithm = algorithm
         self._pending: Any = None
 
-    def ask(self) -> NDArray[np.float64]:
+    def ask(self) -> Floats:
         self._pending = self._algorithm.ask()
         return np.asarray(self._pending.get("X"), dtype=np.float64)
 
-    def tell(self, misfit: NDArray[np.float64]) -> None:
+    def tell(self, misfit: Floats) -> None:
         problem = library("pymoo.problems.static").StaticProblem(self._algorithm.problem, F=misfit[:, None])
         library("pymoo.core.evaluator").Evaluator().eval(problem, self._pending)
         self._algorithm.tell(infills=self._pending)
@@ -268,20 +267,20 @@ class _ScipyPeer:
     The thread ends with the search, or when this object is garbage-collected.
     """
 
-    def __init__(self, population: NDArray[np.float64], seed: int) -> None:
-        self._candidates: SimpleQueue[NDArray[np.float64] | Exception] = SimpleQueue()
-        self._misfits: SimpleQueue[NDArray[np.float64] | None] = SimpleQueue()
+    def __init__(self, population: Floats, seed: int) -> None:
+        self._candidates: SimpleQueue[Floats | Exception] = SimpleQueue()
+        self._misfits: SimpleQueue[Floats | None] = SimpleQueue()
         arguments = (population, seed, self._candidates, self._misfits)
         threading.Thread(target=_evolve, args=arguments, daemon=True).start()
         weakref.finalize(self, self._misfits.put, None)
 
-    def ask(self) -> NDArray[np.float64]:
+    def ask(self) -> Floats:
         candidates = self._candidates.get()
         if isinstance(candidates, Exception):
             raise candidates
         return candidates
 
-    def tell(self, misfit: NDArray[np.float64]) -> None:
+    def tell(self, misfit: Floats) -> None:
         self._misfits.put(misfit)
 
 
@@ -290,12 +289,12 @@ class _AbandonedError(Exception):
 
 
 def _evolve(
-    population: NDArray[np.float64],
+    population: Floats,
     seed: int,
-    candidates: SimpleQueue[NDArray[np.float64] | Exception],
-    misfits: SimpleQueue[NDArray[np.float64] | None],
+    candidates: SimpleQueue[Floats | Exception],
+    misfits: SimpleQueue[Floats | None],
 ) -> None:
-    def objective(units: NDArray[np.float64]) -> NDArray[np.float64]:
+    def objective(units: Floats) -> Floats:
         candidates.put(units.T.copy())
         answer = misfits.get()
         if answer is None:
@@ -325,13 +324,11 @@ def _evolve(
         candidates.put(error)
 
 
-Floats = NDArray[np.float64]
 SeveralObjectives = Callable[[Floats], Floats]
 """Maps points of the unit cube, shape (m, n_params), to objectives, shape (m, n_objectives); `inf` marks a failure."""
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class FrontResult(Summarised):
     """Points of which no other simulated one is lower in every objective, and the number of candidates.
 
@@ -343,8 +340,7 @@ class FrontResult(Summarised):
     evaluations: int
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class _Generation:
     objectives: Floats
 
@@ -390,7 +386,7 @@ def run_front(
         units, values = np.vstack([units, points]), np.vstack([values, found])
         if on_generation(len(units)):
             break
-    first = nondominated(values)
+    first = select_nondominated(values)
     order = first[np.lexsort(values[first].T[::-1])]
     return FrontResult(units=units[order], objectives=values[order], evaluations=len(units))
 
@@ -404,7 +400,7 @@ def _simulate_points(objectives: SeveralObjectives, points: Floats, journal: Jou
     return recorded.objectives
 
 
-def nondominated(values: Floats) -> NDArray[np.int64]:
+def select_nondominated(values: Floats) -> NDArray[np.int64]:
     """Indices of the rows that no other row dominates, at most as large in every column and smaller in one.
 
     Of equal rows the first is kept; rows that are not finite are left out.

@@ -27,7 +27,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -35,6 +34,7 @@ from numpy.typing import NDArray
 
 from mrwork.arguments import AnyNumbers, Shape, checked
 from mrwork.errors import SettingError
+from mrwork.values import Floats
 
 
 class ExpectedTermination(NamedTuple):
@@ -53,7 +53,7 @@ def threshold(confidence: float) -> float:
     return 1.0 / math.log(1.0 / (1.0 - confidence))
 
 
-def first_improvement(best: NDArray[np.float64]) -> NDArray[np.int64]:
+def first_improvement(best: Floats) -> NDArray[np.int64]:
     """Index g0 of the first entry of each trace below its predecessor; a first finite value after `inf` counts.
 
     Shape (...) for traces (..., n_generations); `n_generations` where none is.
@@ -65,7 +65,7 @@ def first_improvement(best: NDArray[np.float64]) -> NDArray[np.int64]:
     return np.asarray(np.where(improved.any(axis=-1), np.argmax(improved, axis=-1) + 1, count))
 
 
-def statistic(best: NDArray[np.float64], *, floor: NDArray[np.float64] | float = 0.0) -> NDArray[np.float64]:
+def statistic(best: Floats, *, floor: Floats | float = 0.0) -> Floats:
     """Mean over maximum of `e_g - floor` from the first improvement on, shape (...), in (0, 1]; 1 before any decay.
 
     `best` is the least misfit up to each generation, shape (..., n_generations), never rising; `floor` a lower bound of
@@ -82,13 +82,13 @@ def statistic(best: NDArray[np.float64], *, floor: NDArray[np.float64] | float =
 
 
 def hypothesis_test(
-    best: NDArray[np.float64], *, confidence: float = 0.95, floor: NDArray[np.float64] | float = 0.0
+    best: Floats, *, confidence: float = 0.95, floor: Floats | float = 0.0
 ) -> NDArray[np.bool_]:
     """Whether each trace, (..., n_generations), has decayed enough to stop at this confidence."""
     return np.asarray(statistic(best, floor=floor) <= threshold(confidence))
 
 
-def has_stalled(best: NDArray[np.float64], *, generations: int, tolerance: float) -> NDArray[np.bool_]:
+def has_stalled(best: Floats, *, generations: int, tolerance: float) -> NDArray[np.bool_]:
     """Whether the best misfit of each trace fell by less than the share `tolerance` in the last `generations`."""
     if best.shape[-1] <= generations:
         return np.zeros(best.shape[:-1], np.bool_)
@@ -194,7 +194,6 @@ def reason_of(code: int) -> str | None:
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class StopRules:
     """Rules that end a replicate; the description of each begins with its stop reason. `None` switches a rule off.
 
@@ -258,8 +257,8 @@ class StopRules:
         *,
         trace: AnyNumbers,
         evaluations: NDArray[np.int64],
-        population: NDArray[np.float64],
-        best_unit: NDArray[np.float64],
+        population: Floats,
+        best_unit: Floats,
     ) -> NDArray[np.int8]:
         """Code of the rule that ends each replicate, shape (n,), 0 for none; `reason_of` gives its name.
 
@@ -304,7 +303,6 @@ class StopRules:
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class EliteRule:
     """Elite of a run: its best mutually distant points, which are kept as starts of a local minimisation.
 
@@ -320,7 +318,7 @@ class EliteRule:
 
 
 def distinct_best(
-    population: Annotated[NDArray[np.float64], Shape(("n_replicates", "n", "n_params"))],
+    population: Annotated[Floats, Shape(("n_replicates", "n", "n_params"))],
     misfit: Annotated[AnyNumbers, Shape(("n_replicates", "n"))],
     rule: EliteRule,
 ) -> NDArray[np.int64]:

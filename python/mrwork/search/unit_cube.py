@@ -9,7 +9,6 @@ numbers drawn (Salmon et al., SC'11, 2011).
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
@@ -17,9 +16,9 @@ from numpy.typing import NDArray
 
 from mrwork.arguments import Seed, Shape, checked
 from mrwork.errors import SettingError
-from mrwork.keys import Within
+from mrwork.hints import Within
 from mrwork.summary import Summarised
-from mrwork.values import holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 # Most numbers of one call, 8 bytes each.
 _MOST = 10**9
@@ -29,14 +28,14 @@ def latin_hypercube(
     streams: Streams,
     count: Annotated[int, Within(least=1, most=10**6)],
     n_params: Annotated[int, Within(least=1, most=10_000)],
-) -> NDArray[np.float64]:
+) -> Floats:
     """One point per stratum of each gene, shape (n_replicates, count, n_params)."""
     drawn = streams.uniform(2 * count * n_params).reshape(-1, 2, count, n_params)
     strata = np.argsort(drawn[:, 0], axis=1, kind="stable")
     return (strata + drawn[:, 1]) / count
 
 
-def reflect(unit: NDArray[np.float64]) -> NDArray[np.float64]:
+def reflect(unit: Floats) -> Floats:
     """Reflect the real line into [0, 1] at 0 and 1; points inside keep their bits.
 
     Clipping would concentrate points on the faces of the cube; reflection keeps a uniform population uniform.
@@ -47,7 +46,7 @@ def reflect(unit: NDArray[np.float64]) -> NDArray[np.float64]:
     return folded
 
 
-def others(uniform: NDArray[np.float64], size: int) -> NDArray[np.int64]:
+def others(uniform: Floats, size: int) -> NDArray[np.int64]:
     """Distinct other members for each member of a group of `size`, shape (..., size, n_others), all equally likely.
 
     `uniform` are numbers in [0, 1), shape (..., size, n_others); those of member j along the last axis.
@@ -67,8 +66,7 @@ _UNIFORM, _NORMAL, _LIBRARY_SEED = range(3)
 
 
 @checked
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class Streams(Summarised):
     """Random streams of replicates with these numbers (n,) at these generations (n,), under one seed."""
 
@@ -76,7 +74,7 @@ class Streams(Summarised):
     replicate: Annotated[NDArray[np.int64], Shape(("n",))]
     generation: Annotated[NDArray[np.int64], Shape(("n",))]
 
-    def uniform(self, count: Annotated[int, Within(least=0, most=_MOST)]) -> NDArray[np.float64]:
+    def uniform(self, count: Annotated[int, Within(least=0, most=_MOST)]) -> Floats:
         """Numbers in [0, 1), shape (n, count)."""
         drawn = np.empty((len(self.replicate), count))
         for row, generator in enumerate(self._generators(_UNIFORM)):
@@ -85,7 +83,7 @@ class Streams(Summarised):
 
     def normal(
         self, count: Annotated[NDArray[np.int64], Shape(("n",)), Within(least=0, most=_MOST)]
-    ) -> NDArray[np.float64]:
+    ) -> Floats:
         """Standard normal numbers, `count` (n,) for each replicate, concatenated, shape (sum of count,)."""
         if count.size != self.replicate.size:
             raise SettingError(

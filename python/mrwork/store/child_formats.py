@@ -1,4 +1,4 @@
-"""What the child process of `child_reader` writes of a file: a function for each `Format`, under its name.
+"""Readers that run in the child process of `child_reader`: a function for each `Format`, under its name.
 
 The process imports the library of the format first, so that its limits do not count the imports.
 """
@@ -44,12 +44,12 @@ def hdf5(data: bytes, out: IO[bytes]) -> None:
 
 
 def _entry(shape: Sequence[int], kind: str | None, attributes: dict[str, Any]) -> dict[str, Any]:
-    """What the line of JSON says of an array, whose type is null where it is not of real numbers."""
+    """JSON entry of an array; its type is null unless it holds real numbers."""
     return {"group": False, "shape": shape, "type": kind, "attributes": attributes}
 
 
 def _members(group: Any, prefix: str, depth: int) -> Iterator[tuple[str, Any]]:
-    """What a group holds itself; other files and MATLAB's own tables (`#refs#`) are not followed."""
+    """Members of a group; links to other files and MATLAB's own tables (`#refs#`) are not followed."""
     import h5py
 
     for number, name in enumerate(group):

@@ -17,7 +17,6 @@ import subprocess
 import sys
 import threading
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any, Final, Literal, cast
 
@@ -26,8 +25,8 @@ from numpy.typing import NDArray
 
 from mrwork.errors import LibraryError
 from mrwork.store.child_program import NO_MEMORY, limit_of
-from mrwork.store.input_file import allowed
-from mrwork.values import holds_arrays
+from mrwork.store.input_file import compute_allowance
+from mrwork.values import array_dataclass
 
 Format = Literal["hdf5", "parquet", "xlsx"]
 
@@ -63,8 +62,7 @@ class TooLargeError(UnreadableError):
     """The data of the file claim more than what is `allowed`."""
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class Member:
     """A group, data set or column: its attributes that are numbers or texts, and its array if that has real numbers."""
 
@@ -103,7 +101,7 @@ def read_members(data: bytes, form: Format) -> dict[str, Member]:
     with child:
         try:
             _send(cast(IO[bytes], child.stdin), data)
-            return received(cast(IO[bytes], child.stdout), allowed(len(data)))
+            return receive_members(cast(IO[bytes], child.stdout), compute_allowance(len(data)))
         except EOFError:
             raise UnreadableError(_reason(child, seconds)) from None
         finally:
@@ -113,7 +111,7 @@ def read_members(data: bytes, form: Format) -> dict[str, Member]:
 
 def memory_of_child(size: int) -> int:
     """Bytes that the child may take for a file of `size` bytes: a column is held packed, unpacked and converted."""
-    return 2 * size + 3 * allowed(size) + _OVERHEAD
+    return 2 * size + 3 * compute_allowance(size) + _OVERHEAD
 
 
 def _send(stdin: IO[bytes], data: bytes) -> None:
@@ -125,7 +123,7 @@ def _send(stdin: IO[bytes], data: bytes) -> None:
         pass
 
 
-def received(stdout: IO[bytes], most: int) -> dict[str, Member]:
+def receive_members(stdout: IO[bytes], most: int) -> dict[str, Member]:
     """Members as the program of the child has written them, of `most` bytes in all."""
     line = stdout.readline(_LONGEST_HEAD)
     if not line.endswith(b"\n"):

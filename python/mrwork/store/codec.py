@@ -17,21 +17,21 @@ import hashlib
 import json
 import math
 import sys
-import types
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import MISSING, dataclass, fields, is_dataclass
+from dataclasses import MISSING, dataclass, fields
 from functools import cache
 from pathlib import Path, PurePath
-from typing import Annotated, Any, Literal, TypeVar, Union, cast, get_args, get_origin, get_type_hints
+from types import NoneType
+from typing import Annotated, Any, TypeVar, cast
 
 import numpy as np
 
-from mrwork.arguments import May
+from mrwork import hints as nodes
 from mrwork.errors import MrworkError, RecordError
-from mrwork.escaping import escaped
-from mrwork.keys import LARGEST, Within
-from mrwork.store.input_file import is_there, stored, text_of
+from mrwork.escaping import escape_text
+from mrwork.hints import LARGEST, May, Node, Notes, Within, fields_of, node_of
+from mrwork.store.input_file import is_there, make_stored_kind, text_of
 from mrwork.store.parse import json_value
 
 T = TypeVar("T")
@@ -64,8 +64,8 @@ def plain(value: object) -> Any:
 
 def rebuilt(kind: type[T], record: Mapping[str, Any]) -> T:
     """Inverse of `plain` for a dataclass of numbers, flags and arrays of them."""
-    hints = get_type_hints(kind)
-    return kind(**{name: _entry(hints[name], value) for name, value in record.items()})
+    known = fields_of(kind)
+    return kind(**{name: _entry(known[name], value) for name, value in record.items()})
 
 
 def array_of(numbers: Any) -> np.ndarray[Any, np.dtype[np.float64]]:
@@ -76,15 +76,14 @@ def array_of(numbers: Any) -> np.ndarray[Any, np.dtype[np.float64]]:
     return np.array(_floats(numbers), dtype=np.float64)
 
 
-def _entry(hint: Any, value: Any) -> Any:
-    if get_origin(hint) is np.ndarray:
-        # NDArray[T] is ndarray[shape, dtype[T]].
-        (kind,) = get_args(get_args(hint)[1])
-        return array_of(value) if kind is np.float64 else np.array(value, dtype=kind)
-    if hint is float:
-        return float(value)
-    if hint in (bool, int, str) and type(value) is not hint:
-        raise TypeError(f"{str(value)[:40]!r} where {hint.__name__} was expected")
+def _entry(node: Node, value: Any) -> Any:
+    match node:
+        case nodes.Array(scalar):
+            return array_of(value) if scalar is np.float64 else np.array(value, dtype=scalar)
+        case nodes.Scalar(kind) if kind is float:
+            return float(value)
+        case nodes.Scalar(kind) if kind in _ARTICLES and type(value) is not kind:
+            raise TypeError(f"{str(value)[:40]!r} where {kind.__name__} was expected")
     return value
 
 
@@ -132,11 +131,11 @@ def digest_of(*inputs: object) -> str:
 
 def package_version(name: str) -> str:
     """Version of an installed package; "unknown" if it is not installed."""
-    return _installed().get(name) or _described(name)
+    return _list_installed().get(name) or _find_version(name)
 
 
 @cache
-def _installed() -> Mapping[str, str]:
+def _list_installed() -> Mapping[str, str]:
     """Versions of the installed packages, from the names of their `dist-info` folders.
 
     `importlib.metadata` parses whole package descriptions instead, a tenth of a second for five packages.
@@ -149,7 +148,7 @@ def _installed() -> Mapping[str, str]:
     return found
 
 
-def _described(name: str) -> str:
+def _find_version(name: str) -> str:
     from importlib.metadata import PackageNotFoundError, version
 
     try:
@@ -166,7 +165,11 @@ def differences(recorded: Any, stated: Any, name: str = "") -> list[str]:
     elif isinstance(recorded, list) and isinstance(stated, list) and len(recorded) == len(stated):
         pairs = [(str(n), one, other) for n, (one, other) in enumerate(zip(recorded, stated, strict=True), 1)]
     else:
-        return [] if recorded == stated else [f"{name} is {_shown(recorded)} there and {_shown(stated)} here"]
+        return (
+            []
+            if recorded == stated
+            else [f"{name} is {_shorten_value(recorded)} there and {_shorten_value(stated)} here"]
+        )
     return [
         phrase
         for key, one, other in pairs
@@ -174,7 +177,7 @@ def differences(recorded: Any, stated: Any, name: str = "") -> list[str]:
     ]
 
 
-def _shown(value: Any) -> str:
+def _shorten_value(value: Any) -> str:
     return _cut("none" if value is None else str(value))
 
 
@@ -216,11 +219,13 @@ def record_from_json(kind: type[T], text: str, *, origin: str, name: str, verb: 
 
     For messages: `origin` is the path of the document, `name` that of such a record, and `verb` of `mrwork` writes it.
     """
-    found: T = record_of(kind, parsed(text, origin=origin, verb=verb), origin=origin, name=name, verb=verb)
+    found: T = record_of(
+        kind, parse_document(text, origin=origin, verb=verb), origin=origin, name=name, verb=verb
+    )
     return found
 
 
-def parsed(text: str, *, origin: str, verb: str) -> Any:
+def parse_document(text: str, *, origin: str, verb: str) -> Any:
     """The value of a JSON document; `origin` and `verb` as for `record_from_json`."""
     try:
         return json_value(text)
@@ -231,15 +236,15 @@ def parsed(text: str, *, origin: str, verb: str) -> Any:
 def record_of(kind: Any, document: Any, *, origin: str, name: str, verb: str) -> Any:
     """A value of the annotation `kind` from the value of a JSON document, as `record_from_json`."""
     try:
-        return built(kind, document, name)
+        return build_value(kind, document, name)
     except MismatchError as reason:
         sentence = f"{origin} is not a {name}: {reason}; run `mrwork {verb}` again"
-        raise RecordError(escaped(sentence)) from None
+        raise RecordError(escape_text(sentence)) from None
 
 
 def read_document(kind: type[T], path: Path, *, name: str, verb: str) -> T | None:
     """Read the record in the file at `path` as `record_from_json` does; `None` if there is no such file."""
-    file = stored(verb, name=f"a {name}")
+    file = make_stored_kind(verb, name=f"a {name}")
     if not is_there(path, file):
         return None
     return record_from_json(kind, text_of(path, file), origin=str(path), name=name, verb=verb)
@@ -249,53 +254,53 @@ class MismatchError(ValueError):
     """A value that its field cannot have; the message names the field and what was expected."""
 
 
-def built(kind: Any, value: Any, place: str) -> Any:
+def build_value(kind: Any, value: Any, place: str) -> Any:
     """`value` as an instance of the annotation `kind`; `place` is its path in the document."""
-    return _built(kind, value, place, ())
+    return _built(node_of(kind), value, place)
 
 
-def _built(kind: Any, value: Any, place: str, notes: tuple[Any, ...]) -> Any:
-    if is_dataclass(kind):
-        return _built_record(cast(type, kind), value, place)
-    origin, inner = get_origin(kind), get_args(kind)
-    if kind is Any:
-        return value
-    if origin is Annotated:
-        return _built(inner[0], value, place, (*notes, *inner[1:]))
-    if origin is Literal:
-        return _accepted(value in inner, value, place, " or ".join(map(repr, inner)))
-    if origin in (Union, types.UnionType):
-        return _built_member(inner, value, place, notes)
-    if origin is tuple:
-        return _built_tuple(inner, value, place, notes)
-    if origin is np.ndarray:
-        _accepted(isinstance(value, list | tuple), value, place, "a list of numbers")
-        return np.array([_number(entry, f"{place}[{index}]", notes) for index, entry in enumerate(value)])
-    if isinstance(origin, type) and issubclass(origin, Mapping):
-        _accepted(isinstance(value, Mapping), value, place, "an object")
-        return {
-            _built(inner[0], key, f"{place}, a key", ()): _built(
-                inner[1], entry, f"{place}.{_cut(key)}", notes
-            )
-            for key, entry in value.items()
-        }
-    if kind is float:
-        return _number(value, place, notes)
+def _built(node: Node, value: Any, place: str) -> Any:
+    match node:
+        case nodes.Record(kind):
+            return _built_record(kind, value, place)
+        case nodes.Choice(choices):
+            return _require(value in choices, value, place, " or ".join(map(repr, choices)))
+        case nodes.Either():
+            return _built_member(node, value, place)
+        case nodes.Fixed():
+            return _built_tuple(node, value, place)
+        case nodes.Array():
+            _require(isinstance(value, list | tuple), value, place, "a list of numbers")
+            pairs = enumerate(value)
+            return np.array([_number(each, f"{place}[{index}]", node.notes) for index, each in pairs])
+        case nodes.Table(_, (name, inner)):
+            _require(isinstance(value, Mapping), value, place, "an object")
+            return {
+                _built(name, key, f"{place}, a key"): _built(inner, entry, f"{place}.{_cut(key)}")
+                for key, entry in value.items()
+            }
+        case nodes.Scalar(kind) if kind is float:
+            return _number(value, place, node.notes)
+        case nodes.Scalar(kind) | nodes.Instance(kind):
+            return _plain_value(kind, node.notes, value, place)
+    return value
+
+
+def _plain_value(kind: type, notes: Notes, value: Any, place: str) -> Any:
     # Python counts True among the integers, JSON does not.
     fits = isinstance(value, kind) and (kind is bool or not isinstance(value, bool))
-    _accepted(fits, value, place, _ARTICLES.get(kind, kind.__name__))
+    _require(fits, value, place, _ARTICLES.get(kind, kind.__name__))
     for note in notes:
         if isinstance(note, Within):
-            _accepted(not note.excludes(value), value, place, note.instead_of(value, "whole number"))
+            _require(not note.excludes(value), value, place, note.instead_of(value, "whole number"))
         if isinstance(note, OneOf):
-            _accepted(value in note.names, value, place, " or ".join(map(repr, note.names)))
+            _require(value in note.names, value, place, " or ".join(map(repr, note.names)))
     return value
 
 
 def _built_record(kind: type, value: Any, place: str) -> Any:
-    _accepted(isinstance(value, Mapping), value, place, "an object")
-    hints = get_type_hints(kind, include_extras=True)
-    known = fields(kind)
+    _require(isinstance(value, Mapping), value, place, "an object")
+    declared, known = fields_of(kind), fields(cast(Any, kind))
     names = [field.name for field in known if field.name in value]
     # A field that has a default may be newer than the document.
     missing = [
@@ -305,7 +310,7 @@ def _built_record(kind: type, value: Any, place: str) -> Any:
     ]
     if missing:
         raise MismatchError(f"`{place}` lacks {', '.join(missing)}")
-    values = {name: _built(hints[name], value[name], f"{place}.{name}", ()) for name in names}
+    values = {name: _built(declared[name], value[name], f"{place}.{name}") for name in names}
     try:
         record = kind(**values)
         damage = record.disagreement() if isinstance(record, Related) else ""
@@ -316,45 +321,44 @@ def _built_record(kind: type, value: Any, place: str) -> Any:
     return record
 
 
-def _built_member(inner: tuple[Any, ...], value: Any, place: str, notes: tuple[Any, ...]) -> Any:
-    if value is None and types.NoneType in inner:
+def _built_member(node: Node, value: Any, place: str) -> Any:
+    if value is None and node.kind is NoneType:
         return None
-    members = [member for member in inner if member is not types.NoneType]
-    for member in members[:-1]:
+    for member in node.parts[:-1]:
         try:
-            return _built(member, value, place, notes)
+            return _built(member, value, place)
         except MismatchError:
             continue
-    return _built(members[-1], value, place, notes)
+    return _built(node.parts[-1], value, place)
 
 
-def _built_tuple(inner: tuple[Any, ...], value: Any, place: str, notes: tuple[Any, ...]) -> tuple[Any, ...]:
-    _accepted(isinstance(value, list | tuple), value, place, "a list")
-    kinds = [inner[0]] * len(value) if inner[1:] == (...,) else list(inner)
-    _accepted(len(kinds) == len(value), value, place, f"a list of {len(kinds)}")
+def _built_tuple(node: nodes.Fixed, value: Any, place: str) -> tuple[Any, ...]:
+    _require(isinstance(value, list | tuple), value, place, "a list")
+    kinds = node.of(len(value))
+    _require(len(kinds) == len(value), value, place, f"a list of {len(kinds)}")
     pairs = zip(kinds, value, strict=True)
-    return tuple(_built(kind, entry, f"{place}[{index}]", notes) for index, (kind, entry) in enumerate(pairs))
+    return tuple(_built(kind, entry, f"{place}[{index}]") for index, (kind, entry) in enumerate(pairs))
 
 
-def _number(value: Any, place: str, notes: tuple[Any, ...]) -> float:
+def _number(value: Any, place: str, notes: Notes) -> float:
     if value is None:
         for note in notes:
             if isinstance(note, Null):
                 return note.number
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
-    _accepted(is_number, value, place, "a number")
+    _require(is_number, value, place, "a number")
     may_be_larger = May.BE_NAN in notes if value != value else May.BE_INFINITE in notes
-    _accepted(abs(value) <= LARGEST or may_be_larger, value, place, f"a number below {LARGEST:g} in size")
+    _require(abs(value) <= LARGEST or may_be_larger, value, place, f"a number below {LARGEST:g} in size")
     for note in notes:
         if isinstance(note, Within):
-            _accepted(not note.excludes(value), value, place, note.instead_of(value))
+            _require(not note.excludes(value), value, place, note.instead_of(value))
     # An integer of hundreds of digits is beyond any float.
     return (
         float(value) if abs(value) <= LARGEST or isinstance(value, float) else math.copysign(math.inf, value)
     )
 
 
-def _accepted(condition: bool, value: Any, place: str, expected: str) -> Any:
+def _require(condition: bool, value: Any, place: str, expected: str) -> Any:
     if not condition:
         raise MismatchError(f"`{place}` should be {expected}, it is {_cut(repr(value))}")
     return value

@@ -25,7 +25,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.errors import RecordError, reason_of
-from mrwork.escaping import escaped
+from mrwork.escaping import escape_text
+from mrwork.values import Floats
 
 LEAST: Final = 96 << 20
 """Bytes that the contents of any file may take, however small it is: columns that do not change shrink a thousandfold.
@@ -38,7 +39,7 @@ _RATIO: Final = 10
 _MOST: Final = 1 << 30
 
 
-def allowed(size: int, *, least: int = LEAST) -> int:
+def compute_allowance(size: int, *, least: int = LEAST) -> int:
     """Bytes that the contents of a file of `size` bytes may take: 10 times its size, from `least` to 1 GiB."""
     return min(_MOST, max(least, _RATIO * size))
 
@@ -48,7 +49,7 @@ class Allowance:
 
     def __init__(self, path: Path, size: int, *, least: int = LEAST) -> None:
         self._path = path
-        self._whole = self._left = allowed(size, least=least)
+        self._whole = self._left = compute_allowance(size, least=least)
 
     def take(self, count: int, what: str) -> None:
         """Count the bytes of `what`."""
@@ -77,7 +78,7 @@ _FLAGS: Final = os.O_RDONLY | sum(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FileKind:
-    """What a file is read as: its name, `largest` size [bytes], `remedy` for others, `smaller` for larger ones."""
+    """Kind of an input file: name, `largest` size [bytes], `remedy` for another kind, `smaller` for a larger file."""
 
     name: str
     largest: int
@@ -109,7 +110,7 @@ CANDIDATES: Final = FileKind(
 )
 
 
-def stored(verb: str, *, name: str = "a file of the run") -> FileKind:
+def make_stored_kind(verb: str, *, name: str = "a file of the run") -> FileKind:
     """The kind of the files that a verb of `mrwork` writes into a run folder."""
     return FileKind(name=name, largest=256 * _MIB, remedy=f"move it away, and run `mrwork {verb}` again")
 
@@ -125,9 +126,9 @@ def start_of(path: Path, kind: FileKind, count: int) -> bytes:
         _check(os.stat(path), path, kind)  # noqa: PTH116 - `Path` refuses some names with other errors
         descriptor = os.open(path, _FLAGS)
         with os.fdopen(descriptor, "rb") as stream:
-            found = os.fstat(descriptor)
-            _check(found, path, kind)
-            return stream.read(min(found.st_size, count))
+            status = os.fstat(descriptor)
+            _check(status, path, kind)
+            return stream.read(min(status.st_size, count))
     except RecordError:
         raise
     except (OSError, ValueError) as reason:
@@ -194,13 +195,13 @@ def exists(path: str | Path) -> bool:
     return os.path.exists(path)  # noqa: PTH110 - as in `is_file`
 
 
-def _check(found: os.stat_result, path: Path, kind: FileKind) -> None:
-    if not stat.S_ISREG(found.st_mode):
-        what = _KINDS.get(stat.S_IFMT(found.st_mode), "is not an ordinary file")
+def _check(status: os.stat_result, path: Path, kind: FileKind) -> None:
+    if not stat.S_ISREG(status.st_mode):
+        what = _KINDS.get(stat.S_IFMT(status.st_mode), "is not an ordinary file")
         raise RecordError(f"{path}: {what} where {kind.name} was expected; {kind.remedy}")
-    if found.st_size > kind.largest:
+    if status.st_size > kind.largest:
         raise RecordError(
-            f"{path}: has {found.st_size / 1e6:,.0f} MB where {kind.name} has {kind.largest / 1e6:,.0f} MB at most; "
+            f"{path}: has {status.st_size / 1e6:,.0f} MB where {kind.name} has {kind.largest / 1e6:,.0f} MB at most; "
             f"{kind.smaller or kind.remedy}"
         )
 
@@ -236,20 +237,20 @@ def read_arrays(path: Path, kind: FileKind) -> dict[str, NDArray[Any]]:
                 raise ValueError("it claims more numbers than such a file has")
             return {each.filename.removesuffix(".npy"): _array(archive.read(each)) for each in members}
     except Exception as reason:  # the libraries raise whatever a damaged file leads them to
-        raise RecordError(escaped(f"{path} is damaged ({reason_of(reason)}); {kind.remedy}")) from None
+        raise RecordError(escape_text(f"{path} is damaged ({reason_of(reason)}); {kind.remedy}")) from None
 
 
-def finite_numbers(arrays: Mapping[str, NDArray[Any]], name: str) -> NDArray[np.float64]:
+def finite_numbers(arrays: Mapping[str, NDArray[Any]], name: str) -> Floats:
     """One of the arrays of a file, of floating-point numbers."""
     if name not in arrays:
         raise ValueError(f"it has no {name}")
-    found = arrays[name]
+    values = arrays[name]
     # Half precision is written by no program of this package, and extended precision has invalid numbers.
-    if found.dtype.kind != "f" or found.dtype.itemsize not in (4, 8):
+    if values.dtype.kind != "f" or values.dtype.itemsize not in (4, 8):
         raise ValueError(f"{name} has other values than floating-point numbers")
-    if not np.isfinite(found).all():
+    if not np.isfinite(values).all():
         raise ValueError(f"{name} has a number that is not finite")
-    return found.astype(np.float64)
+    return values.astype(np.float64)
 
 
 def _array(data: bytes) -> NDArray[Any]:

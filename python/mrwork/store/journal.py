@@ -73,6 +73,8 @@ class Journal:
         self.path = Path(path)
         self._recorded: list[dict[str, Any]] = []
         self._asked = 0
+        # Whether the line of the last step lacks what this version needs.
+        self._outdated = False
         self._counters: Counters | None = None
         # After an interrupt, a refinement may still run on its thread; it must not write to a closed journal.
         self._writing = threading.Lock()
@@ -83,7 +85,7 @@ class Journal:
         self._own = False
         self._synced, self._pause = 0.0, 0.0
         if resume:
-            self._recorded = self._opened(note)
+            self._recorded = self._open_file(note)
         self._began = time.perf_counter() - self.seconds_before
 
     @property
@@ -127,16 +129,16 @@ class Journal:
         if recorded is None:
             self._append(subject, {"facts": stated})
             return
-        found = differences(recorded.get("facts"), stated)
-        if found:
-            more = f" and {len(found) - _SHOWN} more" if len(found) > _SHOWN else ""
+        differing = differences(recorded.get("facts"), stated)
+        if differing:
+            more = f" and {len(differing) - _SHOWN} more" if len(differing) > _SHOWN else ""
             raise JournalError(
-                f"{self.path} is of another {subject}: {'; '.join(found[:_SHOWN])}{more}; "
+                f"{self.path} is of another {subject}: {'; '.join(differing[:_SHOWN])}{more}; "
                 "resume with the same inputs and settings as before, or run again without --resume"
             )
 
     @checked
-    def recall(self, step: str, inputs: str, read: Callable[[dict[str, Any]], T]) -> T | None:
+    def recall(self, step: str, inputs: str, read: Callable[[dict[str, Any]], T | None]) -> T | None:
         """Return the recorded result of the next step, or `None` if the step must be computed.
 
         Parameters
@@ -144,7 +146,7 @@ class Journal:
         step, inputs
             Name of the step, and the digest of its inputs.
         read
-            Makes the result from its record.
+            Makes the result from its record; `None` of one that lacks what this version needs.
 
         Raises
         ------
@@ -159,16 +161,21 @@ class Journal:
         try:
             if self._counters is not None and "counters" in recorded:
                 self._counters.restore(recorded["counters"])
-            return read(recorded["result"])
+            found = read(recorded["result"])
         except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as reason:
             raise JournalError(
                 f"line {recorded['line']} of {self.path} does not hold the result of a {step} "
                 f"({type(reason).__name__}: {reason}); run again without --resume"
             ) from reason
+        self._outdated = found is None
+        return found
 
     @checked
     def record(self, step: str, inputs: str, result: Mapping[str, object]) -> None:
-        """Record the result of a step for which `recall` has returned `None`."""
+        """Record the result of a step for which `recall` has returned `None`; its line stays if it has one."""
+        if self._outdated:
+            self._outdated = False
+            return
         entry: dict[str, object] = {"inputs": inputs, "result": result}
         if self._counters is not None:
             entry["counters"] = self._counters.as_record()
@@ -190,10 +197,10 @@ class Journal:
         """
 
         def read(record: dict[str, Any]) -> T:
-            found = rebuilt(kind, record)
-            if agrees is not None and not agrees(found):
+            rebuilt_step = rebuilt(kind, record)
+            if agrees is not None and not agrees(rebuilt_step):
                 raise ValueError("it is of another size than its inputs")
-            return found
+            return rebuilt_step
 
         recalled = self.recall(step, inputs, read)
         if recalled is not None:
@@ -203,7 +210,7 @@ class Journal:
         return result
 
     def lock(self) -> None:
-        """Keep other writers from the file, from now until `close`, so that it can be copied or moved after `finish`.
+        """Lock the file against other writers until `close`, so that it can be copied or moved after `finish`.
 
         Raises
         ------
@@ -216,7 +223,7 @@ class Journal:
         self._kept = True
 
     def finish(self) -> None:
-        """Close the file, which other writers may have unless `lock` was called; a later step is refused."""
+        """Close the file, and release it unless `lock` was called; a later step is refused."""
         try:
             self._close_file()
         finally:
@@ -225,7 +232,7 @@ class Journal:
                 self._lock = None
 
     def close(self) -> None:
-        """Close the file, which other writers may have then; a later step is refused."""
+        """Close the file and release it; a later step is refused."""
         self._kept = False
         self.finish()
 
@@ -260,7 +267,7 @@ class Journal:
             f"{step}: the program or the machine has changed since; run again without --resume"
         )
 
-    def _opened(self, note: Callable[[str], None] | None) -> list[dict[str, Any]]:
+    def _open_file(self, note: Callable[[str], None] | None) -> list[dict[str, Any]]:
         if self.path.parent.is_dir():
             self._take_lock()
         try:

@@ -105,7 +105,7 @@ class Lock:
         self._place = path.with_name(f".{path.name}.lock")
         self._file: int | None = None
         with explain_failure(f"write {path}", "choose another folder"):
-            self._file = self._taken(path)
+            self._file = self._take(path)
 
     def release(self) -> None:
         """Let another writer have the file; without effect where that was done before."""
@@ -124,7 +124,7 @@ class Lock:
     ) -> None:
         self.release()
 
-    def _taken(self, path: Path) -> int:
+    def _take(self, path: Path) -> int:
         while True:
             file = open_to_write(self._place, _FLAGS)
             try:

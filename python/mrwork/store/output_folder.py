@@ -41,10 +41,10 @@ from mrwork.store.run_folder import (
     RunKind,
     kind_of,
     part_of,
+    read_manifest_if_whole,
     real_place,
-    stated_in,
 )
-from mrwork.summary import listed
+from mrwork.summary import list_names
 
 _FILES: Final = "files"
 # Bytes up to which a file is read, whatever its time says.
@@ -84,7 +84,7 @@ class Destination:
         if run is None or self.replace:
             return
         if run.kind != self.kind:
-            lost = f"the results of `mrwork {run.kind.verb}`, {listed(_entries_of(run.files()), _NAMED)}"
+            lost = f"the results of `mrwork {run.kind.verb}`, {list_names(_entries_of(run.files()), _NAMED)}"
         else:
             added = run.additions()
             changed = [] if self.continues else run.changes()
@@ -94,19 +94,19 @@ class Destination:
                 ", which other verbs or you have added": _entries_of(added),
                 ", changed since the run was written": changed,
             }
-            lost = "; and ".join(f"{listed(names, _NAMED)}{why}" for why, names in parts.items() if names)
+            lost = "; and ".join(f"{list_names(names, _NAMED)}{why}" for why, names in parts.items() if names)
         raise OutputError(
             f"{self.path} has a run; `mrwork {self.kind.verb}` in its place would lose {lost}; "
             "choose another folder, or give --replace"
         )
 
-    def kept(self) -> list[Path]:
-        """Files and folders of the user there, which stay."""
+    def list_user_files(self) -> list[Path]:
+        """Files and folders of the user at the destination, which are kept."""
         run = self.run()
         return [] if run is None else run.of_user()
 
     def run(self) -> FolderOfRun | None:
-        """The run that is there, `None` where there is nothing or an empty folder; all else is refused."""
+        """The run at the destination, `None` for an absent or empty folder; anything else is refused."""
         place = self.place
         if "\0" in str(self.path):
             raise OutputError(
@@ -123,7 +123,7 @@ class Destination:
                 f"{self.path} holds files but no {MANIFEST}, so it is not a run folder and is left as it is; "
                 "choose another folder"
             )
-        manifest = stated_in(place / MANIFEST)
+        manifest = read_manifest_if_whole(place / MANIFEST)
         kind = kind_of(manifest)
         if kind is None:
             raise OutputError(
@@ -152,18 +152,18 @@ class FolderOfRun:
         )
 
     def of_user(self) -> list[Path]:
-        """All other files and folders."""
+        """Files and folders that no verb has written."""
         own = self._entries()
         return [entry for entry in self.place.iterdir() if entry.name not in own and not is_lock(entry.name)]
 
     def additions(self) -> list[str]:
         """Files that were added to those of the verb."""
-        written = {*self._listed(), *self.kind.redrawn, MANIFEST}
+        written = {*self._read_digests(), *self.kind.redrawn, MANIFEST}
         return [name for name in self.files() if name not in written]
 
     def changes(self) -> list[str]:
         """Files of the verb that are not as it has written them."""
-        listed = self._listed()
+        listed = self._read_digests()
         of_manifest = listed.get(MANIFEST) != _digest_of_manifest(self.manifest)
         others = [name for name in self.files() if name in listed and name != MANIFEST]
         return [
@@ -171,13 +171,13 @@ class FolderOfRun:
             *(name for name in others if self._differs(name, listed[name])),
         ]
 
-    def _listed(self) -> Mapping[str, Any]:
+    def _read_digests(self) -> Mapping[str, Any]:
         """Digests of the files of the verb; none where the manifest has no list of them."""
         listed = self.manifest.get(_FILES)
         return listed if isinstance(listed, Mapping) else {}
 
     def _entries(self) -> frozenset[str]:
-        listed = {name.partition("/")[0] for name in self._listed()}
+        listed = {name.partition("/")[0] for name in self._read_digests()}
         return self.kind.entries | self.taken | listed
 
     def _differs(self, name: str, digest: object) -> bool:
@@ -224,7 +224,7 @@ _NO_LEAVE = frozenset({errno.EACCES, errno.EPERM, errno.EROFS})
 
 @contextmanager
 def replacing_run(destination: Destination) -> Iterator[None]:
-    """Keep others from a run folder, which the block will replace."""
+    """Lock a run folder that the block will replace."""
     place = destination.place
     with _of_folder(place):
         for name in _ADDITIONS if place.is_dir() else ():
@@ -235,7 +235,7 @@ def replacing_run(destination: Destination) -> Iterator[None]:
 
 @contextmanager
 def adding(path: str | Path, name: str) -> Iterator[None]:
-    """Keep others from replacing the run folder at `path`, if any, and from the file `name` that is added."""
+    """Lock the run folder at `path`, if any, against replacement, and the file `name` that is added."""
     place = real_place(path)
     if not (place / MANIFEST).is_file():
         yield
@@ -316,7 +316,7 @@ def write_folder(
             fresh = beside / _NEW
             fresh.mkdir()
             digests = _fill(fresh, contents, copied, linked or {}, folders)
-            _keep(destination.kept(), fresh)
+            _keep(destination.list_user_files(), fresh)
             # Last, so that no file of the run is newer.
             (fresh / MANIFEST).write_bytes(complete_manifest(manifest, destination.kind, digests))
             if flush:

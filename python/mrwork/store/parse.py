@@ -62,11 +62,11 @@ def _no_constant(name: str) -> NoReturn:
 
 def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     """An object, each of whose keys stands once; Python's own reader keeps the last of several."""
-    found = dict(pairs)
-    if len(found) < len(pairs):
+    keys = dict(pairs)
+    if len(keys) < len(pairs):
         ((twice, _),) = Counter(key for key, _ in pairs).most_common(1)
         raise ValueError(f"the key {twice[:_SHOWN]!r} stands more than once in one object")
-    return found
+    return keys
 
 
 _DECODER: Final = json.JSONDecoder(parse_int=_whole, parse_constant=_no_constant, object_pairs_hook=_object)

@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import Any, Final
 
 from mrwork.errors import RecordError
-from mrwork.escaping import escaped
-from mrwork.store.codec import finite, parsed
-from mrwork.store.input_file import is_there, stored, text_of
+from mrwork.escaping import escape_text
+from mrwork.store.codec import finite, parse_document
+from mrwork.store.input_file import is_there, make_stored_kind, text_of
 from mrwork.store.parse import json_value
 
 MANIFEST = "manifest.json"
@@ -52,7 +52,7 @@ _PART = ".part"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunKind:
-    """What a verb writes as a run folder, and its `kind` in the manifest.
+    """Kind of run folder that a verb writes, with its `kind` in the manifest.
 
     `written`: patterns of paths that the verb writes. `added`: names that later verbs add. `redrawn`: files that later
     verbs write again from the others, so that the manifest does not list them.
@@ -118,8 +118,8 @@ def is_part(path: Path) -> bool:
     return path.name.endswith(_PART) and path.is_dir()
 
 
-def begun_of(kept: Path) -> Path:
-    """Where a journal grows that is moved to `kept` when it is complete."""
+def name_unfinished(kept: Path) -> Path:
+    """Path of an unfinished journal, which is moved to `kept` when it is complete."""
     return kept.with_name(kept.name + _PART)
 
 
@@ -128,20 +128,20 @@ _SHOWN: Final = 40
 
 
 def read_manifest(place: Path, *, verb: str) -> Mapping[str, Any] | None:
-    """What the manifest of the folder at `place` states, `None` where there is none; `verb` is what writes it."""
-    path, kind = place / MANIFEST, stored(verb, name="the manifest")
+    """Content of the manifest of the folder at `place`, `None` where there is none; `verb` names the writing verb."""
+    path, kind = place / MANIFEST, make_stored_kind(verb, name="the manifest")
     if not is_there(path, kind):
         return None
-    stated = parsed(text_of(path, kind), origin=str(path), verb=verb)
+    stated = parse_document(text_of(path, kind), origin=str(path), verb=verb)
     if not isinstance(stated, Mapping):
         raise RecordError(f"{path} is not a manifest, which is an object of JSON; run `mrwork {verb}` again")
     return stated
 
 
-def stated_in(manifest: Path) -> Mapping[str, Any]:
-    """What a manifest that may be damaged states; nothing where it is."""
+def read_manifest_if_whole(manifest: Path) -> Mapping[str, Any]:
+    """Content of a manifest; empty where the manifest is damaged."""
     try:
-        stated = json_value(text_of(manifest, stored("identify", name="the manifest")))
+        stated = json_value(text_of(manifest, make_stored_kind("identify", name="the manifest")))
     except (RecordError, ValueError):
         return {}
     return stated if isinstance(stated, Mapping) else {}
@@ -150,7 +150,7 @@ def stated_in(manifest: Path) -> Mapping[str, Any]:
 def check_manifest(
     place: Path, stated: Mapping[str, Any], facts: Mapping[str, Collection[object]], *, file: str, verb: str
 ) -> None:
-    """Check that a manifest states what is in the results beside it; one that says less is that of another version.
+    """Check that a manifest agrees with its results; a manifest with fewer facts is from another version.
 
     `facts`: the values that an entry may have. `file`, `verb`: name of the results, and what writes both, for messages.
     """
@@ -159,7 +159,7 @@ def check_manifest(
             shown = repr(stated[name])
             cut = f"{shown[:_SHOWN]}…" if len(shown) > _SHOWN else shown
             raise RecordError(
-                escaped(
+                escape_text(
                     f"{place / MANIFEST} is of another run than {file} beside it: its {name} is {cut}; "
                     f"restore the one that was written with it, or run `mrwork {verb}` again"
                 )

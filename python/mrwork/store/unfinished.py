@@ -25,11 +25,11 @@ from mrwork.store.run_folder import (
     JOURNAL,
     MANIFEST,
     MODELS,
-    begun_of,
     is_part,
+    name_unfinished,
     part_of,
+    read_manifest_if_whole,
     real_place,
-    stated_in,
 )
 
 _STEP_SUFFIX = ".jsonl"
@@ -42,7 +42,7 @@ INTERRUPTED = "interrupted"
 def is_complete(path: str | Path) -> bool:
     """Whether the folder at `path` has a run that was not interrupted; one with a damaged manifest counts."""
     manifest = real_place(path) / MANIFEST
-    return manifest.exists() and stated_in(manifest).get("status") != INTERRUPTED
+    return manifest.exists() and read_manifest_if_whole(manifest).get("status") != INTERRUPTED
 
 
 @contextmanager
@@ -130,12 +130,12 @@ def is_copy(kept: Path, journal: Journal) -> bool:
 
 def begin_addition(kept: Path) -> Journal:
     """Begin a journal that `keep_addition` moves to `kept`; an earlier one there does not change before."""
-    return _lock(Journal(begun_of(kept)))
+    return _lock(Journal(name_unfinished(kept)))
 
 
 def resume_addition(kept: Path, *, note: Callable[[str], None]) -> Journal:
     """Resume a journal as `begin_addition` begins it, or the complete one at `kept`; raises as `resume_journal`."""
-    begun = begun_of(kept)
+    begun = name_unfinished(kept)
     for each in (kept, begun):
         refuse_link(each)
     if not begun.is_file():

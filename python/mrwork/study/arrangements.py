@@ -48,7 +48,7 @@ _PYTHON = FileKind(name="the Python file of a law", largest=1 << 20, remedy="giv
 
 
 def running_in_words(table: LawFileTable, folder: Path) -> str:
-    """Which file is about to run as Python, and which line of the study names it."""
+    """Notice of a file that is about to run as Python, with the line of the study that names it."""
     return f"{table.place.within('file')}: running {folder / table.file} as Python, for its function {table.function}"
 
 
@@ -70,13 +70,13 @@ def _load_law(table: LawFileTable, folder: Path) -> UserLaw:
     except ValueError:
         # A function of a compiled module may tell no arguments.
         pass
-    with table.place.within("function").prefixed(SettingError):
+    with table.place.within("function").prefix_errors(SettingError):
         return UserLaw(name=name, command=function, n_memory=table.memory, source=digest_of(text))
 
 
 def _run_module(table: LawFileTable, path: Path) -> tuple[ModuleType, str]:
     where = table.place.within("file")
-    with where.prefixed(SettingError):
+    with where.prefix_errors(SettingError):
         text = text_of(path, _PYTHON)
     module: Any = ModuleType(f"mrwork_law_{digest_of(text)}")
     module.__file__ = str(path)
@@ -106,7 +106,7 @@ def clairvoyant_row(
         table.place.refuse(
             "the optimum knows no limit of the rate of the command, and [hardware] has a command_rate; leave one out"
         )
-    with table.place.within("interval").prefixed(SettingError):
+    with table.place.within("interval").prefix_errors(SettingError):
         samples_of(table.interval, hardware.sample_time)
     return ClairvoyantRow(
         row=Row(
@@ -166,14 +166,16 @@ def arrangements(
     """The building without dampers, with them at i = 0, the baselines, and every control law."""
     building, devices = problem.building, tuple(problem.devices)
     none = Row(label="uncontrolled", kind="uncontrolled", description="the building without dampers")
-    found = [make_arrangement(bare, none, bare, (), constant_command((), 0.0))]
+    arrangements_of_study = [make_arrangement(bare, none, bare, (), constant_command((), 0.0))]
     controllable = any(device.spec.follows_command for device in devices)
     if devices:
         off = Row(label="i = 0", kind="passive_off", description="the dampers without a command")
         if not controllable:
             off = Row(label="passive", kind="passive_off", description="the dampers, which follow no command")
-        found.append(make_arrangement(bare, off, building, devices, constant_command(devices, 0.0)))
-    found += [_baseline(baseline, table, bare, folder) for baseline in table.baseline]
+        arrangements_of_study.append(
+            make_arrangement(bare, off, building, devices, constant_command(devices, 0.0))
+        )
+    arrangements_of_study += [_baseline(baseline, table, bare, folder) for baseline in table.baseline]
     for controller in table.controller:
         if not devices:
             controller.place.refuse("a control law needs dampers, and the study has none; give a [[damper]]")
@@ -184,15 +186,18 @@ def arrangements(
         constant = CONSTANT_LAWS.get(controller.law)
         if constant is not None and constant.share == 0.0:
             # This arrangement exists already; only its label may differ.
-            found[1] = replace(
-                found[1], row=replace(found[1].row, label=controller.label or found[1].row.label)
+            arrangements_of_study[1] = replace(
+                arrangements_of_study[1],
+                row=replace(
+                    arrangements_of_study[1].row, label=controller.label or arrangements_of_study[1].row.label
+                ),
             )
             continue
         user = controller.user
         description = controller.law if user is None else f"{user.function} of {user.file}, in Python"
         row = Row(label=controller.label or title, kind=_kind(law), description=description)
-        found.append(make_arrangement(bare, row, building, tuple(limited.devices), law))
-    return tuple(found)
+        arrangements_of_study.append(make_arrangement(bare, row, building, tuple(limited.devices), law))
+    return tuple(arrangements_of_study)
 
 
 def problem_of(
@@ -211,7 +216,7 @@ def problem_of(
 
 
 def _limit_command(controller: ControllerTable, problem: DesignProblem) -> DesignProblem:
-    """The problem of a law that may send a part of the command only."""
+    """The design problem of a law, with the command limited as its table says."""
     largest = controller.largest_command
     if largest is None:
         return problem
@@ -256,8 +261,8 @@ def _range(table: DamperTable, name: str, given: tuple[float, ...] | None) -> tu
 
 def _baseline(baseline: BaselineTable, table: StudyTable, bare: Building, folder: Path) -> Arrangement:
     where = baseline.place.within("building")
-    with where.prefixed(SettingError):
-        changed = table.building.changed_by(baseline.building).build(folder)
+    with where.prefix_errors(SettingError):
+        changed = table.building.override_with(baseline.building).build(folder)
     missing = [
         name
         for name in (*bare.floor_names, *bare.storey_names)
@@ -301,7 +306,7 @@ def _choose_law(
         place.within("law").refuse(f"no control law is called {table.law!r}{near}")
     kind = SETTINGS[table.law]
     given = _with_matrices(kind, table.settings or {}, place.within("settings"), folder)
-    with place.within("settings").prefixed(SettingError):
+    with place.within("settings").prefix_errors(SettingError):
         settings: LawSettings = read_table(kind, given, place.within("settings"))
         return specs[table.law].title, design_law(table.law, problem, settings)
 
@@ -313,19 +318,19 @@ def resolve_settings(table: TuneTable, folder: Path) -> TuneTable:
     """
     if table.settings is None or table.place is None:
         return table
-    place, found = table.place.within("settings"), dict(table.settings)
+    place, settings = table.place.within("settings"), dict(table.settings)
     for law in table.laws:
         if law not in SETTINGS:
             continue
         names = {entry.name for entry in keys_of(SETTINGS[law])}
         given = {name: value for name, value in table.settings.items() if name in names}
         values = given_values(SETTINGS[law], _with_matrices(SETTINGS[law], given, place, folder), place)
-        found |= {name: _without_defaults(value) for name, value in values.items()}
-    return replace(table, settings=found)
+        settings |= {name: _without_defaults(value) for name, value in values.items()}
+    return replace(table, settings=settings)
 
 
 def _without_defaults(value: Any) -> Any:
-    """A table as its values that are not the defaults, by name; any other value as it is."""
+    """Values of a table that differ from their defaults, by name; any other value unchanged."""
     if not isinstance(value, WeightWishes):
         return value
     return {
@@ -339,18 +344,18 @@ def _with_matrices(
     kind: type[LawSettings], settings: Mapping[str, Any], place: Place, folder: Path
 ) -> dict[str, Any]:
     """The settings with the matrices of the files that they name; a single row or column is a diagonal."""
-    found = dict(settings)
+    resolved = dict(settings)
     for entry in keys_of(kind):
-        name = found.get(entry.name)
+        name = resolved.get(entry.name)
         unit = entry.metadata["unit"] or "1"
         if entry.metadata["matrix"] and isinstance(name, str) and isinstance(number_in(name, unit), str):
-            with place.within(entry.name).prefixed(SettingError):
+            with place.within(entry.name).prefix_errors(SettingError):
                 matrix = read_matrix(folder / name)
-            found[entry.name] = (matrix.ravel() if 1 in matrix.shape else matrix).tolist()
-    wishes = found.get("designed")
+            resolved[entry.name] = (matrix.ravel() if 1 in matrix.shape else matrix).tolist()
+    wishes = resolved.get("designed")
     if isinstance(wishes, dict) and isinstance(wishes.get("record"), str):
-        found["designed"] = {**wishes, "record": str(folder / wishes["record"])}
-    return found
+        resolved["designed"] = {**wishes, "record": str(folder / wishes["record"])}
+    return resolved
 
 
 def constant_command(devices: Sequence[Device], command: float) -> ControlLaw:

@@ -36,7 +36,7 @@ class MotionGroup:
 
 def judged_in_words(results: StudyCriteria) -> str:
     """The motions that scores stand on, as "16 test motions"; "16 motions" where the study has no training motions."""
-    uses = [results.motions[motion].use for motion in results.judged]
+    uses = [results.motions[motion].use for motion in results.judged_motions]
     if _n_training(results) or "training" in uses:
         return uses_in_words(uses)
     return f"{len(uses)} motion{'' if len(uses) == 1 else 's'}"
@@ -53,13 +53,13 @@ def chosen_in_words(results: StudyCriteria) -> str:
 
 def _n_training(results: StudyCriteria) -> int:
     """Number of motions that the best constant command is chosen on, if these are not the judged ones."""
-    judged = {results.motions[motion].name for motion in results.judged}
+    judged = {results.motions[motion].name for motion in results.judged_motions}
     return 0 if judged.issuperset(results.chosen_on) else len(results.chosen_on)
 
 
 def motion_groups(results: StudyCriteria) -> tuple[MotionGroup, ...]:
     """Groups that hold some of the judged motions, but not all; and the training motions beside test motions."""
-    judged = results.judged
+    judged = results.judged_motions
     names = dict.fromkeys(name for motion in judged for name in results.motions[motion].groups)
     found = [
         MotionGroup(
@@ -77,7 +77,7 @@ def times_better(results: StudyCriteria, row: int, reference: int, names: Sequen
 
     `None` if a run did not finish.
     """
-    ratios = [results.ratios_to(row, motion, reference) for motion in results.judged]
+    ratios = [results.ratios_to(row, motion, reference) for motion in results.judged_motions]
     if any(math.isnan(each[name]) for each in ratios for name in names):
         return None
     return sum(all(each[name] < 1.0 for name in names) for each in ratios)
@@ -190,15 +190,9 @@ class StudyComparison(Summarised):
         return "controller" in kinds and "best_passive" not in kinds
 
     @checked
-    def rank_of(self, row: int) -> Rank:
-        """The rank of a row."""
-        self._known(row)
-        return next(rank for rank, rows in self.ranks if row in rows)
-
-    @checked
     def changes(self, row: int, reference: int) -> dict[str, QuantityChange]:
         """Changes of the compared quantities of a row against one of the references, by name."""
-        self._known(row)
+        self._check_row(row)
         if reference not in self.references:
             raise SettingError(
                 f"row {reference} is no reference of the changes; give one of {', '.join(map(str, self.references))}"
@@ -208,8 +202,8 @@ class StudyComparison(Summarised):
     @checked
     def heading(self, row: int) -> str:
         """The label of a row, its place among the rows of its rank, and over what its changes are averaged."""
-        self._known(row)
-        motions = len(self.results.judged)
+        self._check_row(row)
+        motions = len(self.results.judged_motions)
         rank, rows = next((rank, rows) for rank, rows in self.ranks if row in rows)
         parts = [self.results.rows[row].label]
         if len(rows) > 1 and row == rows[0] and math.isfinite(self.results.score(row)):
@@ -218,7 +212,7 @@ class StudyComparison(Summarised):
             parts.append(f"mean changes over {judged_in_words(self.results)}")
         return ", ".join(parts)
 
-    def _known(self, row: int) -> None:
+    def _check_row(self, row: int) -> None:
         if not 0 <= row < len(self.results.rows):
             raise SettingError(
                 f"there are {len(self.results.rows)} rows, counted from 0, and {row} is none of them"
@@ -227,7 +221,7 @@ class StudyComparison(Summarised):
     @checked
     def in_words(self, row: int) -> list[str]:
         """What a row changes, better and worse, a sentence for each reference whose changes are known."""
-        self._known(row)
+        self._check_row(row)
         return [
             f"Against {self.results.rows[reference].label}: {found}."
             for reference in self.references
@@ -247,7 +241,7 @@ class StudyComparison(Summarised):
         return f"{better}{'; ' if better else ''}worse: {worse}" if worse else better
 
     def _largest(self, change: QuantityChange) -> str:
-        if len(self.results.judged) == 1:
+        if len(self.results.judged_motions) == 1:
             return ""
         return f" ({in_percent(change.largest)} % under {change.motion})"
 
@@ -318,8 +312,8 @@ def in_percent(change: float) -> str:
 
 
 def _changes(results: StudyCriteria, row: int, reference: int) -> dict[str, QuantityChange]:
-    ratios = [results.ratios_to(row, motion, reference) for motion in results.judged]
-    names = [results.motions[motion].name for motion in results.judged]
+    ratios = [results.ratios_to(row, motion, reference) for motion in results.judged_motions]
+    names = [results.motions[motion].name for motion in results.judged_motions]
     return {
         entry.name: _change([each[entry.name] - 1.0 for each in ratios], names)
         for entry in compared_quantities()

@@ -22,14 +22,13 @@ from mrwork.keys import Place, suggestion
 from mrwork.study.schema import DamperTable
 from mrwork.tested_range import FittedDamper, OperatingRange
 from mrwork.units import CommandUnit, DriverUnit, number_in
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 Identified = Callable[[Path], FittedDamper]
 """Reads the damper from the folder of an identified run."""
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class ChosenDamper:
     """A model with current laws and its parameters; the command lies between 0 and `largest_command`.
 
@@ -108,7 +107,7 @@ def _largest_given(table: DamperTable, unit: CommandUnit) -> float | None:
 
 
 def _refuse_unless_passive(table: DamperTable, spec: DamperSpec, source: str) -> None:
-    """Refuse a damper that follows no command unless the table says so, and a passive one that follows a command."""
+    """Refuse an undeclared damper without current laws, and a damper declared as passive that has them."""
     place = table.place
     if not spec.follows_command and not table.passive:
         place.refuse(
@@ -170,16 +169,16 @@ def _draft_of_run(
     table: DamperTable, run: Path, identified: Identified
 ) -> tuple[_Draft, OperatingRange | None]:
     try:
-        found = identified(run)
+        fitted = identified(run)
     except RecordError as error:
         table.place.within("run").refuse(str(error))
-    current = found.spec.current
-    if current is not None and found.spec.follows_command and current.unit not in get_args(DriverUnit):
+    current = fitted.spec.current
+    if current is not None and fitted.spec.follows_command and current.unit not in get_args(DriverUnit):
         table.place.within("run").refuse(
             f"the damper of this run follows a command in {current.unit}, and a controller sends a current or a "
             "voltage; identify it from tests with their current or voltage"
         )
-    return _draft(found.spec, found.theta), found.tested
+    return _draft(fitted.spec, fitted.theta), fitted.tested
 
 
 def _draft(spec: DamperSpec, theta: tuple[float, ...]) -> _Draft:
@@ -243,11 +242,11 @@ def equip_building(
     chosen = [chosen_damper(table, folder, identified) for table in tables]
     building, rows = bare, []
     for table in tables:
-        with table.place.within("storey").prefixed(SettingError):
+        with table.place.within("storey").prefix_errors(SettingError):
             row = bare.storey_row(table.storey)
         if table.brace is not None:
             mass = table.brace.mass or _JOINT_SHARE * bare.total_mass / len(bare.floor_names)
-            with table.place.within("brace").prefixed(SettingError):
+            with table.place.within("brace").prefix_errors(SettingError):
                 building = with_brace(
                     building,
                     storey=table.storey,
@@ -267,7 +266,7 @@ def equip_building(
         # Braces of later dampers add coordinates, which do not move this one.
         whole = np.append(row, np.zeros(building.n_coordinates - len(row)))
         where = bare.storey_name(table.storey)
-        with table.place.prefixed(SettingError):
+        with table.place.prefix_errors(SettingError):
             devices.append(
                 Device(
                     name=f"damper in {where}",

@@ -35,7 +35,16 @@ from mrwork.study.comparison import (
     judged_in_words,
     motion_groups,
 )
-from mrwork.study.results import Key, MotionFacts, RealisationBand, StudyCriteria, StudyResults
+from mrwork.study.labelled import NOMINAL, criteria_of_runs
+from mrwork.study.results import (
+    Key,
+    MotionFacts,
+    RealisationBand,
+    StudyCriteria,
+    StudyResults,
+    criterion_band,
+    score_band,
+)
 from mrwork.study.run_result import (
     Histories,
     OutcomeName,
@@ -45,7 +54,7 @@ from mrwork.study.run_result import (
     worst_by_quantity,
 )
 from mrwork.study.study import Kind, Row, StudyFile
-from mrwork.summary import listed
+from mrwork.summary import list_names
 from mrwork.table import csv_text
 from mrwork.tested_range import Exceedance, OperatingRange
 
@@ -143,18 +152,18 @@ class StoredClairvoyant:
     command: tuple[tuple[float, ...], ...]
 
 
-def _store_clairvoyant(found: Clairvoyant) -> StoredClairvoyant:
+def _store_clairvoyant(optimum: Clairvoyant) -> StoredClairvoyant:
     return StoredClairvoyant(
-        motion=found.motion,
-        score=found.score,
-        ratios=dict(found.ratios),
-        statement=found.statement,
+        motion=optimum.motion,
+        score=optimum.score,
+        ratios=dict(optimum.ratios),
+        statement=optimum.statement,
         starts=tuple(
             StoredStart(**{entry.name: getattr(each, entry.name) for entry in fields(StoredStart)})
-            for each in found.starts
+            for each in optimum.starts
         ),
-        interval=found.commands.interval,
-        command=tuple(map(tuple, found.commands.command.tolist())),
+        interval=optimum.commands.interval,
+        command=tuple(map(tuple, optimum.commands.command.tolist())),
     )
 
 
@@ -201,7 +210,7 @@ class StoredStudyRun(RunEnd, Related):
     bands: dict[str, RealisationBand] = field(default_factory=dict)
 
     def disagreement(self) -> str:
-        """First table with other criteria than the rest, or criterion without a number though the run finished."""
+        """First contradiction: tables with different criteria, or a finished run without the value of a criterion."""
         tables = [self.criteria, self.over_uncontrolled, self.over_passive_off]
         tables += [self.over_best_passive] if self.over_best_passive else []
         tables += [] if self.step_check is None else [self.step_check.changes]
@@ -242,7 +251,7 @@ class _Document(Related):
     score_bands: dict[str, RealisationBand] = field(default_factory=dict)
 
     def disagreement(self) -> str:
-        """Whether motions are named once, and each run is of one of them, of a row, and the only one of these."""
+        """First contradiction: duplicate motion, unknown row or motion, or duplicate run."""
         names = [motion.name for motion in self.motions]
         if len(set(names)) < len(names):
             return "it has two motions of one name"
@@ -263,7 +272,7 @@ class _Document(Related):
         return self._gap(names, runs) if self.complete else ""
 
     def _gap(self, names: Sequence[str], runs: Mapping[tuple[str, str], StoredStudyRun]) -> str:
-        """The first run of a complete study that is not there, or not repeated with half the step as others are."""
+        """First run that is missing from a complete study, or that lacks its repetition with half the step."""
         halved = any(run.step_check is not None for run in self.results)
         for row in self.scores:
             for motion in names:
@@ -291,27 +300,24 @@ class StoredStudy(StudyCriteria):
 
     @property
     def file_warnings(self) -> tuple[str, ...]:
-        """Sentences on the criteria that the file has not, and on those that this version has not."""
+        """Warnings about criteria that are missing from the file or unknown to this version."""
         known = _every_criterion(None)
         stored = next((run.criteria for run in self.runs.values()), known)
-        found = []
+        warnings = []
         if lacking := [name for name in known if name not in stored]:
-            found.append(f"{RESULTS} is older than {listed(lacking)}; run `mrwork respond` again for it.")
+            warnings.append(
+                f"{RESULTS} is older than {list_names(lacking)}; run `mrwork respond` again for it."
+            )
         if unknown := [name for name in stored if name not in known]:
-            found.append(f"{RESULTS} has {listed(unknown)}, no criterion of this version; it is left out.")
-        return tuple(found)
+            warnings.append(
+                f"{RESULTS} has {list_names(unknown)}, no criterion of this version; it is left out."
+            )
+        return tuple(warnings)
 
     @property
     def checked(self) -> frozenset[Key] | None:
         """Runs that were repeated with half the step; `None` if there are none."""
         return frozenset(key for key, run in self.runs.items() if run.step_check is not None) or None
-
-    @arguments.checked
-    def criteria(self, row: int, motion: int) -> dict[str, float] | None:
-        """Every criterion of a run that finished."""
-        self.check_place(row, motion)
-        run = self.runs.get((row, motion))
-        return None if run is None or not run.finished else _every_criterion(run.criteria)
 
     @arguments.checked
     def step_changes(self, row: int, motion: int) -> dict[str, float] | None:
@@ -355,9 +361,15 @@ def read_results(folder: str | Path) -> StoredStudy:
     for run in document.results:
         rows[run.controller] = Row(label=run.controller, kind=run.kind)
     labels, names = list(rows), [motion.name for motion in document.motions]
+    runs = {(labels.index(run.controller), names.index(run.motion)): run for run in document.results}
+    labelled = criteria_of_runs({"row": tuple(labels), "motion": tuple(names), "realisation": (NOMINAL,)})
+    for key, run in runs.items():
+        for name, value in {**_every_criterion(run.criteria), "energy_error": run.energy_error}.items():
+            labelled.numbers[name][key] = value
     return StoredStudy(
         rows=tuple(rows.values()),
-        runs={(labels.index(run.controller), names.index(run.motion)): run for run in document.results},
+        labelled=labelled,
+        runs=runs,
         **{name: getattr(document, name) for name in _OF_DOCUMENT},
     )
 
@@ -412,22 +424,21 @@ def study_document(results: StudyResults) -> dict[str, Any]:
         groups=_store_groups(results),
         changes=tuple(_store_changes(comparison)),
         clairvoyant=tuple(_store_clairvoyant(each) for _, each in sorted(results.clairvoyants.items())),
-        realisations=0 if results.varied is None else results.varied.count,
-        score_bands={}
-        if results.varied is None
-        else results.varied.scores(
-            [row.label for row in results.rows], results.row_of("passive_off"), results.judged
-        ),
+        realisations=results.n_realisations,
+        score_bands={
+            row.label: band
+            for number, row in enumerate(results.rows)
+            if (band := score_band(results, number))
+        },
     )
-    found: dict[str, Any] = finite(asdict(document))
-    return found
+    content: dict[str, Any] = finite(asdict(document))
+    return content
 
 
 def _criteria_csv(results: StudyResults) -> str:
     """The criteria as a table, a line for each controller and motion; the header has the units."""
     known = criteria()
-    units = [results.command_unit if entry.unit == "A or V" else entry.unit for entry in known]
-    heads = [f"{entry.name} [{unit}]" for entry, unit in zip(known, units, strict=True)]
+    heads = [f"{entry.name} [{results.labelled.units[entry.name]}]" for entry in known]
     lines: list[list[str]] = [["controller", "motion", "use", "outcome", "energy_error", "score", *heads]]
     for (row, motion), run in sorted(results.runs.items()):
         found = results.criteria(row, motion) or {}
@@ -472,7 +483,11 @@ def _store_run(results: StudyResults, row: int, motion: int, passive: int | None
         outside_tested_range=names_outside(demands),
         exceedances=worst_by_quantity(demands),
         demand=largest_demand(demands),
-        bands={} if results.varied is None else results.varied.bands(row, motion),
+        bands={
+            entry.name: band
+            for entry in criteria()
+            if (band := criterion_band(results, row, motion, entry.name))
+        },
     )
 
 
@@ -490,5 +505,5 @@ def _store_step_check(results: StudyResults, row: int, motion: int) -> StoredSte
 
 
 def _every_criterion(numbers: Mapping[str, float] | None) -> _Criteria:
-    found = numbers or {}
-    return {entry.name: found.get(entry.name, math.nan) for entry in criteria()}
+    values = numbers or {}
+    return {entry.name: values.get(entry.name, math.nan) for entry in criteria()}

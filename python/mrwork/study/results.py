@@ -6,7 +6,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import ClassVar, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 import numpy as np
 
@@ -14,51 +14,23 @@ from mrwork import arguments
 from mrwork.arguments import NotNegative
 from mrwork.buildings.matrices import Device
 from mrwork.closed_loop.clairvoyant_search import Clairvoyant
-from mrwork.closed_loop.evaluation import SCORE, Spread, criteria, criterion, ratio, score, values
+from mrwork.closed_loop.evaluation import SCORE, Spread, criteria, criterion, ratio, score
 from mrwork.closed_loop.responses import ENERGY_TOLERANCE
 from mrwork.errors import SettingError
-from mrwork.numbers import rounded
+from mrwork.numbers import format_rounded
 from mrwork.store.codec import OrInfinite, OrNan
+from mrwork.study.labelled import HALF_STEP, LabelledRuns
 from mrwork.study.run_result import DeviceDemand, RunEnd, RunResult, damper_warnings, demands_of
 from mrwork.study.schema import Use
 from mrwork.study.study import Kind, MotionOfStudy, Row
-from mrwork.summary import Summarised, Summary, listed
-from mrwork.units import STANDARD_GRAVITY
-from mrwork.values import Floats, holds_arrays
+from mrwork.summary import Summarised, Summary, list_names
+from mrwork.values import Floats
+
+if TYPE_CHECKING:
+    from xarray import DataTree
 
 Key = tuple[int, int]
 """Indices of the row and the motion of a run."""
-
-
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class RunCriteria(Summarised):
-    """Criteria of candidates under motions and realisations.
-
-    `numbers` has the shape (n_criteria, n_candidates, n_motions, n_realisations), criteria in the order of
-    `closed_loop.criteria`; infinite where a run did not finish. `energy_error` (n_candidates, n_motions,
-    n_realisations) is that of each run. `seconds` is the time inside the simulation.
-    """
-
-    numbers: Floats
-    energy_error: Floats
-    seconds: float
-
-    def __post_init__(self) -> None:
-        if self.numbers.shape != (len(criteria()), *self.energy_error.shape) or self.numbers.ndim != 4:
-            raise ValueError(
-                f"criteria of the shape {self.numbers.shape} with errors of the shape {self.energy_error.shape}"
-            )
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """(n_candidates, n_motions, n_realisations)."""
-        return self.energy_error.shape
-
-    def of(self, name: str) -> Floats:
-        """A criterion by its name, shape (n_candidates, n_motions, n_realisations)."""
-        names = [entry.name for entry in criteria()]
-        return np.asarray(self.numbers[names.index(name)])
 
 
 BAND = 0.9
@@ -80,48 +52,6 @@ class RealisationBand:
             return RealisationBand(lower=math.nan, median=math.nan, upper=math.inf)
         lower, median, upper = np.quantile(values, (0.5 * (1.0 - BAND), 0.5, 0.5 * (1.0 + BAND))).tolist()
         return RealisationBand(lower=lower, median=median, upper=upper)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class VariedResults(Summarised):
-    """Criteria over `count` realisations, by row of a study, for the rows that are done."""
-
-    count: int
-    rows: Mapping[int, RunCriteria]
-
-    def bands(self, row: int, motion: int) -> dict[str, RealisationBand]:
-        """Bands of every criterion of a row under a motion; none for a row that is not done."""
-        found = self.rows.get(row)
-        if found is None:
-            return {}
-        return {entry.name: RealisationBand.of(found.of(entry.name)[0, motion]) for entry in criteria()}
-
-    def ratio_band(
-        self, row: int, reference: int | None, motions: Sequence[int], name: str
-    ) -> RealisationBand | None:
-        """Band of the mean over motions of a criterion over that of a reference row in the same realisation."""
-        ratios = self._ratios(row, reference, motions, name)
-        return None if ratios is None else RealisationBand.of(ratios)
-
-    def score_band(self, row: int, reference: int | None, motions: Sequence[int]) -> RealisationBand | None:
-        """Band of the score over some motions, against a reference row in the same realisation."""
-        parts = [self._ratios(row, reference, motions, name) for name in SCORE]
-        known = [each for each in parts if each is not None]
-        return RealisationBand.of(np.mean(known, axis=0)) if len(known) == len(SCORE) else None
-
-    def scores(
-        self, labels: Sequence[str], reference: int | None, motions: Sequence[int]
-    ) -> dict[str, RealisationBand]:
-        """Bands of the scores of all rows by their labels."""
-        found = {label: self.score_band(row, reference, motions) for row, label in enumerate(labels)}
-        return {label: band for label, band in found.items() if band is not None}
-
-    def _ratios(self, row: int, reference: int | None, motions: Sequence[int], name: str) -> Floats | None:
-        above, below = self.rows.get(row), None if reference is None else self.rows.get(reference)
-        if above is None or below is None:
-            return None
-        chosen = list(motions)
-        return np.asarray(ratio(above.of(name)[0, chosen], below.of(name)[0, chosen]).mean(axis=0))
 
 
 # Motions in the summary.
@@ -157,11 +87,12 @@ class MotionFacts:
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class StudyCriteria(Summarised, ABC):
-    """Criteria of a study by (row, motion), and the ratios, scores and warnings that follow from them.
+    """Criteria of a study, and the ratios, scores and warnings that follow from them.
 
-    The first rows are the building without dampers and i = 0. `runs` say how each run ended. `chosen_on` are the names
-    of the motions that the best constant command is chosen on, `building_warnings` sentences on modes of the building
-    without damping or stiffness.
+    `labelled` has the criteria over row, motion and realisation, of which the first is the nominal one. The first rows
+    are the building without dampers and i = 0. `runs` say how each run ended, by (row, motion). `chosen_on` are the
+    names of the motions that the best constant command is chosen on, `building_warnings` sentences on modes of the
+    building without damping or stiffness.
     """
 
     _made_by: ClassVar[str] = "mr.run_study(study) or mr.study.read_results(folder)"
@@ -169,6 +100,7 @@ class StudyCriteria(Summarised, ABC):
     title: str
     rows: tuple[Row, ...]
     motions: tuple[MotionFacts, ...]
+    labelled: LabelledRuns
     runs: Mapping[Key, RunEnd]
     command_unit: str
     device_names: tuple[str, ...] = ()
@@ -185,9 +117,12 @@ class StudyCriteria(Summarised, ABC):
     def checked(self) -> frozenset[Key] | None:
         """Runs that were repeated with half the step; `None` if the step is not to be checked."""
 
-    @abstractmethod
+    @arguments.checked
     def criteria(self, row: int, motion: int) -> dict[str, float] | None:
         """Every criterion of a run that finished."""
+        self.check_place(row, motion)
+        run = self.runs.get((row, motion))
+        return self.labelled.criteria((row, motion, 0)) if run is not None and run.finished else None
 
     @abstractmethod
     def step_changes(self, row: int, motion: int) -> dict[str, float] | None:
@@ -227,12 +162,12 @@ class StudyCriteria(Summarised, ABC):
         return "finished" if self.complete else "interrupted"
 
     @property
-    def judged(self) -> tuple[int, ...]:
+    def judged_motions(self) -> tuple[int, ...]:
         """Indices of the motions that scores and changes stand on: the test motions, or all where there are none."""
         test = tuple(number for number, motion in enumerate(self.motions) if motion.use == "test")
         return test or tuple(range(len(self.motions)))
 
-    def finished(self, motion: int) -> list[int]:
+    def finished_rows(self, motion: int) -> list[int]:
         """The rows whose run under a motion finished."""
         runs = ((row, self.runs.get((row, motion))) for row in range(len(self.rows)))
         return [row for row, run in runs if run is not None and run.finished]
@@ -252,33 +187,34 @@ class StudyCriteria(Summarised, ABC):
         if above is None or below is None or reference is None:
             return {entry.name: float("nan") for entry in criteria()}
         bare = self.rows[reference].kind == "uncontrolled"
-        named = {entry.name: entry.uncontrolled if bare else entry.name for entry in criteria()}
+        named = {entry.name: entry.reference_criterion if bare else entry.name for entry in criteria()}
         return {
             name: float(ratio(np.array(above[name]), np.array(below[other]))) if other else float("nan")
             for name, other in named.items()
         }
 
     def score(self, row: int) -> float:
-        """Mean over the motions of `judged` of the criteria over those at i = 0; NaN unless all these runs finished."""
-        return self.score_under(row, self.judged)
+        """Mean over `judged_motions` of the criteria over those at i = 0; NaN unless all these runs finished."""
+        return self.score_under(row, self.judged_motions)
 
     def score_under(self, row: int, motions: Sequence[int]) -> float:
         """The score of a row under some motions, by their indices; NaN unless all these runs finished."""
         reference = self.row_of("passive_off")
         if reference is None:
             return float("nan")
-        pairs = [(self.criteria(row, motion), self.criteria(reference, motion)) for motion in motions]
-        found = [(one, other) for one, other in pairs if one and other]
-        if len(found) < len(motions) or not found:
+        runs = [self.runs.get((each, motion)) for each in (row, reference) for motion in motions]
+        if not runs or not all(run is not None and run.finished for run in runs):
             return float("nan")
-        arrays = [
-            [{name: np.array(value) for name, value in each.items()} for each in pair] for pair in found
-        ]
-        return float(score([one for one, _ in arrays], [other for _, other in arrays]))
+        return float(
+            score(*([self._scored(each, motion) for motion in motions] for each in (row, reference)))
+        )
+
+    def _scored(self, row: int, motion: int) -> dict[str, Floats]:
+        return {name: np.asarray(self.labelled.numbers[name][row, motion, 0]) for name in SCORE}
 
     def spread(self, row: int, motions: Sequence[int] | None = None) -> Spread:
-        """Spread of the scores of a row under single motions, by default those of `judged`."""
-        chosen = self.judged if motions is None else motions
+        """Spread of the scores of a row under single motions, by default those of `judged_motions`."""
+        chosen = self.judged_motions if motions is None else motions
         return Spread.of([self.score_under(row, (motion,)) for motion in chosen])
 
     @property
@@ -314,14 +250,17 @@ class StudyCriteria(Summarised, ABC):
         return Summary(
             title=f"{self.title}: {self.done} of {self.total} runs",
             facts=(
-                *([("dampers", listed(self.device_names))] if self.device_names else []),
-                ("motions", listed([motion.name for motion in self.motions])),
+                *([("dampers", list_names(self.device_names))] if self.device_names else []),
+                ("motions", list_names([motion.name for motion in self.motions])),
             ),
             columns=("peak drift [m]", *(motion.name for motion in self.motions[:_MOTIONS_SHOWN])),
             rows=[
                 (
                     row.label,
-                    *(rounded((self.criteria(number, motion) or {}).get("peak_drift")) for motion in shown),
+                    *(
+                        format_rounded((self.criteria(number, motion) or {}).get("peak_drift"))
+                        for motion in shown
+                    ),
                 )
                 for number, row in enumerate(self.rows)
             ],
@@ -331,24 +270,41 @@ class StudyCriteria(Summarised, ABC):
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class StudyResults(StudyCriteria):
-    """Runs of a study by (row, motion), as far as they are done.
+    """Runs of a study, as far as they are done.
 
-    `mass` is that of the building [kg], `facts` are further lines of the page on building, dampers and loop. `devices`
-    are the dampers, with their tested ranges; `clairvoyants` the non-causal optima by the index of their motion,
-    `varied` the results over realisations, if the study has any.
+    `quantities` are those of every run over row, motion and realisation, of which the first is the nominal one and the
+    second, if the step is checked, the one with half the step; `runs` and `halved` are these runs by (row, motion).
+    `facts` are further lines of the page on building, dampers and loop. `devices` are the dampers, with their tested
+    ranges; `clairvoyants` the non-causal optima by the index of their motion.
     """
 
-    runs: Mapping[Key, RunResult]
-    floor_names: tuple[str, ...]
-    storey_names: tuple[str, ...]
-    mass: float
+    quantities: LabelledRuns
+    runs: Mapping[Key, RunResult] = field(init=False, repr=False, compare=False)
+    halved: Mapping[Key, RunResult] | None = field(init=False, repr=False, compare=False)
     facts: tuple[tuple[str, str], ...] = ()
-    halved: Mapping[Key, RunResult] | None = None
     devices: tuple[Device, ...] = ()
     clairvoyants: Mapping[int, Clairvoyant] = field(default_factory=dict)
-    varied: VariedResults | None = None
-    # Tables ask for the criteria of a reference once for every row.
-    _known: dict[Key, dict[str, float]] = field(default_factory=dict, init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        whole = self.quantities.runs(0)
+        object.__setattr__(self, "runs", whole)
+        has_half = HALF_STEP in self.quantities.axes["realisation"]
+        object.__setattr__(self, "halved", self.quantities.runs(1) if has_half else None)
+
+    @property
+    def floor_names(self) -> tuple[str, ...]:
+        """Names of the floors."""
+        return self.quantities.axes["floor"]
+
+    @property
+    def storey_names(self) -> tuple[str, ...]:
+        """Names of the storeys."""
+        return self.quantities.axes["storey"]
+
+    @property
+    def n_realisations(self) -> int:
+        """Number of realisations of what is uncertain, beside the nominal one."""
+        return self.labelled.shape[2] - self.quantities.shape[2]
 
     @arguments.checked
     def demands(self, row: int, motion: int) -> tuple[DeviceDemand, ...]:
@@ -373,36 +329,67 @@ class StudyResults(StudyCriteria):
         return None if self.halved is None else frozenset(self.halved)
 
     @arguments.checked
-    def criteria(self, row: int, motion: int) -> dict[str, float] | None:
-        """Every criterion of a run that finished."""
-        self.check_place(row, motion)
-        if (row, motion) not in self._known:
-            found = self._criteria(self.runs.get((row, motion)))
-            if found is None:
-                return None
-            self._known[row, motion] = found
-        return dict(self._known[row, motion])
-
-    @arguments.checked
     def step_changes(self, row: int, motion: int) -> dict[str, float] | None:
         """Relative change of every criterion with half the step; `None` unless both runs finished."""
         whole = self.criteria(row, motion)
-        half = self._criteria((self.halved or {}).get((row, motion)))
-        if whole is None or half is None:
+        half = (self.halved or {}).get((row, motion))
+        if whole is None or half is None or not half.finished:
             return None
-        return {name: _relative_change(value, half[name]) for name, value in whole.items()}
+        other = self.labelled.criteria((row, motion, 1))
+        return {name: _relative_change(value, other[name]) for name, value in whole.items()}
 
-    def _criteria(self, run: RunResult | None) -> dict[str, float] | None:
-        if run is None or not run.finished:
-            return None
-        found = values(run, weight=self.mass * STANDARD_GRAVITY)
-        return {name: float(value) for name, value in found.items()}
+    def to_xarray(self) -> DataTree:
+        """Criteria and quantities as two data sets "criteria" and "quantities" over named axes, with units.
+
+        Examples
+        --------
+        >>> import mrwork as mr
+        >>> results = mr.run_study(mr.read_study("study.toml"))  # doctest: +SKIP
+        >>> drift = results.to_xarray()["criteria/peak_drift"]  # doctest: +SKIP
+        >>> drift.sel(realisation="nominal").max("motion")  # doctest: +SKIP
+        """
+        # xarray is slow to load.
+        from xarray import DataTree
+
+        named = {"criteria": self.labelled, "quantities": self.quantities}
+        return DataTree.from_dict({name: each.to_xarray() for name, each in named.items()}, name=self.title)
 
 
 def _relative_change(value: float, other: float) -> float:
     if value == other:
         return 0.0
     return abs(other - value) / abs(value) if value != 0.0 else math.inf
+
+
+def criterion_band(results: StudyResults, row: int, motion: int, name: str) -> RealisationBand | None:
+    """Band of a criterion of a row under a motion; `None` for a row without realisations."""
+    found = _realised(results, row, (motion,), name)
+    return None if found is None else RealisationBand.of(found[0])
+
+
+def ratio_band(results: StudyResults, row: int, reference: int | None, name: str) -> RealisationBand | None:
+    """Band of the mean ratio of a criterion over the judged motions, to a reference row in the same realisation."""
+    ratios = _mean_ratios(results, row, reference, name)
+    return None if ratios is None else RealisationBand.of(ratios)
+
+
+def score_band(results: StudyResults, row: int) -> RealisationBand | None:
+    """Band of the score over the judged motions, against i = 0 in the same realisation."""
+    parts = [_mean_ratios(results, row, results.row_of("passive_off"), name) for name in SCORE]
+    known = [each for each in parts if each is not None]
+    return RealisationBand.of(np.mean(known, axis=0)) if len(known) == len(SCORE) else None
+
+
+def _realised(results: StudyResults, row: int, motions: Sequence[int], name: str) -> Floats | None:
+    """A criterion over motions and realisations; `None` for a row that was not simulated with these."""
+    found: Floats = results.labelled.numbers[name][row, list(motions), results.quantities.shape[2] :]
+    return None if not found.size or np.isnan(found).any() else found
+
+
+def _mean_ratios(results: StudyResults, row: int, reference: int | None, name: str) -> Floats | None:
+    above = _realised(results, row, results.judged_motions, name)
+    below = None if reference is None else _realised(results, reference, results.judged_motions, name)
+    return None if above is None or below is None else np.asarray(ratio(above, below).mean(axis=0))
 
 
 ON_OFF = (

@@ -29,7 +29,19 @@ from mrwork.motions import GroundMotion
 from mrwork.store.codec import digest_of
 from mrwork.store.journal import Journal
 from mrwork.study.arrangements import constant_command, constant_commands
-from mrwork.study.results import Key, MotionFacts, RunCriteria, StudyResults, VariedResults
+from mrwork.study.labelled import (
+    HALF_STEP,
+    NOMINAL,
+    LabelledRuns,
+    Place,
+    candidate_axes,
+    criteria_of_runs,
+    criteria_of_study,
+    numbered,
+    quantities_of_runs,
+    recall_or_compute_runs,
+)
+from mrwork.study.results import MotionFacts, StudyResults
 from mrwork.study.run_result import (
     RunHistory,
     RunResult,
@@ -46,7 +58,7 @@ from mrwork.study.study import (
     digest_of_run,
     fingerprint_of,
 )
-from mrwork.summary import listed
+from mrwork.summary import list_names
 from mrwork.units import STANDARD_GRAVITY
 from mrwork.values import Floats
 
@@ -117,38 +129,47 @@ def run_study(
     if journal is not None:
         journal.agree("study", fingerprint_of(study))
     arrangements = list(study.arrangements)
-    runs: dict[Key, RunResult] = {}
-    halved: dict[Key, RunResult] | None = {} if check_step else None
+    runs: dict[Place, RunResult] = {}
     clairvoyants: dict[int, Clairvoyant] = {}
-    varied: dict[int, RunCriteria] = {}
+    realised: dict[int, LabelledRuns] = {}
     played = PlayedCommands(study=study, threads=threads)
     bare, building_warnings = study.building, study.building_warnings
 
+    steps = (NOMINAL, HALF_STEP) if check_step else (NOMINAL,)
+
     def results() -> StudyResults:
+        rows = (*(each.row for each in arrangements), *study.rows[len(arrangements) :])
+        axes = {
+            "row": tuple(each.label for each in rows),
+            "motion": tuple(each.name for each in study.motions),
+            "realisation": steps,
+        }
+        places = {"floor": bare.floor_names, "storey": bare.storey_names[: len(bare.drifts)]}
+        n_realisations = 0 if study.realisations is None else len(study.realisations)
         return StudyResults(
             title=study.title,
-            rows=(*(each.row for each in arrangements), *study.rows[len(arrangements) :]),
+            rows=rows,
             motions=tuple(map(MotionFacts.of, study.motions)),
-            runs=dict(runs),
+            quantities=quantities_of_runs(runs, axes | places, study.command_unit),
+            labelled=criteria_of_study(
+                runs,
+                realised,
+                axes | {"realisation": (*steps, *numbered(n_realisations))},
+                study.command_unit,
+                weight=bare.total_mass * STANDARD_GRAVITY,
+            ),
             chosen_on=tuple(ground.name for ground in study.chosen_on),
-            floor_names=bare.floor_names,
-            storey_names=bare.storey_names[: len(bare.drifts)],
             device_names=study.device_names,
             devices=study.devices,
             command_unit=study.command_unit,
-            mass=bare.total_mass,
             facts=study.facts,
-            halved=None if halved is None else dict(halved),
             clairvoyants=dict(clairvoyants),
-            varied=None
-            if study.realisations is None
-            else VariedResults(count=len(study.realisations), rows=dict(varied)),
             building_warnings=building_warnings,
         )
 
     def report(label: str) -> None:
-        so_far, seconds = results(), time.perf_counter() - began
-        on_progress(StudyProgress(done=so_far.done, total=so_far.total, label=label, seconds=seconds))
+        total, seconds = len(study.rows) * len(study.motions) * len(steps), time.perf_counter() - began
+        on_progress(StudyProgress(done=len(runs), total=total, label=label, seconds=seconds))
 
     try:
         for row, arrangement in enumerate(arrangements):
@@ -160,10 +181,10 @@ def run_study(
             for motion, result in runs_of(
                 study, arrangements[row], journal, threads, fresh=fresh, known=known
             ):
-                runs[row, motion] = result
+                runs[row, motion, 0] = result
             for motion in study.histories:
                 # The history of a run that did not finish holds numbers that are not finite.
-                if not runs[row, motion].finished:
+                if not runs[row, motion, 0].finished:
                     continue
                 if motion in fresh or not kept(row, motion):
                     history = fresh.get(motion) or _history(study, arrangements[row], motion, threads)
@@ -172,24 +193,24 @@ def run_study(
             row = len(arrangements)
             for motion in range(len(study.motions)):
                 # The searches start from the commands of the best law, too.
-                found = played.searched(motion, arrangements, results(), journal, report)
+                found = played.search_optimum(motion, arrangements, results(), journal, report)
                 clairvoyants[motion] = found
-                runs[row, motion], drawn = played.run(motion, found, histories=True)
-                if motion in study.histories and runs[row, motion].finished and not kept(row, motion):
+                runs[row, motion, 0], drawn = played.run(motion, found, histories=True)
+                if motion in study.histories and runs[row, motion, 0].finished and not kept(row, motion):
                     assert drawn is not None
                     keep(row, motion, drawn)
         # After all other runs, so that a study without this check can be resumed with it.
-        if halved is not None:
+        if check_step:
             for row, arrangement in enumerate(arrangements):
                 report(f"{arrangement.row.label}, half the step")
                 for motion, result in runs_of(study, arrangement, journal, threads, step_factor=2):
-                    halved[row, motion] = result
+                    runs[row, motion, 1] = result
             for motion, found in clairvoyants.items():
-                halved[len(arrangements), motion], _ = played.run(motion, found, step_factor=2)
+                runs[len(arrangements), motion, 1], _ = played.run(motion, found, step_factor=2)
         if study.realisations is not None:
             for row, arrangement in enumerate(arrangements):
                 report(f"{arrangement.row.label}, realisations")
-                varied[row] = _criteria_of_realisations(study, arrangement, journal, threads)
+                realised[row] = _criteria_of_realisations(study, arrangement, journal, threads)
     except KeyboardInterrupt:
         raise Interrupted(results(), "study") from None
     return results()
@@ -319,16 +340,18 @@ def _choose_best_constant(
         tried = replace(arrangement, law=constant_commands(devices, commands))
         responses = _simulate(tried, study.chosen_on, study, threads=threads)
         n_motions = len(study.chosen_on)
-        found = results_of(responses, arrangement)
-        levels = [found[start : start + n_motions] for start in range(0, len(found), n_motions)]
+        results_of_runs = results_of(responses, arrangement)
+        levels = [
+            results_of_runs[start : start + n_motions] for start in range(0, len(results_of_runs), n_motions)
+        ]
         criteria = [[_criteria(result, weight) for result in level] for level in levels]
         # The first level is i = 0. A command has no score if one of its runs failed.
         scores = [float(score(each, criteria[0])) for each in criteria]
         if np.isnan(scores).all():
             raise SimulationError(
                 f"{arrangement.row.label}: no constant command has a score, because under "
-                f"{listed([ground.name for ground in study.chosen_on])} the run at i = 0, or at every command, did not "
-                "finish or has no response; check the dampers and the step, or leave best_passive out"
+                f"{list_names([ground.name for ground in study.chosen_on])} the run at i = 0, or at every command, "
+                "did not finish or has no response; check the dampers and the step, or leave best_passive out"
             )
         best = int(np.nanargmin(scores))
         if not _knows_least_strokes(arrangement):
@@ -360,8 +383,8 @@ def _choose_best_constant(
 
 
 def _criteria(result: RunResult, weight: float) -> dict[str, Floats]:
-    found = values(result, weight=weight)
-    return found if result.finished else {name: np.array(np.nan) for name in found}
+    criterion_values = values(result, weight=weight)
+    return criterion_values if result.finished else {name: np.array(np.nan) for name in criterion_values}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -371,7 +394,7 @@ class PlayedCommands:
     study: Study
     threads: int
 
-    def searched(
+    def search_optimum(
         self,
         motion: int,
         arrangements: Sequence[Arrangement],
@@ -412,14 +435,14 @@ class PlayedCommands:
         )
 
     def run(
-        self, motion: int, found: Clairvoyant, *, histories: bool = False, step_factor: int = 1
+        self, motion: int, optimum: Clairvoyant, *, histories: bool = False, step_factor: int = 1
     ) -> tuple[RunResult, RunHistory | None]:
         """The run of the loop with the commands that were found, and its history."""
         base = self.study.at_zero
         responses = simulate_prescribed(
             base.building,
             base.devices,
-            found.commands,
+            optimum.commands,
             self.study.grounds[motion],
             self.study.hardware,
             histories=histories,
@@ -438,7 +461,7 @@ class PlayedCommands:
         laws = [
             (results.score_under(row, (motion,)), row)
             for row, each in enumerate(arrangements)
-            if each.row.kind == "controller" and row in results.finished(motion)
+            if each.row.kind == "controller" and row in results.finished_rows(motion)
         ]
         if not laws:
             return {}
@@ -471,7 +494,7 @@ def simulate_criteria(
     bare: Building,
     largest_commands: Floats | None = None,
     threads: int = 0,
-) -> RunCriteria:
+) -> LabelledRuns:
     """Simulate candidates of a law under motions, with realisations, in as few calls of the core as possible.
 
     The arrangement has building and devices; the law may have one or many candidates. The observer, if there is one,
@@ -488,7 +511,7 @@ def simulate_criteria(
         )
         for n in range(len(realisations))
     ]
-    found: dict[int, tuple[Floats, Floats]] = {}
+    found: LabelledRuns | None = None
     seconds = 0.0
     fitted, law = with_devices(arrangement, law)
     # Without dampers of its own an arrangement has a device without parameters to vary.
@@ -513,18 +536,14 @@ def simulate_criteria(
         )
         seconds += time.perf_counter() - began
         own = responses.with_numbers(**own_numbers(responses, arrangement, law))
-        numbers = np.stack(list(values(own, weight=weight).values())).reshape(-1, *responses.shape)
-        numbers = np.where(np.isfinite(numbers), numbers, np.inf)
-        error = responses.energy_error.reshape(responses.shape)
-        for place, member in enumerate(members):
-            draw = place if responses.shape[2] > 1 else 0
-            found[member] = (numbers[..., draw], error[..., draw])
-    order = range(len(realisations))
-    return RunCriteria(
-        numbers=np.stack([found[n][0] for n in order], axis=-1),
-        energy_error=np.stack([found[n][1] for n in order], axis=-1),
-        seconds=seconds,
-    )
+        if found is None:
+            found = criteria_of_runs(candidate_axes(responses.shape[0], motions, realisations))
+        for name, array in values(own, weight=weight).items():
+            numbers = np.where(np.isfinite(array), array, np.inf).reshape(responses.shape)
+            found.numbers[name][..., members] = numbers
+        found.numbers["energy_error"][..., members] = responses.energy_error.reshape(responses.shape)
+    assert found is not None
+    return replace(found, seconds=seconds)
 
 
 def with_devices(arrangement: Arrangement, law: StudyLaw) -> tuple[tuple[Device, ...], StudyLaw]:
@@ -571,13 +590,13 @@ def _vary_hardware(hardware: Hardware, delay: float, seed: int) -> Hardware:
 
 def _criteria_of_realisations(
     study: Study, arrangement: Arrangement, journal: Journal | None, threads: int
-) -> RunCriteria:
+) -> LabelledRuns:
     """Criteria of an arrangement under all motions with realisations, from the journal if it has them."""
     law, realisations = arrangement.law, study.realisations
     assert law is not None
     assert realisations is not None
 
-    def simulate() -> RunCriteria:
+    def simulate() -> LabelledRuns:
         return simulate_criteria(
             arrangement,
             law,
@@ -588,6 +607,6 @@ def _criteria_of_realisations(
             threads=threads,
         )
 
-    if journal is None:
-        return simulate()
-    return journal.once("realisations", digest_of_run(arrangement, *study.grounds), RunCriteria, simulate)
+    inputs = digest_of_run(arrangement, *study.grounds)
+    axes = candidate_axes(1, study.grounds, realisations)
+    return recall_or_compute_runs(journal, "realisations", inputs, axes, simulate)

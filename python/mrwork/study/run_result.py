@@ -24,12 +24,12 @@ from mrwork.dampers.spec import worst_laws
 from mrwork.errors import RecordError
 from mrwork.simulate import Outcome
 from mrwork.store.codec import OneOf, array_of, plain, rebuilt
-from mrwork.store.input_file import finite_numbers, is_there, read_arrays, stored
+from mrwork.store.input_file import finite_numbers, is_there, make_stored_kind, read_arrays
 from mrwork.store.output_file import refuse_link, replacing
 from mrwork.store.run_folder import HISTORIES, part_of, real_place
 from mrwork.study.study import Arrangement, Study, StudyLaw, commands_force
 from mrwork.tested_range import Exceedance, OperatingRange, Outside, covering, least_stroke, worst_of
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 _ENDS = {
     Outcome.FINISHED: "finished",
@@ -82,8 +82,7 @@ _SIGNALS_LEFT_OUT = {"input_energy", "damping_energy", "device_energy"}
 _N_ENERGIES = 5
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class RunResult(Labelled, RunEnd):
     """How a run ended, and its quantities, each an attribute; those of floors, storeys and devices have an axis.
 
@@ -107,8 +106,7 @@ class RunResult(Labelled, RunEnd):
         return {name: plain(value) for name, value in (*self.numbers.items(), *own.items())}
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class RunHistory(Labelled):
     """The history of a run, each signal an attribute: shapes (n_time,), for floors, storeys and devices (n_time, n).
 
@@ -120,7 +118,8 @@ class RunHistory(Labelled):
     numbers: Mapping[str, Floats]
 
 
-def _kept_quantities() -> list[Quantity]:
+def kept_quantities() -> list[Quantity]:
+    """Quantities that a run of a study has."""
     return [each for each in run_quantities() if each.name not in _LEFT_OUT]
 
 
@@ -135,7 +134,7 @@ def _kept_signals() -> list[Quantity]:
 def own_numbers(responses: Responses, arrangement: Arrangement, law: StudyLaw | None) -> dict[str, Floats]:
     """Quantities of all runs, for the floors and storeys of the bare building and all that is built into it."""
     found = {}
-    for quantity in _kept_quantities():
+    for quantity in kept_quantities():
         values = _own_columns(responses, quantity, arrangement)
         if quantity.name == "peak_stroke" and not arrangement.devices:
             # Added storeys without devices, such as isolators, have a stroke, too.
@@ -194,7 +193,7 @@ def _least_strokes(responses: Responses, run: int, arrangement: Arrangement) -> 
 
 def read_recorded(record: Mapping[str, Any], arrangement: Arrangement) -> RunResult:
     """The result of a run from its line of a journal."""
-    quantities = _kept_quantities()
+    quantities = kept_quantities()
     numbers = {each.name: array_of(record[each.name])[()] for each in quantities}
     own = {name: value for name, value in record.items() if name not in numbers}
     result = rebuilt(RunResult, {**own, "numbers": numbers})
@@ -298,7 +297,7 @@ def damper_warnings(demands: Mapping[tuple[str, str], Sequence[DeviceDemand]]) -
 
 
 # Hours of a tall building.
-_KIND = replace(stored("respond", name="the history of a run"), largest=4 << 30)
+_KIND = replace(make_stored_kind("respond", name="the history of a run"), largest=4 << 30)
 
 
 class Histories:
@@ -325,7 +324,7 @@ class Histories:
             for motion, of_study in enumerate(study.motions)
         }
 
-    def kept(self, row: int, motion: int) -> bool:
+    def is_stored(self, row: int, motion: int) -> bool:
         """Whether the history of a run is stored and whole; a damaged file is left out from now on."""
         while (path := self._path(row, motion)) is not None:
             try:

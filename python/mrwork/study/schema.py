@@ -56,7 +56,6 @@ class UncertaintyTable:
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class TuneTable:
     """Laws whose settings `mrwork tune` searches, each for itself, on the training motions of the study.
 
@@ -376,7 +375,7 @@ class ReportTable:
     )
     place: Place | None = None
 
-    def drawn(self, labels: Sequence[str]) -> list[int]:
+    def select_drawn(self, labels: Sequence[str]) -> list[int]:
         """Indices of the arrangements that are drawn, of all their labels."""
         return [
             number for number, label in enumerate(labels) if not self.controllers or label in self.controllers

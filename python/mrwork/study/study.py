@@ -26,12 +26,11 @@ from mrwork.motions import GroundMotion
 from mrwork.search.unit_cube import Streams, latin_hypercube
 from mrwork.store.codec import digest_of, package_version
 from mrwork.study.schema import ReportTable, TuneTable, UncertaintyTable, Use
-from mrwork.summary import Summarised, Summary, listed
-from mrwork.values import Floats, holds_arrays
+from mrwork.summary import Summarised, Summary, list_names
+from mrwork.values import Floats, array_dataclass
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class Realisations(Summarised):
     """Realisations of the uncertain quantities of a study, each array of shape (n,).
 
@@ -110,7 +109,6 @@ StudyLaw = ControlLaw | UserLaw
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class MotionOfStudy:
     """A ground motion of a study as it is simulated, its use, and whether it was generated."""
 
@@ -228,8 +226,8 @@ class Study(Summarised):
     def building_warnings(self) -> tuple[str, ...]:
         """Sentences on modes without damping or stiffness, of the building or, if it has none, of the baselines."""
         baselines = [each.building for each in self.arrangements if each.row.kind == "baseline"]
-        found = (each.damping_warnings for each in (self.building, *baselines))
-        return next((sentences for sentences in found if sentences), ())
+        warnings = (each.damping_warnings for each in (self.building, *baselines))
+        return next((sentences for sentences in warnings if sentences), ())
 
     @property
     def at_zero(self) -> Arrangement:
@@ -278,7 +276,7 @@ class Study(Summarised):
 
     @property
     def design_notes(self) -> tuple[tuple[str, tuple[str, ...]], ...]:
-        """Label of each row whose weights were designed, and what the design says."""
+        """Label of each row with designed weights, and the notes of its design."""
         return tuple(
             (each.row.label, each.law.notes)
             for each in self.arrangements
@@ -290,9 +288,9 @@ class Study(Summarised):
             title=f"Study: {self.title}",
             facts=(
                 ("building", f"{self.building.name}, {len(self.building.floors)} floors"),
-                ("dampers", listed(self.device_names)),
+                ("dampers", list_names(self.device_names)),
                 ("sample time", f"{self.hardware.sample_time:g} s"),
-                ("motions", listed([motion.name for motion in self.motions])),
+                ("motions", list_names([motion.name for motion in self.motions])),
                 ("uses", uses_in_words([motion.use for motion in self.motions])),
             ),
             columns=("arrangement", "description"),
@@ -301,10 +299,10 @@ class Study(Summarised):
 
 
 def uses_in_words(uses: Sequence[Use]) -> str:
-    """How many motions are for testing and how many for training, as "16 test and 24 training motions"."""
+    """Numbers of test and training motions in words, such as "16 test and 24 training motions"."""
     counts = {use: uses.count(use) for use in get_args(Use)}
-    found = " and ".join(f"{count} {use}" for use, count in counts.items() if count)
-    return f"{found} motion{'' if len(uses) == 1 else 's'}"
+    text = " and ".join(f"{count} {use}" for use, count in counts.items() if count)
+    return f"{text} motion{'' if len(uses) == 1 else 's'}"
 
 
 def make_arrangement(

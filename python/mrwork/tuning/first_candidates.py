@@ -42,7 +42,7 @@ class FirstCandidate:
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Basis(Summarised):
-    """What first candidates follow from: magnitudes of the response, convex and published weights of the building."""
+    """Inputs of the first candidates: magnitudes of the response, convex and published weights of the building."""
 
     magnitudes: Magnitudes
     convex: tuple[Mapping[str, Any], ...]
@@ -101,12 +101,12 @@ def first_candidates(space: SettingSpace, basis: Basis) -> list[FirstCandidate]:
         for name, value in space.candidate(space.start).settings.items()
         if name not in kind.weight_names() and name != _WEIGHT
     }
-    found: list[FirstCandidate] = []
+    candidates: list[FirstCandidate] = []
 
     def add(settings: Mapping[str, Any], origin: str) -> None:
         candidate = LawCandidate(settings=dict(settings), largest_command=space.largest_command)
-        if all(candidate != each.candidate for each in found):
-            found.append(FirstCandidate(candidate=candidate, origin=origin))
+        if all(candidate != each.candidate for each in candidates):
+            candidates.append(FirstCandidate(candidate=candidate, origin=origin))
 
     scanned = next((each for each in space.free if each.name == _WEIGHT), None)
     for shape, origin in _shapes(space, basis):
@@ -114,7 +114,7 @@ def first_candidates(space: SettingSpace, basis: Basis) -> list[FirstCandidate]:
             add({**shape, **middle, **R}, origin)
     if not kind.weight_names():
         add(middle, "middle of the ranges")
-    return found
+    return candidates
 
 
 def _shapes(space: SettingSpace, basis: Basis) -> Iterator[tuple[dict[str, Any], str]]:
@@ -218,7 +218,7 @@ def references_of(benches: Benches, objective: TuningObjective, basis: Basis) ->
 
 def best_constant(references: Sequence[LawResult]) -> LawCandidate:
     """The best constant command among references."""
-    return next(each.chosen for each in references if each.label == BEST_CONSTANT)
+    return next(each.chosen_candidate for each in references if each.label == BEST_CONSTANT)
 
 
 def _declare_references(basis: Basis) -> Iterator[_Reference]:

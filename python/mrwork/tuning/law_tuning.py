@@ -23,7 +23,7 @@ from mrwork.search.peers import FrontResult, run_front
 from mrwork.search.registry import ALL_OPTIMISERS, PEERS
 from mrwork.search.rules import EliteRule, StopRules
 from mrwork.store.codec import digest_of
-from mrwork.study.results import RunCriteria
+from mrwork.study.labelled import LabelledRuns
 from mrwork.study.schema import TuneTable
 from mrwork.study.study import Study
 from mrwork.tuning.first_candidates import Basis, FirstCandidate, distinct, first_candidates
@@ -37,10 +37,10 @@ from mrwork.tuning.results import (
     judgement_of_objective,
 )
 from mrwork.tuning.space import LARGEST, PENALTY, LawCandidate, SettingSpace, TuningObjective, refuse_within
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 if TYPE_CHECKING:
-    from mrwork.twins.loop.tuned import TunedLoop
+    from mrwork.twins.loop.derivatives import TunedLoop
 
 
 # Difference of the unit coordinate of a setting for the derivative of the gains.
@@ -54,7 +54,7 @@ def check_finish(table: TuneTable, study: Study) -> None:
     if not table.gradient_steps:
         return
     # JAX is loaded only here.
-    from mrwork.twins.loop.tuned import SMOOTH
+    from mrwork.twins.loop.derivatives import SMOOTH
 
     for law in table.laws:
         if law not in SMOOTH:
@@ -88,8 +88,7 @@ def check_finish(table: TuneTable, study: Study) -> None:
         )
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class Finish:
     """The point of the unit cube that the gradients have reached, shape (n_free,), and how many there were."""
 
@@ -140,7 +139,7 @@ def follow_gradients(
             )
         return float(shares @ scores), np.array(slopes)
 
-    found = minimize(
+    minimum = minimize(
         value,
         start[moved],
         jac=True,
@@ -149,7 +148,7 @@ def follow_gradients(
         options={"maxiter": steps, "maxfun": 2 * steps},
     )
     unit = start.copy()
-    unit[moved] = found.x
+    unit[moved] = minimum.x
     return Finish(unit=unit, gradients=count)
 
 
@@ -183,7 +182,7 @@ def _gain_change(space: SettingSpace, bench: Bench, unit: Floats, place: int) ->
 
 
 def _twin(law: str, bench: Bench, objective: TuningObjective, largest: float) -> TunedLoop:
-    from mrwork.twins.loop.tuned import TunedLoop, TwinDamper
+    from mrwork.twins.loop.derivatives import TunedLoop, TwinDamper
 
     building, hardware = bench.arrangement.building, bench.study.hardware
     if any(criterion(name).summed or criterion(name).over_weight for name in objective.weights):
@@ -236,7 +235,7 @@ def _twin(law: str, bench: Bench, objective: TuningObjective, largest: float) ->
         delay=round(hardware.delay / (hardware.sample_time / steps)),
         weights={criterion(name).quantity: weight for name, weight in objective.weights.items()},
         baseline=np.stack(
-            [bench.baseline(objective).of(name)[0, :, 0] for name in objective.weights], axis=1
+            [bench.baseline(objective).numbers[name][0, :, 0] for name in objective.weights], axis=1
         ),
     )
 
@@ -281,7 +280,7 @@ class LawPlan:
 
 
 def check_settings(plan: LawPlan, bench: Bench) -> None:
-    """Refuse settings of a table that no candidate can have, as weights of other floors than those of the building."""
+    """Refuse settings that make every candidate invalid, such as weights of floors that the building does not have."""
     candidate = plan.space.candidate(plan.space.start)
     try:
         design_law(plan.law, bench.problem, settings_of(plan.law, candidate.settings))
@@ -298,14 +297,14 @@ def tune_law(plan: LawPlan, benches: Benches, basis: Basis, *, rng: int, report:
     """Tune a law and judge it."""
     began = time.perf_counter()
     table = plan.table
-    bench = benches.searched(robust=table.robust)
+    bench = benches.select_search_bench(robust=table.robust)
     firsts = first_candidates(plan.space, basis)
     if not plan.space.continuous:
         firsts = [FirstCandidate(candidate=each, origin="all levels") for each in plan.space.every()]
     candidates = tuple(each.candidate for each in firsts)
     inputs = digest_of(plan.label, candidates)
     scores = bench.recall_or_score("first candidates", inputs, plan.objective, plan.law, candidates)
-    best, least = scores.best, float(scores.penalised[scores.best])
+    best, least = scores.best, float(scores.penalised_scores[scores.best])
     chosen, origin = firsts[best].candidate, firsts[best].origin
     trace = [TracePoint(candidates=len(candidates), least=least)]
     report(len(candidates), least)
@@ -386,7 +385,7 @@ def _finish(plan: LawPlan, bench: Bench, benches: Benches, chosen: LawCandidate)
     inputs = digest_of(plan.label, candidate)
     scores = bench.recall_or_score("finish", inputs, plan.objective, plan.law, [candidate])
     return _FinishedCandidate(
-        candidate=candidate, misfit=float(scores.penalised[0]), gradients=point.gradients
+        candidate=candidate, misfit=float(scores.penalised_scores[0]), gradients=point.gradients
     )
 
 
@@ -407,11 +406,11 @@ def _search(
         keys = [repr(each) for each in asked]
         fresh = {key: each for key, each in zip(keys, asked, strict=True) if key not in known}
         if fresh:
-            found = score_candidates(bench, plan.objective, plan.law, list(fresh.values()))
-            known.update(zip(fresh, found.penalised.tolist(), strict=True))
+            fresh_scores = score_candidates(bench, plan.objective, plan.law, list(fresh.values()))
+            known.update(zip(fresh, fresh_scores.penalised_scores.tolist(), strict=True))
         return np.array([known[key] for key in keys])
 
-    order = np.argsort(scores.penalised, kind="stable")
+    order = np.argsort(scores.penalised_scores, kind="stable")
     starts = [unit for index in order if (unit := space.unit(firsts[int(index)])) is not None]
     n_params = len(space.free)
     optimiser = _optimiser(table, n_params, starts[0] if starts else None)
@@ -456,17 +455,17 @@ def _optimiser(table: TuneTable, n_params: int, best: Floats | None) -> Optimise
 def front_of(plan: LawPlan, benches: Benches, basis: Basis, *, rng: int, report: Report) -> Front:
     """Search the front of a law on the training motions, and evaluate its points on the test motions."""
     table, space = plan.table, plan.space
-    bench = benches.searched(robust=table.robust)
+    bench = benches.select_search_bench(robust=table.robust)
     parts = [replace(plan.objective, weights={name: 1.0}) for name in table.objectives]
 
     def objectives(units: Floats) -> Floats:
         candidates = [space.candidate(unit) for unit in units]
-        found = bench.run(plan.law, candidates)
-        return _ratios(found, bench, parts) + PENALTY * parts[0].violation(found)[:, None]
+        criteria = bench.run(plan.law, candidates)
+        return _ratios(criteria, bench, parts) + PENALTY * parts[0].violation(criteria)[:, None]
 
     firsts = [each.candidate for each in first_candidates(space, basis)]
     starts = [unit for each in firsts if (unit := space.unit(each)) is not None]
-    found: FrontResult = run_front(
+    result: FrontResult = run_front(
         objectives,
         n_params=len(space.free),
         n_objectives=len(parts),
@@ -477,9 +476,9 @@ def front_of(plan: LawPlan, benches: Benches, basis: Basis, *, rng: int, report:
         journal=bench.journal,
         on_generation=lambda evaluations: report(evaluations, float("nan")),
     )
-    candidates = list(distinct([space.candidate(unit) for unit in found.units]))
+    candidates = list(distinct([space.candidate(unit) for unit in result.units]))
     train = _evaluate(bench, plan, parts, candidates)
-    testing = benches.tested(robust=table.robust)
+    testing = benches.select_test_bench(robust=table.robust)
     test = None if testing is None else _evaluate(testing, plan, parts, candidates)
     points = [
         FrontPoint(
@@ -495,13 +494,13 @@ def front_of(plan: LawPlan, benches: Benches, basis: Basis, *, rng: int, report:
         label=plan.label,
         objectives=table.objectives,
         points=tuple(points),
-        candidates=found.evaluations,
+        candidates=result.evaluations,
     )
 
 
-def _ratios(found: RunCriteria, bench: Bench, parts: list[TuningObjective]) -> Floats:
+def _ratios(criteria: LabelledRuns, bench: Bench, parts: list[TuningObjective]) -> Floats:
     """The objectives of candidates over their baseline, shape (n_candidates, n_objectives)."""
-    return np.column_stack([part.value(part.run_scores(found, bench.baseline(part))) for part in parts])
+    return np.column_stack([part.value(part.run_scores(criteria, bench.baseline(part))) for part in parts])
 
 
 def _evaluate(

@@ -1,4 +1,4 @@
-"""The benches of a tuning: candidates in, criteria and judgements out, by few calls of the simulation."""
+"""Benches of a tuning: simulate candidates in batches, and return their criteria and judgements."""
 
 from __future__ import annotations
 
@@ -18,14 +18,15 @@ from mrwork.errors import SettingError
 from mrwork.motions import GroundMotion
 from mrwork.store.codec import digest_of
 from mrwork.store.journal import Journal
-from mrwork.study.results import RealisationBand, RunCriteria
+from mrwork.study.labelled import LabelledRuns, candidate_axes, criteria_of_runs, recall_or_compute_runs
+from mrwork.study.results import RealisationBand
 from mrwork.study.run import runs_of, simulate_criteria
 from mrwork.study.run_result import DeviceDemand, demands_of
 from mrwork.study.study import Arrangement, Realisations, Row, Study, nominal
 from mrwork.summary import Summarised
 from mrwork.tuning.results import Better, MotionScore, TuningJudgement
 from mrwork.tuning.space import PENALTY, LawCandidate, TuningObjective, over
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 
 @dataclass(slots=True, kw_only=True)
@@ -55,27 +56,23 @@ class Bench(Summarised):
     problem: DesignProblem
     motions: tuple[GroundMotion, ...]
     realisations: Realisations
-    passive: RunCriteria
+    passive: LabelledRuns
     journal: Journal | None
     threads: int
     clock: Clock
-    constant: RunCriteria | None = None
+    constant: LabelledRuns | None = None
 
-    def baseline(self, objective: TuningObjective) -> RunCriteria:
+    def baseline(self, objective: TuningObjective) -> LabelledRuns:
         """What the criteria of an objective are divided by."""
         if objective.relative_to == "passive_off":
             return self.passive
         assert self.constant is not None
         return self.constant
 
-    def shape_of(self, n_candidates: int) -> tuple[int, int, int]:
-        """Shape of the runs of so many candidates: candidates, motions, realisations."""
-        return n_candidates, len(self.motions), len(self.realisations)
-
-    def run(self, law: str, candidates: Sequence[LawCandidate]) -> RunCriteria:
+    def run(self, law: str, candidates: Sequence[LawCandidate]) -> LabelledRuns:
         """Criteria of candidates, infinite for those that make no law."""
-        shape = (len(criteria()), *self.shape_of(len(candidates)))
-        numbers, error, seconds = np.full(shape, math.inf), np.full(shape[1:], math.inf), 0.0
+        found = criteria_of_runs(candidate_axes(len(candidates), self.motions, self.realisations), math.inf)
+        seconds = 0.0
         for members, together in self._batches(law, candidates):
             problem = (
                 self.problem if together else self.problem.limited_to(candidates[members[0]].largest_command)
@@ -85,7 +82,7 @@ class Bench(Summarised):
             if designed.law is None:
                 continue
             places = [members[index] for index in designed.designed]
-            found = simulate_criteria(
+            batch = simulate_criteria(
                 replace(self.arrangement, devices=tuple(problem.devices), law=None),
                 designed.law,
                 self.motions,
@@ -98,20 +95,19 @@ class Bench(Summarised):
                 threads=self.threads,
             )
             # A law without gains has one candidate, whatever the number of its settings.
-            numbers[:, places], error[places] = found.numbers, found.energy_error
-            seconds += found.seconds
+            for name, array in batch.numbers.items():
+                found.numbers[name][places] = array
+            seconds += batch.seconds
         self.clock.simulating += seconds
         self.clock.candidates += len(candidates)
-        return RunCriteria(numbers=numbers, energy_error=error, seconds=seconds)
+        return replace(found, seconds=seconds)
 
     def recall_or_run(
         self, step: str, inputs: str, law: str, candidates: Sequence[LawCandidate]
-    ) -> RunCriteria:
+    ) -> LabelledRuns:
         """The criteria of candidates, from the journal if it has them."""
-        shape = self.shape_of(len(candidates))
-        return recall_or_compute(
-            self.journal, step, inputs, RunCriteria, shape, lambda: self.run(law, candidates)
-        )
+        axes = candidate_axes(len(candidates), self.motions, self.realisations)
+        return recall_or_compute_runs(self.journal, step, inputs, axes, lambda: self.run(law, candidates))
 
     def recall_or_score(
         self, step: str, inputs: str, objective: TuningObjective, law: str, candidates: Sequence[LawCandidate]
@@ -153,7 +149,7 @@ class Bench(Summarised):
         )
 
     def certificate(self, law: str, candidate: LawCandidate) -> str:
-        """What is proved of a law with these settings."""
+        """Stability certificate of a law with these settings, in words."""
         try:
             return settings_of(law, candidate.settings).certificate(
                 self.problem.limited_to(candidate.largest_command)
@@ -173,8 +169,7 @@ def check_controllable(study: Study) -> None:
         )
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class Scores(Summarised):
     """Objective of candidates, by how much they exceed their limits, and both together, shape (n,) each."""
 
@@ -193,23 +188,23 @@ class Scores(Summarised):
         return self.objective.shape
 
     @property
-    def penalised(self) -> Floats:
-        """What a search minimises: a candidate that exceeds a limit is worse by `PENALTY` times the share."""
+    def penalised_scores(self) -> Floats:
+        """Objective plus `PENALTY` times the relative violation of the limits, which a search minimises."""
         return np.asarray(self.objective + PENALTY * self.violation)
 
     @property
     def best(self) -> int:
         """The candidate of the least penalised objective; the first of equal ones."""
-        return int(np.argmin(self.penalised))
+        return int(np.argmin(self.penalised_scores))
 
 
 def score_candidates(
     bench: Bench, objective: TuningObjective, law: str, candidates: Sequence[LawCandidate]
 ) -> Scores:
     """The scores of candidates on a bench."""
-    found = bench.run(law, candidates)
-    value = objective.value(objective.run_scores(found, bench.baseline(objective)))
-    violation = objective.violation(found)
+    criteria = bench.run(law, candidates)
+    value = objective.value(objective.run_scores(criteria, bench.baseline(objective)))
+    violation = objective.violation(criteria)
     return Scores(objective=value, violation=np.where(np.isfinite(value), violation, 0.0))
 
 
@@ -222,7 +217,7 @@ def magnitudes_of(bench: Bench) -> Magnitudes:
     first = 2.0 * math.pi * float(study.building.frequencies[0])
 
     def off(name: str) -> float:
-        return _middle(bench.passive.of(name)[0, :, 0])
+        return _middle(bench.passive.numbers[name][0, :, 0])
 
     displacement = off("peak_displacement")
     velocity = first * displacement
@@ -232,7 +227,7 @@ def magnitudes_of(bench: Bench) -> Magnitudes:
         velocity=velocity,
         acceleration=off("peak_acceleration"),
         energy=study.building.total_mass * velocity**2,
-        force=_middle(on.of("peak_force")[0, :, 0]),
+        force=_middle(on.peak_force[0, :, 0]),
         stroke=off("peak_stroke"),
         rate=first * off("peak_stroke"),
         ground=_middle(np.array([motion.peak for motion in bench.motions])),
@@ -282,16 +277,16 @@ class Benches(Summarised):
     training_varied: Bench | None
     testing_varied: Bench | None
 
-    def searched(self, *, robust: bool) -> Bench:
+    def select_search_bench(self, *, robust: bool) -> Bench:
         """The bench on which candidates are scored."""
         return self.training_varied if robust and self.training_varied is not None else self.training
 
-    def tested(self, *, robust: bool) -> Bench | None:
+    def select_test_bench(self, *, robust: bool) -> Bench | None:
         """The bench with the test motions on which points of a front are judged."""
         return self.testing_varied if robust and self.testing_varied is not None else self.testing
 
     def with_constant(self, constant: LawCandidate) -> Benches:
-        """With the criteria under the best constant command, a baseline of objectives."""
+        """Benches with the criteria under the best constant command, a baseline of objectives."""
         benches = {name: bench for name in _BENCHES if (bench := getattr(self, name)) is not None}
         return replace(
             self,
@@ -311,10 +306,12 @@ class Benches(Summarised):
     ) -> tuple[TuningJudgement, TuningJudgement | None]:
         """A candidate on the training and on the test motions; bands are of the test motions, if there are any."""
         wide = self.training_varied if robust or self.testing is None else None
-        train = self._judged(self.training, wide, law, candidate, objective, robust)
+        train = self._judge_candidate(self.training, wide, law, candidate, objective, robust)
         if self.testing is None:
             return train, None
-        return train, self._judged(self.testing, self.testing_varied, law, candidate, objective, robust)
+        return train, self._judge_candidate(
+            self.testing, self.testing_varied, law, candidate, objective, robust
+        )
 
     def demands(
         self, law: str, candidate: LawCandidate, label: str
@@ -334,7 +331,7 @@ class Benches(Summarised):
             for number, run in runs
         }
 
-    def _judged(
+    def _judge_candidate(
         self,
         bench: Bench,
         wide: Bench | None,
@@ -343,15 +340,15 @@ class Benches(Summarised):
         objective: TuningObjective,
         robust: bool,
     ) -> TuningJudgement:
-        def on(each: Bench) -> RunCriteria:
+        def on(each: Bench) -> LabelledRuns:
             inputs = digest_of(
                 law, candidate, [motion.name for motion in each.motions], len(each.realisations)
             )
             return each.recall_or_run("judgement", inputs, law, [candidate])
 
-        found = on(bench)
+        criteria = on(bench)
         varied = None if wide is None else Varied(bench=wide, found=on(wide))
-        return judge(bench, objective, found, varied, robust=robust)
+        return judge(bench, objective, criteria, varied, robust=robust)
 
 
 def recall_or_compute(
@@ -386,9 +383,9 @@ def benches_of(
     def bench(motions: Sequence[GroundMotion], realisations: Realisations) -> Bench:
         arrangement = next(each for each in study.arrangements if each.row.kind == "passive_off")
 
-        def passive() -> RunCriteria:
+        def passive() -> LabelledRuns:
             assert arrangement.law is not None
-            found = simulate_criteria(
+            criteria = simulate_criteria(
                 arrangement,
                 arrangement.law,
                 motions,
@@ -397,8 +394,8 @@ def benches_of(
                 bare=study.building,
                 threads=threads,
             )
-            clock.simulating += found.seconds
-            return found
+            clock.simulating += criteria.seconds
+            return criteria
 
         inputs = digest_of([motion.name for motion in motions], len(realisations))
         return Bench(
@@ -407,8 +404,8 @@ def benches_of(
             problem=problem,
             motions=tuple(motions),
             realisations=realisations,
-            passive=recall_or_compute(
-                journal, "passive", inputs, RunCriteria, (1, len(motions), len(realisations)), passive
+            passive=recall_or_compute_runs(
+                journal, "passive", inputs, candidate_axes(1, motions, realisations), passive
             ),
             journal=journal,
             threads=threads,
@@ -429,11 +426,11 @@ class Varied:
     """A bench with realisations, and the criteria of a candidate on it."""
 
     bench: Bench
-    found: RunCriteria
+    found: LabelledRuns
 
 
 def judge(
-    bench: Bench, objective: TuningObjective, found: RunCriteria, varied: Varied | None, *, robust: bool
+    bench: Bench, objective: TuningObjective, found: LabelledRuns, varied: Varied | None, *, robust: bool
 ) -> TuningJudgement:
     """The judgement of a candidate from its criteria on the bench of the nominal study, and with realisations, if any.
 
@@ -452,7 +449,9 @@ def judge(
         objective=float(objective.value(scores)[0]),
         violation=_finite(float(objective.violation(value_of)[0])),
         criteria=numbers,
-        largest={entry.name: float(found.of(entry.name)[0].max()) for entry in criteria() if not entry.ratio},
+        largest={
+            entry.name: float(found.numbers[entry.name][0].max()) for entry in criteria() if not entry.ratio
+        },
         spread={name: Spread.of(values.tolist()) for name, values in per_motion.items()},
         motions=tuple(
             MotionScore(
@@ -471,11 +470,13 @@ def _finite(value: float) -> float:
     return value if math.isfinite(value) else math.inf
 
 
-def _ratios(found: RunCriteria, passive: RunCriteria) -> dict[str, Floats]:
+def _ratios(found: LabelledRuns, passive: LabelledRuns) -> dict[str, Floats]:
     """Score and ratios to i = 0 of each run, shape (n_candidates, n_motions, n_realisations)."""
     ratios = {"score": _SCORE.run_scores(found, passive)}
     return ratios | {
-        entry.name: over(found.of(entry.name), passive.of(entry.name)) for entry in criteria() if entry.ratio
+        entry.name: over(found.numbers[entry.name], passive.numbers[entry.name])
+        for entry in criteria()
+        if entry.ratio
     }
 
 
@@ -484,7 +485,7 @@ def _bands(ratios: Mapping[str, Floats]) -> dict[str, RealisationBand]:
 
 
 def count_better(law: TuningJudgement, constant: TuningJudgement) -> Better:
-    """How often a law is better than a constant command, motion by motion."""
+    """Number of motions under which a law is better than a constant command."""
     pairs: Sequence[tuple[MotionScore, MotionScore]] = list(zip(law.motions, constant.motions, strict=True))
 
     def lower(name: str) -> list[bool]:

@@ -13,7 +13,7 @@ from typing import Any, Literal
 from mrwork.arguments import NotNegative, Whole, checked
 from mrwork.closed_loop.evaluation import Spread
 from mrwork.errors import RecordError
-from mrwork.numbers import rounded, with_decimals
+from mrwork.numbers import format_rounded, with_decimals
 from mrwork.store.codec import OrInfinite, OrNan, Related, finite, json_document, read_document
 from mrwork.store.output_folder import Destination, write_folder
 from mrwork.store.parse import toml_table
@@ -30,7 +30,7 @@ from mrwork.store.run_folder import (
 )
 from mrwork.study.results import RealisationBand
 from mrwork.study.study import StudyFile
-from mrwork.summary import Summarised, Summary, listed
+from mrwork.summary import Summarised, Summary, list_names
 from mrwork.table import csv_text
 from mrwork.tuning.space import LARGEST, FreeSetting, LawCandidate
 
@@ -141,7 +141,7 @@ class LawResult(Summarised, Related):
         return self.train if self.test is None else self.test
 
     @property
-    def chosen(self) -> LawCandidate:
+    def chosen_candidate(self) -> LawCandidate:
         """The settings as a candidate."""
         settings = dict(self.settings)
         return LawCandidate(largest_command=settings.pop(LARGEST), settings=settings)
@@ -242,8 +242,8 @@ class TuningResults(Summarised):
         return Summary(
             title=f"Tuning of {self.title}: {self.status}",
             facts=(
-                ("training motions", listed(self.training)),
-                ("test motions", listed(self.testing) or "none"),
+                ("training motions", list_names(self.training)),
+                ("test motions", list_names(self.testing) or "none"),
                 ("candidates", f"{self.candidates_per_second:.3g} a second"),
             ),
             columns=("law", "training", "test", "settings"),
@@ -277,7 +277,7 @@ def settings_in_words(settings: Mapping[str, Any], command_unit: str) -> str:
     """Settings in one line, the largest command last."""
     parts = [f"{name} {_value(value)}" for name, value in settings.items() if name != LARGEST]
     if LARGEST in settings:
-        parts.append(f"at most {rounded(settings[LARGEST])} {command_unit}")
+        parts.append(f"at most {format_rounded(settings[LARGEST])} {command_unit}")
     return ", ".join(parts)
 
 
@@ -285,7 +285,7 @@ def _value(value: Any) -> str:
     if value is None or isinstance(value, str):
         return value or "-"
     if isinstance(value, int | float):
-        return rounded(float(value))
+        return format_rounded(float(value))
     if isinstance(value, Mapping):
         return f"({', '.join(f'{name} {_value(each)}' for name, each in value.items())})"
     if len(value) > _MOST_IN_WORDS:

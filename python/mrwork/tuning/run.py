@@ -142,7 +142,7 @@ def tune(
                 )
 
             found.append(tune_law(plan, benches, basis, rng=rng, report=report))
-            demands |= benches.demands(plan.law, found[-1].chosen, plan.label)
+            demands |= benches.demands(plan.law, found[-1].chosen_candidate, plan.label)
             if plan.table.objectives:
                 fronts.append(front_of(plan, benches, basis, rng=rng, report=report))
     except Interrupted as interrupt:
@@ -154,7 +154,7 @@ def tune(
 
 
 def _count_better(law: LawResult, constant: LawResult | None) -> LawResult:
-    """With the number of motions under which it is better than the best constant command."""
+    """The result with the number of motions under which its law is better than the best constant command."""
     if constant is None or law is constant:
         return law
     one, other = (law.train, constant.train) if law.test is None else (law.test, constant.test)
@@ -189,12 +189,12 @@ def _tables(
     if laws:
         made = TuneTable(laws=tuple(laws), risk=risk)
         return (made if budget is None else replace(made, budget=budget),)
-    found = tuple(tables) or study.tunes
-    if not found:
+    tables_of_laws = tuple(tables) or study.tunes
+    if not tables_of_laws:
         raise SettingError(
             f'study {study.title!r} has nothing to tune; give it a [[tune]] with laws = ["clipped_optimal"]'
         )
-    return found
+    return tables_of_laws
 
 
 def _check_table(table: TuneTable, study: Study) -> TuningObjective:

@@ -1,4 +1,4 @@
-"""What a tuning searches and minimises: the free settings of a law as a unit cube, and the objective."""
+"""Search space and objective of a tuning: the free settings of a law as a unit cube, and the risk of their scores."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import numpy as np
 
 from mrwork.arguments import Share, Whole
 from mrwork.closed_loop.evaluation import SCORE, criteria, criterion
+from mrwork.closed_loop.responses import COMMAND_UNIT, in_command_unit
 from mrwork.control.design_problem import LawSettings, Magnitudes, Span
 from mrwork.control.law_design import SETTINGS
 from mrwork.control.laws import control_law, control_laws
@@ -18,14 +19,12 @@ from mrwork.errors import SettingError
 from mrwork.keys import Place, is_required, keys_of, suggestion
 from mrwork.numbers import of_unit
 from mrwork.store.codec import Related
-from mrwork.study.results import RunCriteria
+from mrwork.study.labelled import LabelledRuns
 from mrwork.study.schema import Baseline, Combination, Risk, TuneTable
 from mrwork.summary import Summarised
 from mrwork.units import number_in
 from mrwork.values import Floats
 
-COMMAND = "A or V"
-"""Unit of the criteria of the command."""
 _TAIL = 0.2
 PENALTY = 10.0
 """What is added to the objective for a constraint that is exceeded by its own limit."""
@@ -41,7 +40,7 @@ class Limit:
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class TuningObjective(Summarised):
-    """What a tuning minimises.
+    """Objective of a tuning.
 
     The score of a run is the mean (or the largest, by `combine`) of its criteria over those of the baseline
     `relative_to` under the same motion and realisation, with `weights`. `risk` takes one number of the scores of all
@@ -58,9 +57,9 @@ class TuningObjective(Summarised):
     relative_to: Baseline = "passive_off"
     combine: Combination = "mean"
 
-    def run_scores(self, found: RunCriteria, baseline: RunCriteria) -> Floats:
+    def run_scores(self, found: LabelledRuns, baseline: LabelledRuns) -> Floats:
         """Score of each run, shape (n_candidates, n_motions, n_realisations); infinite where a run has none."""
-        ratios = {name: over(found.of(name), baseline.of(name)) for name in self.weights}
+        ratios = {name: over(found.numbers[name], baseline.numbers[name]) for name in self.weights}
         if self.combine == "largest":
             return np.asarray(
                 np.max([weight * ratios[name] for name, weight in self.weights.items()], axis=0)
@@ -73,16 +72,16 @@ class TuningObjective(Summarised):
         """The risk of the scores of runs, shape (n_candidates,)."""
         return risk_of(scores.reshape(len(scores), -1), self.risk, self.tail)
 
-    def violation(self, found: RunCriteria) -> Floats:
+    def violation(self, found: LabelledRuns) -> Floats:
         """By how much each candidate exceeds its limits, relative to these and summed, shape (n_candidates,)."""
-        violation = np.zeros(found.numbers.shape[1])
+        violation = np.zeros(found.shape[0])
         for each in self.limits:
-            largest = found.of(each.criterion).max(axis=(1, 2))
+            largest = found.numbers[each.criterion].max(axis=(1, 2))
             violation += np.maximum(largest / each.limit - 1.0, 0.0)
         return violation
 
     def in_words(self, *, robust: bool) -> str:
-        """What is minimised, as the end of a sentence; `robust` where the realisations belong to it."""
+        """The objective as the end of a sentence; `robust` if it includes the realisations."""
         names = " and ".join(_weighted_name(name, weight) for name, weight in self.weights.items())
         motions = "motions and realisations" if robust else "motions"
         risk = {
@@ -166,7 +165,7 @@ def _check_criterion(table: TuneTable, key: str, name: str) -> None:
 def check_scored_criterion(table: TuneTable, key: str, name: str) -> None:
     """Refuse a name that is no criterion, or one that is zero at i = 0 and so has no ratio to it."""
     _check_criterion(table, key, name)
-    if criterion(name).unit == COMMAND:
+    if criterion(name).unit == COMMAND_UNIT:
         refuse_within(
             table, f"{name} is 0 at i = 0, so no ratio to it exists; limit it among the constraints", key
         )
@@ -176,7 +175,7 @@ def _limit(table: TuneTable, name: str, value: float | str, command_unit: str) -
     _check_criterion(table, "constraints", name)
     unit = criterion(name).unit
     if isinstance(value, str):
-        number = number_in(value, command_unit if unit == COMMAND else unit)
+        number = number_in(value, in_command_unit(unit, command_unit))
         if isinstance(number, str):
             refuse_within(table, f"{name} {number}", "constraints")
         value = number
@@ -237,7 +236,7 @@ class FreeSetting(Related):
     start: Share = 0.5
 
     def disagreement(self) -> str:
-        """Whether its range has a width, and a logarithm where it is searched in that."""
+        """First contradiction: a range that cannot be searched on its scale."""
         has_logarithm = self.lower > 0.0 and self.upper <= _WIDEST * self.lower
         if self.lower < self.upper and (self.scale == "linear" or has_logarithm) and self.levels != 1:
             return ""
@@ -292,12 +291,12 @@ class SettingSpace(Summarised):
 
     def candidate(self, unit: Floats, *, exact: bool = False) -> LawCandidate:
         """The candidate at a point of the unit cube, shape (n_free,); `exact` without rounding of its settings."""
-        found: dict[str, Any] = {}
+        values: dict[str, Any] = {}
         for each, place in zip(self.free, unit, strict=True):
             value = each.value(float(place), exact=exact)
-            found[each.name] = value if each.entry is None else (*found.get(each.name, ()), value)
-        largest = found.pop(LARGEST, self.largest_command)
-        return LawCandidate(settings={**self.held, **found}, largest_command=largest)
+            values[each.name] = value if each.entry is None else (*values.get(each.name, ()), value)
+        largest = values.pop(LARGEST, self.largest_command)
+        return LawCandidate(settings={**self.held, **values}, largest_command=largest)
 
     def unit(self, candidate: LawCandidate) -> Floats | None:
         """The point of a candidate, shape (n_free,); `None` where it is outside of the space.

@@ -44,7 +44,7 @@ if True:  # the lower tier
     from .planning.candidates import Limits as Limits
     from .planning.plan import CheckedPlan as CheckedPlan
     from .planning.plan import Plan as Plan
-    from .posterior.draws import kept as kept
+    from .posterior.draws import select_kept_rows as select_kept_rows
     from .posterior.laplace import first_walkers as first_walkers
     from .posterior.nuts import NutsDraws as NutsDraws
     from .posterior.nuts import nuts_of as nuts_of

@@ -14,12 +14,11 @@ from importlib import import_module
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.arguments import checked
 from mrwork.errors import UnknownNameError
-
-Array = NDArray[np.float64]
+from mrwork.keys import suggestion
+from mrwork.values import Floats
 
 _LOG_2_PI = float(np.log(2.0 * np.pi))
 
@@ -58,49 +57,49 @@ class Noise(ABC):
     differentiable: ClassVar[bool] = True
     of_sum_of_squares: ClassVar[bool] = False
 
-    def log_densities(self, residual: Array, force: Array, noise: Array) -> Array:
+    def log_densities(self, residual: Floats, force: Floats, noise: Floats) -> Floats:
         """Log density of each sample given the earlier ones, (n_batch, n_time), in deviations of the test's force."""
         return self._log_densities(residual, force, noise)
 
-    def draw(self, force: Array, noise: Array, rng: np.random.Generator) -> Array:
+    def draw(self, force: Floats, noise: Floats, rng: np.random.Generator) -> Floats:
         """Noise to add to a force of the model, shape (n_batch, n_time), for parameters (n_batch, n_noise)."""
         return self._draw(force, noise, rng)
 
-    def estimate(self, residual: Array, force: Array) -> Array:
+    def estimate(self, residual: Floats, force: Floats) -> Floats:
         """Moment estimates of the noise parameters, shape (n_noise,), from the residuals of a fit, (n_time,)."""
         lower, upper = np.array([(each.lower, each.upper) for each in self.parameters]).T
         return np.clip(self._estimate(residual, force), lower, upper)
 
-    def log_likelihood_of_sum(self, squared: Array, n_time: int, noise: Array) -> Array:
+    def log_likelihood_of_sum(self, squared: Floats, n_time: int, noise: Floats) -> Floats:
         """Log-likelihood from sums of squared residuals, shape (n_batch,), of noise that is `of_sum_of_squares`."""
         raise NotImplementedError(f"{self.name} noise needs the residuals themselves")
 
     @abstractmethod
-    def _log_densities(self, residual: Array, force: Array, noise: Array) -> Array: ...
+    def _log_densities(self, residual: Floats, force: Floats, noise: Floats) -> Floats: ...
 
     @abstractmethod
-    def _draw(self, force: Array, noise: Array, rng: np.random.Generator) -> Array: ...
+    def _draw(self, force: Floats, noise: Floats, rng: np.random.Generator) -> Floats: ...
 
     @abstractmethod
-    def _estimate(self, residual: Array, force: Array) -> Array: ...
+    def _estimate(self, residual: Floats, force: Floats) -> Floats: ...
 
 
-def _gaussian(residual: Array, deviation: Array) -> Array:
+def _gaussian(residual: Floats, deviation: Floats) -> Floats:
     xp = deviation.__array_namespace__()
-    result: Array = -0.5 * (residual / deviation) ** 2 - xp.log(deviation) - 0.5 * _LOG_2_PI
+    result: Floats = -0.5 * (residual / deviation) ** 2 - xp.log(deviation) - 0.5 * _LOG_2_PI
     return result
 
 
-def _log_gamma(values: Array) -> Array:
+def _log_gamma(values: Floats) -> Floats:
     """Logarithm of the gamma function of NumPy or JAX arrays; it is not part of the array API."""
     of_numpy = values.__array_namespace__() is np
     # Imported by name, because both are slow to load and JAX is optional.
     special: Any = import_module("scipy.special" if of_numpy else "jax.scipy.special")
-    result: Array = special.gammaln(values)
+    result: Floats = special.gammaln(values)
     return result
 
 
-def _rms(residual: Array) -> float:
+def _rms(residual: Floats) -> float:
     return float(np.sqrt(np.mean(residual**2)))
 
 
@@ -112,20 +111,20 @@ class Iid(Noise):
     of_sum_of_squares = True
     parameters = (_SIGMA,)
 
-    def _log_densities(self, residual: Array, force: Array, noise: Array) -> Array:
+    def _log_densities(self, residual: Floats, force: Floats, noise: Floats) -> Floats:
         return _gaussian(residual, noise[:, :1])
 
-    def log_likelihood_of_sum(self, squared: Array, n_time: int, noise: Array) -> Array:
+    def log_likelihood_of_sum(self, squared: Floats, n_time: int, noise: Floats) -> Floats:
         """Log-likelihood from sums of squared residuals, shape (n_batch,)."""
         sigma = noise[:, 0]
         # What is no deviation has no likelihood.
         with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
             return np.asarray(-0.5 * squared / sigma**2 - n_time * (np.log(sigma) + 0.5 * _LOG_2_PI))
 
-    def _draw(self, force: Array, noise: Array, rng: np.random.Generator) -> Array:
+    def _draw(self, force: Floats, noise: Floats, rng: np.random.Generator) -> Floats:
         return np.asarray(noise[:, :1] * rng.standard_normal(force.shape))
 
-    def _estimate(self, residual: Array, force: Array) -> Array:
+    def _estimate(self, residual: Floats, force: Floats) -> Floats:
         return np.array([_rms(residual)])
 
 
@@ -139,19 +138,19 @@ class StudentT(Noise):
         NoiseParameter(name="nu", lower=1.0, upper=200.0, log=True, description="degrees of freedom"),
     )
 
-    def _log_densities(self, residual: Array, force: Array, noise: Array) -> Array:
+    def _log_densities(self, residual: Floats, force: Floats, noise: Floats) -> Floats:
         sigma, nu = noise[:, :1], noise[:, 1:2]
         xp = residual.__array_namespace__()
         constant = (
             _log_gamma(0.5 * (nu + 1.0)) - _log_gamma(0.5 * nu) - 0.5 * xp.log(np.pi * nu) - xp.log(sigma)
         )
-        result: Array = constant - 0.5 * (nu + 1.0) * xp.log1p((residual / sigma) ** 2 / nu)
+        result: Floats = constant - 0.5 * (nu + 1.0) * xp.log1p((residual / sigma) ** 2 / nu)
         return result
 
-    def _draw(self, force: Array, noise: Array, rng: np.random.Generator) -> Array:
+    def _draw(self, force: Floats, noise: Floats, rng: np.random.Generator) -> Floats:
         return noise[:, :1] * rng.standard_t(noise[:, 1:2], size=force.shape)
 
-    def _estimate(self, residual: Array, force: Array) -> Array:
+    def _estimate(self, residual: Floats, force: Floats) -> Floats:
         # The kurtosis of the t distribution is 3 + 6/(nu - 4), its variance sigma^2 nu/(nu - 2).
         excess = float(np.mean(residual**4)) / max(_rms(residual) ** 4, 1e-300) - 3.0
         nu = min(4.0 + 6.0 / excess, 100.0) if excess > 0.06 else 100.0
@@ -174,13 +173,13 @@ class Amplitude(Noise):
         ),
     )
 
-    def _log_densities(self, residual: Array, force: Array, noise: Array) -> Array:
+    def _log_densities(self, residual: Floats, force: Floats, noise: Floats) -> Floats:
         return _gaussian(residual, self._deviation(force, noise))
 
-    def _draw(self, force: Array, noise: Array, rng: np.random.Generator) -> Array:
+    def _draw(self, force: Floats, noise: Floats, rng: np.random.Generator) -> Floats:
         return np.asarray(self._deviation(force, noise) * rng.standard_normal(force.shape))
 
-    def _estimate(self, residual: Array, force: Array) -> Array:
+    def _estimate(self, residual: Floats, force: Floats) -> Floats:
         # Linear regression of squared residuals on squared forces, with both coefficients positive.
         squares = np.stack([np.ones_like(force), force**2], axis=1)
         intercept, slope = np.linalg.lstsq(squares, residual**2, rcond=None)[0]
@@ -188,8 +187,8 @@ class Amplitude(Noise):
         return np.sqrt(np.maximum([intercept, slope], floor))
 
     @staticmethod
-    def _deviation(force: Array, noise: Array) -> Array:
-        result: Array = force.__array_namespace__().hypot(noise[:, :1], noise[:, 1:2] * force)
+    def _deviation(force: Floats, noise: Floats) -> Floats:
+        result: Floats = force.__array_namespace__().hypot(noise[:, :1], noise[:, 1:2] * force)
         return result
 
 
@@ -210,15 +209,15 @@ class Ar1(Noise):
     correlated = True
     parameters = (_SIGMA, _PHI)
 
-    def _log_densities(self, residual: Array, force: Array, noise: Array) -> Array:
+    def _log_densities(self, residual: Floats, force: Floats, noise: Floats) -> Floats:
         xp = residual.__array_namespace__()
         sigma, phi = noise[:, :1], noise[:, 1:2]
         first = _gaussian(residual[:, :1], sigma)
         innovation = residual[:, 1:] - phi * residual[:, :-1]
-        result: Array = xp.concat([first, _gaussian(innovation, sigma * xp.sqrt(1.0 - phi**2))], axis=1)
+        result: Floats = xp.concat([first, _gaussian(innovation, sigma * xp.sqrt(1.0 - phi**2))], axis=1)
         return result
 
-    def _draw(self, force: Array, noise: Array, rng: np.random.Generator) -> Array:
+    def _draw(self, force: Floats, noise: Floats, rng: np.random.Generator) -> Floats:
         from scipy.signal import lfilter
 
         white = rng.standard_normal(force.shape)
@@ -230,7 +229,7 @@ class Ar1(Noise):
             ]
         )
 
-    def _estimate(self, residual: Array, force: Array) -> Array:
+    def _estimate(self, residual: Floats, force: Floats) -> Floats:
         return np.array([_rms(residual), _lag_one(residual)])
 
 
@@ -250,7 +249,7 @@ class Arma11(Noise):
         ),
     )
 
-    def _log_densities(self, residual: Array, force: Array, noise: Array) -> Array:
+    def _log_densities(self, residual: Floats, force: Floats, noise: Floats) -> Floats:
         from scipy.signal import lfilter
 
         sigma, phi, theta = noise.T
@@ -267,7 +266,7 @@ class Arma11(Noise):
             result[row, 1:] = _gaussian(innovation, deviation[row : row + 1])
         return result
 
-    def _draw(self, force: Array, noise: Array, rng: np.random.Generator) -> Array:
+    def _draw(self, force: Floats, noise: Floats, rng: np.random.Generator) -> Floats:
         from scipy.signal import lfilter
 
         # Long enough for the initial transient to decay.
@@ -279,7 +278,7 @@ class Arma11(Noise):
             rows.append(deviation * lfilter([1.0, theta], [1.0, -phi], row)[warm_up:])
         return np.array(rows)
 
-    def _estimate(self, residual: Array, force: Array) -> Array:
+    def _estimate(self, residual: Floats, force: Floats) -> Floats:
         # rho_1 and rho_2 = phi rho_1 give phi; theta then solves a quadratic, of which rho_1 - phi is a rough solution.
         rho_1 = _lag_one(residual)
         rho_2 = float(
@@ -289,7 +288,7 @@ class Arma11(Noise):
         return np.array([_rms(residual), phi, 0.5 * float(np.clip(rho_1 - phi, -0.9, 0.9))])
 
 
-def _lag_one(residual: Array) -> float:
+def _lag_one(residual: Floats) -> float:
     return float(
         np.clip(residual[1:] @ residual[:-1] / max(float(residual @ residual), 1e-300), -0.999, 0.9999)
     )
@@ -314,5 +313,5 @@ def noise_model(name: str) -> Noise:
         Where there is none.
     """
     if name not in NOISES:
-        raise UnknownNameError(f"there is no noise model {name!r}; known: {', '.join(NOISES)}")
+        raise UnknownNameError(f"there is no noise model {name!r}{suggestion(name, [*NOISES])}")
     return NOISES[name]

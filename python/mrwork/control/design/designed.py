@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -19,13 +18,12 @@ from mrwork.control.design.system import DesignSystem, LyapunovEquations
 from mrwork.control.lqr import Weights
 from mrwork.control.plant import Plant
 from mrwork.errors import SettingError
-from mrwork.numbers import rounded
+from mrwork.numbers import format_rounded
 from mrwork.summary import Summarised, Summary
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class CaseCheck(Summarised):
     """A case under two gains, by Lyapunov equations.
 
@@ -41,8 +39,7 @@ class CaseCheck(Summarised):
     law_forces: Floats
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class WeightCertificate(Summarised):
     """What the weights reach, checked by Lyapunov equations, over a lower bound that no linear law passes.
 
@@ -94,7 +91,7 @@ class WeightCertificate(Summarised):
             columns=("output", "unit", "rms", "limit", "rms / limit"),
             rows=[
                 *(
-                    (name, unit, rounded(rms), rounded(limit), rounded(rms / limit))
+                    (name, unit, format_rounded(rms), format_rounded(limit), format_rounded(rms / limit))
                     for name, unit, rms, limit in zip(
                         self.names, self.units, self.rms, self.limits, strict=True
                     )
@@ -103,9 +100,9 @@ class WeightCertificate(Summarised):
                     (
                         f"force, device {number + 1}",
                         "N",
-                        rounded(force),
-                        rounded(budget),
-                        rounded(force / budget),
+                        format_rounded(force),
+                        format_rounded(budget),
+                        format_rounded(force / budget),
                     )
                     for number, (force, budget) in enumerate(zip(self.forces, self.budgets, strict=True))
                 ),
@@ -188,8 +185,7 @@ _SHOWN = 4
 _BINDING = 1e-4
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class DesignedWeights(Summarised):
     """Weights of a regulator from limits on rms responses and a budget of force.
 
@@ -292,11 +288,11 @@ class DesignedWeights(Summarised):
                 ("engine", self.engine),
                 ("certificate", f"violation {check.violation:.1e}, gap to the bound {check.gap:.1e}"),
                 ("law's gain", check.law_in_words),
-                ("control weight", f"{', '.join(rounded(each) for each in self.control_weight)} 1/N2"),
+                ("control weight", f"{', '.join(format_rounded(each) for each in self.control_weight)} 1/N2"),
             ),
             columns=("output", "weight", "rms / limit"),
             rows=[
-                (name, rounded(weight), rounded(float(rms / limit)))
+                (name, format_rounded(weight), format_rounded(float(rms / limit)))
                 for name, weight, rms, limit in sorted(
                     zip(self.outputs.names, self.output_weights, check.rms, check.limits, strict=True),
                     key=lambda each: -each[2] / each[3],

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
 import numpy as np
@@ -15,11 +14,11 @@ from mrwork.control.design.system import DesignSystem, LyapunovEquations, system
 from mrwork.control.plant import Plant
 from mrwork.control.riccati import solve_riccati
 from mrwork.errors import SettingError
-from mrwork.keys import Within
+from mrwork.hints import Within
 from mrwork.motions.spectral_density import KanaiTajimi, SpectralDensity
-from mrwork.numbers import rounded
+from mrwork.numbers import format_rounded
 from mrwork.summary import Summarised, Summary
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 OPTIMAL = 1e-3
 """Distance up to which a gain counts as optimal for the weights found: about the accuracy of the program."""
@@ -27,8 +26,7 @@ OPTIMAL = 1e-3
 _ROUNDS = 15
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class InverseWeights(Summarised):
     """Weights `s'Q s + f'R f` of a given gain K, or of the optimal gain that is nearest to it.
 
@@ -60,8 +58,11 @@ class InverseWeights(Summarised):
             title="Weights of a gain",
             facts=(
                 ("distance", f"{self.distance:.2e} of the rms wanted force"),
-                ("control weight", f"{', '.join(rounded(float(each)) for each in self.control_weight)} 1/N2"),
-                ("largest weight", rounded(float(np.abs(self.state_weight).max()))),
+                (
+                    "control weight",
+                    f"{', '.join(format_rounded(float(each)) for each in self.control_weight)} 1/N2",
+                ),
+                ("largest weight", format_rounded(float(np.abs(self.state_weight).max()))),
             ),
             notes=(says,),
         )

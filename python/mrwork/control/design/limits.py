@@ -14,21 +14,20 @@ import numpy as np
 
 from mrwork.arguments import Count, Level, NotNegative, Positive, checked
 from mrwork.buildings.matrices import Building, Device, elongation_rows
-from mrwork.control.plant import Outputs, Plant, accelerations, displacements, drifts, stacked
+from mrwork.control.plant import Outputs, Plant, accelerations, displacements, drifts, stack_outputs
 from mrwork.errors import InvalidSettingError, SettingError
 from mrwork.keys import key, plain_values, refuse_repeated
 from mrwork.motions.spectral_density import KanaiTajimi, SpectralDensity
 from mrwork.simulate import Loading, simulate_force
 from mrwork.summary import Summarised
 from mrwork.units import number_in
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 Limit = float | tuple[float, ...]
 """One limit for all places, or one for each."""
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class RmsLimits:
     """Limits on rms responses, one for all places or one for each; only their ratios to each other matter.
 
@@ -95,8 +94,7 @@ def _in_si(name: str, given: object, unit: str) -> Any:
     return given
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class LimitedOutputs:
     """The outputs with a limit: their names, units, limits in SI, shape (n_outputs,), and the setting of each."""
 
@@ -140,7 +138,7 @@ class LimitedOutputs:
 
     def of_plant(self, plant: Plant) -> Outputs:
         """These outputs of a plant of the same floors, storeys and devices."""
-        return stacked(*(_outputs(setting, plant) for setting in _QUANTITIES)).select(self.names)
+        return stack_outputs(*(_outputs(setting, plant) for setting in _QUANTITIES)).select(self.names)
 
 
 def _outputs(setting: str, plant: Plant) -> Outputs:
@@ -171,7 +169,6 @@ _QUANTITIES: Mapping[str, tuple[str, str]] = {
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class SemiActiveCondition:
     """`E[(f - c v)^2] <= b^2 E[f^2]`: the wanted force is that of a damper up to a share b.
 
@@ -195,7 +192,6 @@ class SemiActiveCondition:
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class LoopTiming:
     """Sample time [s], delay and driver of a loop, for a design in discrete time.
 

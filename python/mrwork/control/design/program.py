@@ -4,21 +4,19 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import cvxpy as cp
 import numpy as np
 
 from mrwork.control.design.riccati_dual import SquaredRows, first_multipliers, regulate
 from mrwork.control.design.system import DesignSystem
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 MOST_STATES = 26
 """States up to which Clarabel solves the program to four digits, that is about twelve storeys."""
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class ProgramSolution:
     """Multipliers with sum q = 1, with limits and budgets scaled to 1, and the least t^2."""
 

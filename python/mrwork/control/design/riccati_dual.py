@@ -10,22 +10,20 @@ to rounding, however many states the building has.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from mrwork.control.design.system import SMALLER_BUDGET, DesignSystem, LyapunovEquations, sampled_gain
 from mrwork.control.riccati import solve_riccati
 from mrwork.errors import SettingError
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 _STEPS = 80
 _GAP = 1e-10
 _TO_BOUNDARY = 0.99
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class SquaredRows:
     """SquaredRows `c x + d u` of one system and the forms that add up their squares, `forms @ squares`.
 
@@ -59,8 +57,7 @@ def rows_of(
     return SquaredRows(C=np.vstack(C), D=np.vstack(D), forms=forms)
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class Regulated:
     """A system under the regulator of given multipliers: its gain, Riccati matrix, covariance and mean squares."""
 
@@ -125,8 +122,7 @@ def _curvature(system: DesignSystem, rows: SquaredRows, weights: Floats, at: Reg
     return np.asarray(-2.0 * np.einsum("aij,bij->ab", slopes, weighed))
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class DualPoint:
     """Multipliers with sum q = 1, the least t^2, the gap to it, and the regulated systems."""
 

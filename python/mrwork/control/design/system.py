@@ -7,7 +7,7 @@ those of continuous time as the step goes to zero; `step` is then zero.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import scipy
@@ -16,7 +16,7 @@ from mrwork.control.design.limits import LimitedOutputs, LoopTiming
 from mrwork.control.plant import Plant, deformation_rates
 from mrwork.errors import SettingError
 from mrwork.motions.spectral_density import SpectralDensity
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 
 class LyapunovEquations:
@@ -105,8 +105,7 @@ It makes the covariance regular, without which the Riccati matrix of a design is
 """
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class DesignSystem:
     """A plant under its spectrum as the design sees it, in scaled coordinates x, shape (n,).
 
@@ -214,8 +213,7 @@ def system_of(
     return _continuous(parts) if timing is None else _sample(parts, timing, budgets, frequency)
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class _Parts:
     """Building and soil in continuous time, with forces that act at once."""
 

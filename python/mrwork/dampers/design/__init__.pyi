@@ -1,9 +1,9 @@
 from .damper_design import DamperDesign as DamperDesign
+from .damper_design import MagneticCircuit as MagneticCircuit
 from .damper_design import twenty_ton_damper as twenty_ton_damper
 from .flow import Slot as Slot
 from .flow import annular_pressure as annular_pressure
 from .flow import plate_pressure as plate_pressure
-from .magnetic_circuit import MagneticCircuit as MagneticCircuit
 from .materials import fluid as fluid
 from .materials import steel as steel
 from .sizing import DamperWishes as DamperWishes
@@ -12,11 +12,11 @@ from .sizing import size_front as size_front
 
 if True:  # the lower tier
     from .damper_design import DesignedModel as DesignedModel
+    from .damper_design import wire_diameter as wire_diameter
     from .flow import PRESSURES as PRESSURES
     from .flow import least_active_volume as least_active_volume
     from .flow import shear_force as shear_force
     from .flow import summed_pressure as summed_pressure
-    from .magnetic_circuit import wire_diameter as wire_diameter
     from .materials import FLUIDS as FLUIDS
     from .materials import STEELS as STEELS
     from .materials import MRFluid as MRFluid

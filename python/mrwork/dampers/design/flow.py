@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Annotated, ClassVar, Final, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from mrwork.arguments import Positive, checked
 from mrwork.dampers.design.ranges import (
@@ -23,10 +23,10 @@ from mrwork.dampers.design.ranges import (
     broadcast,
     roots_between,
 )
-from mrwork.keys import Within
+from mrwork.hints import Within
 from mrwork.summary import Summarised
+from mrwork.values import Floats
 
-Floats = NDArray[np.float64]
 FlowModel = Literal["annulus", "plates", "sum"]
 WallSpeeds = Annotated[ArrayLike, Within(least=0.0, most=1e3)]
 
@@ -113,7 +113,7 @@ def annular_pressure(
             moved -= np.pi * np.sum(weights * rate * (radius**2 - inner**2), axis=-1)
         return moving, moved
 
-    def moved(gradient: Floats) -> Floats:
+    def compute_flow(gradient: Floats) -> Floats:
         def excess(neutral: Floats) -> Floats:
             return profile(gradient, neutral)[0] - speed
 
@@ -121,7 +121,7 @@ def annular_pressure(
         return profile(gradient, roots_between(excess, *ends))[1]
 
     viscous = _viscous_gradient(slot, flow, speed, viscosity, flow_index)
-    return slot.length * _gradient(moved, slot, flow, tau, viscous)
+    return slot.length * _gradient(compute_flow, slot, flow, tau, viscous)
 
 
 @checked
@@ -145,7 +145,7 @@ def plate_pressure(
     )
     gap, power = slot.gap, 1.0 + 1.0 / flow_index
 
-    def moved(gradient: Floats) -> Floats:
+    def compute_flow(gradient: Floats) -> Floats:
         # The sheared layers at the inner and the outer wall, `free` thick together.
         free = np.maximum(gap - 2.0 * tau / gradient, 1e-12 * gap)
         rate = _shear_rate(gradient, viscosity, flow_index)
@@ -167,7 +167,7 @@ def plate_pressure(
         return slot.width * rate * layers
 
     viscous = _viscous_gradient(slot, flow, speed, viscosity, flow_index)
-    return slot.length * _gradient(moved, slot, flow, tau, viscous)
+    return slot.length * _gradient(compute_flow, slot, flow, tau, viscous)
 
 
 def summed_pressure(
@@ -248,15 +248,15 @@ def _viscous_gradient(slot: Slot, flow: Floats, speed: Floats, viscosity: float,
 
 
 def _gradient(
-    moved: Callable[[Floats], Floats], slot: Slot, flow: Floats, tau: Floats, viscous: Floats
+    compute_flow: Callable[[Floats], Floats], slot: Slot, flow: Floats, tau: Floats, viscous: Floats
 ) -> Floats:
-    """Pressure gradient [Pa/m] at which a profile moves the flow; `moved` maps gradients to flows [m^3/s]."""
+    """Pressure gradient [Pa/m] at which a profile moves the flow; `compute_flow` maps gradients to flows [m^3/s]."""
     at_rest, flowing = 2.0 * tau / slot.gap, viscous > 0.0
     low = np.where(flowing, at_rest + 0.1 * viscous, 1.0)
     high = np.where(flowing, 1.5 * at_rest + 1.5 * viscous, 2.0)
 
     def excess(gradient: Floats) -> Floats:
-        return moved(gradient) - flow
+        return compute_flow(gradient) - flow
 
     for _ in range(_DOUBLINGS):
         short = flowing & (excess(high) < 0.0)

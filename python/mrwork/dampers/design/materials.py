@@ -12,15 +12,15 @@ from dataclasses import dataclass
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from mrwork.arguments import checked
 from mrwork.dampers.design.ranges import Fields, FlowIndex, Viscosity
 from mrwork.errors import SettingError, UnknownNameError
-from mrwork.keys import Within
+from mrwork.hints import Within
 from mrwork.summary import Summarised
+from mrwork.values import Floats
 
-Floats = NDArray[np.float64]
 Carrier = Literal["hydrocarbon oil", "silicone oil", "water"]
 
 VACUUM_PERMEABILITY = 4e-7 * np.pi

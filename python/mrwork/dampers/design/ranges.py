@@ -1,4 +1,4 @@
-"""What the formulas of the room share: ranges in which none overflows, common shapes, roots of monotonic functions."""
+"""Shared by the formulas of damper design: ranges without overflow, common shapes, roots of monotonic functions."""
 
 from __future__ import annotations
 
@@ -6,10 +6,11 @@ from collections.abc import Callable
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from mrwork.errors import SettingError
-from mrwork.keys import Within
+from mrwork.hints import Within
+from mrwork.values import Floats
 
 # From a micrometre to a hundred metres.
 Length = Annotated[float, Within(least=1e-6, most=100.0)]
@@ -27,7 +28,7 @@ Currents = Annotated[ArrayLike, Within(least=0.0, most=1e4)]
 Velocities = Annotated[ArrayLike, Within(least=-1e3, most=1e3)]
 
 
-def broadcast(function: str, **values: ArrayLike) -> tuple[NDArray[np.float64], ...]:
+def broadcast(function: str, **values: ArrayLike) -> tuple[Floats, ...]:
     """Arguments of a function as arrays of the shape to which they broadcast."""
     arrays = [np.asarray(value, dtype=np.float64) for value in values.values()]
     try:
@@ -38,8 +39,6 @@ def broadcast(function: str, **values: ArrayLike) -> tuple[NDArray[np.float64], 
             f"arguments of {function} have the shapes {shapes}; give shapes that broadcast against each other"
         ) from None
 
-
-Floats = NDArray[np.float64]
 
 _MOST_STEPS = 200
 _TOLERANCE = 4.0 * np.finfo(np.float64).eps

@@ -11,22 +11,19 @@ from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.arguments import Count, NotNegative, Positive, Seed, checked
-from mrwork.dampers.design.damper_design import DamperDesign
+from mrwork.dampers.design.damper_design import DamperDesign, wire_diameter
 from mrwork.dampers.design.flow import FlowModel
-from mrwork.dampers.design.magnetic_circuit import wire_diameter
 from mrwork.dampers.design.materials import MRFluid, Steel
 from mrwork.dampers.design.ranges import Current, Length, Speed, Voltage
 from mrwork.errors import Interrupted, SettingError, UnknownNameError
-from mrwork.keys import Within
+from mrwork.hints import Within
 from mrwork.search import SearchResult, StopRules, run_search
-from mrwork.search.peers import nondominated, run_front
+from mrwork.search.peers import run_front, select_nondominated
 from mrwork.search.registry import ALL_OPTIMISERS
 from mrwork.summary import Summarised, Summary
-
-Floats = NDArray[np.float64]
+from mrwork.values import Floats
 
 # Free dimensions with their ranges, in log scale: shares of the largest outer diameter, the gap over the least one,
 # and the depth of a groove as a share of what the rod leaves.
@@ -54,7 +51,7 @@ _IMPOSSIBLE = 1e3
 @checked
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class DamperWishes(Summarised):
-    """What a damper has to do, and what it may need.
+    """Requirements on a damper and limits on its size and power.
 
     Parameters
     ----------
@@ -105,8 +102,8 @@ class DamperWishes(Summarised):
 
     @checked
     def missed(self, design: DamperDesign) -> dict[str, float]:
-        """By how much a design misses each wish that it does not meet, as a share of it."""
-        return missed_with(self, design, rated_forces(design))
+        """Relative shortfall of a design for each wish that it does not meet."""
+        return find_misses(self, design, rated_forces(design))
 
 
 def rated_forces(design: DamperDesign, flow_model: FlowModel = "annulus") -> tuple[float, float]:
@@ -116,8 +113,8 @@ def rated_forces(design: DamperDesign, flow_model: FlowModel = "annulus") -> tup
     return on, off
 
 
-def missed_with(wishes: DamperWishes, design: DamperDesign, forces: tuple[float, float]) -> dict[str, float]:
-    """What a design with these `rated_forces` misses, see `DamperWishes.missed`."""
+def find_misses(wishes: DamperWishes, design: DamperDesign, forces: tuple[float, float]) -> dict[str, float]:
+    """Unmet wishes of a design with these `rated_forces`, see `DamperWishes.missed`."""
     on, off = forces
     shortfalls = {
         "force": 1.0 - on / wishes.force,
@@ -295,14 +292,14 @@ def smallest(
     def objective(units: Floats) -> Floats:
         return np.array([_misfit(candidate(unit, wishes, fluid, steel), harder) for unit in units])
 
-    found: SearchResult[Any] = run_search(
+    result: SearchResult[Any] = run_search(
         replace(optimiser, stop=stop),
         objective,
         rng=rng,
         n_params=N_FREE,
         on_generation=lambda event: reporter.report("smallest", event.evaluations, event.best_misfit),
     )
-    return found
+    return result
 
 
 def _harder_wishes(wishes: DamperWishes) -> DamperWishes:
@@ -316,8 +313,8 @@ def _harder_wishes(wishes: DamperWishes) -> DamperWishes:
 
 
 def _shortfall(harder: DamperWishes, design: DamperDesign, forces: tuple[float, float]) -> float:
-    """What a design with these forces between parallel plates misses of `_harder_wishes`, all together."""
-    return sum(missed_with(harder, design, forces).values())
+    """Sum of the shortfalls of a design with these forces between parallel plates against `_harder_wishes`."""
+    return sum(find_misses(harder, design, forces).values())
 
 
 def _misfit(design: DamperDesign | None, harder: DamperWishes) -> float:
@@ -376,7 +373,7 @@ _PENALTY = 1e3
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class SizeFront(Summarised):
-    """Designs of which no other one is smaller, has a larger dynamic range and needs less power; the smallest first."""
+    """Pareto front of designs in size, dynamic range and power; the smallest first."""
 
     _made_by: ClassVar[str] = "mr.dampers.design.size_front(wishes, fluid=..., steel=...)"
 
@@ -441,13 +438,13 @@ def size_front(
 
     def keep(points: Floats) -> Floats:
         nonlocal units, values
-        found = np.array([_objectives(candidate(unit, wishes, fluid, steel), harder) for unit in points])
-        units, values = np.vstack([units, points]), np.vstack([values, found])
-        kept = nondominated(values)
+        front = np.array([_objectives(candidate(unit, wishes, fluid, steel), harder) for unit in points])
+        units, values = np.vstack([units, points]), np.vstack([values, front])
+        kept = select_nondominated(values)
         units, values = units[kept], values[kept]
-        return found
+        return front
 
-    def built(points: Floats) -> SizeFront | None:
+    def make_front(points: Floats) -> SizeFront | None:
         return _front([candidate(unit, wishes, fluid, steel) for unit in points], wishes, tried)
 
     try:
@@ -484,15 +481,15 @@ def size_front(
                 starts=first.best_unit[None],
                 on_generation=on_generation,
             )
-        found = built(units)
+        front = make_front(units)
     except KeyboardInterrupt as interrupt:
         least = units[values[:, 0].argmin()][None] if len(units) else units
-        raise Interrupted(built(least), "front") from interrupt
-    if found is None:
+        raise Interrupted(make_front(least), "front") from interrupt
+    if front is None:
         raise SettingError(
             f"no damper with {fluid.name} meets the wishes after {tried} candidates; size_damper says what is missed"
         )
-    return found
+    return front
 
 
 def _front(
@@ -504,12 +501,12 @@ def _front(
         if design is None:
             continue
         on, off = forces = rated_forces(design)
-        if not missed_with(wishes, design, forces):
+        if not find_misses(wishes, design, forces):
             met.append(design)
             values.append((design.envelope_volume, -on / off, design.power))
     if not met:
         return None
-    kept = nondominated(np.array(values))
+    kept = select_nondominated(np.array(values))
     order = kept[np.argsort(np.array(values)[kept, 0], kind="stable")]
     return SizeFront(designs=tuple(met[index] for index in order), evaluations=evaluations)
 

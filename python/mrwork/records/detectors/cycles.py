@@ -175,7 +175,7 @@ def force_delay(test: DamperTest, motion: SmoothMotion) -> Measured | None:
     sharp = np.abs(np.interp(place, np.arange(test.n_time), motion.acceleration))
     if place.size < _FEWEST_TURNS or np.std(sharp) > _ALIKE * np.mean(sharp):
         return None
-    branch = _folded(test.force, place, direction, period / test.dt)
+    branch = _fold_periods(test.force, place, direction, period / test.dt)
     if branch is None:
         return None
     corners = []
@@ -213,7 +213,7 @@ def delay_finding(test: DamperTest, motion: SmoothMotion) -> tuple[Finding, ...]
     return (Finding.warning("force_delay", message, action="correct it by --repair delay", measured=delay),)
 
 
-def _folded(
+def _fold_periods(
     force: Floats,
     place: Floats,
     direction: Floats,

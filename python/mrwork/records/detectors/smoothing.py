@@ -33,19 +33,19 @@ def spikes_of(samples: Floats) -> NDArray[np.bool_]:
     A spike is at most five samples long and lies beyond the range of the other samples by half of that range; the
     channel leaps by as much from one sample to the next, there and back.
     """
-    found = np.zeros(samples.size, dtype=np.bool_)
+    is_spike = np.zeros(samples.size, dtype=np.bool_)
     low, high = np.percentile(samples, _WITHIN)
     reach = _BEYOND * (high - low)
     far = (samples < low - reach) | (samples > high + reach)
     if reach == 0.0 or samples.size < _FEWEST or np.count_nonzero(far) > _MOST * samples.size:
-        return found
+        return is_spike
     edges = np.flatnonzero(np.diff(np.concatenate([[False], far, [False]])))
     for first, last in zip(edges[::2], edges[1::2], strict=True):
         leaps = np.abs(np.diff(samples[max(first - 1, 0) : last + 1]))
         there = first == 0 or leaps[0] > reach
         back = last == samples.size or leaps[-1] > reach
-        found[first:last] = last - first <= _LONGEST_SPIKE and there and back
-    return found
+        is_spike[first:last] = last - first <= _LONGEST_SPIKE and there and back
+    return is_spike
 
 
 def without_spikes(signals: Signals) -> tuple[Signals, NDArray[np.bool_], tuple[Finding, ...]]:
@@ -114,7 +114,7 @@ def smoothing_of(test: DamperTest, frequency: float) -> Smoothing | None:
         ("force", test.force),
         ("displacement", test.displacement),
     )
-    windows = {name: averaged_over(samples) for name, samples in channels}
+    windows = {name: detect_average(samples) for name, samples in channels}
     period = round(1.0 / (frequency * test.dt))
     for name, n_window in windows.items():
         if n_window is not None and n_window > _LONGEST * period:
@@ -122,7 +122,7 @@ def smoothing_of(test: DamperTest, frequency: float) -> Smoothing | None:
     if len(set(windows.values())) > 1:
         # A pulse in every cycle has the spectrum of an average; the difference between cycles does not contain it.
         for name, samples in channels:
-            if averaged_over(samples[period:] - samples[:-period]) != windows[name]:
+            if detect_average(samples[period:] - samples[:-period]) != windows[name]:
                 windows[name] = None
     seen = [n_window for n_window in windows.values() if n_window is not None]
     if not seen:
@@ -154,7 +154,7 @@ def smoothing_finding(test: DamperTest, motion: SmoothMotion) -> tuple[Finding, 
     return (Finding.warning("moving_average", message, action=action, measured=measured),)
 
 
-def averaged_over(samples: Floats) -> int | None:
+def detect_average(samples: Floats) -> int | None:
     """Window in samples of a moving average applied to a signal, shape (n_time,); `None` if there is none.
 
     A moving average over w samples multiplies the spectrum by sin(pi f w dt) / (w sin(pi f dt)), which is

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import permutations
 from typing import Final
 
@@ -14,7 +13,7 @@ from mrwork.errors import RecordError
 from mrwork.records.damper_test import DamperTest, Finding, Measured, VelocitySource
 from mrwork.records.motion import Smoother, SmoothMotion
 from mrwork.units import FACTORS
-from mrwork.values import Floats, holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 _MISFIT: Final = 0.10
 _NOISE: Final = 0.5
@@ -80,19 +79,19 @@ def velocity_agrees(
     with sharp knees. `uncompared`: spans of samples, first and beyond the last, that were interpolated.
     """
     smoother = motion.smoother
-    kept = _given(velocity.size, uncompared, smoother.window // 2)
-    comparison = _compared(velocity, displacement, motion, kept)
+    kept = _select_unsmoothed(velocity.size, uncompared, smoother.window // 2)
+    comparison = _compare_velocities(velocity, displacement, motion, kept)
     measured = comparison.measured
     difference = comparison.misfit(measured)
     if comparison.misfit(-measured) <= _MISFIT:
         message = (
             "the velocity had the opposite sign of the displacement's derivative; it was multiplied by -1"
         )
-        turned, source, found = velocity_agrees(-velocity, displacement, motion, uncompared)
-        return turned, source, (Finding.note("velocity_sign_flipped", message), *found)
+        turned, source, opposite = velocity_agrees(-velocity, displacement, motion, uncompared)
+        return turned, source, (Finding.note("velocity_sign_flipped", message), *opposite)
     factor = comparison.factor()
     if abs(factor) > _SMALLEST_FACTOR and abs(factor - 1.0) > _MISFIT:
-        rescaled = _compared(velocity / factor, displacement, motion, kept)
+        rescaled = _compare_velocities(velocity / factor, displacement, motion, kept)
         if rescaled.misfit(rescaled.measured) <= _MISFIT:
             return velocity, "measured", (_off_by(factor),)
 
@@ -124,7 +123,7 @@ _CHECK: Final = "check both, or derive the velocity from the displacement by --r
 
 
 def _off_by(factor: float) -> Finding:
-    """A velocity that is a factor times the derivative: a known one, with its explanation, or any other."""
+    """Finding of a velocity that is a factor times the derivative, with the explanation of a known factor."""
     times = f"the velocity is {factor:.4g} times the displacement's derivative"
     measured = Measured(value=factor, unit="")
     size = abs(factor)
@@ -140,8 +139,7 @@ def _inconsistent(message: str, action: str, measured: Measured | None = None) -
     return Finding.warning("velocity_inconsistent", message, action=action, measured=measured)
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class _VelocityMisfit:
     """Smoothed velocity, derivative with its mean square `power`, and mean square difference `expected` from noise."""
 
@@ -169,7 +167,7 @@ class _VelocityMisfit:
         return Measured(value=late, standard_error=error, unit="s")
 
 
-def _given(n_time: int, uncompared: Sequence[tuple[int, int]], reach: int) -> _Kept:
+def _select_unsmoothed(n_time: int, uncompared: Sequence[tuple[int, int]], reach: int) -> _Kept:
     """Index of the samples that no interpolated one is smoothed into, by a filter with this reach to either side."""
     if not uncompared:
         return slice(None)
@@ -179,7 +177,9 @@ def _given(n_time: int, uncompared: Sequence[tuple[int, int]], reach: int) -> _K
     return np.flatnonzero(given) if np.count_nonzero(given) > reach else slice(None)
 
 
-def _compared(velocity: Floats, displacement: Floats, motion: SmoothMotion, kept: _Kept) -> _VelocityMisfit:
+def _compare_velocities(
+    velocity: Floats, displacement: Floats, motion: SmoothMotion, kept: _Kept
+) -> _VelocityMisfit:
     smoother, derivative = motion.smoother, motion.velocity[kept]
     smooth = smoother.smooth(velocity)
     measured = smooth[kept]

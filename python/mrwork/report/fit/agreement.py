@@ -74,28 +74,28 @@ def agreement_rows(fit: Fit, comparisons: Sequence[Comparison]) -> list[Agreemen
     every: list[FitQuality | Fit] = [*tested, fit]
     norms = [entry.error_norms for entry in every]
     columns = [
-        [numbers.fixed(entry.fit_percent, 2) for entry in every],
+        [numbers.format_fixed(entry.fit_percent, 2) for entry in every],
         numbers.column([entry.nrmse for entry in every], 3),
         numbers.column([entry.rmse_n for entry in every], 3),
         numbers.column([norm.time for norm in norms], 3),
         numbers.column([norm.displacement for norm in norms], 3),
         numbers.column([norm.velocity for norm in norms], 3),
-        [*(numbers.fixed(each.residual_autocorrelation, 4) for each in tested), ""],
-        [numbers.fixed(entry.n_time, 0) for entry in every],
-        [*(numbers.fixed(each.substeps, 0) for each in tested), ""],
+        [*(numbers.format_fixed(each.residual_autocorrelation, 4) for each in tested), ""],
+        [numbers.format_fixed(entry.n_time, 0) for entry in every],
+        [*(numbers.format_fixed(each.substeps, 0) for each in tested), ""],
     ]
     return list(zip(*columns, strict=True))
 
 
-def checked(comparisons: Sequence[Comparison]) -> str:
+def count_findings(comparisons: Sequence[Comparison]) -> str:
     """The number of findings of the checks, in words."""
-    found = [finding.severity for comparison in comparisons for finding in comparison.test.findings]
+    severities = [finding.severity for comparison in comparisons for finding in comparison.test.findings]
     parts = [
         f"{count} {word}{'s' if count > 1 else ''}"
         for word, count in (
-            ("warning", found.count("warning")),
-            ("note", found.count("note")),
-            ("repair", found.count("repaired")),
+            ("warning", severities.count("warning")),
+            ("note", severities.count("note")),
+            ("repair", severities.count("repaired")),
         )
         if count
     ]
@@ -133,7 +133,7 @@ def _conditions(test: DamperTest, quality: FitQuality) -> str:
         test.command_in_words,
         _quantity(None if test.amplitude is None else 1e3 * test.amplitude, "mm"),
         _quantity(test.frequency, "Hz"),
-        f"{numbers.fixed(test.n_time, 0)} samples every {numbers.shortest(1e3 * test.dt)}{_THIN}ms",
+        f"{numbers.format_fixed(test.n_time, 0)} samples every {numbers.shortest(1e3 * test.dt)}{_THIN}ms",
         f"velocity {test.velocity_source}",
         f"{' and '.join(ends)} not compared" if ends else "",
         f"{n_bridged} interpolated samples not compared" if n_bridged else "",
@@ -214,9 +214,7 @@ def _window_title(comparison: Comparison) -> str:
 def _thinning(n_time: int, drawn: int) -> str:
     if n_time <= drawn:
         return ""
-    return (
-        f"About {drawn} of {numbers.fixed(n_time, 0)} samples are drawn, and the model force at every sample."
-    )
+    return f"About {drawn} of {numbers.format_fixed(n_time, 0)} samples are drawn, and the model force at every sample."
 
 
 def _quantity(value: float | None, unit: str) -> str:
@@ -272,7 +270,7 @@ def _small_panels(comparisons: Sequence[Comparison], on_test: Callable[[str], No
     panels = []
     loops = small_velocity_loops(comparisons, unit)
     for number, (comparison, figure) in enumerate(zip(comparisons, loops, strict=True), start=1):
-        name, percent = comparison.test.name, numbers.fixed(comparison.quality.fit_percent, 1)
+        name, percent = comparison.test.name, numbers.format_fixed(comparison.quality.fit_percent, 1)
         on_test(name)
         panels.append(
             panel(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,9 +14,7 @@ from mrwork.report.figures import Comparison
 from mrwork.report.section import Group, Section, SectionKind
 from mrwork.table import Table, TableColumn, page_table
 from mrwork.tested_range import half_cycle_ends
-from mrwork.values import holds_arrays
-
-Array = NDArray[np.float64]
+from mrwork.values import Floats, array_dataclass
 
 # Upper ends of the classes in each decade of millimetres; the amplitudes that rigs are set to lie between them.
 _ENDS = (1.7, 3.4, 7.0)
@@ -27,19 +24,18 @@ _REVERSAL = 0.1
 _LARGER = 2.0
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class _HalfCycles:
     """Half cycles of all tests: amplitude [m] and class of each; sums over samples, rows at and between reversals.
 
     `count`, `squared_error` and `squared_force` [N^2] have the shape (2, n_half_cycles).
     """
 
-    amplitude: Array
+    amplitude: Floats
     number: NDArray[np.intp]
-    count: Array
-    squared_error: Array
-    squared_force: Array
+    count: Floats
+    squared_error: Floats
+    squared_force: Floats
 
     def of_class(self, number: int) -> _HalfCycles:
         """Those of one class."""
@@ -126,9 +122,13 @@ def _table(classes: Sequence[_HalfCycles], every: _HalfCycles) -> Table:
         "Errors by amplitude of the half cycles",
         (
             TableColumn(heading="amplitude", cell=lambda each: "all" if each is every else each.in_words),
-            TableColumn(heading="half cycles", cell=lambda each: numbers.fixed(each.amplitude.size, 0)),
-            TableColumn(heading="samples", cell=lambda each: numbers.fixed(each.count.sum(), 0)),
-            TableColumn(heading="RMSE", unit="N", cell=lambda each: numbers.fixed(each.rmse, decimals)),
+            TableColumn(
+                heading="half cycles", cell=lambda each: numbers.format_fixed(each.amplitude.size, 0)
+            ),
+            TableColumn(heading="samples", cell=lambda each: numbers.format_fixed(each.count.sum(), 0)),
+            TableColumn(
+                heading="RMSE", unit="N", cell=lambda each: numbers.format_fixed(each.rmse, decimals)
+            ),
             TableColumn(
                 heading="RMSE / RMS force", unit="%", cell=lambda each: numbers.percent(each.relative)
             ),
@@ -136,7 +136,7 @@ def _table(classes: Sequence[_HalfCycles], every: _HalfCycles) -> Table:
             TableColumn(heading="RMSE elsewhere", unit="N", cell=rmse(1)),
             TableColumn(
                 heading="at reversals / elsewhere",
-                cell=lambda each: numbers.fixed(each.excess_at_reversals, 2),
+                cell=lambda each: numbers.format_fixed(each.excess_at_reversals, 2),
             ),
         ),
         rows,
@@ -164,7 +164,7 @@ def _half_cycles(comparisons: Sequence[Comparison]) -> _HalfCycles:
     )
 
 
-def _sums(test: DamperTest, ends: NDArray[np.intp], residual: Array) -> Array:
+def _sums(test: DamperTest, ends: NDArray[np.intp], residual: Floats) -> Floats:
     """Samples that count, their squared residuals and forces, shape (3, 2, n_half_cycles)."""
     counts = np.zeros(test.n_time)
     counts[test.counted] = 1.0
@@ -176,11 +176,11 @@ def _sums(test: DamperTest, ends: NDArray[np.intp], residual: Array) -> Array:
     weights = counts[sample] * np.stack(
         [np.ones(sample.size), residual[sample] ** 2, (test.force[sample] - test.force.mean()) ** 2]
     )
-    found = [np.bincount(place, weights=each, minlength=2 * (ends.size - 1)) for each in weights]
-    return np.reshape(found, (3, 2, -1))
+    sums = [np.bincount(place, weights=each, minlength=2 * (ends.size - 1)) for each in weights]
+    return np.reshape(sums, (3, 2, -1))
 
 
-def _classes(amplitude: Array) -> NDArray[np.intp]:
+def _classes(amplitude: Floats) -> NDArray[np.intp]:
     """Number of the class of each amplitude [m], ascending."""
     decade = np.floor(np.log10(np.maximum(1e3 * amplitude, np.finfo(float).tiny)))
     within = np.searchsorted(_ENDS, 1e3 * amplitude / 10.0**decade)

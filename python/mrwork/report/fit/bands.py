@@ -47,9 +47,7 @@ from mrwork.uncertainty.noise import noise_model
 from mrwork.uncertainty.posterior.draws import Draws
 from mrwork.uncertainty.posterior.laplace import first_walkers
 from mrwork.uncertainty.posterior.target import Target
-from mrwork.values import holds_arrays
-
-Array = NDArray[np.float64]
+from mrwork.values import Floats, array_dataclass
 
 # Tests of the fit, and tests left out, that are drawn; draws of the parameters.
 _OWN, _LEFT_OUT = 1, 6
@@ -62,12 +60,11 @@ _QUANTITIES: dict[CycleQuantity, tuple[str, float]] = {
 }
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class _ParameterDraws:
     """Parameters `theta`, shape (n_draws, n_params), and the distribution they are drawn from, in words."""
 
-    theta: Array
+    theta: Floats
     origin: str
 
 
@@ -85,7 +82,7 @@ def _section(run: StoredRun, comparisons: Sequence[Comparison]) -> Section | Non
     for number, each in enumerate(worst, start=1):
         groups += _own_groups(number, fit, each, draws, bands, unit)
     if bands is not None and len(bands.predictions) > 1:
-        for number, prediction in enumerate(filter(bands.others, _chosen(bands)), start=1):
+        for number, prediction in enumerate(filter(bands.others, _choose_predictions(bands)), start=1):
             groups += _left_out_groups(number, prediction, bands, unit)
     return Section(anchor="bands", title="Bands", summary=_summary(bands), groups=tuple(groups))
 
@@ -201,14 +198,14 @@ def _left_out_groups(
     )
 
 
-def _chosen(bands: StoredBands) -> list[Prediction]:
+def _choose_predictions(bands: StoredBands) -> list[Prediction]:
     """All tests, or as many as are drawn, spread from the least covered to the best covered."""
 
-    def covered(prediction: Prediction) -> float:
+    def find_coverage(prediction: Prediction) -> float:
         row = bands.row(prediction, MAIN_LEVEL)
         return 0.0 if row is None else row.samples.coverage
 
-    ordered = sorted(bands.predictions, key=covered)
+    ordered = sorted(bands.predictions, key=find_coverage)
     if len(ordered) <= _LEFT_OUT:
         return list(bands.predictions)
     chosen = np.linspace(0, len(ordered) - 1, _LEFT_OUT).round().astype(int)
@@ -216,7 +213,7 @@ def _chosen(bands: StoredBands) -> list[Prediction]:
 
 
 def _cycle_panels(
-    identifier: str, prediction: Prediction, others: Sequence[Prediction], forces: Array | None
+    identifier: str, prediction: Prediction, others: Sequence[Prediction], forces: Floats | None
 ) -> tuple[Panel, ...]:
     """Energy, stiffness and damping of each cycle; none where the test has no whole cycle."""
     test = prediction.test
@@ -250,7 +247,7 @@ def _cycle_panels(
     return tuple(panels)
 
 
-def _errors(prediction: Prediction, name: CycleQuantity) -> Array:
+def _errors(prediction: Prediction, name: CycleQuantity) -> Floats:
     try:
         return errors_over_cycles(prediction, name)
     except RecordError:
@@ -278,7 +275,7 @@ def _parameter_draws(fit: Fit, tests: Sequence[DamperTest], stored: Draws | None
     )
 
 
-def _drawn_forces(fit: Fit, draws: _ParameterDraws, test: DamperTest) -> Array | None:
+def _drawn_forces(fit: Fit, draws: _ParameterDraws, test: DamperTest) -> Floats | None:
     """Forces of the draws on a test [N], shape (n_draws, n_time), with nuisance parameters removed as in the fit.
 
     `None` where too many of them cannot be simulated.
@@ -311,7 +308,7 @@ class Banded:
 
     @property
     def data_label(self) -> str:
-        """What the data are called in a legend."""
+        """Label of the data in a legend."""
         return "synthetic" if self.prediction.test.synthetic else "measured"
 
 
@@ -348,21 +345,21 @@ def error_figure(banded: Banded, unit: DisplayUnit) -> Figure:
     return figure
 
 
-def _empty_cycle(banded: Banded) -> tuple[Figure, Axes, slice, Array]:
+def _empty_cycle(banded: Banded) -> tuple[Figure, Axes, slice, Floats]:
     """Axes for a cycle over time, its samples among those that count, and their time [s]."""
     samples, test = middle_cycle(banded.prediction), banded.prediction.test
     # Four entries of the legend need a second line.
     return *column_axes(top=0.56), samples, test.time[test.counted][samples]
 
 
-def _finish_cycle(axes: Axes, time: Array, ordinate: str) -> None:
+def _finish_cycle(axes: Axes, time: Floats, ordinate: str) -> None:
     finish_signed(axes, ordinate, "Time (s)")
     axes.set_xlim(float(time[0]), float(time[-1]))
     legend(axes, columns=2)
 
 
 @style.drawn_in_style()
-def cycle_figure(title: str, measured: Array, model: Array, bands: Sequence[Band], factor: float) -> Figure:
+def cycle_figure(title: str, measured: Floats, model: Floats, bands: Sequence[Band], factor: float) -> Figure:
     """A quantity of each cycle, shape (n_cycles,), times `factor`, with its bands: bars, narrower for parameters."""
     number = np.arange(1, measured.size + 1)
     figure, axes = small_axes(labelled=True)
@@ -414,7 +411,7 @@ def loop_figure(banded: Banded, unit: DisplayUnit, over: Motion) -> Figure:
 
 
 def _fill_over(
-    axes: Axes, time: Array, banded: Banded, samples: slice, unit: DisplayUnit, origin: Array
+    axes: Axes, time: Floats, banded: Banded, samples: slice, unit: DisplayUnit, origin: Floats
 ) -> None:
     """Bands over time, less `origin` [N]."""
     drawn = _thin(time.size)
@@ -440,7 +437,7 @@ def _fill_over(
         )
 
 
-def _fill_loop(axes: Axes, across: Array, band: Band, samples: slice, unit: DisplayUnit) -> None:
+def _fill_loop(axes: Axes, across: Floats, band: Band, samples: slice, unit: DisplayUnit) -> None:
     """A band along the loop: a polygon between each two samples, all of one colour."""
     drawn = _along(across, band.upper[samples])
     lower, upper = (end[samples][drawn] * unit.factor for end in (band.lower, band.upper))
@@ -465,7 +462,7 @@ def _fill_loop(axes: Axes, across: Array, band: Band, samples: slice, unit: Disp
     )
 
 
-def _draw_lines(axes: Axes, across: Array, banded: Banded, samples: slice, unit: DisplayUnit) -> None:
+def _draw_lines(axes: Axes, across: Floats, banded: Banded, samples: slice, unit: DisplayUnit) -> None:
     measured = banded.prediction.measured[samples] * unit.factor
     model = banded.prediction.force[samples] * unit.factor
     line = _along(across, model)
@@ -475,7 +472,7 @@ def _draw_lines(axes: Axes, across: Array, banded: Banded, samples: slice, unit:
     draw_points(axes, across[drawn], measured[drawn], size=2.6, colour=style.INK, label=label, zorder=2.2)
 
 
-def _along(across: Array, up: Array) -> NDArray[np.intp]:
+def _along(across: Floats, up: Floats) -> NDArray[np.intp]:
     """Samples at equal steps along a line, with its end, so that a loop closes."""
     return np.union1d(even_samples(across, up, _BAND_POINTS, aspect=_ASPECT), [across.size - 1])
 

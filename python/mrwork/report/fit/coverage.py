@@ -1,4 +1,4 @@
-"""The section on tests left out: coverage of each test by the bands calibrated on the others."""
+"""Section on held-out tests: coverage of each test by the bands calibrated on the others."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from mrwork import numbers
-from mrwork.escaping import escaped
+from mrwork.escaping import escape_text
 from mrwork.numbers import percent
 from mrwork.records import DamperTest
 from mrwork.report import style
@@ -67,7 +67,7 @@ def coverage_figure(rows: list[dict[float, LeftOutCoverage]], names: list[str]) 
         covered = [100 * row[level].samples.coverage for row in rows]
         label = f"{100 * level:.0f} %"
         draw_points(axes, covered, range(len(rows)), size=5.5, colour=_COLOURS[level], label=label)
-    axes.set_yticks(range(len(rows)), list(map(escaped, names)))
+    axes.set_yticks(range(len(rows)), list(map(escape_text, names)))
     axes.set_ylim(len(rows) - 0.4, -0.6)
     axes.set_xlim(0, 102)
     axes.set_xlabel("Samples inside (%)")
@@ -76,10 +76,10 @@ def coverage_figure(rows: list[dict[float, LeftOutCoverage]], names: list[str]) 
 
 
 def _by_test(bands: StoredBands) -> list[dict[float, LeftOutCoverage]]:
-    found: dict[str, dict[float, LeftOutCoverage]] = {}
+    by_test: dict[str, dict[float, LeftOutCoverage]] = {}
     for row in bands.coverage:
-        found.setdefault(row.test, {})[row.level] = row
-    return [row for row in found.values() if set(LEVELS) <= set(row)]
+        by_test.setdefault(row.test, {})[row.level] = row
+    return [row for row in by_test.values() if set(LEVELS) <= set(row)]
 
 
 def _names(bands: StoredBands, rows: list[dict[float, LeftOutCoverage]]) -> list[str]:
@@ -177,7 +177,11 @@ def _cells(row: dict[float, LeftOutCoverage]) -> list[float]:
 
 def _texts(values: list[float]) -> list[str]:
     *shares, width, score = values
-    return [*(percent(share) for share in shares), numbers.fixed(width, 3), numbers.fixed(score, 3)]
+    return [
+        *(percent(share) for share in shares),
+        numbers.format_fixed(width, 3),
+        numbers.format_fixed(score, 3),
+    ]
 
 
 def _mean(values: tuple[float, ...]) -> float:

@@ -24,7 +24,7 @@ from mrwork.report.figures import Comparison
 from mrwork.report.fit.agreement import (
     agreement_rows,
     blocks_of_tests,
-    checked,
+    count_findings,
     drawn_in_full,
     has_small_loops,
     overview,
@@ -32,15 +32,15 @@ from mrwork.report.fit.agreement import (
 from mrwork.report.fit.amplitudes import AMPLITUDES
 from mrwork.report.fit.bands import BANDS
 from mrwork.report.fit.coverage import COVERAGE
+from mrwork.report.fit.gains import PLAN, plan_figure
 from mrwork.report.fit.parameters import IDENTIFIABILITY, TESTED_RANGE, caution, parameter_rows
-from mrwork.report.fit.plan import PLAN, plan_figure
 from mrwork.report.fit.posterior import POSTERIOR
 from mrwork.report.fit.profiles import PROFILES, profiles_figure
 from mrwork.report.fit.ranking import LAWS, RANKING, ranking_figure
 from mrwork.report.fit.residuals import RESIDUALS
 from mrwork.report.fit.search import search_facts, search_figure, search_panels
-from mrwork.report.html import equation_html, filled_in
-from mrwork.report.section import Absent, OnDrawn, PageProgress, Section, SectionKind, unobserved
+from mrwork.report.html import equation_html, fill_template
+from mrwork.report.section import Absent, OnDrawn, PageProgress, Section, SectionKind, ignore_progress
 from mrwork.store.output_file import write_files
 from mrwork.store.run_folder import FIGURES, REPORT
 from mrwork.stored import StoredRun, with_additions
@@ -97,7 +97,7 @@ def fit_page(
     comparisons: Sequence[Comparison],
     *,
     every_test: bool = False,
-    on_progress: OnDrawn = unobserved,
+    on_progress: OnDrawn = ignore_progress,
 ) -> str:
     """The page of a run: its fit, `comparisons` with the tests of the fit, and what later verbs have added.
 
@@ -143,7 +143,7 @@ def write_page(
     comparisons: Sequence[Comparison],
     *,
     every_test: bool = False,
-    on_progress: OnDrawn = unobserved,
+    on_progress: OnDrawn = ignore_progress,
 ) -> Path:
     """Write `report.html` of a run into its folder, replacing an earlier one when the new one is complete."""
     page = fit_page(run, comparisons, every_test=every_test, on_progress=on_progress)
@@ -176,7 +176,7 @@ def identification_report(
         if comparison.test.synthetic
         for name in (comparison.test.path, comparison.test.name)
     }
-    return filled_in(
+    return fill_template(
         "fit.html.j2",
         fit=fit,
         model_title=model_title,
@@ -202,7 +202,7 @@ def identification_report(
         searched=search_panels(fit),
         search=search_facts(fit),
         sections=sections,
-        checked=checked(comparisons),
+        checked=count_findings(comparisons),
         absent=absent,
         settings=[(name, _plain(value)) for name, value in fit.provenance.settings.items() if value],
         inputs=[
@@ -218,13 +218,13 @@ def _status_detail(fit: Fit) -> str:
         return "the best found so far"
     steps = "step" if fit.refinement_steps == 1 else "steps"
     cost = f"; {fit.status_reason}" if fit.status == "converged" and fit.status_reason else ""
-    return f"after {numbers.fixed(fit.refinement_steps, 0)} refinement {steps}{cost}"
+    return f"after {numbers.format_fixed(fit.refinement_steps, 0)} refinement {steps}{cost}"
 
 
 def _headline(fit: Fit) -> list[tuple[str, str, str]]:
     """Label, number and unit of the key figures."""
     return [
-        ("Fit", numbers.fixed(fit.fit_percent, 2), "%" if math.isfinite(fit.fit_percent) else ""),
+        ("Fit", numbers.format_fixed(fit.fit_percent, 2), "%" if math.isfinite(fit.fit_percent) else ""),
         ("NRMSE", numbers.significant(fit.nrmse, 3), ""),
         ("RMSE", numbers.significant(fit.rmse_n, 3), "N" if math.isfinite(fit.rmse_n) else ""),
     ]
@@ -244,13 +244,13 @@ def _plain(value: object) -> str:
         if nested and len(given) > 1 and len(set(map(_plain, given.values()))) == 1:
             return f"{_plain(next(iter(given.values())))} for each of {len(given)}"
         parts = [f"{name}{':' if nested else ''} {_plain(entry)}" for name, entry in given.items()]
-        return _shortened(parts, "; " if nested else ", ")
+        return _join_first(parts, "; " if nested else ", ")
     if isinstance(value, list | tuple):
-        return _shortened(list(map(_plain, value)), ", ")
+        return _join_first(list(map(_plain, value)), ", ")
     return str(value)
 
 
-def _shortened(parts: list[str], separator: str) -> str:
+def _join_first(parts: list[str], separator: str) -> str:
     """The parts in a row; of many, which `fit.json` has all, the first ones."""
     if len(parts) <= _SETTINGS_SHOWN:
         return separator.join(parts)
@@ -258,7 +258,7 @@ def _shortened(parts: list[str], separator: str) -> str:
 
 
 def write_figures(
-    run: StoredRun, comparisons: Sequence[Comparison], *, on_progress: OnDrawn = unobserved
+    run: StoredRun, comparisons: Sequence[Comparison], *, on_progress: OnDrawn = ignore_progress
 ) -> tuple[str, ...]:
     """Write every figure of a run as an SVG and a PNG file into its folder; return their names without suffix."""
     drawn = run_figures(run, comparisons)

@@ -40,14 +40,16 @@ def parameter_rows(fit: Fit) -> list[ParameterRow]:
     """A row per estimate, in the order of the model's spec."""
     estimates = fit.estimates
     pairs = [numbers.value_and_error(estimate.value, estimate.standard_error) for estimate in estimates]
-    values = _aligned([value for value, _ in pairs])
-    errors = _aligned([error for _, error in pairs])
+    values = _align_texts([value for value, _ in pairs])
+    errors = _align_texts([error for _, error in pairs])
     if fit.intervals is not None:
-        values = _aligned([numbers.significant(estimate.value, 5) for estimate in estimates])
+        values = _align_texts([numbers.significant(estimate.value, 5) for estimate in estimates])
         errors = [_plain(_interval(fit.intervals, estimate)) for estimate in estimates]
-    relatives = _aligned([relative_error(estimate.value, estimate.standard_error) for estimate in estimates])
-    lowers = _aligned([numbers.shortest(estimate.lower) for estimate in estimates])
-    uppers = _aligned([numbers.shortest(estimate.upper) for estimate in estimates])
+    relatives = _align_texts(
+        [relative_error(estimate.value, estimate.standard_error) for estimate in estimates]
+    )
+    lowers = _align_texts([numbers.shortest(estimate.lower) for estimate in estimates])
+    uppers = _align_texts([numbers.shortest(estimate.upper) for estimate in estimates])
     units = [shown_unit(estimate.unit) for estimate in estimates]
     remarks = [_remark(fit, estimate) for estimate in estimates]
     names = [estimate.name for estimate in estimates]
@@ -56,14 +58,16 @@ def parameter_rows(fit: Fit) -> list[ParameterRow]:
 
 
 def _remark(fit: Fit, estimate: Estimate) -> str:
-    """What keeps the parameter from varying; of one that the derivatives leave open, the verdict on it."""
+    """Reason why the parameter does not vary; its verdict where the derivatives do not determine it."""
     return fit.verdict_on(estimate.name)[0] if estimate.remark == "not identifiable" else estimate.remark
 
 
 def _interval(intervals: Intervals, estimate: Estimate) -> str:
-    found = intervals.of(estimate.name)
+    interval = intervals.of(estimate.name)
     return (
-        numbers.fixed(None, 0) if found is None else found.in_words(lambda end: numbers.significant(end, 4))
+        numbers.format_fixed(None, 0)
+        if interval is None
+        else interval.in_words(lambda end: numbers.significant(end, 4))
     )
 
 
@@ -72,7 +76,7 @@ def _plain(text: str) -> Aligned:
 
 
 def caution(fit: Fit) -> str:
-    """What the uncertainties assume."""
+    """Assumptions of the uncertainties."""
     if fit.intervals is not None:
         return (
             f"The {fit.intervals.heading}s take the place of standard errors. They hold if the model is right; an end "
@@ -90,15 +94,16 @@ def caution(fit: Fit) -> str:
             f"to the next: read them as lower limits. {linear}"
         )
     return (
-        f"Standard errors count the {numbers.fixed(fit.n_time, 0)} residuals as {numbers.fixed(fit.n_effective, 0)} "
-        f"independent ones, because residuals are correlated from one sample to the next. {linear}"
+        f"Standard errors count the {numbers.format_fixed(fit.n_time, 0)} residuals as "
+        f"{numbers.format_fixed(fit.n_effective, 0)} independent ones, "
+        f"because residuals are correlated from one sample to the next. {linear}"
     )
 
 
 def relative_error(value: float, error: float | None) -> str:
     """A standard error as a percentage of its estimate; a dash where there is none."""
     if error is None or value == 0:
-        return numbers.fixed(None, 0)
+        return numbers.format_fixed(None, 0)
     return numbers.significant(100 * error / abs(value), 2)
 
 
@@ -109,7 +114,7 @@ def shown_unit(unit: str) -> str:
     return unit.replace(" ", "\N{NO-BREAK SPACE}").replace("^2", "²").replace("^3", "³")
 
 
-def _aligned(texts: Sequence[str]) -> list[Aligned]:
+def _align_texts(texts: Sequence[str]) -> list[Aligned]:
     parts = [numbers.at_point(text) for text in texts]
     width = max((len(tail) for _, tail in parts), default=0)
     return [Aligned(head=head, tail=tail, width=width) for head, tail in parts]
@@ -128,16 +133,16 @@ _ADVICE: dict[VerdictName, str] = {
 
 def _identifiability_section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
     """Verdict per parameter, and the directions in parameter space that change no force."""
-    found = run.fit.identifiability
-    if found is None:
+    identifiability = run.fit.identifiability
+    if identifiability is None:
         return None
-    judged = {each.name: run.fit.verdict_on(each.name) for each in found.verdicts}
-    points = tuple(_sentence(each) for each in found.informative)
+    judged = {each.name: run.fit.verdict_on(each.name) for each in identifiability.verdicts}
+    points = tuple(_sentence(each) for each in identifiability.informative)
     return Section(
         anchor="identifiability",
         title="Identifiability",
         summary=_summary(judged),
-        groups=(Group(prose=_prose(run.fit, found, judged), table=_table(judged), points=points),),
+        groups=(Group(prose=_prose(run.fit, identifiability, judged), table=_table(judged), points=points),),
     )
 
 
@@ -152,11 +157,13 @@ def _summary(judged: Mapping[str, tuple[str, str]]) -> str:
     return f"Identifiability: {'; '.join(parts)}."
 
 
-def _prose(fit: Fit, found: Identifiability, judged: Mapping[str, tuple[str, str]]) -> tuple[str, ...]:
-    effective = numbers.fixed(found.n_effective, 0)
+def _prose(
+    fit: Fit, identifiability: Identifiability, judged: Mapping[str, tuple[str, str]]
+) -> tuple[str, ...]:
+    effective = numbers.format_fixed(identifiability.n_effective, 0)
     counted = (
-        f"The {numbers.fixed(found.n_time, 0)} residuals count as {effective} effective samples, because they are "
-        "correlated."
+        f"The {numbers.format_fixed(identifiability.n_time, 0)} residuals count as {effective} effective samples, "
+        "because they are correlated."
     )
     if fit.intervals is None:
         basis = (

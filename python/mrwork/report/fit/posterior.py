@@ -10,7 +10,6 @@ from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, NullLocator
-from numpy.typing import NDArray
 
 from mrwork import numbers
 from mrwork.report import style
@@ -21,8 +20,7 @@ from mrwork.report.section import Absent, Group, Section, SectionKind, panel
 from mrwork.stored import StoredRun
 from mrwork.table import Table, TableColumn, page_table
 from mrwork.uncertainty.posterior.draws import LARGEST_RHAT, LEAST_ESS, Draws, DrawsStatus
-
-Array = NDArray[np.float64]
+from mrwork.values import Floats
 
 _ENDED: dict[DrawsStatus, str] = {
     "converged": "converged after",
@@ -98,8 +96,9 @@ def _section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
 
 
 def _summary(draws: Draws) -> str:
-    """How the sampling ended, without the list of what it lacks."""
-    return f"Posterior: {_ENDED[draws.status]} {draws.n_steps} steps, {numbers.fixed(len(draws.theta), 0)} draws."
+    """End of the sampling in words, without its unmet criteria."""
+    n_draws = numbers.format_fixed(len(draws.theta), 0)
+    return f"Posterior: {_ENDED[draws.status]} {draws.n_steps} steps, {n_draws} draws."
 
 
 def _prose(draws: Draws) -> tuple[str, ...]:
@@ -126,11 +125,11 @@ def _table(draws: Draws) -> Table:
             TableColumn(heading="2.5 %", cell=lambda each: numbers.significant(each.lower, 5)),
             TableColumn(heading="97.5 %", cell=lambda each: numbers.significant(each.upper, 5)),
             TableColumn(heading="unit", cell=lambda each: shown_unit(each.unit), words=True),
-            TableColumn(heading="ESS bulk", cell=lambda each: numbers.fixed(each.ess_bulk, 0)),
-            TableColumn(heading="ESS tail", cell=lambda each: numbers.fixed(each.ess_tail, 0)),
+            TableColumn(heading="ESS bulk", cell=lambda each: numbers.format_fixed(each.ess_bulk, 0)),
+            TableColumn(heading="ESS tail", cell=lambda each: numbers.format_fixed(each.ess_tail, 0)),
             TableColumn(
                 heading="R-hat",
-                cell=lambda each: numbers.fixed(each.rhat if math.isfinite(each.rhat) else None, 3),
+                cell=lambda each: numbers.format_fixed(each.rhat if math.isfinite(each.rhat) else None, 3),
             ),
             TableColumn(heading="remark", cell=lambda each: each.reason or each.remark, words=True),
         ),
@@ -141,7 +140,7 @@ def _table(draws: Draws) -> Table:
 
 
 @style.drawn_in_style()
-def trace_figure(name: str, chain: Array) -> Figure:
+def trace_figure(name: str, chain: Floats) -> Figure:
     """Quantiles of the walkers over the steps kept, and two of them, of draws (n_walkers, n_kept)."""
     kept = np.unique(np.linspace(0, chain.shape[1] - 1, _POINTS).astype(int))
     lower, median, upper = np.quantile(chain[:, kept], [0.05, 0.5, 0.95], axis=0)
@@ -156,7 +155,7 @@ def trace_figure(name: str, chain: Array) -> Figure:
 
 
 @style.drawn_in_style()
-def rank_figure(name: str, chain: Array, ess: float) -> Figure:
+def rank_figure(name: str, chain: Floats, ess: float) -> Figure:
     """Share of each sixteenth of the ranks in four groups of walkers, draws of shape (n_walkers, n_kept)."""
     from scipy.stats import rankdata
 
@@ -202,7 +201,7 @@ def corner_figure(draws: Draws, fitted: Mapping[str, float]) -> Figure:
     return figure
 
 
-def _density(axes: Axes, values: Array, span: tuple[float, float], fitted: float | None) -> None:
+def _density(axes: Axes, values: Floats, span: tuple[float, float], fitted: float | None) -> None:
     count, edges = np.histogram(values, bins=_CELLS, range=span)
     axes.stairs(count, edges, fill=True, color=style.BAND_EDGE)
     if fitted is not None:
@@ -214,8 +213,8 @@ def _density(axes: Axes, values: Array, span: tuple[float, float], fitted: float
 
 def _pair(
     axes: Axes,
-    first: Array,
-    second: Array,
+    first: Floats,
+    second: Floats,
     across: tuple[float, float],
     up: tuple[float, float],
     fitted: tuple[float | None, float | None],

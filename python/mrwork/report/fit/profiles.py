@@ -8,7 +8,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
-from numpy.typing import NDArray
 
 from mrwork import numbers
 from mrwork.numbers import shortest
@@ -20,6 +19,7 @@ from mrwork.report.section import Absent, Group, Panel, Section, SectionKind, pa
 from mrwork.stored import StoredRun
 from mrwork.table import Table, TableColumn, page_table
 from mrwork.uncertainty.identifiability.profile import Profile, Profiles
+from mrwork.values import Floats
 
 _COLUMNS, _HEIGHT = 4, 2.2
 # Top of every panel, relative to the threshold.
@@ -40,11 +40,11 @@ def _section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
         return None
     open_ended = [each.name for each in profiles.profiles if each.lower is None or each.upper is None]
     count = len(profiles.profiles)
-    found = f"open for {', '.join(open_ended)}" if open_ended else "closed for every parameter"
+    ends_in_words = f"open for {', '.join(open_ended)}" if open_ended else "closed for every parameter"
     return Section(
         anchor="profiles",
         title="Profile likelihood",
-        summary=f"Profile likelihood: {100 * profiles.level:g} % intervals of {count} parameters, {found}.",
+        summary=f"Profile likelihood: {100 * profiles.level:g} % intervals of {count} parameters, {ends_in_words}.",
         groups=(
             Group(
                 prose=_prose(profiles),
@@ -219,7 +219,7 @@ def _span(profile: Profile) -> tuple[float, float]:
     return (float(np.exp(low)), float(np.exp(high))) if profile.log else (float(low), float(high))
 
 
-def _line(profile: Profile, left: float, right: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _line(profile: Profile, left: float, right: float) -> tuple[Floats, Floats]:
     """A smooth line through the points, interpolated in the signed root of the ratio."""
     values, ratio = np.array(profile.values), np.array(profile.ratio)
     if values.size < 2:

@@ -61,7 +61,7 @@ def _laws_section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
     laws = run.laws
     if laws is None:
         return None
-    chosen = laws.chosen
+    chosen = laws.chosen_laws
     in_words = f"{laws.model}, {chosen.in_words}" if laws.is_of_several else chosen.in_words
     return Section(
         anchor="laws",
@@ -111,7 +111,7 @@ def _draw(axes: Axes, row: int, own: Standing, edge: float) -> None:
     if percent < edge:
         axes.plot([edge], [row], marker="<", color=colour, markersize=6, linestyle="none")
         axes.annotate(
-            f"{numbers.fixed(percent, 0)} %",
+            f"{numbers.format_fixed(percent, 0)} %",
             (edge, row),
             xytext=(8, 0),
             textcoords="offset points",

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, MaxNLocator
-from numpy.typing import NDArray
 
 from mrwork import numbers
 from mrwork.identification.fit import Fit, SearchTrace
@@ -22,6 +21,7 @@ from mrwork.report.canvas import (
     logarithmic,
 )
 from mrwork.report.section import Panel, panel
+from mrwork.values import Floats
 
 # Ratio of the largest to the least misfit from which the axis of the local minimisations is logarithmic.
 _WIDE = 3.0
@@ -53,10 +53,10 @@ def search_facts(fit: Fit) -> list[tuple[str, str]]:
     return [
         ("Local minimisations", _local_minimisations_in_words(fit)),
         ("Search ended", _ENDED.get(fit.trace.stop_reason, fit.trace.stop_reason)),
-        ("Generations or iterations", numbers.fixed(len(fit.trace.evaluations), 0)),
-        ("Simulated candidates", numbers.fixed(fit.evaluations, 0)),
-        ("Refinement steps", numbers.fixed(fit.refinement_steps, 0)),
-        ("Samples compared", numbers.fixed(fit.n_time, 0)),
+        ("Generations or iterations", numbers.format_fixed(len(fit.trace.evaluations), 0)),
+        ("Simulated candidates", numbers.format_fixed(fit.evaluations, 0)),
+        ("Refinement steps", numbers.format_fixed(fit.refinement_steps, 0)),
+        ("Samples compared", numbers.format_fixed(fit.n_time, 0)),
         ("Duration", f"{numbers.significant(fit.seconds, 3)} s"),
     ]
 
@@ -110,7 +110,7 @@ def waterfall_panel(fit: Fit) -> Panel | None:
 
 
 @style.drawn_in_style()
-def waterfall_figure(ends: NDArray[np.float64], reached: int) -> Figure:
+def waterfall_figure(ends: Floats, reached: int) -> Figure:
     """Misfits in order, shape (n_fits,); the first `reached` are the least misfit."""
     rank = np.arange(1, ends.size + 1)
     figure, axes = column_axes()
@@ -136,7 +136,7 @@ def _convergence_panel(fit: Fit) -> Panel:
     return panel("search", "Misfit during the search", search_figure(fit), description)
 
 
-def _local_minimisations(fit: Fit) -> tuple[NDArray[np.float64], int]:
+def _local_minimisations(fit: Fit) -> tuple[Floats, int]:
     """Final misfits of the local minimisations, best first, and the number that reached the least misfit."""
     ends = np.array([end for end in fit.trace.ends if np.isfinite(end)])
     search = fit.settings.search
@@ -147,7 +147,9 @@ def _local_minimisations(fit: Fit) -> tuple[NDArray[np.float64], int]:
 def _local_minimisations_in_words(fit: Fit) -> str:
     ends, reached = _local_minimisations(fit)
     return (
-        f"{numbers.fixed(ends.size, 0)}, {numbers.fixed(reached, 0)} at the least misfit" if ends.size else ""
+        f"{numbers.format_fixed(ends.size, 0)}, {numbers.format_fixed(reached, 0)} at the least misfit"
+        if ends.size
+        else ""
     )
 
 
@@ -162,7 +164,7 @@ def _note(count: int, reached: int) -> str:
     return f"{share} The others ended in other minima, or before they had converged."
 
 
-def _positive(values: Sequence[float]) -> NDArray[np.float64]:
+def _positive(values: Sequence[float]) -> Floats:
     """Misfits that a logarithmic axis can show; the others leave a gap."""
     misfits = np.asarray(values, dtype=np.float64)
     return np.where(np.isfinite(misfits) & (misfits > 0), misfits, np.nan)

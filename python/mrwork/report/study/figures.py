@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from mrwork.closed_loop.responses import axis_of
-from mrwork.numbers import NOTHING, fixed, significant
+from mrwork.numbers import format_fixed, significant
 from mrwork.report import style
 from mrwork.report.canvas import (
     column_axes,
@@ -26,7 +26,7 @@ from mrwork.report.canvas import (
 )
 from mrwork.report.figures import envelope, strong_part
 from mrwork.report.section import Group, Panel, Section, panel
-from mrwork.report.study.tables import ShownRows
+from mrwork.report.study.tables import ShownRows, group_table, spread_table
 from mrwork.report.style import DisplayUnit
 from mrwork.study.comparison import (
     StudyComparison,
@@ -63,18 +63,18 @@ class Stroke:
 
 def strokes(results: StudyResults) -> tuple[Stroke, ...]:
     """The stroke of each row: grey without dampers, dark for i = 0, a hue for each other row."""
-    found: list[Stroke] = []
+    strokes_of_rows: list[Stroke] = []
     number = 0
     for row in results.rows:
         if row.kind == "uncontrolled":
-            found.append(Stroke(colour=style.DATA, pattern=_DOTTED, width=1.7))
+            strokes_of_rows.append(Stroke(colour=style.DATA, pattern=_DOTTED, width=1.7))
         elif row.kind == "passive_off":
-            found.append(Stroke(colour=style.INK, pattern=_DASHED, width=1.3))
+            strokes_of_rows.append(Stroke(colour=style.INK, pattern=_DASHED, width=1.3))
         else:
             pattern = _PATTERNS[(number // len(HUES)) % len(_PATTERNS)]
-            found.append(Stroke(colour=HUES[number % len(HUES)], pattern=pattern))
+            strokes_of_rows.append(Stroke(colour=HUES[number % len(HUES)], pattern=pattern))
             number += 1
-    return tuple(found)
+    return tuple(strokes_of_rows)
 
 
 @style.drawn_in_style()
@@ -83,7 +83,7 @@ def profile_figure(results: StudyResults, motion: int, quantity: str, rows: Coll
     drift = axis_of(quantity) == "storey"
     names = results.storey_names if drift else results.floor_names
     factor, label = (1e3, "mm") if drift else (1.0, "m/s²")
-    shown = [row for row in results.finished(motion) if row in rows]
+    shown = [row for row in results.finished_rows(motion) if row in rows]
     key_lines = (len(shown) + 1) // 2
     figure, axes = column_axes(
         left=_LEFT_OF_NAMES,
@@ -114,7 +114,7 @@ def profile_figure(results: StudyResults, motion: int, quantity: str, rows: Coll
 @style.drawn_in_style()
 def energy_figure(results: StudyResults, motion: int, rows: Collection[int]) -> Figure:
     """Distribution of the input energy at the end of the motion, a bar for each of the rows."""
-    shown = [row for row in results.finished(motion) if row in rows]
+    shown = [row for row in results.finished_rows(motion) if row in rows]
     names = [short(results.rows[row].label, 29) for row in reversed(shown)]
     figure, axes = column_axes(left=room_for(names), top=0.42, height=0.95 + _BAR * len(shown))
     largest = 0.0
@@ -380,10 +380,10 @@ def spread_section(comparison: StudyComparison, shown: ShownRows) -> Section | N
     scored = [row for _, rows in comparison.ranks for row in rows if math.isfinite(results.score(row))]
     rows = [row for row in scored if row in shown.listed]
     drawn = [row for row in scored if row in shown.drawn]
-    if len(results.judged) < 2 or not rows:
+    if len(results.judged_motions) < 2 or not rows:
         return None
     groups = [
-        Group(title=f"Score over {judged_in_words(results)}", table=_spread_table(comparison, rows)),
+        Group(title=f"Score over {judged_in_words(results)}", table=spread_table(comparison, rows)),
         Group(
             panels=(
                 panel(
@@ -397,7 +397,7 @@ def spread_section(comparison: StudyComparison, shown: ShownRows) -> Section | N
         ),
     ]
     if motion_groups(results):
-        groups.append(Group(title="Score under groups of motions", table=_group_table(results, rows)))
+        groups.append(Group(title="Score under groups of motions", table=group_table(results, rows)))
     return Section(
         anchor="spread",
         title="Spread over motions",
@@ -412,8 +412,8 @@ def _spread_in_words(comparison: StudyComparison) -> str:
     if leading is not None and math.isfinite(results.score(leading)):
         spread = results.spread(leading)
         parts.append(
-            f"the score of {results.rows[leading].label} is {fixed(spread.mean, 3)}, under single motions "
-            f"{fixed(spread.least, 3)} to {fixed(spread.most, 3)}"
+            f"the score of {results.rows[leading].label} is {format_fixed(spread.mean, 3)}, under single motions "
+            f"{format_fixed(spread.least, 3)} to {format_fixed(spread.most, 3)}"
         )
         better = None if passive in (None, leading) else times_better(results, leading, passive)
         if better is not None and passive is not None:
@@ -424,75 +424,6 @@ def _spread_in_words(comparison: StudyComparison) -> str:
     return f"{'; '.join(parts)}. {chosen_in_words(results)}".strip()
 
 
-def _spread_table(comparison: StudyComparison, rows: list[int]) -> Table:
-    results, passive = comparison.results, comparison.passive
-    spreads = {row: results.spread(row) for row in rows}
-
-    def better(row: int, *names: str) -> str:
-        if passive is None or row == passive:
-            return NOTHING
-        return fixed(times_better(results, row, passive, names), 0)
-
-    cells = tuple(
-        (
-            results.rows[row].label,
-            *(
-                fixed(number, 3)
-                for number in (
-                    spreads[row].mean,
-                    spreads[row].least,
-                    spreads[row].lower_quartile,
-                    spreads[row].median,
-                    spreads[row].upper_quartile,
-                    spreads[row].most,
-                )
-            ),
-            better(row, "peak_drift"),
-            better(row, "peak_acceleration"),
-            better(row, "peak_drift", "peak_acceleration"),
-        )
-        for row in rows
-    )
-    constant = "the best passive damper" if passive is None else results.rows[passive].label
-    return Table(
-        label="Spread of the score over the motions",
-        columns=("", "Mean", "Least", "25 %", "Median", "75 %", "Most", "Drift", "Acc.", "Both"),
-        rows=cells,
-        over=(("", 1), ("Score under single motions", 6), (f"Motions better than {constant}", 3)),
-        headings=_headings(comparison, rows),
-        note=f"Of {judged_in_words(results)}. Better: lower peak drift, peak acceleration, or both. "
-        f"{chosen_in_words(results)}".rstrip(),
-    )
-
-
-def _headings(comparison: StudyComparison, rows: list[int]) -> dict[int, str]:
-    return {
-        rows.index(first): rank.title
-        for rank, members in comparison.ranks
-        for first in [next((row for row in members if row in rows), -1)]
-        if first >= 0
-    }
-
-
-def _group_table(results: StudyResults, rows: list[int]) -> Table:
-    groups = motion_groups(results)
-    return Table(
-        label="Score under groups of motions",
-        columns=("", *(f"{group.name[:1].upper()}{group.name[1:]}" for group in groups)),
-        rows=(
-            ("Motions", *(fixed(len(group.motions), 0) for group in groups)),
-            *(
-                (
-                    results.rows[row].label,
-                    *(fixed(results.score_under(row, group.motions), 3) for group in groups),
-                )
-                for row in rows
-            ),
-        ),
-        note="A motion may be in several groups: its soil, whether it has a near-fault pulse, its peak.",
-    )
-
-
 @style.drawn_in_style()
 def score_figure(results: StudyResults, rows: list[int]) -> Figure:
     """Score under each motion, a line of dots for each row, the first on top."""
@@ -500,7 +431,7 @@ def score_figure(results: StudyResults, rows: list[int]) -> Figure:
     names = [short(results.rows[row].label, _NAME) for row in shown]
     figure, axes = column_axes(left=room_for(names), top=0.15, height=0.8 + _ROW * len(shown))
     of_row = strokes(results)
-    judged = set(results.judged)
+    judged = set(results.judged_motions)
     for place, row in enumerate(shown):
         for motion in range(len(results.motions)):
             score = results.score_under(row, (motion,))

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mrwork.closed_loop.evaluation import SCORE, criterion, ratio
-from mrwork.numbers import MINUS, NOTHING, fixed, significant
-from mrwork.report.html import filled_in
+from mrwork.closed_loop.evaluation import criterion, ratio
+from mrwork.numbers import MINUS, NOTHING, format_fixed, significant
+from mrwork.report.html import fill_template
 from mrwork.report.section import Group, Section, panel
 from mrwork.report.study.figures import (
     ReadHistory,
@@ -22,13 +22,14 @@ from mrwork.report.study.figures import (
 )
 from mrwork.report.study.tables import (
     ShownRows,
-    band_section,
+    bands_of_study,
     change_table,
     leading_table,
     overview_table,
     ratio_table,
     shown_rows,
     signed_percent,
+    step_table,
     value_table,
 )
 from mrwork.study.comparison import (
@@ -40,7 +41,6 @@ from mrwork.study.comparison import (
 )
 from mrwork.study.results import (
     OFF_BALANCE,
-    ON_OFF,
     StudyResults,
     largest_step_changes,
 )
@@ -52,7 +52,7 @@ _QUANTITIES = (("peak_drift", "Peak drift"), ("peak_acceleration", "Peak acceler
 
 
 def profile_section(results: StudyResults, detailed: int, shown: ShownRows) -> Section:
-    """Peak drift and acceleration over the height: of the motion of the time histories, and of others if few."""
+    """Section of peak drift and acceleration over the height, for the detailed motion and, if few, for the others."""
     others = range(len(results.motions)) if len(results.motions) <= MOST_IN_DETAIL else ()
     order = [detailed, *(number for number in others if number != detailed)]
     groups = tuple(
@@ -71,7 +71,7 @@ def profile_section(results: StudyResults, detailed: int, shown: ShownRows) -> S
             ),
         )
         for motion in order
-        if results.finished(motion)
+        if results.finished_rows(motion)
     )
     return Section(
         anchor="profiles",
@@ -83,7 +83,7 @@ def profile_section(results: StudyResults, detailed: int, shown: ShownRows) -> S
 
 def energy_section(results: StudyResults, motion: int, shown: ShownRows) -> Section | None:
     """Distribution of the input energy, and the error of its balance."""
-    if not results.finished(motion):
+    if not results.finished_rows(motion):
         return None
     name = results.motions[motion].name
     return Section(
@@ -168,9 +168,9 @@ def _balance_table(results: StudyResults, listed: Sequence[int]) -> Table:
         rows.append(
             (
                 row.label,
-                fixed(100.0 * float(np.mean(spent)), 1),
+                format_fixed(100.0 * float(np.mean(spent)), 1),
                 significant(max(run.energy_error for run in done), 2),
-                fixed(max(run.steps for run in done), 0),
+                format_fixed(max(run.steps for run in done), 0),
             )
         )
     return Table(
@@ -206,43 +206,19 @@ def step_section(results: StudyResults, shown: ShownRows) -> Section | None:
         anchor="step",
         title="Half the step",
         summary=summary,
-        groups=(
-            Group(
-                table=Table(
-                    label="Largest change of a criterion with half the step",
-                    columns=("", "Largest change", "Criterion, motion"),
-                    rows=tuple(
-                        (
-                            results.rows[each.row].label,
-                            significant(each.change if each.criterion else None, 2),
-                            each.in_words(results),
-                        )
-                        for each in changes
-                        if each.row in shown.listed
-                    ),
-                    words=(2,),
-                    note=f"Every run was repeated with half its integration step; changes are relative to the value. "
-                    f"{ON_OFF}",
-                )
-            ),
-        ),
+        groups=(Group(table=step_table(results, shown.listed)),),
     )
 
 
-def uncertainty_section(results: StudyResults, shown: ShownRows) -> Section | None:
-    """Bands of score and ratios over the realisations of the study, if it has any."""
-    varied = results.varied
-    if varied is None or not varied.rows:
+def band_section(table: Table, count: int) -> Section | None:
+    """Bands of the score and of its ratios over so many realisations; `None` without any."""
+    if not (count and table.rows):
         return None
-    off, judged = results.row_of("passive_off"), results.judged
-    rows = []
-    for number in shown.listed:
-        ratios = [varied.ratio_band(number, off, judged, name) for name in SCORE]
-        rows.append((results.rows[number].label, [varied.score_band(number, off, judged), *ratios]))
-    return band_section(
-        rows,
-        varied.count,
-        note="All rows have the same realisations; the laws are those of the nominal study.",
+    return Section(
+        anchor="bands",
+        title="Under uncertainty",
+        summary=f"{count} realisations of what is not known exactly.",
+        groups=(Group(table=table),),
     )
 
 
@@ -267,7 +243,7 @@ def study_page(
     heading, value and note of the last number of the headline, `command` the command line.
     """
     comparison = compared(results)
-    shown = shown_rows(comparison, report.drawn([row.label for row in results.rows]))
+    shown = shown_rows(comparison, report.select_drawn([row.label for row in results.rows]))
     sections = [
         _comparison_section(comparison, shown),
         spread_section(comparison, shown),
@@ -275,13 +251,13 @@ def study_page(
         profile_section(results, motion, shown),
         history_section(results, histories, motion, shown.with_histories),
         device_section(results, histories, motion, shown.with_histories),
-        uncertainty_section(results, shown),
+        band_section(bands_of_study(results, shown.listed), results.n_realisations),
         demand_section(results),
         energy_section(results, motion, shown),
         step_section(results, shown),
         motion_section(results),
     ]
-    return filled_in(
+    return fill_template(
         "study.html.j2",
         title=results.title,
         what=f"response to {len(results.motions)} ground motion{'' if len(results.motions) == 1 else 's'}",
@@ -339,7 +315,7 @@ def _criteria_section(comparison: StudyComparison, shown: ShownRows) -> Section:
         groups += [
             Group(
                 title=f"Criteria, median of {judged_in_words(results)}",
-                table=value_table(results, results.judged, shown.listed),
+                table=value_table(results, results.judged_motions, shown.listed),
                 prose=(
                     f"The criteria of all {len(results.motions)} motions are in `criteria.csv` and `results.json`.",
                 ),
@@ -376,8 +352,8 @@ def _headline(comparison: StudyComparison) -> list[_Number]:
     results, row = comparison.results, comparison.leading
     if row is None or comparison.uncontrolled is None:
         return [
-            _Number(title="Arrangements", value=fixed(len(results.rows), 0)),
-            _Number(title="Ground motions", value=fixed(len(results.motions), 0)),
+            _Number(title="Arrangements", value=format_fixed(len(results.rows), 0)),
+            _Number(title="Ground motions", value=format_fixed(len(results.motions), 0)),
         ]
     numbers = []
     for name in _HEADLINE:

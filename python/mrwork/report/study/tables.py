@@ -14,18 +14,29 @@ from types import MappingProxyType
 import numpy as np
 
 from mrwork.closed_loop.evaluation import SCORE, Criterion, criterion
-from mrwork.numbers import NOTHING, fixed, significant
-from mrwork.report.section import Group, Section
+from mrwork.numbers import NOTHING, format_fixed, significant
 from mrwork.study.comparison import (
     LAWS,
     RANKS,
     QuantityChange,
     StudyComparison,
+    chosen_in_words,
     compared_quantities,
     judged_in_words,
+    motion_groups,
     rounds_to_increase,
+    times_better,
 )
-from mrwork.study.results import BAND, RealisationBand, StudyCriteria, StudyResults
+from mrwork.study.results import (
+    BAND,
+    ON_OFF,
+    RealisationBand,
+    StudyCriteria,
+    StudyResults,
+    largest_step_changes,
+    ratio_band,
+    score_band,
+)
 from mrwork.study.study import Kind
 from mrwork.table import Table
 
@@ -78,7 +89,7 @@ def shown_rows(comparison: StudyComparison, chosen: Collection[int]) -> ShownRow
 
 
 def _best_rows(comparison: StudyComparison, among: Collection[int], most: int) -> tuple[int, ...]:
-    """All of few rows; of more, the references, the first of each rank, and then the others from rank to rank."""
+    """Rows to show: all if few, else the references, the best of each rank, and further rows by rank."""
     if len(among) <= most:
         return tuple(among)
     rows = set(among)
@@ -94,18 +105,18 @@ def _best_rows(comparison: StudyComparison, among: Collection[int], most: int) -
     return tuple(sorted([row for row in order if row in rows][:most]))
 
 
-# Criterion, its name in a narrow column, displayed unit, and factor to that unit.
+# Criterion, displayed unit, and factor to that unit.
 _MILLIMETRE, _KILONEWTON = ("mm", 1e3), ("kN", 1e-3)
 _ACCELERATION = ("m/s²", 1.0)
 _VALUES = (
-    ("peak_drift", "Drift", *_MILLIMETRE),
-    ("peak_acceleration", "Acceleration", *_ACCELERATION),
-    ("peak_base_shear", "Base shear", *_KILONEWTON),
-    ("rms_drift", "RMS drift", *_MILLIMETRE),
-    ("rms_acceleration", "RMS acc.", *_ACCELERATION),
-    ("peak_force", "Force", *_KILONEWTON),
-    ("peak_stroke", "Stroke", *_MILLIMETRE),
-    ("rms_current", "RMS", "", 1.0),
+    ("peak_drift", *_MILLIMETRE),
+    ("peak_acceleration", *_ACCELERATION),
+    ("peak_base_shear", *_KILONEWTON),
+    ("rms_drift", *_MILLIMETRE),
+    ("rms_acceleration", *_ACCELERATION),
+    ("peak_force", *_KILONEWTON),
+    ("peak_stroke", *_MILLIMETRE),
+    ("rms_current", "", 1.0),
 )
 _RATIOS = ("peak_drift", "peak_acceleration", "peak_base_shear", "rms_drift", "rms_acceleration")
 _AGAINST: tuple[Kind, ...] = ("uncontrolled", "passive_off")
@@ -119,7 +130,7 @@ def overview_table(comparison: StudyComparison, shown: Collection[int]) -> Table
         (rank, found) for rank, rows in comparison.ranks if (found := [row for row in rows if row in shown])
     ]
     order = [row for _, rows in ranks for row in rows]
-    columns = [[results.score(row) for row in order], *_ratio_columns(results, order, results.judged)]
+    columns = [[results.score(row) for row in order], *_ratio_columns(results, order, results.judged_motions)]
     return _ratio_table(
         results,
         order,
@@ -147,8 +158,10 @@ def _ratio_columns(results: StudyCriteria, rows: Sequence[int], motions: Sequenc
     """A column for each reference and ratio: its mean over the motions for each row."""
     columns: list[list[float]] = []
     for against in _AGAINST:
-        found = [[results.ratios(row, motion, against) for motion in motions] for row in rows]
-        columns += [[float(np.mean([each[name] for each in of_row])) for of_row in found] for name in _RATIOS]
+        ratios = [[results.ratios(row, motion, against) for motion in motions] for row in rows]
+        columns += [
+            [float(np.mean([each[name] for each in of_row])) for of_row in ratios] for name in _RATIOS
+        ]
     return columns
 
 
@@ -159,12 +172,12 @@ def value_table(results: StudyResults, motions: Sequence[int], rows: Sequence[in
     cells: list[tuple[str, ...]] = []
     columns: list[list[float]] = []
     found = [[_values(results, row, motion) for motion in motions] for row in rows]
-    for name, _, _, factor in _VALUES:
+    for name, _, factor in _VALUES:
         numbers = [factor * float(np.median([each[name] for each in of_row])) for of_row in found]
         columns.append(numbers)
         cells.append(tuple(significant(number, 3) for number in numbers))
     drive = f"RMS {'current' if unit == 'A' else 'voltage'} ({unit})"
-    heads = tuple(f"{head} ({shown})" if shown else drive for _, head, shown, _ in _VALUES)
+    heads = tuple(f"{criterion(name).short} ({shown})" if shown else drive for name, shown, _ in _VALUES)
     return Table(
         label=f"Criteria{f', median of {len(motions)} motions' if several else f' under {under}'}",
         columns=("", *heads),
@@ -179,12 +192,12 @@ def value_table(results: StudyResults, motions: Sequence[int], rows: Sequence[in
 
 def _values(results: StudyResults, row: int, motion: int) -> dict[str, float]:
     """The criteria; NaN if the run did not finish, or has nothing of a quantity: no dampers, no stroke."""
-    found = results.criteria(row, motion)
-    if found is None:
+    criteria = results.criteria(row, motion)
+    if criteria is None:
         return {name: math.nan for name, *_ in _VALUES}
     run = results.runs[row, motion]
     return {
-        name: found[name] if np.size(getattr(run, criterion(name).quantity)) else math.nan
+        name: criteria[name] if np.size(getattr(run, criterion(name).quantity)) else math.nan
         for name, *_ in _VALUES
     }
 
@@ -199,7 +212,7 @@ def _ratio_table(
     note: str,
     headings: Mapping[int, str] = MappingProxyType({}),
 ) -> Table:
-    cells = [[fixed(number, _DECIMALS) for number in column] for column in columns]
+    cells = [[format_fixed(number, _DECIMALS) for number in column] for column in columns]
     return Table(
         label=label,
         columns=("", *first, *(criterion(name).short for _ in _AGAINST for name in _RATIOS)),
@@ -240,7 +253,7 @@ def leading_table(comparison: StudyComparison, row: int) -> Table:
     """The changes of one row, quantity by quantity, against each reference."""
     results = comparison.results
     references = [each for each in comparison.references if each != row]
-    several = len(results.judged) > 1
+    several = len(results.judged_motions) > 1
     heads = ("Mean (%)", "Largest (%)", "Under") if several else ("Change (%)",)
     cells: list[tuple[str, ...]] = []
     alarming = set()
@@ -274,7 +287,7 @@ def change_table(comparison: StudyComparison, reference: int, shown: Collection[
     """The changes of the shown rows against a reference, the rows of each rank together."""
     results = comparison.results
     quantities = compared_quantities()
-    several = len(results.judged) > 1
+    several = len(results.judged_motions) > 1
     cells: list[tuple[str, ...]] = []
     headings: dict[int, str] = {}
     strong: set[tuple[int, int]] = set()
@@ -311,7 +324,7 @@ def change_table(comparison: StudyComparison, reference: int, shown: Collection[
         columns=(
             "",
             *(entry.short for entry in quantities),
-            *(["Largest increase under one motion"] if several else []),
+            *(["Largest increase"] if several else []),
         ),
         rows=tuple(cells),
         foot=_worse_laws(comparison, reference, several=several),
@@ -321,20 +334,21 @@ def change_table(comparison: StudyComparison, reference: int, shown: Collection[
         headings=headings,
         note=f"Change in per cent{f', mean over {judged_in_words(results)}' if several else ''}; increases are "
         "coloured, and the best of each kind is bold. Peaks unless stated otherwise."
+        + (" The largest increase is that of a quantity under one motion." if several else "")
         + "".join(f" {rank.note}" for rank, _ in comparison.ranks if rank.note),
     )
 
 
 def signed_percent(change: float) -> str:
     """A change in whole per cent, with its sign."""
-    text = fixed(100.0 * change, 0)
+    text = format_fixed(100.0 * change, 0)
     return f"+{text}" if rounds_to_increase(change) else text
 
 
 def _largest(changes: dict[str, QuantityChange], quantities: tuple[Criterion, ...]) -> str:
     """The largest increase of a quantity under one motion; empty if none increases."""
-    found = [(changes[entry.name], entry) for entry in quantities]
-    known = [(change.largest, change.motion, entry) for change, entry in found if not math.isnan(change.mean)]
+    sizes = [(changes[entry.name], entry) for entry in quantities]
+    known = [(change.largest, change.motion, entry) for change, entry in sizes if not math.isnan(change.mean)]
     if not known:
         return NOTHING
     largest, motion, entry = max(known, key=lambda each: each[0])
@@ -349,34 +363,140 @@ def _worse_laws(comparison: StudyComparison, reference: int, *, several: bool) -
         return ()
     counts = comparison.worse_counts(reference)
     return (
-        f"Control laws that are worse, of {laws}",
-        *(fixed(counts[entry.name], 0) for entry in compared_quantities()),
+        f"Worse control laws, of {laws}",
+        *(format_fixed(counts[entry.name], 0) for entry in compared_quantities()),
         *([""] if several else []),
     )
 
 
-def band_section(
+def band_table(
     rows: Sequence[tuple[str, Sequence[RealisationBand | None]]], count: int, *, note: str
-) -> Section | None:
-    """Bands of the score and of its ratios over realisations, for each label; `None` without any."""
-    if not rows:
-        return None
-    table = Table(
+) -> Table:
+    """Bands of the score and of its ratios over realisations, for each label."""
+    return Table(
         label="Bands over realisations",
         columns=("", "Score", *(criterion(name).short for name in SCORE)),
         rows=tuple((label, *map(_band, bands)) for label, bands in rows),
         note=f"Median, and the ends between which {BAND:.0%} of the {count} realisations lie; each number is a mean "
         f"over the motions, over i = 0 in the same realisation. {note}",
     )
-    return Section(
-        anchor="bands",
-        title="Under uncertainty",
-        summary=f"{count} realisations of what is not known exactly.",
-        groups=(Group(table=table),),
+
+
+def bands_of_study(results: StudyResults, rows: Sequence[int]) -> Table:
+    """Bands of the score and of its ratios to i = 0 over the realisations of a study."""
+    off = results.row_of("passive_off")
+    found = [
+        (
+            results.rows[row].label,
+            [score_band(results, row), *(ratio_band(results, row, off, name) for name in SCORE)],
+        )
+        for row in rows
+    ]
+    note = "All rows have the same realisations; the laws are those of the nominal study."
+    return band_table(found, results.n_realisations, note=note)
+
+
+def step_table(results: StudyCriteria, rows: Collection[int]) -> Table:
+    """The largest change of a criterion of each row with half the step."""
+    return Table(
+        label="Largest change of a criterion with half the step",
+        columns=("", "Largest change", "Criterion, motion"),
+        rows=tuple(
+            (
+                results.rows[each.row].label,
+                significant(each.change if each.criterion else None, 2),
+                each.in_words(results),
+            )
+            for each in largest_step_changes(results)
+            if each.row in rows
+        ),
+        words=(2,),
+        note=f"Every run was repeated with half its integration step; changes are relative to the value. {ON_OFF}",
+    )
+
+
+def spread_table(comparison: StudyComparison, rows: Sequence[int]) -> Table:
+    """The score of rows, its spread over single motions, and how often each is better than the best passive damper.
+
+    Of a single motion the score alone.
+    """
+    results, passive = comparison.results, comparison.passive
+    if len(results.judged_motions) < 2:
+        return Table(
+            label="Score",
+            columns=("", "Score"),
+            rows=tuple((results.rows[row].label, format_fixed(results.score(row), 3)) for row in rows),
+            headings=_headings(comparison, rows),
+        )
+    spreads = {row: results.spread(row) for row in rows}
+
+    def better(row: int, *names: str) -> str:
+        if passive is None or row == passive:
+            return NOTHING
+        return format_fixed(times_better(results, row, passive, names), 0)
+
+    cells = tuple(
+        (
+            results.rows[row].label,
+            *(
+                format_fixed(number, 3)
+                for number in (
+                    spreads[row].mean,
+                    spreads[row].least,
+                    spreads[row].lower_quartile,
+                    spreads[row].median,
+                    spreads[row].upper_quartile,
+                    spreads[row].most,
+                )
+            ),
+            better(row, "peak_drift"),
+            better(row, "peak_acceleration"),
+            better(row, "peak_drift", "peak_acceleration"),
+        )
+        for row in rows
+    )
+    constant = "the best passive damper" if passive is None else results.rows[passive].label
+    return Table(
+        label="Spread of the score over the motions",
+        columns=("", "Mean", "Least", "25 %", "Median", "75 %", "Most", "Drift", "Acc.", "Both"),
+        rows=cells,
+        over=(("", 1), ("Score under single motions", 6), (f"Motions better than {constant}", 3)),
+        headings=_headings(comparison, rows),
+        note=f"Of {judged_in_words(results)}. Better: lower peak drift, peak acceleration, or both. "
+        f"{chosen_in_words(results)}".rstrip(),
+    )
+
+
+def _headings(comparison: StudyComparison, rows: Sequence[int]) -> dict[int, str]:
+    return {
+        rows.index(first): rank.title
+        for rank, members in comparison.ranks
+        for first in [next((row for row in members if row in rows), -1)]
+        if first >= 0
+    }
+
+
+def group_table(results: StudyCriteria, rows: Sequence[int]) -> Table:
+    """The score of rows under each group of motions."""
+    groups = motion_groups(results)
+    return Table(
+        label="Score under groups of motions",
+        columns=("", *(f"{group.name[:1].upper()}{group.name[1:]}" for group in groups)),
+        rows=(
+            ("Motions", *(format_fixed(len(group.motions), 0) for group in groups)),
+            *(
+                (
+                    results.rows[row].label,
+                    *(format_fixed(results.score_under(row, group.motions), 3) for group in groups),
+                )
+                for row in rows
+            ),
+        ),
+        note="A motion may be in several groups: its soil, whether it has a near-fault pulse, its peak.",
     )
 
 
 def _band(band: RealisationBand | None) -> str:
     if band is None:
         return NOTHING
-    return f"{fixed(band.median, 3)} ({fixed(band.lower, 3)}–{fixed(band.upper, 3)})"
+    return f"{format_fixed(band.median, 3)} ({format_fixed(band.lower, 3)}–{format_fixed(band.upper, 3)})"

@@ -11,14 +11,16 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from mrwork.closed_loop.evaluation import SCORE, criteria, criterion
-from mrwork.escaping import escaped
-from mrwork.numbers import NOTHING, fixed, shortest, significant
+from mrwork.closed_loop.responses import in_command_unit
+from mrwork.escaping import escape_text
+from mrwork.numbers import NOTHING, format_fixed, shortest, significant
 from mrwork.report import style
 from mrwork.report.canvas import column_axes, name_rows, room_for
-from mrwork.report.html import filled_in
+from mrwork.report.html import fill_template
 from mrwork.report.section import Group, Section, panel
 from mrwork.report.study.figures import HUES, short
-from mrwork.report.study.tables import band_section
+from mrwork.report.study.page import band_section
+from mrwork.report.study.tables import band_table
 from mrwork.table import Table
 from mrwork.tuning.results import Front, LawResult, TuningJudgement, TuningResults
 
@@ -34,8 +36,8 @@ def score_figure(laws: Sequence[LawResult]) -> Figure:
     height = _BELOW + _ABOVE + _LINE * len(laws)
     figure, axes = column_axes(left=room_for(names), top=_ABOVE, height=height)
     for place, each in enumerate(reversed(laws)):
-        found = each.judged
-        spread = found.spread.get("score")
+        judgement = each.judged
+        spread = judgement.spread.get("score")
         if spread is not None:
             axes.plot([spread.least, spread.most], [place, place], color=style.RULE, linewidth=2.0)
             axes.plot(
@@ -55,7 +57,7 @@ def score_figure(laws: Sequence[LawResult]) -> Figure:
             if each.test is not None:
                 axes.plot([], [], "o", markersize=5, color=style.MODEL, label="test")
             axes.plot([], [], color=style.BAND_EDGE, linewidth=5.0, label="middle half of the motions")
-    name_rows(axes, [escaped(name) for name in reversed(names)], "Score over i = 0")
+    name_rows(axes, [escape_text(name) for name in reversed(names)], "Score over i = 0")
     axes.xaxis.set_major_locator(MaxNLocator(nbins=5, steps=[1, 2, 2.5, 5, 10]))
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, borderpad=0.2, columnspacing=0.9)
     return figure
@@ -115,13 +117,16 @@ def tuning_page(results: TuningResults, *, command: str = "") -> str:
         _score_section(results),
         _settings_section(results),
         band_section(
-            [
-                (each.label, [bands.get("score"), *(bands.get(name) for name in SCORE)])
-                for each in results.ranked
-                if (bands := each.judged.bands)
-            ],
+            band_table(
+                [
+                    (each.label, [bands.get("score"), *(bands.get(name) for name in SCORE)])
+                    for each in results.ranked
+                    if (bands := each.judged.bands)
+                ],
+                results.realisations,
+                note="All laws have the same realisations.",
+            ),
             results.realisations,
-            note="All laws have the same realisations.",
         ),
         *(_front_section(number, front) for number, front in enumerate(results.fronts)),
         _demand_section(results),
@@ -130,7 +135,7 @@ def tuning_page(results: TuningResults, *, command: str = "") -> str:
     ]
     on = f"{len(results.training)} training and {len(results.testing)} test motions"
     laws = f"{len(results.laws)} law{'' if len(results.laws) == 1 else 's'}"
-    return filled_in(
+    return fill_template(
         "study.html.j2",
         title=results.title,
         what="tuned control laws",
@@ -143,7 +148,7 @@ def tuning_page(results: TuningResults, *, command: str = "") -> str:
         headline=[],
         status=(
             "Candidates",
-            fixed(sum(each.candidates for each in results.laws), 0),
+            format_fixed(sum(each.candidates for each in results.laws), 0),
             f"{results.candidates_per_second:.3g} a second, {results.share_outside:.0%} of the time not simulating",
         ),
         warnings=list(results.warnings),
@@ -177,16 +182,18 @@ def _score_section(results: TuningResults) -> Section:
     ranked = results.ranked
     rows = []
     for each in ranked:
-        found = each.judged
-        spread = found.spread.get("score")
+        judgement = each.judged
+        spread = judgement.spread.get("score")
         rows.append(
             (
                 each.label,
-                fixed(each.train.score, _DECIMALS),
-                NOTHING if each.test is None else fixed(each.test.score, _DECIMALS),
-                NOTHING if spread is None else fixed(spread.median, _DECIMALS),
-                NOTHING if spread is None else f"{fixed(spread.least, 2)} to {fixed(spread.most, 2)}",
-                *(fixed(found.criteria.get(name, math.nan), _DECIMALS) for name in SCORE),
+                format_fixed(each.train.score, _DECIMALS),
+                NOTHING if each.test is None else format_fixed(each.test.score, _DECIMALS),
+                NOTHING if spread is None else format_fixed(spread.median, _DECIMALS),
+                NOTHING
+                if spread is None
+                else f"{format_fixed(spread.least, 2)} to {format_fixed(spread.most, 2)}",
+                *(format_fixed(judgement.criteria.get(name, math.nan), _DECIMALS) for name in SCORE),
                 NOTHING if each.better is None else f"{each.better.both} of {each.better.motions}",
             )
         )
@@ -235,7 +242,9 @@ def _settings_section(results: TuningResults) -> Section | None:
     groups = []
     for each in results.laws:
         ranges = {free.name: f"{shortest(free.lower)} to {shortest(free.upper)}" for free in each.free}
-        rows = tuple((name, _shown(value), ranges.get(name, "held")) for name, value in each.settings.items())
+        rows = tuple(
+            (name, _format_value(value), ranges.get(name, "held")) for name, value in each.settings.items()
+        )
         groups.append(
             Group(
                 title=each.label,
@@ -260,7 +269,7 @@ def _settings_section(results: TuningResults) -> Section | None:
     return Section(anchor="settings", title="Settings", summary="", groups=tuple(groups))
 
 
-def _shown(value: Any) -> str:
+def _format_value(value: Any) -> str:
     if isinstance(value, int | float):
         return significant(float(value), 4)
     if isinstance(value, str):
@@ -276,8 +285,8 @@ def _front_section(number: int, front: Front) -> Section:
     rows = tuple(
         (
             str(place),
-            *(fixed(each.train[name], _DECIMALS) for name in front.objectives),
-            *(fixed((each.test or {}).get(name), _DECIMALS) for name in front.objectives if tested),
+            *(format_fixed(each.train[name], _DECIMALS) for name in front.objectives),
+            *(format_fixed((each.test or {}).get(name), _DECIMALS) for name in front.objectives if tested),
             _in_line(each.settings),
             each.certificate,
         )
@@ -306,7 +315,7 @@ def _front_section(number: int, front: Front) -> Section:
 
 
 def _in_line(settings: Mapping[str, Any]) -> str:
-    return ", ".join(f"{name} {_shown(value)}" for name, value in settings.items())
+    return ", ".join(f"{name} {_format_value(value)}" for name, value in settings.items())
 
 
 def _demand_section(results: TuningResults) -> Section | None:
@@ -316,7 +325,7 @@ def _demand_section(results: TuningResults) -> Section | None:
         for each in results.ranked
     )
     heads = [
-        f"{entry.short} ({_IN_UNITS.get(entry.unit, (_unit(entry.unit, results.command_unit), 1.0))[0]})"
+        f"{entry.short} ({_IN_UNITS.get(entry.unit, (in_command_unit(entry.unit, results.command_unit), 1.0))[0]})"
         for entry in entries
     ]
     on = "test" if results.testing else "training"
@@ -337,28 +346,24 @@ def _demand_section(results: TuningResults) -> Section | None:
     )
 
 
-def _unit(unit: str, command_unit: str) -> str:
-    return command_unit if unit == "A or V" else unit
-
-
-def _demand(found: TuningJudgement, name: str, unit: str) -> str:
+def _demand(judgement: TuningJudgement, name: str, unit: str) -> str:
     _, factor = _IN_UNITS.get(unit, ("", 1.0))
-    value = found.largest.get(name)
+    value = judgement.largest.get(name)
     return NOTHING if value is None else significant(factor * value, 3)
 
 
 def _motion_section(results: TuningResults) -> Section | None:
     groups = []
     for use, chosen in (("Test", True), ("Training", False)):
-        found = [(each, each.test if chosen else each.train) for each in results.ranked]
+        judgements = [(each, each.test if chosen else each.train) for each in results.ranked]
         laws: Sequence[tuple[LawResult, TuningJudgement]] = [
-            (law, judgement) for law, judgement in found if judgement is not None and judgement.motions
+            (law, judgement) for law, judgement in judgements if judgement is not None and judgement.motions
         ]
         if not laws:
             continue
         names = [motion.motion for motion in laws[0][1].motions]
         rows = tuple(
-            (name, *(fixed(judgement.motions[place].score, _DECIMALS) for _, judgement in laws))
+            (name, *(format_fixed(judgement.motions[place].score, _DECIMALS) for _, judgement in laws))
             for place, name in enumerate(names)
         )
         groups.append(

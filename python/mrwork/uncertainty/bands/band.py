@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from typing import Annotated, Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.arguments import (
     AnyNumbers,
@@ -33,9 +32,7 @@ from mrwork.records.motion import whole_cycles
 from mrwork.summary import Summarised
 from mrwork.uncertainty.bands.prediction import Prediction
 from mrwork.uncertainty.noise import Noise
-from mrwork.values import holds_arrays
-
-Array = NDArray[np.float64]
+from mrwork.values import Floats, array_dataclass
 
 # Bins in which quantiles are looked for.
 _HISTOGRAM = 4096
@@ -48,8 +45,7 @@ measurements need not lie in it. A prediction band is to contain the given share
 
 
 @checked
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class Band(Summarised):
     """Lower and upper limits, shape (n,), of nominal coverage `level`; `basis` is its origin in words."""
 
@@ -62,7 +58,7 @@ class Band(Summarised):
     @classmethod
     def about(
         cls,
-        centre: Annotated[Array, _ALONG],
+        centre: Annotated[Floats, _ALONG],
         half: Annotated[AnyNumbers, _ALONG] | Annotated[float, May.BE_INFINITE],
         *,
         level: Level,
@@ -102,7 +98,7 @@ def score(band: Band, measured: Samples, *, per: Positive = 1.0) -> BandScore:
     )
 
 
-def weighted_quantile(values: Array, weights: Array, level: float) -> float:
+def weighted_quantile(values: Floats, weights: Floats, level: float) -> float:
     """Smallest of the values, shape (n,), none negative, up to which lies a share `level` of the weights, of sum 1."""
     wanted = level * (1.0 - 1e-12)
     largest = float(values.max())
@@ -118,12 +114,12 @@ def weighted_quantile(values: Array, weights: Array, level: float) -> float:
     return float(values[order[min(int(place), order.size - 1)]])
 
 
-def pooled_quantile(scores: Sequence[Array], level: float) -> float:
+def pooled_quantile(scores: Sequence[Floats], level: float) -> float:
     """Quantile `level` of the errors of several tests, each test with equal weight."""
     return weighted_quantile(np.concatenate(scores), _equal_weights(scores), level)
 
 
-def next_test_quantile(scores: Sequence[Array], level: float) -> float:
+def next_test_quantile(scores: Sequence[Floats], level: float) -> float:
     """Quantile `level` of the errors of a further test, estimated from those of several tests.
 
     A further test may have larger errors than all known ones, the more so the fewer are known. Each test is therefore
@@ -147,11 +143,11 @@ def next_test_quantile(scores: Sequence[Array], level: float) -> float:
     return weighted_quantile(values, weights, min(weighted_quantile(needed, weights, level), 1.0))
 
 
-def _equal_weights(scores: Sequence[Array]) -> Array:
+def _equal_weights(scores: Sequence[Floats]) -> Floats:
     return np.concatenate([np.full(each.size, 1.0 / (each.size * len(scores))) for each in scores])
 
 
-def simulate_draws(spec: DamperSpec, theta: Array, test: DamperTest, *, threads: Threads = 0) -> Array:
+def simulate_draws(spec: DamperSpec, theta: Floats, test: DamperTest, *, threads: Threads = 0) -> Floats:
     """Forces of all draws on a test, with the observation model applied [N], shape (n_draws, n_time)."""
     forces, failed = ObservedTest.of(spec, test).forces(theta, threads=threads)
     if np.mean(~failed) < 0.9:
@@ -162,7 +158,7 @@ def simulate_draws(spec: DamperSpec, theta: Array, test: DamperTest, *, threads:
     return forces[~failed]
 
 
-def _check_draws(forces: Array) -> None:
+def _check_draws(forces: Floats) -> None:
     if not forces.size:
         raise SettingError(f"`forces` has shape {forces.shape}; give at least one draw of one sample")
 
@@ -184,7 +180,7 @@ def parameter_band(forces: Rows, level: Level) -> Band:
 @checked
 def noise_band(
     forces: Rows,
-    noise_draws: Annotated[Array, Shape(("n_batch", "n_noise"))],
+    noise_draws: Annotated[Floats, Shape(("n_batch", "n_noise"))],
     noise: Noise,
     level: Level,
     *,
@@ -226,21 +222,20 @@ CycleQuantity = Literal["energy", "stiffness", "damping"]
 QUANTITIES: tuple[CycleQuantity, ...] = get_args(CycleQuantity)
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class Cycles:
     """Dissipated energy [J], fitted stiffness [N/m] and damping [N s/m] of whole cycles, shape (n_cycles,)."""
 
-    energy: Array
-    stiffness: Array
-    damping: Array
+    energy: Floats
+    stiffness: Floats
+    damping: Floats
 
-    def quantity(self, name: CycleQuantity) -> Array:
+    def quantity(self, name: CycleQuantity) -> Floats:
         """One of the three quantities."""
         return {"energy": self.energy, "stiffness": self.stiffness, "damping": self.damping}[name]
 
 
-def cycles_of(test: DamperTest, force: Array) -> Cycles:
+def cycles_of(test: DamperTest, force: Floats) -> Cycles:
     """Counted cycles of a test with this force [N], shape (n_time,)."""
     first = test.n_settle
     rows = [
@@ -267,14 +262,14 @@ def _scales_of(prediction: Prediction) -> dict[CycleQuantity, float]:
     return {"energy": 2.0 * np.pi * force * x, "stiffness": force / x, "damping": force / v}
 
 
-def errors_over_cycles(prediction: Prediction, name: CycleQuantity) -> Array:
+def errors_over_cycles(prediction: Prediction, name: CycleQuantity) -> Floats:
     """Absolute error of each cycle of a test in its scale, shape (n_cycles,)."""
     measured = cycles_of(prediction.test, prediction.test.force).quantity(name)
     model = cycles_of(prediction.test, prediction.model_force).quantity(name)
     return np.asarray(np.abs(measured - model) / _scales_of(prediction)[name])
 
 
-def cycle_band(prediction: Prediction, name: CycleQuantity, scores: Sequence[Array], level: float) -> Band:
+def cycle_band(prediction: Prediction, name: CycleQuantity, scores: Sequence[Floats], level: float) -> Band:
     """Prediction band of a quantity, (n_cycles,), from the `errors_over_cycles` of tests that the fit has not seen."""
     model = cycles_of(prediction.test, prediction.model_force).quantity(name)
     half = next_test_quantile(scores, level) * _scales_of(prediction)[name]
@@ -282,7 +277,7 @@ def cycle_band(prediction: Prediction, name: CycleQuantity, scores: Sequence[Arr
     return Band.about(model, half, level=level, basis=basis)
 
 
-def _cycle(x: Array, v: Array, force: Array, dt: float) -> tuple[float, float, float]:
+def _cycle(x: Floats, v: Floats, force: Floats, dt: float) -> tuple[float, float, float]:
     design = np.stack([x - x.mean(), v, np.ones_like(x)], axis=1)
     stiffness, damping, _ = np.linalg.lstsq(design, force, rcond=None)[0]
     # Over a whole cycle the rectangle rule is as accurate as the trapezoidal rule.

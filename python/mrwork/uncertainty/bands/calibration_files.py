@@ -19,15 +19,15 @@ from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import addition_content, fit_from_json, read_addition
 from mrwork.records import DamperTest, Observation, RecordedMotion
 from mrwork.records.likeness import alike_groups
-from mrwork.store.codec import digest_of, json_document, parsed, read_document, record_of
-from mrwork.store.input_file import finite_numbers, is_there, read_arrays, stored, text_of
+from mrwork.store.codec import digest_of, json_document, parse_document, read_document, record_of
+from mrwork.store.input_file import finite_numbers, is_there, make_stored_kind, read_arrays, text_of
 from mrwork.store.output_file import write_files
 from mrwork.store.run_folder import CALIBRATION, FOLDS, PREDICTIONS
 from mrwork.summary import Summarised, Summary
 from mrwork.uncertainty.bands.conformal import Calibration, LeftOutCoverage
 from mrwork.uncertainty.bands.prediction import Prediction
 from mrwork.units import CommandUnit
-from mrwork.values import frozen
+from mrwork.values import freeze_samples
 
 # Significant digits of a stored score; the errors that it is compared with are not known more precisely.
 _DIGITS = 5
@@ -71,7 +71,7 @@ class _Coverage:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Facts:
-    """What the file of predictions says of a test; its channels are arrays beside it."""
+    """Entry of a test in the file of predictions; its channels are separate arrays."""
 
     name: str
     path: str
@@ -174,7 +174,7 @@ def _channels(test: DamperTest) -> tuple[str, ...]:
 def read_predictions(place: Path) -> tuple[Prediction, ...]:
     """The predictions of the run folder at `place`; none where there are none."""
     path = place / PREDICTIONS
-    kind = stored(f"calibrate {place}", name="the predictions")
+    kind = make_stored_kind(f"calibrate {place}", name="the predictions")
     if not is_there(path, kind):
         return ()
     arrays = read_arrays(path, kind)
@@ -182,7 +182,7 @@ def read_predictions(place: Path) -> tuple[Prediction, ...]:
     verb = f"calibrate {place}"
     stated = record_of(
         tuple[_Facts, ...],
-        parsed(text, origin=str(path), verb=verb),
+        parse_document(text, origin=str(path), verb=verb),
         origin=str(path),
         name="list of predictions",
         verb=verb,
@@ -195,7 +195,7 @@ def read_predictions(place: Path) -> tuple[Prediction, ...]:
 
 def _prediction(facts: _Facts, number: int, arrays: Mapping[str, NDArray[Any]]) -> Prediction:
     channels = {
-        channel: frozen(finite_numbers(arrays, f"{channel}_{number}"))
+        channel: freeze_samples(finite_numbers(arrays, f"{channel}_{number}"))
         for channel in (*_CHANNELS, *_COMMANDS, "model")
         if channel not in _COMMANDS or f"{channel}_{number}" in arrays
     }
@@ -227,7 +227,7 @@ class Folds:
             for test in tests
         ]
         path = self._place / FOLDS / f"{digest_of(self._fit.model, self._fit.theta, seen)[:16]}.json"
-        kind = stored("calibrate", name="the fit of a fold")
+        kind = make_stored_kind("calibrate", name="the fit of a fold")
         if is_there(path, kind):
             return fit_from_json(text_of(path, kind), origin=str(path))
         fit = identify()

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from mrwork.arguments import Level, NotNegative, checked
 from mrwork.errors import RecordError, SettingError
-from mrwork.numbers import rounded
+from mrwork.numbers import format_rounded
 from mrwork.records import DamperTest, Likeness, RecordedMotion
 from mrwork.records.likeness import alike_groups, likenesses_in_words, likest
 from mrwork.store.codec import OrNan, Related
@@ -36,9 +36,7 @@ from mrwork.uncertainty.bands.band import (
     weighted_quantile,
 )
 from mrwork.uncertainty.bands.prediction import Prediction, has_regular_cycles
-from mrwork.values import holds_arrays
-
-Array = NDArray[np.float64]
+from mrwork.values import Floats, array_dataclass
 
 # Bins of the phase for the mean error; level at which variants of the shape are compared, and groups that takes.
 _BINS = 24
@@ -61,22 +59,22 @@ class ErrorShape(Related):
     bias: tuple[float, ...] = ()
 
     def disagreement(self) -> str:
-        """Whether the scale is positive, and the bias has its bins."""
+        """First contradiction: a scale that is not positive, or a bias without a value for each bin."""
         if self.bias and len(self.bias) != _BINS:
             return f"its bias has {len(self.bias)} bins where a cycle has {_BINS}"
         return "" if self.level + self.slope + self.floor > 0.0 else "its scale is zero"
 
-    def scale(self, deviation: Array | float, steepness: Array) -> Array:
+    def scale(self, deviation: Floats | float, steepness: Floats) -> Floats:
         """Scale of the error [N], shape of `steepness`."""
         return np.asarray(deviation * (self.level + self.slope * steepness) + self.floor)
 
-    def bias_at(self, phase: Array) -> Array:
+    def bias_at(self, phase: Floats) -> Floats:
         """Mean error [deviations], shape of `phase`."""
         if not self.bias:
             return np.zeros_like(phase)
         return np.asarray(np.interp(phase, _CENTRES, self.bias, period=2.0 * np.pi))
 
-    def of(self, prediction: Prediction) -> tuple[Array, Array]:
+    def of(self, prediction: Prediction) -> tuple[Floats, Floats]:
         """Expected measured force and the scale of the error about it [N], shape (n_counted,)."""
         deviation = prediction.deviation
         centre = prediction.force
@@ -115,24 +113,24 @@ class ErrorTable:
     the measured force [N], and the group of each sample, all samples of a group in a row.
     """
 
-    error: Array
-    steepness: Array
-    phase: Array
-    deviation: Array
-    measured: Array
+    error: Floats
+    steepness: Floats
+    phase: Floats
+    deviation: Floats
+    measured: Floats
     group: NDArray[np.intp]
     periodic: NDArray[np.bool_]
     _slices: list[slice] = field(init=False)
-    _share: Array = field(init=False)
-    _normal: Array = field(init=False)
-    _right: Array = field(init=False)
-    _curves: Array = field(init=False)
-    _place: tuple[NDArray[np.intp], NDArray[np.intp], Array] = field(init=False)
+    _share: Floats = field(init=False)
+    _normal: Floats = field(init=False)
+    _right: Floats = field(init=False)
+    _curves: Floats = field(init=False)
+    _place: tuple[NDArray[np.intp], NDArray[np.intp], Floats] = field(init=False)
 
     @classmethod
     def of(cls, groups: Sequence[Sequence[Prediction]]) -> ErrorTable:
         """Sample the errors of the predictions of each group."""
-        columns: list[tuple[Array, ...]] = []
+        columns: list[tuple[Floats, ...]] = []
         sizes = []
         for members in groups:
             before = sum(each[0].size for each in columns)
@@ -179,7 +177,7 @@ class ErrorTable:
         """Number of groups."""
         return len(self._slices)
 
-    def calibrate(self, variant: Variant, without: Sequence[int] = ()) -> tuple[ErrorShape, list[Array]]:
+    def calibrate(self, variant: Variant, without: Sequence[int] = ()) -> tuple[ErrorShape, list[Floats]]:
         """Shape fitted without some groups, and the absolute errors of each other group in its scale."""
         shape, scores, _ = self._fit_shape(variant, without)
         return shape, [scores[own] for index, own in enumerate(self._slices) if index not in without]
@@ -225,13 +223,13 @@ class ErrorTable:
             result.append(float(np.mean(width / self.measured[own])))
         return result
 
-    def _weights(self, without: Sequence[int]) -> Array:
+    def _weights(self, without: Sequence[int]) -> Floats:
         weights = self._share / (self.n_groups - len(without))
         for index in without:
             weights[self._slices[index]] = 0.0
         return weights
 
-    def _fit_shape(self, variant: Variant, without: Sequence[int]) -> tuple[ErrorShape, Array, Array]:
+    def _fit_shape(self, variant: Variant, without: Sequence[int]) -> tuple[ErrorShape, Floats, Floats]:
         """Shape fitted without some groups; absolute errors in its scale, and the scale [N], of all samples."""
         inside = np.ones(self.n_groups, dtype=bool)
         inside[list(without)] = False
@@ -266,7 +264,7 @@ class ErrorTable:
         return shape if shape.level + shape.floor > 0.0 else ErrorShape()
 
 
-def _non_negative(normal: Array, right: Array) -> Array:
+def _non_negative(normal: Floats, right: Floats) -> Floats:
     """Minimum of x' N x / 2 - r' x over x >= 0, by trying every set of positive unknowns, of which there are few."""
     # The floor is in newtons, the others are ratios: unknowns of equal size for the solver.
     size = np.sqrt(np.maximum(np.diag(normal), 1e-300))
@@ -290,8 +288,7 @@ BEYOND_TESTED = "the level holds only where the calibration had such tests"
 """Remark on a band outside the tested range of the fit."""
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class Calibration(Summarised, Related):
     """Calibration of prediction bands from the errors on several tests.
 
@@ -304,14 +301,14 @@ class Calibration(Summarised, Related):
     _made_by: ClassVar[str] = "mr.calibrate(predictions, held_out=...)"
 
     shape: ErrorShape
-    scores: tuple[NDArray[np.float64], ...]
+    scores: tuple[Floats, ...]
     tests: tuple[str, ...]
     held_out: str
     motions: tuple[RecordedMotion, ...] = ()
     seen: tuple[Likeness, ...] = ()
 
     def disagreement(self) -> str:
-        """Whether there are errors of every test."""
+        """First contradiction: a test without errors."""
         if not self.tests or len(self.scores) != len(self.tests):
             return f"it has the errors of {len(self.scores)} tests for {len(self.tests)}"
         empty = [name for name, scores in zip(self.tests, self.scores, strict=True) if not scores.size]
@@ -324,13 +321,7 @@ class Calibration(Summarised, Related):
 
     @checked
     def band(self, prediction: Prediction, level: Level) -> Band:
-        """Prediction band of the force, shape (n_counted,); its basis names what lies outside the tested ranges.
-
-        Raises
-        ------
-        SettingError
-            Where the level is not between 0 and 1.
-        """
+        """Prediction band of the force, shape (n_counted,); its basis names what lies outside the tested ranges."""
         centre, scale = self.shape.of(prediction)
         half = next_test_quantile(self.scores, level) * scale
         outside = ", ".join(prediction.outside.names)
@@ -373,7 +364,10 @@ class Calibration(Summarised, Related):
             notes=list(self.remarks),
             columns=("test", "median score", "90 % score"),
             rows=[
-                (test, *(rounded(float(np.quantile(np.abs(scores), share)), 3) for share in (0.5, 0.9)))
+                (
+                    test,
+                    *(format_rounded(float(np.quantile(np.abs(scores), share)), 3) for share in (0.5, 0.9)),
+                )
                 for test, scores in zip(self.tests, self.scores, strict=True)
             ],
         )
@@ -404,7 +398,7 @@ def calibrate(predictions: Sequence[Prediction], *, held_out: str) -> Calibratio
         raise SettingError(
             "a band is calibrated on tests that the fit has not seen, none was given; name at least one"
         )
-    groups, motions, seen = _held_out(predictions)
+    groups, motions, seen = _select_held_out(predictions)
     if not groups:
         raise SettingError(
             f"a band is calibrated on tests that the fit has not seen, but {likenesses_in_words(seen)}; "
@@ -422,10 +416,10 @@ def calibrate(predictions: Sequence[Prediction], *, held_out: str) -> Calibratio
     )
 
 
-def _held_out(
+def _select_held_out(
     predictions: Sequence[Prediction],
 ) -> tuple[list[list[Prediction]], tuple[RecordedMotion, ...], tuple[Likeness, ...]]:
-    """Predictions of tests that the fit has not seen, in groups of alike tests; their motions; and the others."""
+    """Predictions of held-out tests in groups of alike tests, their motions, and the likeness of the seen tests."""
     unseen = [each for each in predictions if each.seen is None]
     motions = tuple(RecordedMotion.of(each.test) for each in unseen)
     groups = [[unseen[index] for index in members] for members in alike_groups(motions)]
@@ -446,7 +440,7 @@ def measured_coverage(
     predictions: Sequence[Prediction], levels: Sequence[Level] = LEVELS
 ) -> tuple[LeftOutCoverage, ...]:
     """Coverage of each test by bands calibrated on the others, at each level; alike tests are left out together."""
-    groups, _, _ = _held_out(predictions)
+    groups, _, _ = _select_held_out(predictions)
     if len(groups) < 2:
         count = f"{len(predictions)} was given in all"
         if len(predictions) > 1:
@@ -482,7 +476,7 @@ def measured_coverage(
     return tuple(rows)
 
 
-def _energy_errors(prediction: Prediction) -> NDArray[np.float64]:
+def _energy_errors(prediction: Prediction) -> Floats:
     try:
         return errors_over_cycles(prediction, "energy")
     except RecordError:

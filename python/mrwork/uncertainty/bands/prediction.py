@@ -8,22 +8,20 @@ from typing import ClassVar, Literal
 from warnings import warn
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.arguments import checked
 from mrwork.errors import MrworkWarning, SettingError, SimulationError
 from mrwork.identification.fit import Fit
-from mrwork.identification.nuisance import NuisanceName
 from mrwork.identification.problem import prediction_warning
-from mrwork.identification.residual import ObservedTest
-from mrwork.identification.result import explained_by
+from mrwork.identification.residual import NuisanceName, ObservedTest
+from mrwork.identification.result import explain_failures
 from mrwork.records import DamperTest, Likeness, RecordedMotion
 from mrwork.records.damper_test import same_commands
 from mrwork.records.likeness import alike_groups, likenesses_in_words, likest
 from mrwork.records.motion import regular_cycles, whole_cycles
 from mrwork.summary import Summarised, Summary
 from mrwork.tested_range import Outside
-from mrwork.values import holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 Fold = Literal["test", "motion", "command"]
 """Unit that is left out: each test by itself, all of one amplitude and frequency, all at one current or voltage."""
@@ -48,8 +46,7 @@ _SAME_MOTION = 0.15
 _REACH = 0.02
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class Prediction(Summarised):
     """A test and the model's force on it [N], shape (n_time,), with the observation model applied.
 
@@ -61,22 +58,22 @@ class Prediction(Summarised):
     _made_by: ClassVar[str] = "mr.predict(fit, test)"
 
     test: DamperTest
-    model_force: NDArray[np.float64]
+    model_force: Floats
     seen: Likeness | None = None
     outside: Outside = field(default=Outside(known=False), repr=False)
 
     @property
-    def force(self) -> NDArray[np.float64]:
+    def force(self) -> Floats:
         """The model's force [N]."""
         return self.model_force[self.test.counted]
 
     @property
-    def measured(self) -> NDArray[np.float64]:
+    def measured(self) -> Floats:
         """The measured force [N]."""
         return self.test.force[self.test.counted]
 
     @property
-    def residual(self) -> NDArray[np.float64]:
+    def residual(self) -> Floats:
         """Measured minus model force [N]."""
         return self.measured - self.force
 
@@ -86,14 +83,14 @@ class Prediction(Summarised):
         return float(np.std(self.force))
 
     @property
-    def steepness(self) -> NDArray[np.float64]:
+    def steepness(self) -> Floats:
         """Change of the model's force over 4 % of a cycle, per standard deviation."""
         reach = max(1, round(_REACH * mean_cycle(self.test)))
         padded = np.pad(self.force, reach, mode="edge")
         return np.asarray(np.abs(padded[2 * reach :] - padded[: -2 * reach]) / self.deviation)
 
     @property
-    def phase(self) -> NDArray[np.float64]:
+    def phase(self) -> Floats:
         """Phase of the motion in its cycle, -pi to pi: the angle of velocity and displacement, each per its peak."""
         x = self.test.displacement[self.test.counted]
         v = self.test.velocity[self.test.counted]
@@ -165,8 +162,8 @@ def _predict_test(
 ) -> Prediction:
     test = fit.observed(test)
     observed = ObservedTest.of(fit.spec, test, fit.nuisances if nuisances is None else nuisances)
-    with explained_by(fit, test):
-        force, _, _ = observed.predicted(np.array(fit.theta))
+    with explain_failures(fit, test):
+        force, _, _ = observed.predict_force(np.array(fit.theta))
     return Prediction(test=test, model_force=force, seen=fit.seen(test), outside=fit.outside(test, force))
 
 
@@ -291,10 +288,10 @@ def held_out_errors(
     """Mean NRMSE of each fold left out, or of each later cycle of a single test."""
     if len(tests) == 1:
         return _later_cycles(tests[0], identify_rest)
-    found = predict_left_out(tests, fold, identify_rest)
-    if found.failures:
-        raise SimulationError(f"what was left out cannot be predicted: {found.failures[0]}")
-    errors = [prediction.nrmse for prediction in found.predictions]
+    left_out = predict_left_out(tests, fold, identify_rest)
+    if left_out.failures:
+        raise SimulationError(f"what was left out cannot be predicted: {left_out.failures[0]}")
+    errors = [prediction.nrmse for prediction in left_out.predictions]
     return tuple(float(np.mean([errors[index] for index in members])) for members in folds_of(tests, fold))
 
 
@@ -330,5 +327,5 @@ def _later_cycles(test: DamperTest, identify_rest: IdentifyRest) -> tuple[float,
     return tuple(_rms(prediction.residual[cycle]) / deviation for cycle in cycles)
 
 
-def _rms(values: NDArray[np.float64]) -> float:
+def _rms(values: Floats) -> float:
     return float(np.sqrt(np.mean(values**2)))

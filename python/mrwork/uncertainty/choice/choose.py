@@ -166,7 +166,7 @@ class ChoiceProgress:
 
 @dataclass(slots=True, kw_only=True)
 class RunningComparison:
-    """A comparison in progress; `evidence` and `fits` are by model."""
+    """A comparison in progress, with `evidence` and `fits` by model."""
 
     tests: tuple[DamperTest, ...]
     compared: tuple[Family, ...]
@@ -196,7 +196,7 @@ class RunningComparison:
         model, settings = family.spec.name, replace(self.settings, bounds=family.bounds)
         made: list[Fit] = []
 
-        def identified(tests: tuple[DamperTest, ...]) -> Fit:
+        def identify_tests(tests: tuple[DamperTest, ...]) -> Fit:
             fold = len(made)
             step, task = (
                 (f"left_out_{fold}", f"left out {fold} of {self.n_folds}") if fold else ("fit", "all tests")
@@ -223,8 +223,8 @@ class RunningComparison:
         left_out: tuple[float, ...] = ()
         reason = ""
         try:
-            identified(self.tests)
-            left_out = held_out_errors(self.tests, self.leave_out, identified)
+            identify_tests(self.tests)
+            left_out = held_out_errors(self.tests, self.leave_out, identify_tests)
         except (JournalError, OutputError):
             raise
         except MrworkError as error:
@@ -248,8 +248,8 @@ class RunningComparison:
         """PSIS-LOO of every identified family, on the same blocks and with the same tempering."""
         if not self.fits:
             return
-        shared = likelihood.shared(list(self.fits.values()), self.tests)
-        found: dict[str, Evidence] = {}
+        shared = likelihood.share_settings(list(self.fits.values()), self.tests)
+        evidence: dict[str, Evidence] = {}
         for number, family in enumerate(self.compared, start=1):
             fit = self.fits.get(family.spec.name)
             if fit is None:
@@ -260,11 +260,11 @@ class RunningComparison:
             try:
                 result = run_with_journal(self.journal_of, step, partial(shared.leave_one_out, fit))
             except SettingError as reason:
-                found[fit.model] = replace(own, reason=own.reason or f"no PSIS-LOO: {reason}")
+                evidence[fit.model] = replace(own, reason=own.reason or f"no PSIS-LOO: {reason}")
             else:
-                found[fit.model] = replace(own, leave_one_out=result)
+                evidence[fit.model] = replace(own, leave_one_out=result)
         # Recorded only when all are done: among some families the best ELPD would mislead.
-        self.evidence.update(found)
+        self.evidence.update(evidence)
         self.n_blocks = shared.n_blocks
 
     def choice(self) -> Choice:

@@ -11,7 +11,6 @@ from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.parameters import LawName, law_named, polynomial_laws
@@ -34,9 +33,7 @@ from mrwork.uncertainty.bands.prediction import Fold, folds_of
 from mrwork.uncertainty.choice.law_table import TriedLaws
 from mrwork.uncertainty.choice.ranking import is_as_good
 from mrwork.units import CommandUnit
-from mrwork.values import holds_arrays
-
-Array = NDArray[np.float64]
+from mrwork.values import Floats, array_dataclass
 
 # Convergence: relative decrease of the squared misfit in an iteration; largest number of iterations.
 _TOLERANCE = 1e-5
@@ -49,32 +46,29 @@ _MOST_DAMPING = 1e6
 _LEAST_SENSITIVITY = 1e-7
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class NormalEquations:
     """Squared NRMSE (n_rows, n_tests), half its latent gradient (..., n_free), and J'J (..., n_free, n_free)."""
 
-    squared: Array
-    gradient: Array
-    matrix: Array
+    squared: Floats
+    gradient: Floats
+    matrix: Floats
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class FoldedFit:
     """Parameters of each row, shape (n_rows, n_params), and its squared NRMSE of each test, (n_rows, n_tests)."""
 
-    theta: Array
-    squared: Array
+    theta: Floats
+    squared: Floats
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class FoldedTests:
     """Tests, and their shares in the mean squared NRMSE of each row, shape (n_rows, n_tests): 0 for a test left out."""
 
     observed: tuple[ObservedTest, ...]
-    shares: Array
+    shares: Floats
     threads: int = 0
 
     @classmethod
@@ -100,7 +94,7 @@ class FoldedTests:
             threads=threads,
         )
 
-    def squared_nrmse(self, spec: DamperSpec, theta: Array) -> Array:
+    def squared_nrmse(self, spec: DamperSpec, theta: Floats) -> Floats:
         """Squared NRMSE of each test, shape (n_batch, n_tests); infinite where a simulation failed."""
         squared = np.empty((len(theta), len(self.observed)))
 
@@ -113,7 +107,7 @@ class FoldedTests:
         on_every_test(len(self.observed), self.threads, fill)
         return squared
 
-    def linearise(self, spec: DamperSpec, box: Box, latent: Array) -> NormalEquations:
+    def linearise(self, spec: DamperSpec, box: Box, latent: Floats) -> NormalEquations:
         """Normal equations of each test at latent coordinates, shape (n_batch, n_free)."""
         n_batch, n_free = latent.shape
         theta = np.asarray(box.theta_from_latent(latent))
@@ -124,7 +118,7 @@ class FoldedTests:
 
         def fill(index: int, threads: int) -> None:
             each = replace(self.observed[index], spec=spec)
-            residuals, jacobian, failed = each.linearised(theta, box.free, threads=threads)
+            residuals, jacobian, failed = each.linearise_residuals(theta, box.free, threads=threads)
             residuals *= each.weight(1)
             jacobian *= each.weight(1) * slope[..., None]
             squared[:, index] = np.einsum("bt,bt->b", residuals, residuals)
@@ -135,11 +129,11 @@ class FoldedTests:
         on_every_test(len(self.observed), self.threads, fill)
         return NormalEquations(squared=squared, gradient=gradient, matrix=matrix)
 
-    def misfit(self, squared: Array, shares: Array) -> Array:
+    def misfit(self, squared: Floats, shares: Floats) -> Floats:
         """Squared misfit of each row, shape (n_batch,); a test that is left out may have failed."""
         return np.asarray(np.sum(shares * np.where(shares > 0.0, squared, 0.0), axis=1))
 
-    def fit(self, spec: DamperSpec, box: Box, starts: Array) -> FoldedFit:
+    def fit(self, spec: DamperSpec, box: Box, starts: Floats) -> FoldedFit:
         """Minimise the misfit of each row from its start, shape (n_rows, n_params), by Levenberg-Marquardt.
 
         Damping is relative to the sensitivity of each parameter, the largest so far (Moré, Lecture Notes in
@@ -172,15 +166,15 @@ class FoldedTests:
             step = within_stiffness(tests, box, latent[rows], step, damped, gradient)
             tried = np.moveaxis(latent[rows, None] + step, 1, 0)
             candidates = np.asarray(box.theta_from_latent(tried.reshape(-1, n_free)))
-            found = self.squared_nrmse(spec, candidates).reshape(len(tried), rows.size, -1)
-            after = np.stack([self.misfit(each, shares) for each in found])
+            errors = self.squared_nrmse(spec, candidates).reshape(len(tried), rows.size, -1)
+            after = np.stack([self.misfit(each, shares) for each in errors])
             best = np.argmin(after, axis=0)
             each = np.arange(rows.size)
             better = after[best, each] < misfit[rows]
             decrease = 1.0 - after[best, each] / misfit[rows]
             moved = rows[better]
             latent[moved] = tried[best, each][better]
-            squared[moved] = found[best, each][better]
+            squared[moved] = errors[best, each][better]
             misfit[moved] = after[best, each][better]
             factor = np.where(better, np.array(_DAMPING_FACTORS)[best] / 3.0, 100.0)
             damping[rows] = np.maximum(damping[rows] * factor, 1e-12)
@@ -212,20 +206,18 @@ _SAME_MISFIT = 1e-3
 _MOTIONS = 3
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class _Promise:
     """Fits to all tests that the linearised fit promises for each move [%], in the order of the moves."""
 
-    fit_percent: Array
+    fit_percent: Floats
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class _Predictions:
     """NRMSE of each whole test by the fit without its fold, shape (n_tests,); infinite where not simulated."""
 
-    nrmse: Array
+    nrmse: Floats
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -251,7 +243,7 @@ class LawSearch:
     plain: DamperSpec
     tests: tuple[DamperTest, ...]
     whole: tuple[ObservedTest, ...]
-    commands: Array
+    commands: Floats
     folds: list[list[int]]
     folded: FoldedTests
     settings: FitSettings
@@ -279,7 +271,7 @@ class LawSearch:
         self._enrich()
 
     def distinct(self) -> list[FittedLaws]:
-        """The candidates without those whose force is that of one with fewer parameters."""
+        """The candidates except those with the same force as a candidate with fewer parameters."""
         kept = list[FittedLaws]()
         for each in sorted(self.found, key=lambda each: each.tried.n_params):
             if not any(self._is_same_force(each, other) for other in kept):
@@ -296,7 +288,7 @@ class LawSearch:
                 return False
         return True
 
-    def started_from(self, tried: TriedLaws) -> tuple[FittedLaws, Start]:
+    def make_start(self, tried: TriedLaws) -> tuple[FittedLaws, Start]:
         """The candidate of these laws, and the start that its fit to all tests is."""
         candidate = next(each for each in self.found if each.tried.laws == tried.laws)
         return candidate, dict(zip(candidate.spec.names, candidate.fit.theta[0].tolist(), strict=True))
@@ -363,12 +355,14 @@ class LawSearch:
                 move_box.latent_from_theta(self._transfer_starts(current, move_spec, move_box)[:1])
             )
 
-            def lifted(rows: Array, move_spec: DamperSpec = move_spec, move_box: Box = move_box) -> Array:
+            def lift_rows(
+                rows: Floats, move_spec: DamperSpec = move_spec, move_box: Box = move_box
+            ) -> Floats:
                 theta = np.asarray(move_box.theta_from_latent(rows))
                 inside = [with_other_laws(move_spec, row, spec, self.commands) for row in theta]
                 return np.asarray(box.latent_from_theta(box.inside(np.clip(inside, box.lower, box.upper))))
 
-            moved = lifted(np.concatenate([start, start + _SMALL * np.eye(start.shape[1])]))
+            moved = lift_rows(np.concatenate([start, start + _SMALL * np.eye(start.shape[1])]))
             away, along = moved[0] - latent[0], (moved[1:] - moved[0]).T / _SMALL
             step = away + along @ _best_step(along.T @ matrix @ along, along.T @ (gradient + matrix @ away))
             after = squared + 2.0 * float(gradient @ step) + float(step @ matrix @ step)
@@ -379,7 +373,7 @@ class LawSearch:
         spec, box = self.model(laws)
         return self._fit_laws(laws, self._transfer_starts(current, spec, box))
 
-    def _fit_laws(self, laws: Laws, starts: Array) -> FittedLaws:
+    def _fit_laws(self, laws: Laws, starts: Floats) -> FittedLaws:
         spec, box = self.model(laws)
         self.report(
             f"fitting {', '.join(f'{name} {law}' for name, law in laws.items()) or 'constant parameters'}"
@@ -409,7 +403,7 @@ class LawSearch:
         self.found.append(FittedLaws(spec=spec, box=box, laws=laws, fit=fit, tried=tried))
         return self.found[-1]
 
-    def _fit(self, spec: DamperSpec, box: Box, starts: Array) -> FoldedFit:
+    def _fit(self, spec: DamperSpec, box: Box, starts: Floats) -> FoldedFit:
         """Fit every row; rows that no simulation could start from begin at the best of the others."""
         fit = self.folded.fit(spec, box, starts)
         misfit = self.folded.misfit(fit.squared, self.folded.shares)
@@ -418,7 +412,7 @@ class LawSearch:
             return fit
         return self.folded.fit(spec, box, np.where(failed[:, None], fit.theta[np.argmin(misfit)], fit.theta))
 
-    def _predict_left_out(self, spec: DamperSpec, theta: Array) -> _Predictions:
+    def _predict_left_out(self, spec: DamperSpec, theta: Floats) -> _Predictions:
         """Predict each whole test by the fit without its fold, a row of `theta`, shape (1 + n_folds, n_params)."""
         row_of = {index: row for row, members in enumerate(self.folds, start=1) for index in members}
         nrmse = np.empty(len(self.whole))
@@ -436,7 +430,7 @@ class LawSearch:
         spec = spec_by_values(self.plain.with_current_laws(self.given | laws, unit=self.unit), self.commands)
         return spec, joint_box(identifiable_form(spec, self.settings.bounds), self.tests, self.commands)
 
-    def _transfer_starts(self, current: FittedLaws, spec: DamperSpec, box: Box) -> Array:
+    def _transfer_starts(self, current: FittedLaws, spec: DamperSpec, box: Box) -> Floats:
         """Parameters of each row of the present laws as a start of other laws, on the curves of the present ones."""
         rows = [with_other_laws(current.spec, theta, spec, self.commands) for theta in current.fit.theta]
         return np.asarray(box.inside(np.clip(rows, box.lower, box.upper)))
@@ -447,7 +441,7 @@ class LawSearch:
         return self.journal.once(step, digest_of(*inputs), kind, compute)
 
 
-def _best_step(matrix: Array, gradient: Array) -> Array:
+def _best_step(matrix: Floats, gradient: Floats) -> Floats:
     """Damped least-squares step, shape (n_free,), for the normal matrix and half the gradient of the misfit."""
     scale = np.sqrt(np.maximum(np.diag(matrix), np.finfo(float).tiny))
     scaled = matrix / scale[:, None] / scale + _DAMPING * np.eye(len(scale))

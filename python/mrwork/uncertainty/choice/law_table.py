@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from typing import ClassVar, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.arguments import NotNegative, Whole
 from mrwork.dampers.parameters import LawName
@@ -17,6 +16,7 @@ from mrwork.summary import Summarised, Summary
 from mrwork.table import Table, TableColumn, page_table, text_table
 from mrwork.uncertainty.choice.ranking import error_of_mean, is_as_good
 from mrwork.units import CommandUnit
+from mrwork.values import Floats
 
 # Floor of the NRMSE, for synthetic tests without noise.
 _EXACT = 1e-9
@@ -72,7 +72,7 @@ class TriedLaws(Summarised):
         *,
         n_params: int,
         fit_percent: float,
-        left_out: Sequence[NDArray[np.float64]],
+        left_out: Sequence[Floats],
         not_predicted: Sequence[str] = (),
     ) -> TriedLaws:
         """Laws with the NRMSE of the tests of each fold that was left out."""
@@ -96,7 +96,7 @@ class TriedLaws(Summarised):
         return ", ".join(f"{name} {law}" for name, law in self.laws.items()) or "all constant"
 
 
-def _left_out(each: TriedLaws) -> str:
+def _format_left_out(each: TriedLaws) -> str:
     error = each.left_out_error
     return f"{each.left_out_percent:.2f}" + ("" if error is None else f" ± {error:.2f}")
 
@@ -105,7 +105,7 @@ _MODEL = TableColumn(heading="model", cell=lambda each: each.model)
 _COLUMNS = (
     TableColumn(heading="parameters", cell=lambda each: str(each.n_params)),
     TableColumn(heading="fit %", cell=lambda each: f"{each.fit_percent:.2f}"),
-    TableColumn(heading="left-out fit %", cell=_left_out),
+    TableColumn(heading="left-out fit %", cell=_format_left_out),
     TableColumn(heading="median", cell=lambda each: f"{each.median_percent:.2f}"),
     TableColumn(heading="worst", cell=lambda each: f"{each.worst_percent:.2f}"),
     TableColumn(
@@ -136,7 +136,7 @@ class LawTable(Summarised, Related):
     definitions: tuple[str, ...] = LAW_DEFINITIONS
 
     def disagreement(self) -> str:
-        """Whether one set of laws is chosen, and every model is one of those compared."""
+        """First contradiction: not exactly one chosen set of laws, or a model that was not compared."""
         chosen = [each for each in self.tried if each.verdict == "chosen"]
         if len(chosen) != 1:
             return f"of {len(self.tried)} sets of laws {len(chosen)} are chosen"
@@ -146,7 +146,7 @@ class LawTable(Summarised, Related):
         return f"{min(strange)} is none of its models" if strange else ""
 
     @property
-    def chosen(self) -> TriedLaws:
+    def chosen_laws(self) -> TriedLaws:
         """The chosen laws."""
         return next(each for each in self.tried if each.verdict == "chosen")
 
@@ -232,7 +232,7 @@ def law_table(
 
 
 def _sentence(table: LawTable) -> str:
-    best, chosen, names = table.tried[0], table.chosen, {each.model for each in table.tried}
+    best, chosen, names = table.tried[0], table.chosen_laws, {each.model for each in table.tried}
     error = "" if chosen.left_out_error is None else f", standard error {chosen.left_out_error:.2g}"
     count = f"{len(table.tried)} sets of laws" + (f" of {len(names)} models" if len(names) > 1 else "")
     of_model = f" of {chosen.model}" if table.is_of_several else ""

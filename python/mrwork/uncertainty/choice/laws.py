@@ -92,7 +92,7 @@ class RunningLawChoice:
     _began: float = field(default_factory=time.perf_counter, init=False)
 
     @property
-    def found(self) -> list[tuple[ComparedModel, FittedLaws]]:
+    def fitted_laws(self) -> list[tuple[ComparedModel, FittedLaws]]:
         """The sets of laws that were fitted, with their models."""
         return [(own, each) for own in self.compared for each in own.search.found]
 
@@ -104,9 +104,9 @@ class RunningLawChoice:
             )
             run_with_journal(self.journal_of, f"{own.name}/laws", partial(self._try_laws, own))
 
-    def fitted(self) -> LawChoice:
+    def make_choice(self) -> LawChoice:
         """The choice, with the fit of the chosen laws to the whole tests, without models that cannot be fitted."""
-        while self.found:
+        while self.fitted_laws:
             table = self._table(complete=True)
             own, candidate, settings = self._choose_start(table)
             with self._failing_alone(own):
@@ -190,7 +190,7 @@ class RunningLawChoice:
     def _table(self, *, complete: bool) -> LawTable:
         search = self.compared[0].search
         distinct = [(own, each) for own in self.compared for each in own.search.distinct()]
-        n_same = len(self.found) - len(distinct)
+        n_same = len(self.fitted_laws) - len(distinct)
         same = [f"not listed: {n_same} with the same force as laws with fewer parameters"] if n_same else []
         return law_table(
             [replace(each.tried, model=own.name) for own, each in distinct],
@@ -207,7 +207,7 @@ class RunningLawChoice:
     def _choose_start(self, table: LawTable) -> tuple[ComparedModel, FittedLaws, FitSettings]:
         """The model of the chosen laws, their candidate, and the settings of the fit that starts there."""
         own = next(each for each in self.compared if each.name == table.model)
-        candidate, start = own.search.started_from(table.chosen)
+        candidate, start = own.search.make_start(table.chosen_laws)
         return own, candidate, replace(own.settings, starts=(start,))
 
     @property
@@ -217,7 +217,7 @@ class RunningLawChoice:
     def _report(self, own: ComparedModel, task: str, within: Progress | None = None) -> None:
         if self.on_progress is None:
             return
-        scores = [each.score for _, each in self.found]
+        scores = [each.score for _, each in self.fitted_laws]
         self.on_progress(
             LawProgress(
                 model=own.name,
@@ -320,9 +320,9 @@ def choose_laws(
         for each in running.compared:
             running.search(each)
     except KeyboardInterrupt as interrupt:
-        so_far = running.so_far() if running.found else None
+        so_far = running.so_far() if running.fitted_laws else None
         raise Interrupted(so_far, "choice of laws") from interrupt
-    return running.fitted()
+    return running.make_choice()
 
 
 def _select_known(values: Mapping[str, T], spec: DamperSpec) -> dict[str, T]:

@@ -12,7 +12,6 @@ from importlib import import_module
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.errors import SettingError
 from mrwork.identification.equivalent import identifiable_form
@@ -26,9 +25,7 @@ from mrwork.store.journal import Journal
 from mrwork.uncertainty.noise import NOISES, Noise
 from mrwork.uncertainty.posterior.laplace import draw_about
 from mrwork.uncertainty.posterior.target import Target, in_chunks
-from mrwork.values import holds_arrays
-
-Array = NDArray[np.float64]
+from mrwork.values import Floats, array_dataclass
 
 # Pareto k above which the estimate for a block is unreliable, because its importance weights have heavy tails (Vehtari,
 # Gelman and Gabry, Statistics and Computing 27, 2017, 1413-1432).
@@ -37,16 +34,15 @@ UNRELIABLE = 0.7
 _N_DRAWS = 2000
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class LeaveOneOut:
     """Expected log predictive density of each block given the others, and its Pareto k, shape (n_blocks,)."""
 
-    elpd: Array
-    pareto_k: Array
+    elpd: Floats
+    pareto_k: Floats
 
 
-def leave_one_out(log_densities: Array, log_ratio: Array) -> LeaveOneOut:
+def leave_one_out(log_densities: Floats, log_ratio: Floats) -> LeaveOneOut:
     """PSIS-LOO from log densities, (n_draws, n_blocks), and log of posterior over proposal density, (n_draws,)."""
     n_draws, n_blocks = log_densities.shape
     if n_blocks < 2:
@@ -67,10 +63,12 @@ def leave_one_out(log_densities: Array, log_ratio: Array) -> LeaveOneOut:
     )
 
 
-def block_densities(target: Target, theta: Array, noise: Array, blocks: Sequence[Sequence[slice]]) -> Array:
+def block_densities(
+    target: Target, theta: Floats, noise: Floats, blocks: Sequence[Sequence[slice]]
+) -> Floats:
     """Tempered log density of the blocks of all tests, (n_draws, n_blocks), under draws in the target's form."""
 
-    def of_rows(theta: Array, noise: Array) -> Array:
+    def of_rows(theta: Floats, noise: Floats) -> Floats:
         columns = []
         for (residual, force, failed), of_test in zip(target.residuals(theta), blocks, strict=True):
             density = target.temper * target.noise.log_densities(residual, force, noise)
@@ -94,7 +92,7 @@ def blocks_of(test: DamperTest, least: float) -> tuple[slice, ...]:
     return tuple(slice(first, last) for first, last in zip(cuts, [*cuts[1:], displacement.size], strict=True))
 
 
-def longest_autocorrelation_times(residuals: Sequence[Sequence[NDArray[np.float64]]]) -> tuple[float, ...]:
+def longest_autocorrelation_times(residuals: Sequence[Sequence[Floats]]) -> tuple[float, ...]:
     """Longest autocorrelation time [samples] of each test, shape (n_tests,), over the residuals of several models."""
     return tuple(
         max(autocorrelation_time(each) for each in of_test) for of_test in zip(*residuals, strict=True)
@@ -110,7 +108,7 @@ class Likelihood:
     rng: int = 0
     threads: int = 0
 
-    def shared(self, fits: Sequence[Fit], tests: tuple[DamperTest, ...]) -> SharedLikelihood:
+    def share_settings(self, fits: Sequence[Fit], tests: tuple[DamperTest, ...]) -> SharedLikelihood:
         """Tempering by n_eff of the best fit, and blocks longer than the autocorrelation time of every fit."""
         best = min(fits, key=lambda fit: fit.nrmse)
         residuals = [residuals_of(fit, tests) for fit in fits]
@@ -144,14 +142,14 @@ class SharedLikelihood:
     def leave_one_out(self, fit: Fit, journal: Journal | None = None) -> LeaveOneOut:
         """PSIS-LOO of a fitted family."""
         if journal is None:
-            return self._left_out(fit)
+            return self._leave_one_out(fit)
         facts = digest_of(
             fit.model, fit.theta, self.temper, self.blocks, self.likelihood.noise.name, self.likelihood.rng
         )
         step = "chain" if self.likelihood.sampled else "ellipsoid"
-        return journal.once(step, facts, LeaveOneOut, lambda: self._left_out(fit))
+        return journal.once(step, facts, LeaveOneOut, lambda: self._leave_one_out(fit))
 
-    def _left_out(self, fit: Fit) -> LeaveOneOut:
+    def _leave_one_out(self, fit: Fit) -> LeaveOneOut:
         own = self.likelihood
         target, start = target_of(fit, self.tests, own.noise, temper=self.temper, threads=own.threads)
         if own.sampled:
@@ -163,7 +161,7 @@ class SharedLikelihood:
             log_ratio = draws.log_ratio
         return leave_one_out(block_densities(target, theta, noise, self.blocks), log_ratio)
 
-    def _chain(self, fit: Fit, target: Target) -> tuple[Array, Array]:
+    def _chain(self, fit: Fit, target: Target) -> tuple[Floats, Floats]:
         """Evenly spaced draws of a chain: parameters in the target's form, and noise."""
         # emcee and HDF5 take a while to load.
         from mrwork.uncertainty.posterior.sample import sample
@@ -184,7 +182,7 @@ class SharedLikelihood:
 
 def target_of(
     fit: Fit, tests: tuple[DamperTest, ...], noise: Noise, *, temper: float, threads: int = 0
-) -> tuple[Target, Array]:
+) -> tuple[Target, Floats]:
     """Posterior of a fit's family with uniform priors, and the fit in the target's form, shape (n_params,)."""
     problem = Problem.of_fit(fit, tests, threads=threads)
     theta = problem.inside(fit.theta)
@@ -192,7 +190,7 @@ def target_of(
     return target, theta
 
 
-def residuals_of(fit: Fit, tests: tuple[DamperTest, ...]) -> tuple[Array, ...]:
+def residuals_of(fit: Fit, tests: tuple[DamperTest, ...]) -> tuple[Floats, ...]:
     """Residuals of a fit, test by test, in deviations of the test's measured force, shape (n_counted,)."""
     target, theta = target_of(fit, tests, NOISES["iid"], temper=1.0)
     return tuple(residual[0] for residual, _, _ in target.residuals(theta[None]))

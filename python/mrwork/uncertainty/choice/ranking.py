@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.arguments import NotNegative, Positive, Whole
 from mrwork.dampers.coordinates import Box
@@ -18,16 +17,17 @@ from mrwork.dampers.spec import damper
 from mrwork.errors import SettingError
 from mrwork.identification.fit import NEGLIGIBLE, Fit
 from mrwork.identification.result import MANY, BuildingCost
-from mrwork.numbers import fixed, rounded
+from mrwork.numbers import format_fixed, format_rounded
 from mrwork.records import DamperTest
 from mrwork.store.codec import Related
-from mrwork.summary import Summarised, Summary, listed
+from mrwork.summary import Summarised, Summary, list_names
 from mrwork.table import Table, TableColumn, page_table, text_table
 from mrwork.uncertainty.choice.leave_one_out import UNRELIABLE, LeaveOneOut
 from mrwork.uncertainty.identifiability.verdicts import Scale
+from mrwork.values import Floats
 
 # Residuals of each test, in deviations of its force, shape (n_counted,).
-Residuals = Sequence[NDArray[np.float64]]
+Residuals = Sequence[Floats]
 
 # Gain in the log-likelihood ratio, for each further parameter, that is not more than chance (Akaike's criterion).
 _CHANCE = 2.0
@@ -57,7 +57,7 @@ def find_collapses(
     doubtful = {model: _doubtful_parameters(fit, tests) for model, fit in fits.items()}
     n_doubtful = {model: sum(map(len, states.values())) for model, states in doubtful.items()}
     joined = {model: np.concatenate(residuals[model]) for model in fits}
-    found: dict[str, Collapse] = {}
+    collapses: dict[str, Collapse] = {}
     for model in fits:
         simpler = sorted(
             (each for each in fits if n_params[each] < n_params[model]), key=lambda each: n_params[each]
@@ -73,13 +73,13 @@ def find_collapses(
                     for state, names in doubtful[model].items()
                     if names
                 ]
-                found[model] = Collapse(
+                collapses[model] = Collapse(
                     model=other,
                     reason=f"its force is that of {damper(other).title} to {100.0 * np.sqrt(difference):.2g} % of "
                     f"the force's deviation, and {' and '.join(states)}",
                 )
                 break
-    return found
+    return collapses
 
 
 def _doubtful_parameters(fit: Fit, tests: tuple[DamperTest, ...]) -> dict[str, list[str]]:
@@ -183,23 +183,23 @@ class Standing:
 
 
 def _with_error(value: float | None, error: float | None, decimals: int) -> str:
-    text = fixed(value, decimals)
-    return text if value is None or not error else f"{text} ± {fixed(error, decimals)}"
+    text = format_fixed(value, decimals)
+    return text if value is None or not error else f"{text} ± {format_fixed(error, decimals)}"
 
 
 _MODEL = TableColumn(heading="model", cell=lambda each: each.model)
 _TITLE = TableColumn(heading="model", cell=lambda each: each.title)
 _COLUMNS = (
     TableColumn(heading="parameters", cell=lambda each: str(each.n_params)),
-    TableColumn(heading="fit %", cell=lambda each: fixed(each.fit_percent, 2)),
+    TableColumn(heading="fit %", cell=lambda each: format_fixed(each.fit_percent, 2)),
     TableColumn(heading="left-out fit %", cell=lambda each: each.left_out_in_words),
     TableColumn(
         heading="behind, points",
         cell=lambda each: _with_error(each.left_out_behind, each.left_out_behind_error, 2),
     ),
     TableColumn(heading="Δ ELPD", cell=lambda each: _with_error(each.elpd_behind, each.elpd_behind_error, 1)),
-    TableColumn(heading="Δ BIC", cell=lambda each: fixed(each.bic_behind, 1)),
-    TableColumn(heading="seconds", cell=lambda each: fixed(each.seconds, 1)),
+    TableColumn(heading="Δ BIC", cell=lambda each: format_fixed(each.bic_behind, 1)),
+    TableColumn(heading="seconds", cell=lambda each: format_fixed(each.seconds, 1)),
     TableColumn(heading="remark", cell=lambda each: each.remark, words=True),
 )
 
@@ -296,16 +296,16 @@ def _bic(own: Evidence, n_effective: float | None) -> float | None:
     return float(n_effective * np.log(own.variance) + own.n_params * np.log(n_effective))
 
 
-def _elpd(own: Evidence) -> NDArray[np.float64]:
+def _elpd(own: Evidence) -> Floats:
     return np.empty(0) if own.leave_one_out is None else own.leave_one_out.elpd
 
 
-def error_of_mean(values: NDArray[np.float64]) -> float | None:
+def error_of_mean(values: Floats) -> float | None:
     """Standard error of the mean, `None` for a single value."""
     return float(np.std(values, ddof=1) / np.sqrt(values.size)) if values.size > 1 else None
 
 
-def _error_of_sum(values: NDArray[np.float64]) -> float | None:
+def _error_of_sum(values: Floats) -> float | None:
     return float(np.std(values, ddof=1) * np.sqrt(values.size)) if values.size > 1 else None
 
 
@@ -325,13 +325,13 @@ class Ranking(Summarised, Related):
     definitions: tuple[str, ...] = DEFINITIONS
 
     def disagreement(self) -> str:
-        """Whether the chosen family is ranked, and so are those that others are the same as."""
+        """First contradiction: a family ranked twice, or another family ranked as chosen."""
         models = [each.model for each in self.standings]
         if len(set(models)) < len(models):
             return "it ranks a family twice"
         chosen = [each.model for each in self.standings if each.verdict == "chosen"]
         if chosen != [self.chosen]:
-            return f"it has chosen {self.chosen} and ranks {listed(chosen) or 'none'} as chosen"
+            return f"it has chosen {self.chosen} and ranks {list_names(chosen) or 'none'} as chosen"
         return ""
 
     @property
@@ -353,8 +353,8 @@ class Ranking(Summarised, Related):
                 (
                     each.model,
                     str(each.n_params),
-                    rounded(each.fit_percent),
-                    rounded(each.left_out_percent),
+                    format_rounded(each.fit_percent),
+                    format_rounded(each.left_out_percent),
                     each.verdict,
                     each.reason,
                 )
@@ -434,14 +434,16 @@ def cost_remark(
     if not cheap:
         return (f"{text}, and so does every other that predicts what was left out",)
     best = min(cheap, key=lambda each: sum(left_out[each.model]))
-    found = f"{best.left_out_percent:.2f} % against {chosen.left_out_percent:.2f} %"
+    errors_in_words = f"{best.left_out_percent:.2f} % against {chosen.left_out_percent:.2f} %"
     steps = f"{costs[best.model].steps:.0f}"
     if is_as_good(left_out[best.model], left_out[chosen.model]):
         return (
-            f"{text}; {best.title} is as good ({found} left out) and takes {steps}: use it in studies of the tested "
-            "range",
+            f"{text}; {best.title} is as good ({errors_in_words} left out) and takes {steps}: use it in studies of the "
+            "tested range",
         )
-    return (f"{text}; of those that take fewer than {MANY} {best.title} comes nearest ({found} left out)",)
+    return (
+        f"{text}; of those that take fewer than {MANY} {best.title} comes nearest ({errors_in_words} left out)",
+    )
 
 
 def _choice(standings: tuple[Standing, ...], chosen: Standing, held_out: str) -> str:

@@ -16,22 +16,19 @@ from numpy.typing import NDArray
 
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec
-from mrwork.identification.objective import Objective, linearised
+from mrwork.identification.objective import Objective, linearise_residuals
 from mrwork.uncertainty.identifiability.verdicts import Scale
-from mrwork.values import holds_arrays
-
-Array = NDArray[np.float64]
+from mrwork.values import Floats, array_dataclass
 
 # Largest number of residual entries in one batch.
 _LARGEST_BATCH = 2**24
 
 # Residuals (n_residuals,) and their derivative (n_residuals, n_free) with respect to the free parameters, at each row
 # of theta (n_batch, n_params).
-Linearise = Callable[[Array], Iterable[tuple[Array, Array]]]
+Linearise = Callable[[Floats], Iterable[tuple[Floats, Floats]]]
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class Scaled:
     """Scaled coordinates of the free parameters of a box: logarithms, or multiples of their size; shape (n_free,).
 
@@ -39,16 +36,16 @@ class Scaled:
     force, so k can change its sign only if x0 does too, through infinity.
     """
 
-    theta: Array
+    theta: Floats
     free: tuple[int, ...]
     log: NDArray[np.bool_]
-    size: Array
-    lower: Array
-    upper: Array
+    size: Floats
+    lower: Floats
+    upper: Floats
     spring: tuple[int, int] | None = None
 
     @classmethod
-    def of(cls, spec: DamperSpec, box: Box, scale: Scale, theta: Array) -> Scaled:
+    def of(cls, spec: DamperSpec, box: Box, scale: Scale, theta: Floats) -> Scaled:
         """Coordinates of the free parameters of `box`, about `theta`, shape (n_params,)."""
         free = np.array(box.free, dtype=int)
         log = np.array(box.log)[free]
@@ -60,23 +57,23 @@ class Scaled:
             spring = (box.free.index(spec.spring_indices[0]), box.free.index(spec.spring_indices[1]))
         return cls(theta=theta, free=box.free, log=log, size=size, lower=lower, upper=upper, spring=spring)
 
-    def position(self, theta: Array) -> Array:
+    def position(self, theta: Floats) -> Floats:
         """Coordinates, shape (..., n_free), of parameters, shape (..., n_params), clipped to the box."""
         value = theta[..., np.array(self.free, dtype=int)]
         own = np.where(self.log, np.log(np.where(self.log, value, 1.0)), value / self.size)
         return np.asarray(np.clip(own, self.lower, self.upper))
 
-    def values(self, position: Array) -> Array:
+    def values(self, position: Floats) -> Floats:
         """Values of the free parameters, shape (..., n_free)."""
         return np.asarray(np.where(self.log, np.exp(np.where(self.log, position, 0.0)), position * self.size))
 
-    def parameters(self, position: Array) -> Array:
+    def parameters(self, position: Floats) -> Floats:
         """All parameters, shape (..., n_params)."""
         theta = np.broadcast_to(self.theta, (*position.shape[:-1], self.theta.size)).copy()
         theta[..., np.array(self.free, dtype=int)] = self.values(position)
         return theta
 
-    def moved(self, position: Array, step: Array, held: int | None) -> Array:
+    def move_position(self, position: Floats, step: Floats, held: int | None) -> Floats:
         """Position after a step, clipped to the box; the step of a spring is one in k and k x0, unless x0 is held."""
         there = position + step
         if self.spring is not None and held != self.spring[1]:
@@ -86,23 +83,22 @@ class Scaled:
                 there[free] = offset / there[stiffness]
         return np.asarray(np.clip(there, self.lower, self.upper))
 
-    def slope(self, position: Array) -> Array:
+    def slope(self, position: Floats) -> Floats:
         """Derivative of each free parameter with respect to its coordinate, shape (..., n_free)."""
         return np.asarray(np.where(self.log, self.values(position), self.size))
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class Point:
     """A position, shape (n_free,), with the squared misfit S, half its gradient and J'J there."""
 
-    position: Array
+    position: Floats
     squared: float
-    gradient: Array
-    normal: Array
+    gradient: Floats
+    normal: Floats
 
 
-def points_at(linearise: Linearise, scaled: Scaled, position: Array) -> list[Point]:
+def points_at(linearise: Linearise, scaled: Scaled, position: Floats) -> list[Point]:
     """A point for each row of `position`, shape (n_rows, n_free); S is infinite where a simulation failed."""
     points = []
     for row, (residuals, jacobian), slope in zip(
@@ -126,9 +122,9 @@ def linearise(objective: Objective, columns: Sequence[int]) -> Linearise:
     """Residuals and exact derivatives with respect to columns of theta, in batches of limited size."""
     rows = max(1, _LARGEST_BATCH // ((len(columns) + 1) * objective.n_time))
 
-    def in_chunks(theta: Array) -> Iterator[tuple[Array, Array]]:
+    def in_chunks(theta: Floats) -> Iterator[tuple[Floats, Floats]]:
         for first in range(0, len(theta), rows):
-            residuals, jacobian = linearised(objective, theta[first : first + rows], columns)
+            residuals, jacobian = linearise_residuals(objective, theta[first : first + rows], columns)
             for own, slope in zip(residuals, jacobian, strict=True):
                 yield own, slope.T
 
@@ -160,8 +156,8 @@ _MOST_BETWEEN = 6
 _LEAST_SHARE = 1e-3
 
 
-Walk = Generator[Array, Point, End]
-Minimisation = Generator[Array, Point, Point]
+Walk = Generator[Floats, Point, End]
+Minimisation = Generator[Floats, Point, Point]
 
 
 def signed_root(squared: float, least: float, dof: float) -> float:
@@ -225,7 +221,7 @@ def _bracket_limit(scaled: Scaled, index: int, points: list[Point], limit: float
 def _minimise_held(scaled: Scaled, index: int, start: Point, target: float, dof: float) -> Minimisation:
     """Minimise with the parameter held at `target`, from the prediction of the quadratic model at `start`."""
     step, _ = _step(scaled, start, index, dof, shift=target - float(start.position[index]))
-    position = scaled.moved(start.position, step, index)
+    position = scaled.move_position(start.position, step, index)
     position[index] = target
     point = yield position
     if np.isfinite(point.squared):
@@ -240,7 +236,7 @@ def minimise(scaled: Scaled, index: int | None, point: Point, dof: float) -> Min
         step, fall = _step(scaled, point, index, dof, damping=damping)
         if dof * fall < _GAIN * point.squared:
             break
-        trial = yield scaled.moved(point.position, step, index)
+        trial = yield scaled.move_position(point.position, step, index)
         if trial.squared < point.squared:
             point = trial
             damping = damping / 10.0 if damping > _LEAST_DAMPING else 0.0
@@ -251,7 +247,7 @@ def minimise(scaled: Scaled, index: int | None, point: Point, dof: float) -> Min
 
 def _step(
     scaled: Scaled, point: Point, index: int | None, dof: float, *, shift: float = 0.0, damping: float = 0.0
-) -> tuple[Array, float]:
+) -> tuple[Floats, float]:
     """Minimiser of the quadratic model with `index` shifted, and the expected decrease of S; bounds are kept."""
     step = np.zeros_like(point.position)
     settled = np.diag(point.normal) <= 0.0
@@ -298,7 +294,7 @@ Sides = dict[tuple[int, Literal[-1, 1]], Side]
 DIRECTIONS: tuple[Literal[-1, 1], ...] = (-1, 1)
 
 
-def run_alone(steps: Minimisation, point: Point, simulated: Callable[[Array], list[Point]]) -> Point:
+def run_alone(steps: Minimisation, point: Point, simulated: Callable[[Floats], list[Point]]) -> Point:
     """Run one local minimisation to its end, each position a batch of its own."""
     try:
         position = next(steps)
@@ -313,7 +309,7 @@ def run_alone(steps: Minimisation, point: Point, simulated: Callable[[Array], li
 def run_together(
     scaled: Scaled,
     sides: Sides,
-    simulated: Callable[[Array], list[Point]],
+    simulated: Callable[[Floats], list[Point]],
     on_batch: Callable[[Sides], None],
     *,
     limit: float,
@@ -321,7 +317,7 @@ def run_together(
 ) -> None:
     """Run all walks to their ends; their next positions make one batch."""
     walks = {key: walk(scaled, *key, side.points, limit=limit, dof=dof) for key, side in sides.items()}
-    pending: dict[tuple[int, Literal[-1, 1]], Array] = {}
+    pending: dict[tuple[int, Literal[-1, 1]], Floats] = {}
 
     def advance(key: tuple[int, Literal[-1, 1]], point: Point | None) -> None:
         try:
@@ -333,7 +329,7 @@ def run_together(
     for key in walks:
         advance(key, None)
     while pending:
-        found = simulated(np.array(list(pending.values())))
-        for key, point in zip(list(pending), found, strict=True):
+        points = simulated(np.array(list(pending.values())))
+        for key, point in zip(list(pending), points, strict=True):
             advance(key, point)
         on_batch(sides)

@@ -13,18 +13,18 @@ from statistics import NormalDist
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.arguments import Count, Level, NotNegative, Positive, Threads, Whole, checked
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.parameters import ParamSpec
 from mrwork.errors import Interrupted, SettingError, UnknownNameError
 from mrwork.identification.fit import Fit, Interval, Intervals, VerdictName
-from mrwork.identification.objective import linearised
+from mrwork.identification.objective import linearise_residuals
 from mrwork.identification.problem import Problem
 from mrwork.identification.result import effective_samples, residuals_by_test
 from mrwork.identification.settings import ROOT_MEAN_SQUARE
-from mrwork.numbers import of_unit, rounded
+from mrwork.keys import suggestion
+from mrwork.numbers import format_rounded, of_unit
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
 from mrwork.store.codec import OrInfinite, Related
@@ -49,6 +49,7 @@ from mrwork.uncertainty.identifiability.verdicts import (
     Scale,
     judge_interval,
 )
+from mrwork.values import Floats
 
 # Share by which an end may pass the estimate in a conversion from the scaled coordinate.
 _ROUNDING = 1e-6
@@ -77,7 +78,7 @@ class Profile(Summarised, Related):
     reason: str
 
     def disagreement(self) -> str:
-        """Whether there is a misfit and a ratio for each value, and the interval is about the estimate."""
+        """First contradiction: a value without misfit or ratio, or an interval without the estimate."""
         sizes = len(self.values), len(self.misfit), len(self.ratio)
         if len(set(sizes)) > 1 or not sizes[0]:
             return "{} has {} values, {} misfits and {} ratios".format(self.name, *sizes)
@@ -153,9 +154,9 @@ class Profiles(Summarised):
             rows=[
                 (
                     each.name,
-                    rounded(each.estimate, 5),
-                    "open" if each.lower is None else rounded(each.lower, 5),
-                    "open" if each.upper is None else rounded(each.upper, 5),
+                    format_rounded(each.estimate, 5),
+                    "open" if each.lower is None else format_rounded(each.lower, 5),
+                    "open" if each.upper is None else format_rounded(each.upper, 5),
                     each.unit,
                     each.verdict,
                     each.reason,
@@ -204,11 +205,11 @@ def _profile_of(
         verdict="identifiable",
         reason="",
     )
-    found = _judge_profile(profile, limit, scale)
-    return replace(profile, verdict=found.verdict, reason=found.reason)
+    verdict = _judge_profile(profile, limit, scale)
+    return replace(profile, verdict=verdict.verdict, reason=verdict.reason)
 
 
-def _crossing(position: NDArray[np.float64], roots: NDArray[np.float64], limit: float) -> float | None:
+def _crossing(position: Floats, roots: Floats, limit: float) -> float | None:
     """First crossing of the limit outwards, by linear interpolation of the root of the likelihood ratio."""
     beyond = np.flatnonzero(roots > limit)
     if beyond.size == 0:
@@ -318,11 +319,13 @@ def profile(
     scaled = Scaled.of(spec, box, scale, theta)
     derivatives = linearise(objective, box.free)
 
-    def simulated(position: NDArray[np.float64]) -> list[Point]:
+    def simulate_position(position: Floats) -> list[Point]:
         return points_at(derivatives, scaled, position)
 
-    (start,) = simulated(scaled.position(theta)[None])
-    (residuals,), (slopes,) = linearised(objective, scaled.parameters(start.position)[None], box.free)
+    (start,) = simulate_position(scaled.position(theta)[None])
+    (residuals,), (slopes,) = linearise_residuals(
+        objective, scaled.parameters(start.position)[None], box.free
+    )
     n_effective = effective_samples(residuals_by_test(residuals, objective.tests))
     dof = n_effective * max(1.0 - len(box.free) / residuals.size, 0.0)
     # Quantile of chi-squared with one degree of freedom, the square of a normal variable.
@@ -378,9 +381,9 @@ def profile(
     sides: Sides = {(index, way): Side(points=[start]) for index in profiled for way in DIRECTIONS}
     try:
         for _ in range(_MOST_ROUNDS):
-            origin = run_alone(minimise(scaled, None, best, dof), best, simulated)
+            origin = run_alone(minimise(scaled, None, best, dof), best, simulate_position)
             sides = {key: Side(points=[origin]) for key in sides}
-            run_together(scaled, sides, simulated, report, limit=float(np.sqrt(threshold)), dof=dof)
+            run_together(scaled, sides, simulate_position, report, limit=float(np.sqrt(threshold)), dof=dof)
             best = min(
                 (each for side in sides.values() for each in side.points), key=lambda each: each.squared
             )
@@ -397,7 +400,8 @@ def _profiled_indices(box: Box, parameters: Sequence[str]) -> list[int]:
         raise SettingError(f"`parameters` are {', '.join(parameters)}; name each once")
     for name in parameters:
         if name not in box.names:
-            raise UnknownNameError(f"no parameter is called {name!r}; this model has {', '.join(box.names)}")
+            near = suggestion(name, box.names, otherwise="this model has")
+            raise UnknownNameError(f"no parameter is called {name!r}{near}")
         if name not in free:
             raise SettingError(f"{name} is fixed; only free parameters have a profile: {', '.join(free)}")
     return [number for number, name in enumerate(free) if not parameters or name in parameters]

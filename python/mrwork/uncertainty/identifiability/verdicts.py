@@ -24,9 +24,7 @@ from mrwork.identification.result import INSENSITIVE, Slopes, covariance_at, rem
 from mrwork.numbers import of_unit
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
-from mrwork.values import holds_arrays
-
-Array = NDArray[np.float64]
+from mrwork.values import Floats, array_dataclass
 
 # A standard deviation above this share of the value, or of 1 in the logarithm, is no determination.
 WEAK = 0.25
@@ -65,8 +63,7 @@ class ParameterScale:
         return _times(share, whole)
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class Scale:
     """Size of a relevant change of each parameter, shape (n_params,): its value, or half its range where `of_range`.
 
@@ -76,12 +73,12 @@ class Scale:
 
     box: Box
     ranges: Box
-    theta: Array
-    size: Array
+    theta: Floats
+    size: Floats
     of_range: NDArray[np.bool_]
 
     @classmethod
-    def of(cls, spec: DamperSpec, box: Box, tests: tuple[DamperTest, ...], theta: Array) -> Scale:
+    def of(cls, spec: DamperSpec, box: Box, tests: tuple[DamperTest, ...], theta: Floats) -> Scale:
         """Scales at `theta`, shape (n_params,)."""
         ranges = _scaled_ranges(spec, box, tests, theta)
         half = 0.5 * (np.array(ranges.upper) - np.array(ranges.lower))
@@ -91,7 +88,7 @@ class Scale:
             box=box, ranges=ranges, theta=theta, size=np.where(of_range, half, size), of_range=of_range
         )
 
-    def of_parameter(self, spec: DamperSpec, index: int, derivative: Array) -> ParameterScale:
+    def of_parameter(self, spec: DamperSpec, index: int, derivative: Floats) -> ParameterScale:
         """Scale of one parameter of the model, with the derivative of the residuals by it, shape (n_residuals,)."""
         return ParameterScale(
             name=spec.names[index],
@@ -107,7 +104,7 @@ class Scale:
         )
 
 
-def _scaled_ranges(spec: DamperSpec, box: Box, tests: tuple[DamperTest, ...], theta: Array) -> Box:
+def _scaled_ranges(spec: DamperSpec, box: Box, tests: tuple[DamperTest, ...], theta: Floats) -> Box:
     """The box narrowed to the scales of the records, else to the size of the value, or of the nominal one."""
     searched = search_box(spec, box, tests)
     own = {}
@@ -196,7 +193,7 @@ _LARGEST_EXPONENT = 3
 
 
 def changes_along(
-    direction: Array, scales: Sequence[ParameterScale], effects: Array | None = None
+    direction: Floats, scales: Sequence[ParameterScale], effects: Floats | None = None
 ) -> tuple[ParameterChange, ...]:
     """Changes of the parameters along a direction, shape (n_params,), in shares of their scales; the first is by 1 %.
 
@@ -218,7 +215,7 @@ def changes_along(
     )
 
 
-def sparse_basis(null: Array) -> Array:
+def sparse_basis(null: Floats) -> Floats:
     """Sparse basis of the row space of `null`, (n_directions, n_params), by Gauss-Jordan elimination with pivoting."""
     rows = np.array(null)
     pivots: list[int] = []
@@ -240,11 +237,11 @@ def simple_combinations(changes: Sequence[ParameterChange], *, within: float = _
     """
     if any(change.of_range for change in changes):
         return ()
-    found = []
+    combinations = []
     for number, second in enumerate(changes):
         joined = (_combination(first, second, within) for first in changes[:number])
-        found += list(filter(None, joined))[:1]
-    return tuple(found)
+        combinations += list(filter(None, joined))[:1]
+    return tuple(combinations)
 
 
 def _combination(first: ParameterChange, second: ParameterChange, within: float) -> str:
@@ -261,7 +258,7 @@ def _power(name: str, exponent: int) -> str:
     return name if exponent == 1 else f"{name}^{exponent}"
 
 
-def listed(parts: Sequence[str]) -> str:
+def join_parts(parts: Sequence[str]) -> str:
     """Enumeration such as "a, b and c"."""
     return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}"
 
@@ -273,8 +270,8 @@ _STRONG_CORRELATION = 0.9
 
 
 def identifiability_from(
-    jacobian: Array,
-    covariance: Array,
+    jacobian: Floats,
+    covariance: Floats,
     *,
     scales: Sequence[ParameterScale],
     n_effective: float,
@@ -314,7 +311,7 @@ def identifiability_from(
     )
 
 
-def _null_space(jacobian: Array) -> Array:
+def _null_space(jacobian: Floats) -> Floats:
     """Sparse basis of the unidentifiable directions in units of unit sensitivity, shape (n_directions, n_params)."""
     if jacobian.shape[1] == 0:
         return np.empty((0, 0))
@@ -325,14 +322,14 @@ def _null_space(jacobian: Array) -> Array:
     return sparse_basis(null) if len(null) else null
 
 
-def _effects(jacobian: Array) -> Array:
+def _effects(jacobian: Floats) -> Floats:
     """Change of the force per change of each parameter, shape (n_params,); 1 for one without effect."""
     norm = np.linalg.norm(jacobian, axis=0)
     return np.asarray(np.where(norm == 0.0, 1.0, norm))
 
 
 def _unidentifiable_direction(
-    direction: Array, jacobian: Array, scales: Sequence[ParameterScale], held: set[str] | frozenset[str]
+    direction: Floats, jacobian: Floats, scales: Sequence[ParameterScale], held: set[str] | frozenset[str]
 ) -> Direction:
     effects = _effects(jacobian)
     changes = changes_along(direction / effects, scales, effects)
@@ -340,25 +337,27 @@ def _unidentifiable_direction(
         sentence = f"the residuals do not depend on {changes[0].name}"
     else:
         combinations = simple_combinations(changes)
-        only = f"; combinations such as {listed(combinations)} can be identified" if combinations else ""
+        only = f"; combinations such as {join_parts(combinations)} can be identified" if combinations else ""
         sentence = (
-            f"{listed([each.name for each in changes])} cannot be distinguished: {_joint_change(changes)} "
+            f"{join_parts([each.name for each in changes])} cannot be distinguished: {_joint_change(changes)} "
             f"does not change the force{only}"
         )
     kept = [each.name for each in changes if each.name in held]
     if kept:
-        sentence += f"; {listed(kept)} was held fixed for this reason"
+        sentence += f"; {join_parts(kept)} was held fixed for this reason"
     return Direction(
         changes=changes, effect=_effect(changes, jacobian, scales), seen=False, sentence=sentence
     )
 
 
-def _weak_directions(cov: Array, jacobian: Array, scales: Sequence[ParameterScale]) -> tuple[Direction, ...]:
+def _weak_directions(
+    cov: Floats, jacobian: Floats, scales: Sequence[ParameterScale]
+) -> tuple[Direction, ...]:
     """Directions along which the standard error exceeds `WEAK` of the scales, largest first."""
     if not len(cov):
         return ()
     variances, vectors = np.linalg.eigh(cov)
-    found = []
+    directions = []
     for variance, vector in zip(variances[::-1], vectors.T[::-1], strict=True):
         if np.sqrt(variance) <= WEAK:
             break
@@ -370,22 +369,22 @@ def _weak_directions(cov: Array, jacobian: Array, scales: Sequence[ParameterScal
         names = [each.name for each in scales]
         in_order = sorted(changes, key=lambda change: names.index(change.name))
         combinations = simple_combinations(in_order, within=_APPROXIMATE)
-        better = f"; {listed(combinations)} is better identifiable" if combinations else ""
+        better = f"; {join_parts(combinations)} is better identifiable" if combinations else ""
         along = float(np.sqrt(variance)) * abs(vector[largest])
         sentence = (
             f"{_joint_change(changes)} changes the force by no more than {100.0 * effect:.1g} % of its deviation, so "
             f"along it the standard error of {changes[0].name} is {scales[largest].share(along)}{better}"
         )
-        found.append(Direction(changes=changes, effect=effect, seen=True, sentence=sentence))
-    return tuple(found)
+        directions.append(Direction(changes=changes, effect=effect, seen=True, sentence=sentence))
+    return tuple(directions)
 
 
 def _joint_change(changes: Sequence[ParameterChange]) -> str:
     first, *rest = [each.in_words for each in changes]
-    return f"{first} with {listed(rest)}" if rest else first
+    return f"{first} with {join_parts(rest)}" if rest else first
 
 
-def _effect(changes: Sequence[ParameterChange], jacobian: Array, scales: Sequence[ParameterScale]) -> float:
+def _effect(changes: Sequence[ParameterChange], jacobian: Floats, scales: Sequence[ParameterScale]) -> float:
     column = {each.name: number for number, each in enumerate(scales)}
     moved = sum(0.01 * each.percent * jacobian[:, column[each.name]] for each in changes)
     return float(np.linalg.norm(moved))
@@ -394,8 +393,8 @@ def _effect(changes: Sequence[ParameterChange], jacobian: Array, scales: Sequenc
 def _verdict(
     number: int,
     scales: Sequence[ParameterScale],
-    cov: Array,
-    jacobian: Array,
+    cov: Floats,
+    jacobian: Floats,
     undetermined: NDArray[np.bool_],
 ) -> Verdict:
     scale = scales[number]
@@ -407,12 +406,12 @@ def _verdict(
         ]
         reason = "the residuals do not depend on it"
         if others and np.any(jacobian[:, number] != 0.0):
-            reason = f"identifiable only in combination with {listed(others)}"
+            reason = f"identifiable only in combination with {join_parts(others)}"
         return Verdict(name=scale.name, verdict="not identifiable", standard_error=None, reason=reason)
     error = float(np.sqrt(cov[number, number]))
-    found = judge_error(error * scale.size, scale)
-    reason = found.reason
-    if found.verdict in ("weakly identifiable", "sign unknown"):
+    verdict = judge_error(error * scale.size, scale)
+    reason = verdict.reason
+    if verdict.verdict in ("weakly identifiable", "sign unknown"):
         deviation = np.sqrt(np.diag(cov))
         correlation = np.where(
             undetermined, 0.0, cov[number] / np.where(undetermined, 1.0, error * deviation)
@@ -424,7 +423,7 @@ def _verdict(
             reason += (
                 f"; mostly because {other} can compensate for it (correlation {correlation[partner]:.3f})"
             )
-    return Verdict(name=scale.name, verdict=found.verdict, standard_error=error * scale.size, reason=reason)
+    return Verdict(name=scale.name, verdict=verdict.verdict, standard_error=error * scale.size, reason=reason)
 
 
 @checked
@@ -453,7 +452,7 @@ def identifiability_of(
     scale = Scale.of(spec, box, problem.objective.tests, theta)
     # Signed, so that the magnitude of a negative value increases, and products and ratios keep their form.
     size = (np.where(scale.of_range | (theta >= 0.0), 1.0, -1.0) * scale.size)[taken]
-    found = identifiability_from(
+    identifiability = identifiability_from(
         derivative[:, taken] * size,
         covariance[np.ix_(taken, taken)] / np.outer(size, size),
         scales=[scale.of_parameter(spec, index, derivative[:, index]) for index in taken],
@@ -470,5 +469,5 @@ def identifiability_of(
         for index in box.free
         if remarks[index].startswith("at ")
     )
-    verdicts = sorted((*found.verdicts, *on_bound), key=lambda each: spec.names.index(each.name))
-    return replace(found, verdicts=tuple(verdicts))
+    verdicts = sorted((*identifiability.verdicts, *on_bound), key=lambda each: spec.names.index(each.name))
+    return replace(identifiability, verdicts=tuple(verdicts))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Sequence
-from dataclasses import dataclass
 from math import isfinite, pi
 from pathlib import Path
 
@@ -42,7 +41,6 @@ COMMAND_RANGE = (0.0, LARGEST_COMMAND)
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Candidate:
     """Sinusoid: amplitude [m] (half the peak to peak), frequency [Hz], command of a model with laws."""
 
@@ -76,7 +74,6 @@ def check_possible(candidates: Sequence[Candidate]) -> None:
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Limits:
     """Limits of a rig: `stroke` peak to peak [m] and `peak_velocity` [m/s]; `None` is no limit."""
 

@@ -1,4 +1,4 @@
-"""Plan of the next test: the expected reduction of a variance by each candidate.
+"""Optimal experiment design: the expected reduction of a variance by each candidate for the next test.
 
 The gains follow from the linearised posterior; nested Monte Carlo with draws of the posterior checks them.
 """
@@ -15,10 +15,11 @@ from mrwork.arguments import NotNegative, Threads, checked
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError, SimulationError, UnknownNameError
 from mrwork.identification.fit import Fit
-from mrwork.identification.nuisance import NuisanceName, without_nuisance
 from mrwork.identification.problem import Problem
+from mrwork.identification.residual import NuisanceName, without_nuisance
 from mrwork.identification.result import effective_samples, residuals_by_test
-from mrwork.numbers import NOTHING, of_unit, percent, rounded, significant
+from mrwork.keys import suggestion
+from mrwork.numbers import NOTHING, format_rounded, of_unit, percent, significant
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
 from mrwork.simulate import Outcome, simulate_forces
@@ -29,9 +30,7 @@ from mrwork.uncertainty.identifiability.curvature import Scaled, linearise, poin
 from mrwork.uncertainty.identifiability.verdicts import Scale
 from mrwork.uncertainty.planning.candidates import Candidate, check_possible, motion_of
 from mrwork.units import CommandUnit
-from mrwork.values import holds_arrays
-
-Array = NDArray[np.float64]
+from mrwork.values import Floats, array_dataclass
 
 # Finite-difference step in scaled coordinates.
 _STEP = 1e-5
@@ -73,7 +72,7 @@ class Plan(Summarised, Related):
     left_out: tuple[Candidate, ...]
 
     def disagreement(self) -> str:
-        """Whether there is a candidate."""
+        """First contradiction: a plan without candidates."""
         return "" if self.gains else "it ranks no candidate"
 
     def _summary(self) -> Summary:
@@ -89,11 +88,11 @@ class Plan(Summarised, Related):
             ),
             rows=[
                 (
-                    rounded(1e3 * each.candidate.amplitude, 3),
-                    rounded(each.candidate.frequency, 3),
-                    rounded(each.candidate.command, 3),
+                    format_rounded(1e3 * each.candidate.amplitude, 3),
+                    format_rounded(each.candidate.frequency, 3),
+                    format_rounded(each.candidate.command, 3),
                     f"{100.0 * each.gain:.1f} %",
-                    rounded(each.deviation, 3),
+                    format_rounded(each.deviation, 3),
                 )
                 for each in self.gains
             ],
@@ -101,8 +100,7 @@ class Plan(Summarised, Related):
         )
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class Response:
     """Force of a candidate [N], (n_counted,), and energy of a cycle [J], with derivatives by coordinate, (..., n_free).
 
@@ -110,15 +108,14 @@ class Response:
     """
 
     candidate: Candidate
-    force: Array
-    derivative: Array
-    corrected: Array
+    force: Floats
+    derivative: Floats
+    corrected: Floats
     energy: float
-    energy_derivative: Array
+    energy_derivative: Floats
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class LinearisedPosterior:
     """Linearised posterior before the next test about `position`, (n_free,), with the inverse covariance `precision`.
 
@@ -127,8 +124,8 @@ class LinearisedPosterior:
 
     spec: DamperSpec
     scaled: Scaled
-    position: Array
-    precision: Array
+    position: Floats
+    precision: Floats
     weight: float
     nuisances: tuple[NuisanceName, ...]
     threads: int
@@ -243,7 +240,7 @@ def responses(posterior: LinearisedPosterior, candidates: Sequence[Candidate]) -
         [position[None], np.where(steps, ahead, position), np.where(steps, behind, position)]
     )
     theta = scaled.parameters(points)
-    found = []
+    responses_by_candidate = []
     for candidate in candidates:
         loading, counted = motion_of(candidate, posterior.spec)
         run = simulate_forces(posterior.spec, theta, loading.history(), threads=posterior.threads)
@@ -254,7 +251,7 @@ def responses(posterior: LinearisedPosterior, candidates: Sequence[Candidate]) -
         cycles = (counted.stop - counted.start) * loading.dt * candidate.frequency
         assert loading.velocity is not None
         energy = force @ loading.velocity[counted] * loading.dt / cycles
-        found.append(
+        responses_by_candidate.append(
             Response(
                 candidate=candidate,
                 force=force[0],
@@ -264,16 +261,16 @@ def responses(posterior: LinearisedPosterior, candidates: Sequence[Candidate]) -
                 energy_derivative=_quotient(energy[:, None], ahead - behind)[0],
             )
         )
-    return found
+    return responses_by_candidate
 
 
-def information(posterior: LinearisedPosterior, response: Response) -> Array:
+def information(posterior: LinearisedPosterior, response: Response) -> Floats:
     """Precision that a candidate adds, shape (n_free, n_free)."""
     unit = response.corrected / (np.std(response.force) * np.sqrt(response.force.size))
     return np.asarray(posterior.weight * unit.T @ unit)
 
 
-def band_matrix(posterior: LinearisedPosterior, targets: Sequence[Response], band: str) -> tuple[Array, str]:
+def band_matrix(posterior: LinearisedPosterior, targets: Sequence[Response], band: str) -> tuple[Floats, str]:
     """Matrix M of a band with variance trace(M cov), shape (n_free, n_free), and the unit of its deviation."""
     if band == "force":
         parts = [each.derivative / (np.std(each.force) * np.sqrt(each.force.size)) for each in targets]
@@ -294,10 +291,12 @@ def _column_of(posterior: LinearisedPosterior, band: str) -> int:
         return free.index(band)
     if band in posterior.spec.names:
         raise SettingError(f"{band} is fixed, no test narrows it; take force, energy, {', '.join(free)}")
-    raise UnknownNameError(f"there is no band {band!r}; take force, energy, {', '.join(free)}")
+    raise UnknownNameError(
+        f"there is no band {band!r}{suggestion(band, ['force', 'energy', *free], otherwise='take')}"
+    )
 
 
-def _quotient(rows: Array, width: Array) -> Array:
+def _quotient(rows: Floats, width: Floats) -> Floats:
     """Difference quotients, shape (n_time, n_free), of rows: the centre, those ahead, those behind."""
     ahead, behind = np.split(rows[1:], 2)
     return np.asarray(((ahead - behind) / width[:, None]).T)
@@ -332,13 +331,13 @@ class CheckedPlan(Summarised):
             plan,
             facts=(
                 *plan.facts,
-                ("rank correlation with draws", rounded(self.agreement, 2)),
-                ("effective draws after a test", f"at least {rounded(self.least_effective, 3)}"),
+                ("rank correlation with draws", format_rounded(self.agreement, 2)),
+                ("effective draws after a test", f"at least {format_rounded(self.least_effective, 3)}"),
             ),
         )
 
 
-def normal_draws(posterior: LinearisedPosterior, n_draws: int, rng: np.random.Generator) -> Array:
+def normal_draws(posterior: LinearisedPosterior, n_draws: int, rng: np.random.Generator) -> Floats:
     """Draws of the linearised posterior as parameters, shape (n_draws, n_params), clipped to the box."""
     root = np.linalg.cholesky(np.linalg.inv(posterior.precision))
     position = posterior.position + rng.standard_normal((n_draws, posterior.position.size)) @ root.T
@@ -348,7 +347,7 @@ def normal_draws(posterior: LinearisedPosterior, n_draws: int, rng: np.random.Ge
 def checked_with_draws(
     plan: Plan,
     posterior: LinearisedPosterior,
-    draws: Array,
+    draws: Floats,
     *,
     targets: Sequence[Candidate] = (),
     rng: np.random.Generator,
@@ -384,21 +383,20 @@ def checked_with_draws(
     return CheckedPlan(plan=replace(plan, gains=tuple(gains)), agreement=agreement, least_effective=least)
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class _Forces:
     """Forces of the draws minus their mean, (n_draws, n_counted), per its deviation and root n; energies of a cycle."""
 
-    force: Array
-    corrected: Array
-    energy: Array
+    force: Floats
+    corrected: Floats
+    energy: Floats
 
     def of_draws(self, usable: NDArray[np.bool_]) -> _Forces:
         return _Forces(force=self.force[usable], corrected=self.corrected[usable], energy=self.energy[usable])
 
 
-def _forces(posterior: LinearisedPosterior, draws: Array, candidates: Sequence[Candidate]) -> list[_Forces]:
-    found = []
+def _forces(posterior: LinearisedPosterior, draws: Floats, candidates: Sequence[Candidate]) -> list[_Forces]:
+    forces = []
     for candidate in candidates:
         loading, counted = motion_of(candidate, posterior.spec)
         run = simulate_forces(posterior.spec, draws, loading.history(), threads=posterior.threads)
@@ -409,19 +407,19 @@ def _forces(posterior: LinearisedPosterior, draws: Array, candidates: Sequence[C
             2.0 * np.pi * candidate.frequency * loading.dt * np.arange(counted.start, counted.stop)
         )
         energy = force @ velocity
-        found.append(
+        forces.append(
             _Forces(
                 force=(force - middle) / size,
                 corrected=without_nuisance(force, middle, posterior.nuisances) / size,
                 energy=energy / float(np.nanmean(energy)),
             )
         )
-    return found
+    return forces
 
 
 def _band_gram(
-    posterior: LinearisedPosterior, draws: Array, of_targets: Sequence[_Forces], band: str
-) -> Array:
+    posterior: LinearisedPosterior, draws: Floats, of_targets: Sequence[_Forces], band: str
+) -> Floats:
     """Inner products of the draws in the quantity of the band, shape (n_draws, n_draws)."""
     if band == "force":
         return np.asarray(np.mean([each.force @ each.force.T for each in of_targets], axis=0))
@@ -433,8 +431,8 @@ def _band_gram(
 
 
 def _weights(
-    posterior: LinearisedPosterior, corrected: Array, truths: NDArray[np.int64], rng: np.random.Generator
-) -> Array:
+    posterior: LinearisedPosterior, corrected: Floats, truths: NDArray[np.int64], rng: np.random.Generator
+) -> Floats:
     """Posterior weight of each draw after the test of each truth, shape (n_truths, n_draws), rows of sum 1."""
     measured = corrected[truths] + rng.standard_normal((truths.size, corrected.shape[1])) / np.sqrt(
         posterior.weight
@@ -448,5 +446,5 @@ def _weights(
     return np.asarray(weights / weights.sum(axis=1, keepdims=True))
 
 
-def _variances(gram: Array, weights: Array) -> Array:
+def _variances(gram: Floats, weights: Floats) -> Floats:
     return np.asarray(weights @ np.diag(gram) - np.einsum("kj,kj->k", weights @ gram, weights))

@@ -14,27 +14,24 @@ from statistics import NormalDist
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.arguments import Count, NotNegative, Positive, Shape, checked
 from mrwork.errors import RecordError
 from mrwork.identification.fit import Fit, Interval, Intervals, Provenance, VerdictName
-from mrwork.numbers import rounded, with_decimals
+from mrwork.numbers import format_rounded, with_decimals
 from mrwork.store.child_reader import Member, UnreadableError, read_members
 from mrwork.store.codec import Related, record_of
-from mrwork.store.input_file import bytes_of, is_there, stored
+from mrwork.store.input_file import bytes_of, is_there, make_stored_kind
 from mrwork.store.run_folder import DRAWS
 from mrwork.summary import Summarised, Summary
 from mrwork.uncertainty.identifiability.verdicts import ParameterScale, judge_interval
 from mrwork.uncertainty.noise import noise_model
 from mrwork.uncertainty.posterior.target import NOISE
-from mrwork.values import holds_arrays
+from mrwork.values import Floats, array_dataclass
 
 if TYPE_CHECKING:
     from xarray import DataTree
 
-
-Array = NDArray[np.float64]
 
 # Limits on R-hat and effective sizes: Vehtari et al. (2021); on the length in autocorrelation times: emcee.
 LARGEST_RHAT = 1.01
@@ -46,17 +43,16 @@ _BURN_IN = 0.25
 _MOST_DRAWS = 1000
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class Diagnosis:
     """Convergence after the burn-in, shape (n_params,), NaN for what did not vary; `tau` in steps."""
 
     names: tuple[str, ...]
     n_steps: int
-    tau: Array
-    rhat: Array
-    ess_bulk: Array
-    ess_tail: Array
+    tau: Floats
+    rhat: Floats
+    ess_bulk: Floats
+    ess_tail: Floats
 
     @property
     def length(self) -> float:
@@ -67,27 +63,27 @@ class Diagnosis:
     @property
     def shortcomings(self) -> tuple[str, ...]:
         """Criteria that are not met, in words; empty where the chain has converged."""
-        found = []
+        criteria = []
         if not self.length >= _LEAST_LENGTH:
-            found.append(
+            criteria.append(
                 f"the chain is {self.length:.0f} autocorrelation times long where {_LEAST_LENGTH:.0f} are required"
             )
         worst = int(np.argmax(np.where(np.isnan(self.rhat), np.inf, self.rhat)))
         if not self.rhat[worst] < LARGEST_RHAT:
-            found.append(
+            criteria.append(
                 f"walkers disagree most on {self.names[worst]} (R-hat {self.rhat[worst]:.3f}, below {LARGEST_RHAT} "
                 "is required)"
             )
         ess = np.minimum(self.ess_bulk, self.ess_tail)
         least = int(np.argmin(np.where(np.isnan(ess), -np.inf, ess)))
         if not ess[least] >= LEAST_ESS:
-            found.append(
+            criteria.append(
                 f"{self.names[least]} has {ess[least]:.0f} effective draws where {LEAST_ESS:.0f} are required"
             )
-        return tuple(found)
+        return tuple(criteria)
 
 
-def diagnose(values: Array, names: tuple[str, ...]) -> Diagnosis:
+def diagnose(values: Floats, names: tuple[str, ...]) -> Diagnosis:
     """Diagnose a chain without its burn-in, shape (n_steps, n_walkers, n_params); walkers count as chains."""
     n_steps = len(values)
     by_chain = np.moveaxis(values[:: max(1, ceil(n_steps / _MOST_DRAWS))], 0, 1)
@@ -113,7 +109,7 @@ class Convergence(NamedTuple):
 
 
 @checked
-def convergence(chains: Annotated[Array, Shape(("n_chains", "n_draws"))]) -> Convergence:
+def convergence(chains: Annotated[Floats, Shape(("n_chains", "n_draws"))]) -> Convergence:
     """Rank-normalised R-hat, effective sizes and Monte-Carlo error of draws, shape (n_chains, n_draws)."""
     # ArviZ takes a second to load, and has no type annotations.
     statistics: Any = import_module("arviz_stats.base").array_stats
@@ -127,7 +123,7 @@ def convergence(chains: Annotated[Array, Shape(("n_chains", "n_draws"))]) -> Con
         )
 
 
-def autocorrelation_times(values: Array) -> Array:
+def autocorrelation_times(values: Floats) -> Floats:
     """Integrated autocorrelation time in steps, shape (n_params,), of a chain, (n_steps, n_walkers, n_params)."""
     from emcee.autocorr import integrated_time
 
@@ -135,7 +131,7 @@ def autocorrelation_times(values: Array) -> Array:
         return np.asarray(integrated_time(values, tol=0, has_walkers=True))
 
 
-def kept(n_steps: int) -> slice:
+def select_kept_rows(n_steps: int) -> slice:
     """Rows of a chain after the burn-in; its first row is the start."""
     return slice(1 + int(_BURN_IN * n_steps), n_steps + 1)
 
@@ -209,16 +205,15 @@ class DrawSummary:
         )
 
     def judge(self, scale: ParameterScale) -> DrawSummary:
-        """With the verdict: as for a profile, where an end at which the draws pile up is open."""
+        """The summary with a verdict by the rule of profiles; an end at which the draws pile up counts as open."""
         if self.fixed:
             return self
         ends = self.interval.lower, self.interval.upper
-        found = judge_interval(ends, _DEVIATIONS, scale, opened=f"it {self.remark}")
-        return replace(self, verdict=found.verdict, reason=found.reason)
+        verdict = judge_interval(ends, _DEVIATIONS, scale, opened=f"it {self.remark}")
+        return replace(self, verdict=verdict.verdict, reason=verdict.reason)
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class Draws(Summarised):
     """Draws from a posterior, by walker.
 
@@ -236,9 +231,9 @@ class Draws(Summarised):
     names: tuple[str, ...]
     noise_model: str
     noise_names: tuple[str, ...]
-    chains: Array
-    noise_chains: Array
-    densities: Array
+    chains: Floats
+    noise_chains: Floats
+    densities: Floats
     summaries: tuple[DrawSummary, ...]
     status: DrawsStatus
     verdict: str
@@ -247,15 +242,15 @@ class Draws(Summarised):
     thinning: int
     seconds: float
     provenance: Provenance | None
-    measured: Mapping[str, Array]
+    measured: Mapping[str, Floats]
 
     @property
-    def theta(self) -> Array:
+    def theta(self) -> Floats:
         """Parameters of all draws, shape (n_draws, n_params)."""
         return self.chains.reshape(-1, len(self.names))
 
     @property
-    def noise(self) -> Array:
+    def noise(self) -> Floats:
         """Noise parameters of all draws, shape (n_draws, n_noise)."""
         return self.noise_chains.reshape(-1, len(self.noise_names))
 
@@ -265,7 +260,7 @@ class Draws(Summarised):
         return tuple(each for each in self.summaries if not each.fixed)
 
     @checked
-    def chain(self, name: str) -> Array:
+    def chain(self, name: str) -> Floats:
         """Draws of one parameter or noise parameter, shape (n_walkers, n_kept)."""
         if name in self.noise_names:
             return self.noise_chains[..., self.noise_names.index(name)]
@@ -281,7 +276,7 @@ class Draws(Summarised):
         )
 
     @property
-    def log_posterior(self) -> Array:
+    def log_posterior(self) -> Floats:
         """Log posterior of all draws, shape (n_draws,)."""
         return self.densities.reshape(-1)
 
@@ -347,9 +342,9 @@ class Draws(Summarised):
             rows=[
                 (
                     each.name,
-                    rounded(each.median, 5),
-                    rounded(each.lower, 5),
-                    rounded(each.upper, 5),
+                    format_rounded(each.median, 5),
+                    format_rounded(each.lower, 5),
+                    format_rounded(each.upper, 5),
                     each.unit,
                     with_decimals(each.rhat, 3),
                     with_decimals(each.ess_bulk, 0),
@@ -361,7 +356,9 @@ class Draws(Summarised):
         )
 
 
-def summary_of(chain: Array, *, name: str, unit: str, bounds: tuple[float, float], tau: float) -> DrawSummary:
+def summary_of(
+    chain: Floats, *, name: str, unit: str, bounds: tuple[float, float], tau: float
+) -> DrawSummary:
     """Summarise the draws of one parameter, shape (n_walkers, n_kept)."""
     tail = 0.5 * (1.0 - LEVEL)
     first, lower, median, upper, last = np.quantile(chain, [tail, 0.05, 0.5, 0.95, 1.0 - tail]).tolist()
@@ -383,7 +380,7 @@ def summary_of(chain: Array, *, name: str, unit: str, bounds: tuple[float, float
     )
 
 
-def _pile(chain: Array, bounds: tuple[float, float], width: float) -> Remark:
+def _pile(chain: Floats, bounds: tuple[float, float], width: float) -> Remark:
     """Remark where the outermost 1 % of the draws comes within 2 % of their width of a bound.
 
     A half-normal density, truncated at its mode, comes within 0.7 %, a normal one truncated at two deviations within 5
@@ -399,12 +396,12 @@ def _pile(chain: Array, bounds: tuple[float, float], width: float) -> Remark:
 _OF_FIT = "of_fit"
 # Share by which a draw may exceed a bound after a conversion between forms of a model.
 _ROUNDING = 1e-6
-_KIND = stored("sample", name="the draws")
+_KIND = make_stored_kind("sample", name="the draws")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Stated:
-    """What the file says of the sampling."""
+    """Facts of the sampling, as stored in the file."""
 
     noise: str
     verdict: str
@@ -417,7 +414,7 @@ class _Stated:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _OfVariable(Related):
-    """What the file says of a parameter."""
+    """Facts of a parameter, as stored in the file."""
 
     median: float
     lower: float
@@ -426,7 +423,7 @@ class _OfVariable(Related):
     reason: str = ""
 
     def disagreement(self) -> str:
-        """Whether the ends of the interval are in order."""
+        """First contradiction: ends of the interval that are not in order."""
         return "" if self.lower <= self.upper else f"its interval is from {self.lower:g} to {self.upper:g}"
 
 
@@ -532,7 +529,7 @@ def _variables(members: Mapping[str, Member], group: str) -> dict[str, Member]:
     }
 
 
-def _numbers(member: Member) -> Array:
+def _numbers(member: Member) -> Floats:
     if member.array is None:
         raise ValueError("one of its variables has no numbers")
     return member.array.astype(np.float64)

@@ -5,7 +5,7 @@ Weighted draws cost far less than a chain, and their weights show how well the a
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from importlib import import_module
 from typing import Any
 
@@ -13,11 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.errors import SettingError
-from mrwork.identification.objective import linearised
+from mrwork.identification.objective import linearise_residuals
 from mrwork.uncertainty.posterior.target import Target
-from mrwork.values import holds_arrays
-
-Array = NDArray[np.float64]
+from mrwork.values import Floats, array_dataclass
 
 # Finite-difference step in a noise coordinate, as a share of the distance to the nearer bound.
 _NOISE_STEP = 1e-3
@@ -39,12 +37,12 @@ _ROUNDS = 3
 _FEWEST, _PER_DIMENSION = 500, 100
 
 
-def residual_slope(target: Target, position: Array) -> tuple[Array, Array]:
+def residual_slope(target: Target, position: Floats) -> tuple[Floats, Floats]:
     """Residuals of all tests in deviations, (n_residuals,), and derivative by coordinate, (n_free, n_residuals)."""
     space, objective = target.space, target.objective
     values = np.asarray(space.values(position)[0])
     theta = np.ascontiguousarray(values[: space.n_params])
-    residuals, slopes = linearised(objective.plain, theta[None], target.form.box.free)
+    residuals, slopes = linearise_residuals(objective.plain, theta[None], target.form.box.free)
     # The objective weights tests equally, a likelihood by their samples.
     n_tests = len(objective.tests)
     own = np.concatenate(
@@ -56,7 +54,7 @@ def residual_slope(target: Target, position: Array) -> tuple[Array, Array]:
     return residuals[0] * own, np.asarray(space.slope(values).T @ (slopes[0] * own))
 
 
-def fisher_information(target: Target, position: Array) -> Array:
+def fisher_information(target: Target, position: Floats) -> Floats:
     """Fisher information of the tempered likelihood and of a uniform prior, shape (n_dim, n_dim)."""
     residual, slope = residual_slope(target, position)
     n_dim, n_free = target.space.n_dim, len(slope)
@@ -68,7 +66,7 @@ def fisher_information(target: Target, position: Array) -> Array:
     return information
 
 
-def _noise_curvature(target: Target, position: Array, index: int) -> float:
+def _noise_curvature(target: Target, position: Floats, index: int) -> float:
     """Negative second derivative of the tempered log-likelihood with respect to a coordinate of the noise."""
     step = _NOISE_STEP * min(position[index], 1.0 - position[index])
     offsets = np.zeros((3, position.size))
@@ -80,10 +78,10 @@ def _noise_curvature(target: Target, position: Array, index: int) -> float:
 
 def first_walkers(
     target: Target,
-    start: Array,
+    start: Floats,
     n_walkers: int,
     rng: np.random.Generator,
-) -> Array:
+) -> Floats:
     """Starting positions about `start`, (n_params,), shape (n_walkers, n_dim), all of positive density.
 
     Normal with the inverse of the tempered Fisher information as covariance, reflected at the faces of the box.
@@ -106,23 +104,22 @@ def first_walkers(
     )
 
 
-def centre_and_root(target: Target, start: Array) -> tuple[Array, Array]:
+def centre_and_root(target: Target, start: Floats) -> tuple[Floats, Floats]:
     """Position of `start` with its noise, (n_dim,), and a Cholesky factor of the covariance, (n_dim, n_dim)."""
     origin = target.position_of(target.form.box.inside(start))
     return origin, np.linalg.cholesky(np.linalg.inv(fisher_information(target, origin)))
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class Ellipsoid:
     """Centre (n_dim,) in a target's space, and covariance (n_moving, n_moving) of the coordinates that move."""
 
-    centre: Array
+    centre: Floats
     moving: NDArray[np.intp]
-    covariance: Array
+    covariance: Floats
 
 
-def fisher_ellipsoid(target: Target, theta: Array) -> Ellipsoid:
+def fisher_ellipsoid(target: Target, theta: Floats) -> Ellipsoid:
     """Mode of the posterior near a fit, shape (n_params,), and the covariance there."""
     centre, moving = _mode_near(target, theta)
     information = fisher_information(target, centre)[np.ix_(moving, moving)]
@@ -130,13 +127,13 @@ def fisher_ellipsoid(target: Target, theta: Array) -> Ellipsoid:
     return Ellipsoid(centre=centre, moving=moving, covariance=covariance)
 
 
-def mode_near(target: Target, theta: Array) -> Array:
+def mode_near(target: Target, theta: Floats) -> Floats:
     """Mode of the posterior near a fit, both (n_params,); a likelihood weights tests by their samples."""
     centre, _ = _mode_near(target, theta)
     return np.asarray(target.space.values(centre)[0])[: target.space.n_params]
 
 
-def _mode_near(target: Target, theta: Array) -> tuple[Array, NDArray[np.intp]]:
+def _mode_near(target: Target, theta: Floats) -> tuple[Floats, NDArray[np.intp]]:
     """Position of the mode near a fit, by Gauss-Newton, and the coordinates that move: no parameter on a bound does."""
     centre = target.position_of(theta)
     moving = _off_faces(target, centre)
@@ -158,7 +155,7 @@ def _mode_near(target: Target, theta: Array) -> tuple[Array, NDArray[np.intp]]:
     return centre, moving
 
 
-def _with_estimated_noise(target: Target, position: Array) -> Array:
+def _with_estimated_noise(target: Target, position: Floats) -> Floats:
     """Positions with noise estimated from their residuals, (n_tried, n_dim); those outside the box are unchanged."""
     result = position.copy()
     values, inside = target.space.values(position)
@@ -170,22 +167,21 @@ def _with_estimated_noise(target: Target, position: Array) -> Array:
     return result
 
 
-def _off_faces(target: Target, position: Array) -> NDArray[np.intp]:
+def _off_faces(target: Target, position: Floats) -> NDArray[np.intp]:
     space = target.space
     unit = np.asarray(space.box.unit_from_theta(np.asarray(space.values(position)[0])))
     return np.flatnonzero((unit > _ON_FACE) & (unit < 1.0 - _ON_FACE))
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class WeightedDraws:
     """Positions of a target's space, (n_draws, n_dim), and log of target over proposal density, (n_draws,)."""
 
-    position: Array
-    log_ratio: Array
+    position: Floats
+    log_ratio: Floats
 
     @property
-    def weights(self) -> Array:
+    def weights(self) -> Floats:
         """Pareto-smoothed importance weights, shape (n_draws,), of sum 1."""
         # ArviZ takes seconds to load, and has no type annotations.
         statistics: Any = import_module("arviz_stats.base").array_stats
@@ -198,7 +194,7 @@ class WeightedDraws:
         return float(1.0 / np.sum(self.weights**2))
 
 
-def draw_about(target: Target, theta: Array, n_draws: int, rng: np.random.Generator) -> WeightedDraws:
+def draw_about(target: Target, theta: Floats, n_draws: int, rng: np.random.Generator) -> WeightedDraws:
     """Importance-weighted draws from a multivariate t distribution about a fit, by population Monte Carlo.
 
     In a few rounds, centre and covariance become those of the weighted draws (Cappe et al., J. Comput. Graph. Stat. 13,

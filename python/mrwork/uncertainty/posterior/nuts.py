@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from importlib import import_module
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.arguments import Count, Seed, checked
 from mrwork.errors import SettingError
@@ -20,9 +19,8 @@ from mrwork.twins.models import begin, simulate
 from mrwork.uncertainty.noise import NOISES, names_in_words
 from mrwork.uncertainty.posterior.laplace import centre_and_root
 from mrwork.uncertainty.posterior.target import Target
-from mrwork.values import holds_arrays
+from mrwork.values import Floats, array_dataclass
 
-Array = NDArray[np.float64]
 LogDensity = Callable[[jax.Array], jax.Array]
 
 
@@ -70,18 +68,16 @@ def substeps_at(target: Target, theta: Any) -> tuple[int, ...]:
     return tuple(max(1, int(run.substeps[0])) for run in runs)
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@array_dataclass(repr=False)
 class NutsDraws(Summarised):
     """Parameters and noise, shape (n_chains, n_draws, n_params + n_noise), and the number of divergent trajectories."""
 
-    values: Array
+    values: Floats
     diverged: int
     evaluations: int
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class Trajectories:
     """Unbounded coordinates in which the target is nearly standard normal: logits, scaled by the Fisher ellipsoid.
 
@@ -90,13 +86,13 @@ class Trajectories:
     """
 
     target: Target
-    origin: Array
-    root: Array
+    origin: Floats
+    root: Floats
     stiffness: int | None
     log_density: LogDensity
 
     @classmethod
-    def of(cls, target: Target, start: Array) -> Trajectories:
+    def of(cls, target: Target, start: Floats) -> Trajectories:
         """The coordinates about `start`, (n_params,)."""
         pair = target.space.pair
         even_in_product = pair is not None and target.space.priors[pair[1]] is None
@@ -132,7 +128,7 @@ class Trajectories:
 @checked
 def sample_nuts(
     target: Target,
-    start: Array,
+    start: Floats,
     *,
     warmup: Count = 500,
     draws: Count = 1000,
@@ -152,7 +148,7 @@ def sample_nuts(
 
 
 def nuts_of(
-    target: Target, start: Array, *, warmup: Count, draws: Count, chains: Count
+    target: Target, start: Floats, *, warmup: Count, draws: Count, chains: Count
 ) -> Callable[[int], NutsDraws]:
     """The sampler of `sample_nuts` as a function of the seed, compiled on the first call."""
     try:

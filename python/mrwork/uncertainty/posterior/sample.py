@@ -22,10 +22,10 @@ from mrwork.arguments import Threads, checked
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import Interrupted, JournalError, SettingError
+from mrwork.hints import Within
 from mrwork.identification.fit import Fit
 from mrwork.identification.problem import Problem, provenance_with
 from mrwork.identification.result import Slopes
-from mrwork.keys import Within
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
 from mrwork.store.codec import array_of, digest_of, package_version
@@ -41,15 +41,14 @@ from mrwork.uncertainty.posterior.draws import (
     DrawSummary,
     autocorrelation_times,
     diagnose,
-    kept,
     next_check,
+    select_kept_rows,
     summary_of,
 )
 from mrwork.uncertainty.posterior.laplace import first_walkers, mode_near
-from mrwork.uncertainty.posterior.target import Prior, Target, Tempering
-from mrwork.values import holds_arrays
+from mrwork.uncertainty.posterior.target import Prior, Steps, Target, Tempering, Walkers
+from mrwork.values import Floats, array_dataclass
 
-Array = NDArray[np.float64]
 # As returned by `numpy.random.RandomState.get_state`.
 RandomState = tuple[str, NDArray[np.uint32], int, int, float]
 
@@ -67,7 +66,7 @@ class PastDifferences(Move):  # type: ignore[misc] # a base class without types
     would.
     """
 
-    def __init__(self, target: Callable[[Array], Array], past: Callable[[], Array]) -> None:
+    def __init__(self, target: Callable[[Floats], Floats], past: Callable[[], Floats]) -> None:
         self._target = target
         self._past = past
 
@@ -99,13 +98,13 @@ class Ensemble(Summarised):
     the two. The arrays may be longer than the chain.
     """
 
-    target: Callable[[Array], Array]
-    positions: Array
-    densities: Array
+    target: Callable[[Floats], Floats]
+    positions: Floats
+    densities: Floats
     at: tuple[int, RandomState]
 
     @classmethod
-    def begin(cls, target: Callable[[Array], Array], walkers: Array, rng: int) -> Ensemble:
+    def begin(cls, target: Callable[[Floats], Floats], walkers: Floats, rng: int) -> Ensemble:
         """An ensemble at its start, shape (n_walkers, n_dim), with its own random stream."""
         # emcee uses the legacy generator.
         stream = np.random.RandomState(np.random.MT19937(np.random.SeedSequence(rng)))
@@ -160,8 +159,7 @@ _PACKAGES = ("mrwork", "numpy", "emcee", "arviz-stats")
 _MOST_ROWS = 1000
 
 
-@holds_arrays
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class SamplingProblem:
     """Target and settings of a sampling run; `start`, shape (n_params,), is in the form that is sampled."""
 
@@ -169,7 +167,7 @@ class SamplingProblem:
     target: Target
     bounds: Mapping[str, tuple[float, float]]
     priors: Mapping[str, Prior]
-    start: Array
+    start: Floats
     walkers: int
     rng: int
 
@@ -223,7 +221,7 @@ class SamplingProblem:
             "bounds": {name: list(self.bounds[name]) for name in sorted(self.bounds)},
             "priors": {
                 # Priors are dataclasses, which a protocol cannot state.
-                name: {"kind": type(prior).__name__} | asdict(prior)  # type: ignore[call-overload]
+                name: {"kind": type(prior).__name__} | asdict(prior)  # type: ignore[call-overload] # priors are dataclasses
                 for name, prior in sorted(self.priors.items())
             },
             "nuisances": list(objective.settings.nuisances),
@@ -253,14 +251,14 @@ class SamplingProblem:
     def diagnosis(self, ensemble: Ensemble) -> Diagnosis:
         """Convergence diagnostics of a chain after its burn-in."""
         space = self.target.space
-        values, _ = space.values(ensemble.positions[kept(ensemble.n_steps)])
+        values, _ = space.values(ensemble.positions[select_kept_rows(ensemble.n_steps)])
         return diagnose(np.asarray(values)[..., np.array(space.box.free)], space.names)
 
     def draws(
         self, ensemble: Ensemble, diagnosis: Diagnosis, *, seconds: float, interrupted: bool = False
     ) -> Draws:
         """Draws from a chain of at least one step, after its burn-in and thinned."""
-        rows = kept(ensemble.n_steps)
+        rows = select_kept_rows(ensemble.n_steps)
         space = self.target.space
         values = np.moveaxis(np.asarray(space.values(ensemble.positions[rows])[0]), 0, 1)
         chains = np.asarray(self.target.form.to_model(values[..., : space.n_params]))
@@ -293,7 +291,7 @@ class SamplingProblem:
             measured={test.name: test.force for test in self.target.objective.tests},
         )
 
-    def _summaries(self, chains: Array) -> tuple[DrawSummary, ...]:
+    def _summaries(self, chains: Floats) -> tuple[DrawSummary, ...]:
         """Summaries of the model's parameters, then the noise parameters; chains (n_walkers, n_kept, n_all)."""
         own, space = Box.of(self.spec).with_bounds(self.bounds), self.target.space
         names = self.spec.names + space.box.names[space.n_params :]
@@ -304,7 +302,7 @@ class SamplingProblem:
         upper = own.upper + space.box.upper[space.n_params :]
         tau = autocorrelation_times(np.moveaxis(chains, 0, 1))
         strided = chains[:, :: max(1, ceil(chains.shape[1] / _MOST_ROWS))]
-        found = [
+        summaries = [
             summary_of(
                 np.ascontiguousarray(strided[..., index]),
                 name=name,
@@ -320,9 +318,9 @@ class SamplingProblem:
         derivative = Slopes.at(objective.plain, self.target.form, self.start).by_model()
         judged = [
             each.judge(scale.of_parameter(self.spec, index, derivative[:, index]))
-            for index, each in enumerate(found[: theta.size])
+            for index, each in enumerate(summaries[: theta.size])
         ]
-        return (*judged, *found[theta.size :])
+        return (*judged, *summaries[theta.size :])
 
     def _verdict(self, n_steps: int, diagnosis: Diagnosis, summaries: tuple[DrawSummary, ...]) -> str:
         if diagnosis.shortcomings:
@@ -377,8 +375,8 @@ def sample(
     noise: str = "iid",
     priors: Mapping[str, Prior] | None = None,
     tempering: Tempering | None = None,
-    walkers: Annotated[int, Within(least=2, most=10_000)] = 64,
-    most_steps: Annotated[int, Within(least=1, most=10_000_000)] = 20_000,
+    walkers: Walkers = 64,
+    most_steps: Steps = 20_000,
     rng: Annotated[int, Within(least=0, most=2**32 - 1)] = 0,
     threads: Threads = 0,
     journal: Journal | None = None,
@@ -458,7 +456,7 @@ def sample(
         threads=threads,
     )
     _refuse_long_chain(walkers, most_steps, problem.target.space.n_dim)
-    density: Callable[[Array], Array] = problem.target
+    density: Callable[[Floats], Floats] = problem.target
     if journal is not None:
         journal.agree("sampling", problem.fingerprint())
         density = _Journalled(target=problem.target, journal=journal)
@@ -512,12 +510,12 @@ def _run(problem: SamplingProblem, ensemble: Ensemble, monitor: _Monitor) -> Dia
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Journalled:
-    """Log density of proposals, from the journal where it is recorded; all else in a step follows from the seed."""
+    """Log density of proposals, recalled from the journal or computed; the seed determines the rest of a step."""
 
-    target: Callable[[Array], Array]
+    target: Callable[[Floats], Floats]
     journal: Journal
 
-    def __call__(self, positions: Array) -> Array:
+    def __call__(self, positions: Floats) -> Floats:
         inputs = digest_of(positions)
         recorded = self.journal.recall(
             "step", inputs, lambda record: _recorded_densities(record, len(positions))
@@ -530,7 +528,7 @@ class _Journalled:
         return densities
 
 
-def _recorded_densities(record: Mapping[str, Any], n_walkers: int) -> Array:
+def _recorded_densities(record: Mapping[str, Any], n_walkers: int) -> Floats:
     """Log densities of a step, (n_walkers,), -inf outside the support; ValueError where one is no such number."""
     densities = array_of(record["densities"]).reshape(n_walkers)
     if not np.all(densities < np.inf):

@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from math import isfinite, log, pi
-from typing import Any, ClassVar, Literal, Protocol
+from typing import Annotated, Any, ClassVar, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,15 +22,16 @@ from numpy.typing import NDArray
 from mrwork.arguments import Shape, checked
 from mrwork.dampers.coordinates import Box
 from mrwork.errors import SettingError, UnknownNameError
+from mrwork.hints import Within
 from mrwork.identification.equivalent import Form
 from mrwork.identification.objective import Objective
 from mrwork.identification.result import effective_samples
 from mrwork.summary import Summarised
 from mrwork.uncertainty.noise import Noise
+from mrwork.values import Floats
 
 # NumPy or JAX, as in `coordinates`.
 AnyArray = Any
-Array = NDArray[np.float64]
 
 _HALF_LOG_2_PI = 0.5 * log(2.0 * pi)
 
@@ -43,7 +44,6 @@ class Prior(Protocol):
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Normal:
     """Normal about `mean` with standard `deviation`."""
 
@@ -60,7 +60,6 @@ class Normal:
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Lognormal:
     """Lognormal about `median`, with the standard `deviation` of the natural logarithm."""
 
@@ -84,7 +83,6 @@ class Lognormal:
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Uniform:
     """Uniform in the value between two limits, regardless of the scale of the parameter."""
 
@@ -273,6 +271,8 @@ class Space:
 
 _PARAMETERS = Shape(("n_params",))
 Tempering = Literal["effective"] | float
+Walkers = Annotated[int, Within(least=2, most=10_000)]
+Steps = Annotated[int, Within(least=1, most=10_000_000)]
 
 # Largest number of force histories in memory.
 _ROWS = 64
@@ -304,7 +304,7 @@ class Target(Summarised):
         objective: Objective,
         noise: Noise,
         *,
-        start: Array,
+        start: Floats,
         priors: Mapping[str, Prior],
         tempering: Tempering | None,
     ) -> Target:
@@ -332,7 +332,7 @@ class Target(Summarised):
                 raise SettingError(f"`tempering` is {share:g}; give 'effective', or a share above 0 up to 1")
         return replace(target, temper=share)
 
-    def __call__(self, position: Array) -> Array:
+    def __call__(self, position: Floats) -> Floats:
         """Log posterior of each row of `position` (n_batch, n_dim), shape (n_batch,); -inf outside and on failure."""
         values, inside = self.space.values(position)
         density = np.full(len(position), -np.inf)
@@ -342,7 +342,7 @@ class Target(Summarised):
             density[rows] = self.space.log_prior(within) + self.temper * self.log_likelihood(within)
         return density
 
-    def log_likelihood(self, values: Array) -> Array:
+    def log_likelihood(self, values: Floats) -> Floats:
         """Untempered log-likelihood of parameters and noise, shape (n_batch,); -inf where a simulation failed."""
         n_params = self.space.n_params
         theta, noise = np.ascontiguousarray(values[:, :n_params]), values[:, n_params:]
@@ -353,14 +353,14 @@ class Target(Summarised):
             return self.noise.log_likelihood_of_sum(squared, self.objective.n_time, noise)
         return in_chunks(self._of_histories, theta, noise)
 
-    def _of_histories(self, theta: Array, noise: Array) -> Array:
+    def _of_histories(self, theta: Floats, noise: Floats) -> Floats:
         total = np.zeros(len(theta))
         for residual, force, failed in self.residuals(theta):
             total += self.noise.log_densities(residual, force, noise).sum(axis=1)
             total[failed] = -np.inf
         return total
 
-    def residuals(self, theta: Array) -> Iterator[tuple[Array, Array, NDArray[np.bool_]]]:
+    def residuals(self, theta: Floats) -> Iterator[tuple[Floats, Floats, NDArray[np.bool_]]]:
         """Residuals and forces about their mean, (n_batch, n_counted), in deviations; zero in rows that failed."""
         objective = self.objective
         objective.tally.simulations += len(theta)
@@ -372,20 +372,20 @@ class Target(Summarised):
             force[failed] = 0.0
             yield residual, force, failed
 
-    def noise_at(self, theta: Array) -> Array:
+    def noise_at(self, theta: Floats) -> Floats:
         """Moment estimates of the noise parameters, (n_noise,), at `theta` (n_params,), averaged over tests."""
-        found = [
+        estimates = [
             self.noise.estimate(residual[0], force[0]) for residual, force, _ in self.residuals(theta[None])
         ]
-        return np.asarray(np.mean(found, axis=0))
+        return np.asarray(np.mean(estimates, axis=0))
 
-    def position_of(self, theta: Array) -> Array:
+    def position_of(self, theta: Floats) -> Floats:
         """Position (n_dim,) of parameters (n_params,), clipped to the box, with the noise of the residuals."""
         values = np.concatenate([theta, self.noise_at(theta)])
         return np.asarray(self.space.position(self.space.box.inside(values)))
 
 
-def in_chunks(function: Callable[[Array, Array], Array], theta: Array, noise: Array) -> Array:
+def in_chunks(function: Callable[[Floats, Floats], Floats], theta: Floats, noise: Floats) -> Floats:
     """Results of `function` for rows of parameters and noise, computed in chunks to limit memory."""
     chunks = -(-len(theta) // _ROWS)
     pairs = zip(np.array_split(theta, chunks), np.array_split(noise, chunks), strict=True)

@@ -54,8 +54,8 @@ def _section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
             Group(
                 prose=(
                     f"Of {len(plan.gains)} candidates, {name} is expected to reduce the variance of the band of "
-                    f"{plan.band} by {numbers.fixed(100 * best.gain, 1)} %. This assumes that the model is valid "
-                    "there; a test in which it is not shows the error of the model instead.",
+                    f"{plan.band} by {numbers.format_fixed(100 * best.gain, 1)} %. This assumes that the model is "
+                    "valid there; a test in which it is not shows the error of the model instead.",
                     agreement,
                 ),
                 table=page_table(

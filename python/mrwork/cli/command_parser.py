@@ -1,0 +1,117 @@
+"""The parser of a verb: options in groups by purpose, help with examples, and one sentence for a wrong command line."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import textwrap
+from collections.abc import Iterable, Sequence
+from itertools import takewhile
+from typing import Any, NoReturn
+
+from mrwork.escaping import escape_text
+
+RECORDS = "records"
+MEASUREMENT = "measurement"
+SEARCH = "search"
+COMPUTATION = "computation"
+OUTPUT = "output"
+"""Titles of the groups of options that several verbs have."""
+
+_EXAMPLES = "examples:"
+_INDENT = "  "
+
+
+def examples(*lines: str) -> str:
+    """The end of a verb's help; the lines run as they are typed in a folder where those of the tour have run."""
+    return "\n".join([_EXAMPLES, *(f"{_INDENT}{line}" for line in lines)])
+
+
+def examples_in(epilog: str | None) -> tuple[str, ...]:
+    """The lines that `examples` was given."""
+    heading, *lines = (epilog or "").splitlines() or [""]
+    return tuple(line.removeprefix(_INDENT) for line in lines) if heading == _EXAMPLES else ()
+
+
+class VerbHelp(argparse.HelpFormatter):
+    """Wraps a description, but no example, and leaves the options to their groups instead of the usage as well."""
+
+    def add_usage(
+        self,
+        usage: str | None,
+        actions: Iterable[argparse.Action],
+        groups: Iterable[Any],
+        prefix: str | None = None,
+    ) -> None:
+        """Say what must be given."""
+        needed = [each for each in actions if each.required or not each.option_strings]
+        words = f"{self._format_usage(usage, needed, [], '').strip()} [options]".replace("%", "%%")
+        margin = " " * len("usage: ")
+        lines = textwrap.wrap(
+            words, self._width - len(margin), break_long_words=False, break_on_hyphens=False
+        )
+        super().add_usage(f"\n{margin}".join(lines), [], [], prefix)
+
+    def _fill_text(self, text: str, width: int, indent: str) -> str:
+        if examples_in(text):
+            return textwrap.indent(text, indent)
+        return super()._fill_text(text, width, indent)
+
+
+class CommandParser(argparse.ArgumentParser):
+    """Reports a wrong command line in one line, without the usage; of a misspelt word it names the nearest."""
+
+    def error(self, message: str) -> NoReturn:
+        """End with a message."""
+        self.exit(2, f"{self.prog}: {escape_text(message)}; see {self.prog} --help\n")
+
+    def parse_known_args(  # type: ignore[override] # of the overloads this package uses one
+        self, args: Sequence[str] | None = None, namespace: argparse.Namespace | None = None
+    ) -> tuple[argparse.Namespace, list[str]]:
+        """Parse a command line, of which no word may be left."""
+        words = list(sys.argv[1:] if args is None else args)
+        self._refuse_unknown_option(words)
+        found, left = super().parse_known_args(words, namespace)
+        if left and left[0].startswith("-"):
+            self.error(f"no option is called {left[0]!r}")
+        if left:
+            several = any(each.nargs in ("+", "*") and not each.option_strings for each in self._actions)
+            together = "; give all files together, with no option between" if several else ""
+            self.error(f"there is no place for {left[0]!r}{together}")
+        return found, left
+
+    def _refuse_unknown_option(self, words: Sequence[str]) -> None:
+        # Options after a verb are those of the verb's parser.
+        own = (
+            takewhile(_is_option, words) if self._subparsers else takewhile(lambda word: word != "--", words)
+        )
+        known = list(self._option_string_actions)
+        for word in own:
+            name = word.partition("=")[0]
+            # argparse takes the beginning of an option for the option, and a text with a blank for an argument.
+            if _is_option(word) and " " not in word and not any(each.startswith(name) for each in known):
+                # Loads difflib, which only a mistake needs.
+                from mrwork.keys import closest
+
+                near = closest(name[2:], [each[2:] for each in known if each.startswith("--")])
+                of_verb = "; options of a verb come after it" if self._subparsers else ""
+                self.error(f"no option is called {name!r}{f', did you mean --{near}' if near else of_verb}")
+
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        if action.choices is None or value in action.choices:
+            return
+        from mrwork.keys import suggestion
+
+        near = suggestion(value, [*action.choices])
+        if isinstance(action, argparse._SubParsersAction):
+            self.error(f"no verb is called {value!r}{near}")
+        self.error(f"{'/'.join(action.option_strings) or action.metavar or action.dest} is {value!r}{near}")
+
+    def group(self, title: str) -> argparse._ArgumentGroup:
+        """The group of options with this title, which is made when it is first asked for."""
+        made = next((each for each in self._action_groups if each.title == title), None)
+        return made or self.add_argument_group(title)
+
+
+def _is_option(word: str) -> bool:
+    return word.startswith("--") and word != "--"

@@ -1,0 +1,50 @@
+"""`mrwork demo`: the identification of an embedded synthetic test, with nothing to prepare."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+from pathlib import Path
+
+from mrwork.cli.command_parser import CommandParser, examples
+from mrwork.cli.options import add_out, add_seed, add_threads, end_parser
+from mrwork.cli.terminal import show
+
+_FILE, _MODEL = "synthetic:spencer1997", "normalised_bouc_wen"
+_OTHER = "synthetic:spencer1997_slow"
+_SEED = 1
+_OUT = Path("out") / "demo"
+
+
+def add_options(parser: CommandParser) -> None:
+    """Declare the options."""
+    parser.description = (
+        f"Identify the model {_MODEL} from the embedded test {_FILE}: simulated with published parameters and sensor "
+        "noise, no measurement. It takes a few seconds and no file."
+    )
+    parser.epilog = examples("mrwork demo", "mrwork demo --seed 2 --out out/seed2 --quiet")
+    add_seed(parser, "the search", _SEED)
+    add_threads(parser)
+    add_out(parser, f"run folder, default {_OUT}")
+    parser.set_defaults(out=_OUT)
+    end_parser(
+        parser,
+        run,
+        resume="resume a demo that was killed or interrupted; all other options but --threads as in that demo",
+    )
+
+
+def run(options: argparse.Namespace) -> int:
+    """Identify with the options of `mrwork identify` that the demo stands for."""
+    from mrwork.cli.door import parser
+
+    same = ["identify", _FILE, "--model", _MODEL, "--seed", str(options.seed), "--out", str(options.out)]
+    shown = shlex.join(["mrwork", *same])
+    same += ["--threads", str(options.threads)]
+    same += [f"--{flag}" for flag in ("replace", "resume", "quiet", "json") if getattr(options, flag)]
+    identification = parser(same).parse_args(same)
+    status = int(identification.run(identification))
+    if status == 0 and not options.json:
+        other = shlex.join(["mrwork", "predict", str(options.out), _OTHER])
+        show(f"\nThe same: {shown}\nNext:     {other}")
+    return status

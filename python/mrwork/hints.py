@@ -1,0 +1,240 @@
+"""What the annotation of a value declares, as a tree of nodes.
+
+Checks of arguments, readers of tables and readers of stored JSON all walk these trees, each with sentences of its own;
+no other module takes an annotation apart. The notes of an annotation, such as `Annotated[float, Within(above=0.0)]`,
+hold for all numbers in it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields, is_dataclass
+from enum import Enum, auto
+from types import NoneType, SimpleNamespace, UnionType
+from typing import Annotated, Any, Literal, TypeAlias, Union, cast, get_args, get_origin, get_type_hints
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+# Products of three numbers up to this size are finite, and so are those of their inverses.
+LARGEST = 1e100
+SMALLEST = 1.0 / LARGEST
+"""Least positive number of a quantity that is divided by, or of which the logarithm or the square is taken."""
+
+NOTES = "notes"
+"""Name of the notes in the metadata of a field that `key` declares."""
+
+# Notes
+
+
+class May(Enum):
+    """Numbers that are not finite, and nevertheless mean something where an annotation names them; arrays of JAX."""
+
+    BE_INFINITE = auto()
+    BE_NAN = auto()
+    BE_TRACED = auto()
+
+
+@dataclass(frozen=True, slots=True)
+class Shape:
+    """Names of the axes of an array; an axis has the same length in all arguments of a call that name it."""
+
+    axes: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Within:
+    """Range of a number, or of every number of an array."""
+
+    least: float = -math.inf
+    above: float = -math.inf
+    most: float = math.inf
+    below: float = math.inf
+
+    @property
+    def in_words(self) -> str:
+        """The range as a message states it."""
+        if math.isfinite(self.least) and math.isfinite(self.most):
+            return f"from {_end(self.least)} to {_end(self.most)}"
+        ends = (
+            ("at least", self.least),
+            ("above", self.above),
+            ("at most", self.most),
+            ("below", self.below),
+        )
+        return " and ".join(f"{word} {_end(end)}" for word, end in ends if math.isfinite(end))
+
+    def excludes(self, values: Any) -> Any:
+        """Which numbers lie outside; NaN does not. What must be positive may be divided by, and squared."""
+        return (
+            (values < self.least)
+            | (values <= self.above) & (self.above > -math.inf)
+            | (values < SMALLEST) & (self.above == 0.0)
+            | (values > self.most) | (values >= self.below) & (self.below < math.inf)
+        )  # fmt: skip
+
+    def instead_of(self, value: float, kind: str = "number") -> str:
+        """What to give instead of a number out of the range, as "a number above 0"; `kind` may be a plural."""
+        words = f"of at least {SMALLEST:g}" if self.above == 0.0 < value < SMALLEST else self.in_words
+        return f"{'' if kind.endswith('s') else 'a '}{kind} {words}"
+
+
+def _end(value: float) -> str:
+    return str(value) if isinstance(value, int) or float(f"{value:g}") != value else f"{value:g}"
+
+
+# Nodes
+
+Notes: TypeAlias = tuple[Any, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Node:
+    """What cannot be checked, such as `Any`; and the root of all kinds of nodes, with the `parts` of containers."""
+
+    kind: Any = object
+    parts: tuple[Node, ...] = ()
+    notes: Notes = ()
+
+
+class Scalar(Node):
+    """A number, a flag, a text or `None`, by its class."""
+
+
+class Choice(Node):
+    """One of the values that are its kind."""
+
+
+class Array(Node):
+    """An array of this kind of numbers; where that is `None`, also what NumPy turns into an array."""
+
+
+class Fixed(Node):
+    """A tuple with an item of each part."""
+
+    def of(self, count: int) -> tuple[Node, ...]:
+        """What each of so many items is; as many as there must be if that is another number."""
+        return self.parts
+
+    @property
+    def is_matrix(self) -> bool:
+        """Whether the items are rows."""
+        return isinstance(self.parts[0], Fixed)
+
+
+class Items(Fixed):
+    """A tuple, or another sequence, of any number of items."""
+
+    def of(self, count: int) -> tuple[Node, ...]:
+        """What each of so many items is."""
+        return self.parts * count
+
+
+class Table(Node):
+    """Values by name; its parts are those of the names and of the values."""
+
+
+class Record(Node):
+    """A dataclass, whose fields `fields_of` has."""
+
+
+class Either(Node):
+    """One of its parts; also `None`, where that is its kind."""
+
+
+class Function(Node):
+    """A function; its kind is the list of what it takes, or an ellipsis, and what it returns."""
+
+
+class Instance(Node):
+    """An object of another class."""
+
+
+_SCALARS = frozenset({float, int, bool, str, NoneType})
+_ARRAY_LIKE = frozenset(get_args(ArrayLike))
+
+
+def node_of(hint: Any, notes: Notes = ()) -> Node:
+    """What an annotation declares, with the notes of those around it."""
+    origin, inner = get_origin(hint), get_args(hint)
+    if origin is Annotated:
+        return node_of(inner[0], (*notes, *inner[1:]))
+    if origin in (Union, UnionType):
+        several = {*inner} - {NoneType} - (_ARRAY_LIKE if {*inner} >= _ARRAY_LIKE else frozenset())
+        members = tuple(node_of(each, notes) for each in inner if each in several)
+        arrays = (Array(None, (), notes),) if {*inner} >= _ARRAY_LIKE else ()
+        return Either(NoneType if NoneType in inner else object, (*members, *arrays), notes)
+    if origin is Literal:
+        return Choice(inner, (), notes)
+    if origin is np.ndarray:
+        # NDArray[T] is ndarray[shape, dtype[T]].
+        return Array(get_args(inner[1])[0], (), notes)
+    if hint in _SCALARS:
+        return Scalar(hint, (), notes)
+    if hint is Any and May.BE_TRACED in notes:
+        return Array(None, (), notes)
+    kind: Any = origin or hint
+    if kind in (Any, object) or not isinstance(kind, type):
+        return Node(notes=notes)
+    if is_dataclass(kind):
+        return Record(kind, (), notes)
+    if kind is Callable:
+        return Function(inner or (..., Any), (), notes)
+    if issubclass(kind, Mapping):
+        name, value = inner or (Any, Any)
+        return Table(kind, (node_of(name), node_of(value, notes)), notes)
+    if kind is tuple and inner and inner[1:] != (...,):
+        return Fixed(kind, tuple(node_of(each, notes) for each in inner), notes)
+    if issubclass(kind, Sequence) and inner:
+        if get_origin(inner[0]) in (tuple, Sequence):
+            # A range is that of a number or of an array of numbers; entries beside the diagonal of a matrix have none.
+            notes = tuple(each for each in notes if not isinstance(each, Within))
+        return Items(kind, (node_of(inner[0], notes),), notes)
+    return Instance(kind, tuple(map(node_of, inner)), notes)
+
+
+def shape_of(node: Node) -> Shape | None:
+    """The shape that an annotation, or a member of a union, declares."""
+    members = node.parts if isinstance(node, Either) else ()
+    own = (each for each in node.notes if isinstance(each, Shape))
+    return next(own, None) or next(filter(None, map(shape_of, members)), None)
+
+
+# Fields
+
+_FIELDS: dict[type, Mapping[str, Node]] = {}
+
+
+def fields_of(kind: type) -> Mapping[str, Node]:
+    """What each field of a dataclass declares by its annotation, its default, and its `key` if it has one."""
+    if kind not in _FIELDS:
+        hints = hints_of(kind)
+        _FIELDS[kind] = {
+            each.name: node_of(
+                hints[each.name], (*each.metadata.get(NOTES, ()), *notes_of_default(each.default))
+            )
+            for each in fields(cast(Any, kind))
+        }
+    return _FIELDS[kind]
+
+
+def notes_of_default(default: Any) -> Notes:
+    """What a default says of the other values: numbers may be infinite or NaN where it is."""
+    if not isinstance(default, float) or math.isfinite(default):
+        return ()
+    return (May.BE_NAN if math.isnan(default) else May.BE_INFINITE,)
+
+
+def hints_of(kind: type) -> dict[str, Any]:
+    """The annotations of a class by name."""
+    return get_type_hints(kind, include_extras=True)
+
+
+def hint_in(names: dict[str, Any], annotation: Any) -> Any:
+    """An annotation in a module of these names; `Any` where it names what is not loaded."""
+    alone = SimpleNamespace(__annotations__={"annotation": annotation})
+    try:
+        return get_type_hints(alone, names, include_extras=True)["annotation"]
+    except NameError:
+        return Any

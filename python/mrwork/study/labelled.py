@@ -1,0 +1,215 @@
+"""Numbers of runs over named axes: what a study and a tuning hold, and pages, terminal, files and xarray read."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.closed_loop.evaluation import criteria, values
+from mrwork.closed_loop.responses import Labelled, axis_of, in_command_unit, unit_of
+from mrwork.motions import GroundMotion
+from mrwork.store.codec import array_of, plain
+from mrwork.store.journal import Journal
+from mrwork.study.run_result import RunResult, kept_quantities
+from mrwork.study.study import Realisations
+from mrwork.summary import Summarised, Summary, list_names
+from mrwork.values import array_dataclass
+
+if TYPE_CHECKING:
+    from xarray import Dataset
+
+NOMINAL = "nominal"
+"""The realisation without anything uncertain."""
+
+HALF_STEP = "half the step"
+"""The nominal realisation again, with half the integration step."""
+
+Place = tuple[int, int, int]
+"""Indices of a run along the first three axes: row or candidate, motion, realisation."""
+
+Axes = Mapping[str, tuple[str, ...]]
+"""Labels along each axis by its name."""
+
+_N_FIRST = 3
+# How a run ended, beside its quantities.
+_ENDS = {"outcome": "", "steps": "1", "least_stroke": "m"}
+
+
+@array_dataclass(repr=False)
+class LabelledRuns(Labelled, Summarised):
+    """Quantities or criteria of runs, each an array over named axes and an attribute; NaN where there is no such run.
+
+    `axes` are rows of a study or candidates of a tuning, motions and realisations, with the labels along each. Criteria
+    are infinite where a run did not finish. Quantities of floors, storeys or devices have a fourth axis; of devices it
+    has the dampers and then the passive elements, and NaN behind the last of a row. `seconds` is the time inside the
+    simulation.
+    """
+
+    axes: Axes
+    numbers: Mapping[str, NDArray[Any]]
+    units: Mapping[str, str]
+    seconds: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name, array in self.numbers.items():
+            expected = tuple(len(self.axes[axis]) for axis in self.axes_of(name))
+            if array.shape != expected:
+                raise ValueError(f"{name} has the shape {array.shape} where {expected} was expected")
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Numbers of rows or candidates, of motions and of realisations."""
+        return tuple(map(len, self.axes.values()))[:_N_FIRST]
+
+    def axes_of(self, name: str) -> tuple[str, ...]:
+        """Names of the axes of a number."""
+        first = tuple(self.axes)[:_N_FIRST]
+        if self.numbers[name].ndim <= _N_FIRST:
+            return first
+        return (*first, "device" if name in _ENDS else axis_of(name))
+
+    def criteria(self, place: Place) -> dict[str, float]:
+        """Every criterion of a run."""
+        return {entry.name: float(self.numbers[entry.name][place]) for entry in criteria()}
+
+    def runs(self, realisation: int) -> dict[tuple[int, int], RunResult]:
+        """Every run of a realisation by row and motion."""
+        places = np.argwhere(self.outcome[:, :, realisation] != "").tolist()
+        return {(row, motion): self._run((row, motion, realisation)) for row, motion in places}
+
+    def to_xarray(self) -> Dataset:
+        """A variable for each number over the named axes, with its unit as the attribute "units"."""
+        # xarray is slow to load.
+        from xarray import Dataset
+
+        variables = {
+            name: (self.axes_of(name), array, {"units": self.units[name]})
+            for name, array in self.numbers.items()
+        }
+        return Dataset(variables, coords={name: list(labels) for name, labels in self.axes.items()})
+
+    def _run(self, place: Place) -> RunResult:
+        own = {name: _without_end(array[place]) for name, array in self.numbers.items() if name not in _ENDS}
+        return RunResult(
+            outcome=str(self.outcome[place]),
+            steps=int(self.steps[place]),
+            numbers=own,
+            least_stroke=_without_end(self.least_stroke[place]),
+        )
+
+    def _summary(self) -> Summary:
+        return Summary(
+            title=f"Runs by {list_names(list(self.axes))}",
+            facts=[(name, list_names(labels)) for name, labels in self.axes.items()],
+        )
+
+
+def _without_end(numbers: NDArray[Any]) -> Any:
+    """A number, or those before the first NaN that only NaN follow."""
+    if not numbers.ndim:
+        return numbers[()]
+    known = np.flatnonzero(~np.isnan(numbers))
+    return numbers[: known[-1] + 1 if known.size else 0]
+
+
+def numbered(count: int) -> tuple[str, ...]:
+    """Labels of candidates, realisations or devices, which have no names."""
+    return tuple(str(number) for number in range(1, count + 1))
+
+
+def candidate_axes(n_candidates: int, motions: Sequence[GroundMotion], realisations: Realisations) -> Axes:
+    """Axes of the runs of candidates under motions with realisations."""
+    return {
+        "candidate": numbered(n_candidates),
+        "motion": tuple(motion.name for motion in motions),
+        "realisation": numbered(len(realisations)),
+    }
+
+
+def criteria_of_runs(axes: Axes, value: float = np.nan) -> LabelledRuns:
+    """Every criterion and the error of energy over three axes, with one value, to be filled."""
+    shape = tuple(map(len, axes.values()))
+    units = {entry.name: entry.unit for entry in criteria()} | {"energy_error": unit_of("energy_error")}
+    return LabelledRuns(axes=axes, numbers={name: np.full(shape, value) for name in units}, units=units)
+
+
+def criteria_of_study(
+    runs: Mapping[Place, RunResult],
+    realised: Mapping[int, LabelledRuns],
+    axes: Axes,
+    command_unit: str,
+    *,
+    weight: float,
+) -> LabelledRuns:
+    """The criteria of runs, and of the rows that were simulated with realisations, the last ones of that axis."""
+    found = criteria_of_runs(axes)
+    for place, run in runs.items():
+        named = values(run, weight=weight) if run.finished else dict.fromkeys(found.numbers, np.inf)
+        for name, value in {**named, "energy_error": run.energy_error}.items():
+            found.numbers[name][place] = value
+    for row, part in realised.items():
+        for name, array in part.numbers.items():
+            found.numbers[name][row, :, -part.shape[2] :] = array[0]
+    return replace(found, units=_with_command(found.units, command_unit))
+
+
+def quantities_of_runs(runs: Mapping[Place, RunResult], axes: Axes, command_unit: str) -> LabelledRuns:
+    """The quantities of runs over three axes, of floors and of storeys; that of devices is as long as a run needs."""
+    of_devices = [quantity.name for quantity in kept_quantities() if quantity.axis == "device"]
+    sizes = (np.size(run.numbers[name]) for run in runs.values() for name in of_devices)
+    n_devices = max(sizes, default=0)
+    axes = {**axes, "device": numbered(n_devices)}
+    shape = tuple(map(len, axes.values()))[:_N_FIRST]
+    numbers: dict[str, NDArray[Any]] = {
+        quantity.name: np.full(
+            (*shape, *([len(axes[quantity.axis])] if quantity.axis in axes else [])), np.nan
+        )
+        for quantity in kept_quantities()
+    }
+    numbers |= {
+        "outcome": np.full(shape, "", dtype="U16"),
+        "steps": np.zeros(shape, dtype=np.int64),
+        "least_stroke": np.full((*shape, n_devices), np.nan),
+    }
+    for place, run in runs.items():
+        ends = {"outcome": run.outcome, "steps": run.steps, "least_stroke": run.least_stroke}
+        for name, value in {**run.numbers, **ends}.items():
+            numbers[name][place + (slice(np.size(value)),) * np.ndim(value)] = value
+    units = {quantity.name: quantity.unit for quantity in kept_quantities()} | _ENDS
+    return LabelledRuns(axes=axes, numbers=numbers, units=_with_command(units, command_unit))
+
+
+def recall_or_compute_runs(
+    journal: Journal | None,
+    step: str,
+    inputs: str,
+    axes: Axes,
+    compute: Callable[[], LabelledRuns],
+) -> LabelledRuns:
+    """Criteria over these axes from the journal, whose lines have no labels, or computed, and then recorded."""
+    if journal is None:
+        return compute()
+
+    def read(record: Mapping[str, Any]) -> LabelledRuns:
+        empty = criteria_of_runs(axes)
+        numbers, error = array_of(record["numbers"]), array_of(record["energy_error"])
+        if numbers.shape != (len(criteria()), *empty.shape) or error.shape != empty.shape:
+            raise ValueError("it is of another size than its inputs")
+        named = {entry.name: array for entry, array in zip(criteria(), numbers, strict=True)}
+        return replace(empty, numbers={**named, "energy_error": error}, seconds=float(record["seconds"]))
+
+    found = journal.recall(step, inputs, read)
+    if found is None:
+        found = compute()
+        stacked = np.stack([found.numbers[entry.name] for entry in criteria()])
+        record = {"numbers": stacked, "energy_error": found.energy_error, "seconds": found.seconds}
+        journal.record(step, inputs, plain(record))
+    return found
+
+
+def _with_command(units: Mapping[str, str], command_unit: str) -> dict[str, str]:
+    return {name: in_command_unit(unit, command_unit) for name, unit in units.items()}

@@ -1,0 +1,356 @@
+"""The first minute of somebody who has only the wheel: tour, demo, samples, help, misspelt words, completion."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import shlex
+import signal
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+from command_line import COMMAND, PATIENCE, mrwork, started, wait_until
+from sentences import Refused
+
+from mrwork.cli.command_parser import examples_in
+from mrwork.cli.completion import subcommands
+from mrwork.cli.door import TOUR, verbs, whole_parser
+from mrwork.records import read_test_table
+
+ROOT = Path(__file__).parent.parent.parent
+NARROW = 60
+COMMANDS = subcommands(whole_parser())
+EXAMPLES = [(verb, line) for verb, command in COMMANDS.items() for line in examples_in(command.epilog)]
+# What the examples of other verbs stand on, in the order in which a newcomer runs it.
+PREPARED = (
+    "mrwork demo --quiet",
+    "mrwork init rig rig",
+    "mrwork init study study.toml",
+    "mrwork identify rig --law k_w=quadratic --law c=linear --out out/rig --quiet",
+)
+# Seconds each, and the code of the other example or of another test.
+PARSED_ONLY = {
+    "mrwork identify synthetic:spencer1997 --model dahl,normalised_bouc_wen",
+    "mrwork calibrate out/rig --leave-out motion",
+    "mrwork tune study.toml --law lyapunov --quick --out out/lyapunov",
+    "mrwork respond study.toml --motions all --check-step --out out/checked",
+}
+
+
+def typed(line: str, folder: Path) -> str:
+    """What a command line prints that is typed in a folder; it has to end well."""
+    name, *words = shlex.split(line)
+    assert name == "mrwork"
+    with contextlib.chdir(folder):
+        ended = mrwork(*words)
+    assert ended.returncode == 0, (line, ended.stderr)
+    return ended.stdout
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder where a newcomer has tried what the tour shows."""
+    place = tmp_path_factory.mktemp("first")
+    for line in PREPARED:
+        typed(line, place)
+    return place
+
+
+# Tour and demo
+
+
+def test_a_bare_call_shows_where_to_begin_on_one_narrow_screen() -> None:
+    ended = mrwork()
+    assert (ended.returncode, ended.stderr) == (0, "")
+    assert ended.stdout == f"{TOUR}\n"
+    lines = TOUR.splitlines()
+    assert len(lines) <= 16
+    assert max(len(line) for line in lines if not line.startswith("  ")) <= NARROW + 2
+
+
+def test_every_command_of_the_tour_is_one_that_runs(folder: Path) -> None:
+    shown = [line.strip() for line in TOUR.splitlines() if line.startswith("  mrwork ")]
+    assert len(shown) == 5
+    ran = {line.removesuffix(" --quiet") for line in PREPARED} | {line for _, line in EXAMPLES}
+    assert set(shown) <= ran - PARSED_ONLY
+
+
+def test_neither_the_tour_nor_the_help_loads_a_verb_or_numpy() -> None:
+    code = (
+        "import sys\n"
+        "from mrwork.cli.door import parser, _show_tour\n"
+        "parser([]).parse_args([]).run(None)\n"
+        "loaded = {'numpy', 'difflib', 'shtab', 'mrwork.keys', 'mrwork.cli.init'} & set(sys.modules)\n"
+        "assert not loaded, loaded"
+    )
+    ended = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=PATIENCE
+    )
+    assert ended.returncode == 0, ended.stderr
+
+
+def test_the_demo_is_the_identification_that_it_names(folder: Path, tmp_path: Path) -> None:
+    ended = mrwork("demo", "--out", tmp_path / "demo")
+    (said,) = [line for line in ended.stdout.splitlines() if line.startswith("The same: ")]
+    assert f"Report: {tmp_path / 'demo' / 'report.html'}" in ended.stdout
+    words = said.partition(": ")[2].replace(str(tmp_path / "demo"), str(tmp_path / "again"))
+    again = mrwork(*shlex.split(words)[1:], "--json")
+    demo = json.loads((folder / "out" / "demo" / "fit.json").read_text())
+    found = json.loads((tmp_path / "again" / "fit.json").read_text())
+    assert found["estimates"] == demo["estimates"]
+    assert json.loads(again.stdout)["fit_percent"] > 99.0
+
+
+def test_an_interrupted_demo_is_resumed_to_the_same_result(folder: Path, tmp_path: Path) -> None:
+    out, journal = tmp_path / "demo", tmp_path / "demo.part" / "journal.jsonl"
+    with started(*COMMAND, "demo", "--out", out) as process:
+        wait_until(lambda: journal.is_file() and journal.read_bytes().count(b"\n") > 1, process)
+        process.send_signal(signal.SIGINT)
+        _, stderr = process.communicate(timeout=PATIENCE)
+    assert process.returncode == 130, stderr
+    assert "--resume" in stderr.splitlines()[-1]
+    assert mrwork("demo", "--out", out, "--resume").returncode == 0
+    fits = [json.loads((place / "fit.json").read_text()) for place in (out, folder / "out" / "demo")]
+    assert fits[0]["estimates"] == fits[1]["estimates"]
+
+
+def test_the_makefile_runs_the_demo() -> None:
+    assert "$(BIN)/mrwork demo\n" in (ROOT / "Makefile").read_text()
+
+
+# Samples
+
+
+def test_the_sample_rig_has_tests_for_every_use_and_repeats_itself(tmp_path: Path) -> None:
+    written = json.loads(mrwork("init", "rig", tmp_path / "one", "--json").stdout)
+    assert written["files"] == [str(path) for path in map(Path, written["files"]) if path.is_file()]
+    rows = read_test_table(tmp_path / "one" / "tests.csv")
+    assert {row.use for row in rows} == {"fit", "calibration", "test"}
+    assert len(rows) == len(written["files"]) - 1
+    typed(f"mrwork init rig {tmp_path / 'two'}", tmp_path)
+    for path in (tmp_path / "one").iterdir():
+        assert path.read_bytes() == (tmp_path / "two" / path.name).read_bytes()
+
+
+def test_the_next_commands_of_the_rig_run_as_they_are_printed(tmp_path: Path) -> None:
+    printed = typed("mrwork init rig 'a folder/my rig'", tmp_path)
+    following = [line.strip() for line in printed.splitlines() if line.startswith("  mrwork ")]
+    assert [line.split()[1] for line in following] == ["check", "identify", "calibrate", "predict"]
+    said = [typed(line, tmp_path) for line in following]
+    assert "warning" not in "".join(said)
+
+
+def test_the_model_of_the_rig_predicts_its_test_rows_inside_the_bands(folder: Path) -> None:
+    typed("mrwork calibrate out/rig rig", folder)
+    predicted = json.loads(typed("mrwork predict out/rig rig --level 0.9 --json", folder))
+    for file in predicted["files"]:
+        assert file["fit_percent"] > 97.0
+        assert file["band"]["inside"] > 0.75
+
+
+def test_the_sample_study_has_a_comment_with_every_key(folder: Path) -> None:
+    text = (folder / "study.toml").read_text()
+    keys: set[str] = set()
+    for line in text.splitlines():
+        key = line.partition(" = ")[0]
+        if line.startswith(("#", "[")) or not line or key in keys:
+            continue
+        keys.add(key)
+        assert " # " in line, line
+    document = tomllib.loads(text)
+    assert document["building"]["n_storeys"] == 3
+    assert all("file" not in motion for motion in document["motion"])
+    assert len(document["tune"]) == 1
+
+
+def test_the_next_commands_of_the_study_are_the_examples_that_run(tmp_path: Path) -> None:
+    printed = typed("mrwork init study study.toml", tmp_path)
+    following = [line.strip() for line in printed.splitlines() if line.startswith("  mrwork ")]
+    assert following == [
+        line for verb, line in EXAMPLES if verb in ("respond", "tune") and line not in PARSED_ONLY
+    ]
+    printed = typed("mrwork init study 'a folder'", tmp_path)
+    assert "mrwork respond 'a folder/study.toml'" in printed
+
+
+def test_a_sample_replaces_nothing(tmp_path: Path, refused: Refused) -> None:
+    rig, study, link = tmp_path / "rig", tmp_path / "study.toml", tmp_path / "link.toml"
+    rig.mkdir()
+    (rig / "notes.txt").write_text("mine")
+    study.write_text("mine")
+    link.symlink_to(tmp_path / "nowhere")
+    for words in (("rig", rig), ("rig", study), ("study", study), ("study", link)):
+        refused.command("init", *words)
+    assert [path.name for path in rig.iterdir()] == ["notes.txt"]
+    assert study.read_text() == "mine"
+    assert not (tmp_path / "nowhere").exists()
+
+
+def test_a_sample_goes_into_an_empty_folder(tmp_path: Path) -> None:
+    typed("mrwork init rig .", tmp_path)
+    assert (tmp_path / "tests.csv").is_file()
+
+
+def test_what_the_samples_are_made_of_is_packed_into_a_wheel() -> None:
+    packed = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["maturin"]["include"]
+    found = {path.name for each in packed for path in ROOT.glob(each["path"]) if "wheel" in each["format"]}
+    assert "study.toml" in found
+
+
+# Help and examples
+
+
+def test_every_verb_has_two_examples() -> None:
+    assert {verb: len(examples_in(COMMANDS[verb].epilog)) for verb in verbs()} == dict.fromkeys(verbs(), 2)
+
+
+@pytest.mark.parametrize(("verb", "line"), EXAMPLES, ids=lambda each: each)
+def test_an_example_runs_as_it_is_typed(verb: str, line: str, folder: Path) -> None:
+    name, *words = shlex.split(line)
+    assert (name, words[0]) == ("mrwork", verb)
+    whole_parser().parse_args(words)
+    if line not in PARSED_ONLY and line not in [each.removesuffix(" --quiet") for each in PREPARED]:
+        typed(line, folder)
+
+
+@pytest.mark.parametrize("verb", verbs())
+def test_a_help_has_its_options_in_groups_and_its_examples_unbroken(
+    verb: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", str(NARROW))
+    shown = mrwork(verb, "--help").stdout
+    for line in examples_in(COMMANDS[verb].epilog):
+        assert f"\n  {line}\n" in shown
+    (without_group,) = [group for group in COMMANDS[verb]._action_groups if group.title == "options"]
+    assert [each.dest for each in without_group._group_actions] == ["help"]
+    wrapped = shown.partition("\nexamples:")[0].splitlines()
+    assert max(len(line) for line in wrapped if not line.startswith("  -")) <= NARROW
+
+
+# Misspelt words
+
+
+MISSPELT = [
+    ("identfy", "f.csv"),
+    ("--versoin",),
+    ("--json",),
+    ("identify", "synthetic:spencer1997", "--modle", "bouc_wen"),
+    ("identify", "--modle=bouc_wen"),
+    ("tune", "--qick"),
+    ("identify", "f.csv", "-q"),
+    ("check", "f.csv", "--leave-out", "test"),
+    ("report", "out", "figures"),
+    ("calibrate", "out", "--threads", "1", "f.csv"),
+    ("identify", "synthetic:spencer1997", "--search", "multistrt"),
+    ("identify", "synthetic:spencer1997", "--model", "bouc_wem"),
+    ("identify", "synthetic:spencer1997", "--model", "bingham,bouc_wem"),
+    ("identify", "synthetic:spencr1997"),
+    ("identify", "synthetic:spencer1997", "--law", "k_w=quadratc"),
+    ("identify", "synthetic:spencer1997", "--law", "kw=quadratic"),
+    ("identify", "synthetic:spencer1997", "--bound", "sgma=1:2"),
+    ("identify", "synthetic:spencer1997", "--repair", "ofset"),
+    ("identify", "synthetic:spencer1997", "--observe", "averge=1"),
+    ("identify", "synthetic:spencer1997", "--nuisance", "ofset"),
+    ("check", "f.csv", "--column", "forc=F:kN"),
+    ("models", "bouc_wem"),
+    ("convert", "spencr", "--to", "normalised", "alpha=1"),
+    ("convert", "spencer", "--to", "normalised", "alpa=1"),
+    ("init", "rigg", "here"),
+    ("completion", "fsh"),
+]
+
+
+@pytest.mark.parametrize("words", MISSPELT, ids=" ".join)
+def test_a_misspelt_word_is_one_sentence_that_names_the_nearest(
+    words: tuple[str, ...], refused: Refused
+) -> None:
+    refused.command(*words)
+
+
+@pytest.mark.parametrize("verb", verbs())
+def test_every_misspelt_option_is_answered_by_its_verb(verb: str) -> None:
+    for option in (each for each in COMMANDS[verb]._option_string_actions if len(each) > 5):
+        wrong = f"{option[:3]}{option[4]}{option[3]}{option[5:]}"
+        if any(each.startswith(wrong) for each in COMMANDS[verb]._option_string_actions):
+            continue
+        ended = mrwork(verb, wrong)
+        assert (ended.returncode, ended.stdout) == (2, "")
+        assert ended.stderr.startswith(f"mrwork {verb}: no option is called '{wrong}', did you mean --")
+
+
+def test_misspelt_entries_of_a_rig_name_the_nearest(tmp_path: Path, refused: Refused) -> None:
+    typed("mrwork init rig rig", tmp_path)
+    table = tmp_path / "rig" / "tests.csv"
+    text = table.read_text()
+    for right, wrong in (
+        ("force", "forse"),
+        (",calibration,", ",calibraton,"),
+        ("Axial Force", "Axial Forse"),
+    ):
+        table.write_text(text.replace(right, wrong, 1))
+        refused.command("identify", tmp_path / "rig", "--model", "bingham")
+
+
+# Completion
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_a_completion_has_every_verb_and_option_and_the_names(shell: str) -> None:
+    script = mrwork("completion", shell).stdout
+    for verb, command in COMMANDS.items():
+        assert verb in script
+        for option in command._option_string_actions:
+            assert option.lstrip("-") in script, (verb, option)
+    for name in (
+        "normalised_modified_bouc_wen",
+        "k_w=quadratic",
+        "differential_evolution",
+        "clipped_optimal",
+    ):
+        assert name in script
+    assert json.loads(mrwork("completion", shell, "--json").stdout) == {
+        "shell": shell,
+        "script": script.removesuffix("\n"),
+    }
+
+
+COMPLETED = [
+    ("id", ["identify"]),
+    ("identify --mod", ["--model"]),
+    ("identify --model dah", ["dahl"]),
+    ("identify --search mul", ["multistart"]),
+    ("identify tests.c", ["tests.csv"]),
+    ("tune --law clipped_", ["clipped_optimal"]),
+    ("predict r", ["rig"]),
+    ("init r", ["rig"]),
+    ("completion f", ["fish"]),
+]
+ASK = r"""
+source completion.bash
+asked() {
+    COMP_WORDS=(mrwork "$@"); COMP_CWORD=$#; COMPREPLY=()
+    _shtab_mrwork mrwork "${COMP_WORDS[COMP_CWORD]}" "${COMP_WORDS[COMP_CWORD-1]}"
+    echo "${COMPREPLY[*]}"
+}
+"""
+
+
+def test_bash_completes_verbs_options_names_files_and_folders(tmp_path: Path) -> None:
+    (tmp_path / "completion.bash").write_text(mrwork("completion", "bash").stdout)
+    (tmp_path / "tests.csv").write_text("")
+    (tmp_path / "rig").mkdir()
+    lines = "".join(f"asked {words}\n" for words, _ in COMPLETED)
+    ended = subprocess.run(
+        ["bash", "--norc", "-c", ASK + lines],
+        capture_output=True,
+        text=True,
+        cwd=tmp_path,
+        check=False,
+        timeout=PATIENCE,
+    )
+    assert [line.split() for line in ended.stdout.splitlines()] == [found for _, found in COMPLETED], (
+        ended.stderr
+    )
