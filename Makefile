@@ -12,7 +12,7 @@ unexport CONDA_PREFIX
 # Compiled Python files are kept: a hundred tests start a process, which would compile the package anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test sentences faults lint format bench licences clean
+.PHONY: demo test sentences faults lint format bench docs docs-check licences clean
 
 demo: $(VENV)/.built
 	$(BIN)/mrwork identify synthetic:spencer1997 --model normalised_bouc_wen --seed 1 --out out/demo
@@ -50,7 +50,17 @@ bench: $(VENV)/.built $(VENV)/.dev
 	$(BIN)/python studies/speed/study.py kernels
 	$(BIN)/python studies/speed/study.py models
 
-licences: $(VENV)/.dev
+# The pages, and first the code blocks in them and in the README; notebooks and blocks that have not changed are not run again.
+docs: $(VENV)/.built $(VENV)/.docs
+	$(BIN)/python docs/run_blocks.py
+	$(BIN)/python -m sphinx --quiet --fail-on-warning --keep-going --nitpicky --doctree-dir out/docs/trees docs out/docs/html
+	@echo "out/docs/html/index.html"
+
+# Links within the pages, pictures without words, and what would be fetched from elsewhere.
+docs-check: docs
+	$(BIN)/python docs/check.py out/docs/html
+
+licences: $(VENV)/.dev $(VENV)/.docs
 	$(BIN)/python .ci/licences.py
 
 clean:
@@ -72,4 +82,8 @@ $(VENV)/.built: $(VENV)/.installed $(RUST_SOURCES)
 
 $(VENV)/.dev: pyproject.toml constraints.txt | $(VENV)/.installed
 	$(PIP) --no-build-isolation --editable '.[dev]'
+	touch $@
+
+$(VENV)/.docs: pyproject.toml constraints.txt | $(VENV)/.installed
+	$(PIP) --no-build-isolation --editable '.[docs]'
 	touch $@

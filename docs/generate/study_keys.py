@@ -1,0 +1,45 @@
+"""Page of the keys of a study file, from the tables that read it."""
+
+from __future__ import annotations
+
+import inspect
+
+from generate.markdown import code, document, prose, table
+from mrwork.keys import KeyInWords, keys_in_words, tables
+from mrwork.study.schema import StudyTable
+
+HEADINGS = ("key", "value", "default", "meaning")
+
+
+def schema_page() -> str:
+    """Every table of a study file with its keys."""
+    sections = [
+        document(f"## {code(heading) if heading else 'At the top'}", documentation(kind), key_table(kind)).rstrip()
+        for heading, kind in tables(StudyTable)
+    ]
+    return document(
+        "(study-schema)=\n# Keys of a study file",
+        "A study is a TOML file that [`mrwork respond`](verbs/respond.md) and [`mrwork tune`](verbs/tune.md) read. "
+        "`mrwork respond --schema` prints this page. Numbers are in the SI unit that is given here, or texts "
+        'with another unit of the same dimension, as `"2 mm"`.',
+        *sections,
+    )
+
+
+def key_table(kind: type) -> str:
+    """The keys of a table of a document."""
+    return table(HEADINGS, [_row(each) for each in keys_in_words(kind)])
+
+
+def documentation(kind: type) -> str:
+    """The docstring of a class, its paragraphs on a line each."""
+    paragraphs = (inspect.getdoc(kind) or "").split("\n\n")
+    return "\n\n".join(prose(each) for each in paragraphs)
+
+
+def _row(key: KeyInWords) -> tuple[str, ...]:
+    unit = f" [{key.unit}]" if key.unit else ""
+    limits = f", {key.limits}" if key.limits else ""
+    searched = f"; {key.searched}" if key.searched else ""
+    default = "required" if key.default == "required" else code(key.default) if key.default != "-" else ""
+    return code(key.name), prose(f"{key.form}{unit}{limits}"), default, prose(f"{key.meaning}{searched}")
