@@ -25,6 +25,7 @@ extensions = [
     "sphinx_design",
     "sphinx_copybutton",
     "mathml",
+    "python_names",
 ]
 exclude_patterns = ["generate", "**/.ipynb_checkpoints"]
 root_doc = "index"
@@ -61,6 +62,8 @@ maximum_signature_line_length = 72
 numpydoc_show_class_members = False
 numpydoc_class_members_toctree = False
 default_role = "py:obj"
+# Two hyphens begin an option.
+smartquotes = False
 
 html_theme = "pydata_sphinx_theme"
 html_title = f"mrwork {version}"

@@ -7,6 +7,7 @@ A value that several namespaces list has one page, that of the first.
 from __future__ import annotations
 
 import inspect
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import Enum
@@ -84,6 +85,47 @@ def _namespace(path: str, module: ModuleType, described: dict[int, str]) -> Name
     return Namespace(path=path, module=module, names=tuple(sorted(names, key=lambda each: each.name.lower())))
 
 
+def described_names() -> dict[str, str]:
+    """The full name under which a name is described, for each way to write it in a docstring."""
+    found = {}
+    for namespace in namespaces():
+        for each in namespace.names:
+            path = f"{namespace.path}.{each.name}"
+            if each.kind is not Kind.FUNCTION or "_" in each.name:
+                # A single word may be that of a parameter instead.
+                found[each.name] = each.full
+            found |= dict.fromkeys((path, path.removeprefix("mrwork."), f"mr.{path.removeprefix('mrwork.')}"), each.full)
+    return found
+
+
+def plain_types(signature: str) -> str:
+    """A signature without what `Annotated` adds to a type, and without the shape and type of an array."""
+    for begin, keep in _NOTED:
+        while found := begin.search(signature):
+            end, first = _bracket_ends(signature, found.end())
+            kept = signature[found.end() : first] if keep is None else keep
+            signature = f"{signature[: found.start()]}{kept}{signature[end:]}"
+    return signature
+
+
+_NOTED = (
+    (re.compile(r"~?(?:typing\.)?Annotated\["), None),
+    (re.compile(r"~?(?:numpy\.)?ndarray\["), "~numpy.ndarray"),
+)
+
+
+def _bracket_ends(text: str, start: int) -> tuple[int, int]:
+    """Position after the bracket that was opened before `start`, and the end of the first entry in it."""
+    depth, first = 1, 0
+    for position in range(start, len(text)):
+        depth += {"[": 1, "(": 1, "]": -1, ")": -1}.get(text[position], 0)
+        if not first and (depth == 0 or (depth == 1 and text[position] == ",")):
+            first = position
+        if depth == 0:
+            return position + 1, first
+    return len(text), first or len(text)
+
+
 def api_pages() -> dict[str, str]:
     """Page of each public name and of each namespace, and the list of namespaces."""
     pages = {"index": _index()}
@@ -112,7 +154,6 @@ def _list(namespace: Namespace) -> str:
     return document(
         f"# `{namespace.path}`",
         prose(_first_line(namespace.module)),
-        f"```{{py:module}} {namespace.path}\n```",
         *sections,
         toctree(*own, hidden="") if own else "",
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from generate.equations import tex
 from generate.figures import loop_caption, loop_words
-from generate.markdown import code, directive, document, fenced, prose, table, toctree
+from generate.markdown import code, directive, document, fenced, prose, table, toctree, unit
 from mrwork.dampers import DamperSpec, damper_models
 
 
@@ -49,7 +49,7 @@ def _page(spec: DamperSpec) -> str:
                 (
                     f"${tex(each.name, spec.names)}$ {code(each.name)}",
                     prose(each.description),
-                    prose(each.unit),
+                    unit(each.unit),
                     f"{each.nominal:g}",
                     f"{each.lower:g}",
                     f"{each.upper:g}",
@@ -85,7 +85,7 @@ def _published(spec: DamperSpec) -> str:
             table(
                 ("parameter", "value", "unit"),
                 [
-                    (code(each.name), f"{value:g}", prose(each.unit))
+                    (code(each.name), f"{value:g}", unit(each.unit))
                     for each, value in zip(preset.spec.parameters, preset.theta, strict=True)
                 ],
             ),

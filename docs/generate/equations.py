@@ -35,6 +35,7 @@ def _line(line: str, variables: Collection[str]) -> str:
     tokens = _TOKEN.findall(line)
     words = [_is_word(token, variables) for token in tokens]
     written: list[str] = []
+    bars = 0
     position = 0
     while position < len(tokens):
         token = tokens[position]
@@ -46,6 +47,10 @@ def _line(line: str, variables: Collection[str]) -> str:
             written.append(f"^{{{exponent}}}")
         elif token.isspace():
             written.append(_space(tokens, words, position))
+            position += 1
+        elif token == "|":
+            written.append(r"\left|" if bars % 2 == 0 else r"\right|")
+            bars += 1
             position += 1
         else:
             written.append(_symbol(token))

@@ -97,8 +97,9 @@ def overview_figure() -> bytes:
         for (name, time, drift), colour in zip(responses, (style.DATA, style.MODEL), strict=True):
             right.plot(time, 1e3 * drift, color=colour, linewidth=1.1, label=name)
         canvas.finish_signed(right, "Drift of the first storey (mm)", "Time (s)")
-        for axes in (left, right):
-            axes.legend(loc="lower right")
+        left.legend(loc="center")
+        right.legend(loc="lower right", ncols=2)
+        right.set_ylim(bottom=1.3 * right.get_ylim()[0])
         return canvas.svg_bytes(figure)
 
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Sequence
 
-# Characters that would be markup, and text between backticks, which stays as it is.
-_SPECIAL = re.compile(r"``.+?``|`[^`\n]+`|[\\<>*_\[\]{}|$#~^]")
+# Text between backticks, options and names with an underscore, which are code; and characters that would be markup.
+_CODE = r"``.+?``|`[^`\n]+`|(?<![\w-])--[a-z][a-z-]*|\b[A-Za-z]\w*_\w+"
+_SPECIAL = re.compile(rf"(?P<code>{_CODE})|[\\<>*_\[\]{{}}|$#~^]")
 
 
 def prose(text: str) -> str:
@@ -15,10 +16,12 @@ def prose(text: str) -> str:
 
 
 def _escaped(found: re.Match[str]) -> str:
-    part = found.group()
-    if part.startswith("`"):
-        return code(part.strip("`"))
-    return f"\\{part}"
+    return code(found["code"].strip("`")) if found["code"] else f"\\{found.group()}"
+
+
+def unit(text: str) -> str:
+    """A unit, which no end of a line divides."""
+    return prose(text).replace(" ", "\N{NO-BREAK SPACE}").replace("-", "\N{NON-BREAKING HYPHEN}")
 
 
 def code(text: str) -> str:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import inspect
 
-from generate.markdown import code, document, prose, table
+from generate.markdown import code, document, prose, table, unit
 from mrwork.keys import KeyInWords, keys_in_words, tables
 from mrwork.study.schema import StudyTable
 
-HEADINGS = ("key", "value", "default", "meaning")
+HEADINGS = ("key", "type", "unit", "default", "meaning")
 
 
 def schema_page() -> str:
@@ -38,8 +38,7 @@ def documentation(kind: type) -> str:
 
 
 def _row(key: KeyInWords) -> tuple[str, ...]:
-    unit = f" [{key.unit}]" if key.unit else ""
     limits = f", {key.limits}" if key.limits else ""
     searched = f"; {key.searched}" if key.searched else ""
     default = "required" if key.default == "required" else code(key.default) if key.default != "-" else ""
-    return code(key.name), prose(f"{key.form}{unit}{limits}"), default, prose(f"{key.meaning}{searched}")
+    return code(key.name), prose(f"{key.form}{limits}"), unit(key.unit), default, prose(f"{key.meaning}{searched}")

@@ -11,8 +11,8 @@ from types import MappingProxyType
 from generate.markdown import directive, document, fenced, prose, table, toctree
 from mrwork.cli.door import parser, verbs
 
-# A page is wider than a terminal, and has the same width wherever it is built.
-_WIDTH = 100
+# Characters of a line of the usage.
+_WIDTH = 74
 # An option of at least so many verbs is one that they share.
 _SHARED = 4
 EXIT_STATUS = (

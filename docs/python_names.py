@@ -1,0 +1,38 @@
+"""Sphinx extension: signatures with plain types, and references to public names however a docstring writes them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from docutils import nodes
+from sphinx.addnodes import pending_xref
+from sphinx.application import Sphinx
+from sphinx.environment import BuildEnvironment
+
+from generate.api_pages import described_names, plain_types
+
+_NAMES = described_names()
+
+
+def setup(app: Sphinx) -> dict[str, Any]:
+    """Listen to what autodoc has found, and to references that lead nowhere."""
+    app.connect("autodoc-process-signature", _without_notes)
+    app.connect("missing-reference", _by_any_path)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}
+
+
+def _without_notes(
+    app: Sphinx, what: str, name: str, value: object, options: object, signature: str | None, returned: str | None
+) -> tuple[str | None, str | None]:
+    return signature and plain_types(signature), returned and plain_types(returned)
+
+
+def _by_any_path(
+    app: Sphinx, environment: BuildEnvironment, node: pending_xref, shown: nodes.Element
+) -> nodes.Element | None:
+    """A name such as `mr.dampers.damper`, which is described as `mrwork.damper`."""
+    full = _NAMES.get(node.get("reftarget", ""))
+    if node.get("refdomain") != "py" or full is None:
+        return None
+    domain = environment.domains.python_domain
+    return domain.resolve_xref(environment, node["refdoc"], app.builder, "obj", full, node, shown)
