@@ -1,4 +1,4 @@
-"""Looks through the built pages: links within them that lead nowhere, pictures without words, what comes from elsewhere.
+"""Looks through the built pages: dead links within them, pictures without words, what comes from elsewhere.
 
 A page must be complete without a network: links to other places are permitted, what a browser fetches by itself is not.
 """
@@ -60,7 +60,9 @@ def findings(root: Path) -> list[str]:
         page, name = read(path), path.relative_to(root)
         found += [f"{name}: the picture {each} has no words" for each in page.wordless]
         found += [f"{name}: {each} is fetched from elsewhere" for each in page.fetched if _is_elsewhere(each)]
-        found += [f"{name}: {each} leads nowhere" for each in page.links + page.fetched if not _leads(path, each)]
+        found += [
+            f"{name}: {each} leads nowhere" for each in page.links + page.fetched if not _leads(path, each)
+        ]
     for path in sorted(root.rglob("*.css")):
         if _FETCHED_BY_CSS.search(path.read_text(encoding="utf-8")):
             found.append(f"{path.relative_to(root)}: fetches from elsewhere")

@@ -10,7 +10,7 @@ sys.path.insert(0, str(DOCS))
 
 import mrwork as mr  # noqa: E402
 from generate import pages  # noqa: E402
-from generate.figures import OVERVIEW_WORDS  # noqa: E402
+from generate.figures import BUILDING_WORDS, DAMPER_WORDS  # noqa: E402
 
 pages.write(DOCS)
 
@@ -43,7 +43,8 @@ myst_heading_anchors = 3
 myst_substitutions = {
     "models": len(mr.damper_models()),
     "laws": len(mr.control.control_laws()),
-    "overview": f"```{{image}} reference/{pages.GENERATED}/figures/overview.svg\n:alt: {OVERVIEW_WORDS}\n:width: 100%\n```",
+    "damper_words": DAMPER_WORDS,
+    "building_words": BUILDING_WORDS,
 }
 html_math_renderer = "mathml"
 
@@ -72,6 +73,7 @@ html_css_files = ["mrwork.css"]
 html_copy_source = False
 html_show_sourcelink = False
 html_show_copyright = False
+html_domain_indices = False
 html_theme_options = {
     "logo": {"text": "mrwork"},
     "navbar_align": "left",

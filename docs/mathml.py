@@ -43,7 +43,9 @@ def _mathml(node: nodes.Element, *, is_block: bool) -> str:
         text = f"\\begin{{aligned}}\n{text}\n\\end{{aligned}}"
     try:
         # Browsers put function and argument side by side without the invisible sign.
-        return str(tex2mathml(text, as_block=is_block)).replace("<mo>&ApplyFunction;</mo>", "<mspace width='0.1em'/>")
+        return str(tex2mathml(text, as_block=is_block)).replace(
+            "<mo>&ApplyFunction;</mo>", "<mspace width='0.1em'/>"
+        )
     except MathError as error:
         _LOG.warning("the equation %r cannot be shown: %s", text, error, location=node)
         return f"<code>{text}</code>"

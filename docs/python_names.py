@@ -22,7 +22,13 @@ def setup(app: Sphinx) -> dict[str, Any]:
 
 
 def _without_notes(
-    app: Sphinx, what: str, name: str, value: object, options: object, signature: str | None, returned: str | None
+    app: Sphinx,
+    what: str,
+    name: str,
+    value: object,
+    options: object,
+    signature: str | None,
+    returned: str | None,
 ) -> tuple[str | None, str | None]:
     return signature and plain_types(signature), returned and plain_types(returned)
 

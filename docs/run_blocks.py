@@ -1,8 +1,8 @@
 """Runs the code blocks of the README and of the pages that are no notebooks; `make docs` calls it.
 
-Blocks ``python`` are run, those of a page one after the other with the same variables; a block ``console`` is run where the
-comment ``<!-- run -->`` stands above, each line after ``$`` in a shell. A page starts in an empty folder. What has not changed since
-it ran is not run again: blocks are told apart by their text and the digest of the package.
+Blocks ``python`` are run, those of a page one after the other with the same variables; a block ``console`` is run where
+the comment ``<!-- run -->`` stands above, each line after ``$`` in a shell. A page starts in an empty folder. What has
+not changed since it ran is not run again: blocks are told apart by their text and the digest of the package.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _BLOCK = re.compile(
     r"(?:^<!-- (?P<comment>.*?) -->\n)?^```(?P<language>python|console)\n(?P<text>.*?)^```$",
     flags=re.MULTILINE | re.DOTALL,
 )
-_COMMAND = re.compile(r"^\$ (.*(?:\\\n.*)*)$", flags=re.MULTILINE)
+_COMMAND = re.compile(r"^\$ ((?:.*\\\n)*.*)$", flags=re.MULTILINE)
 _RUN, _NOT_RUN = "run", "not run: "
 
 
@@ -84,7 +84,10 @@ def _run_apart(path: Path) -> bool:
     environment = {**os.environ, "PATH": programs, "MPLBACKEND": "Agg"}
     with tempfile.TemporaryDirectory() as folder:
         done = subprocess.run(
-            [sys.executable, __file__, "--page", str(path)], cwd=folder, env=environment, stdout=subprocess.DEVNULL
+            [sys.executable, __file__, "--page", str(path)],
+            cwd=folder,
+            env=environment,
+            stdout=subprocess.DEVNULL,
         )
     return done.returncode == 0
 
@@ -112,7 +115,9 @@ def _digests(paths: Iterable[Path]) -> dict[Path, str]:
 def main() -> int:
     """Run what has changed; the exit status is 1 where a block fails."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--page", type=Path, help="run the blocks of this page here, whether or not they have changed")
+    parser.add_argument(
+        "--page", type=Path, help="run the blocks of this page here, whether or not they have changed"
+    )
     options = parser.parse_args()
     if options.page is not None:
         run_page(options.page)

@@ -94,7 +94,9 @@ def described_names() -> dict[str, str]:
             if each.kind is not Kind.FUNCTION or "_" in each.name:
                 # A single word may be that of a parameter instead.
                 found[each.name] = each.full
-            found |= dict.fromkeys((path, path.removeprefix("mrwork."), f"mr.{path.removeprefix('mrwork.')}"), each.full)
+            found |= dict.fromkeys(
+                (path, path.removeprefix("mrwork."), f"mr.{path.removeprefix('mrwork.')}"), each.full
+            )
     return found
 
 
@@ -141,8 +143,8 @@ def _index() -> str:
     rows = [(f"[`{each.path}`]({each.path}.md)", prose(_first_line(each.module))) for each in namespaces()]
     return document(
         "(python-interface)=\n# Python interface",
-        "`import mrwork as mr` loads a namespace when it is first used. Arguments of what is listed here are checked; all numbers "
-        "are in SI units. Every name has types for a type checker.",
+        "`import mrwork as mr` loads a namespace when it is first used. Arguments of what is listed here are checked; "
+        "all numbers are in SI units. Every name has types for a type checker.",
         table(("namespace", "what it holds"), rows),
         toctree(*(each.path for each in namespaces()), hidden=""),
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from generate.equations import tex
-from generate.figures import loop_caption, loop_words
+from generate.figures import LOOP_CAPTION, loop_words
 from generate.markdown import code, directive, document, fenced, prose, table, toctree, unit
 from mrwork.dampers import DamperSpec, damper_models
 
@@ -61,7 +61,11 @@ def _page(spec: DamperSpec) -> str:
         f"Nominal values: {prose(spec.nominal_source)}",
         "## Hysteresis loop",
         directive(
-            "figure", f"../figures/{spec.name}.svg", prose(loop_caption(spec)), alt=loop_words(spec), width="100%"
+            "figure",
+            f"../figures/{spec.name}.svg",
+            prose(LOOP_CAPTION),
+            alt=loop_words(spec),
+            width="100%",
         ),
         _published(spec),
         "## Use",
@@ -78,10 +82,11 @@ def _published(spec: DamperSpec) -> str:
     for name in spec.presets:
         preset = spec.preset(name)
         law = preset.spec.current
+        note = f" {preset.note[:1].upper()}{preset.note[1:]}." if preset.note else ""
         command = f", command 0 to {preset.largest_command:g} {law.unit}" if law is not None else ""
         sections += [
             f"### {code(name)}",
-            prose(f"{preset.source}; {preset.status}{command}.{f' {preset.note[:1].upper()}{preset.note[1:]}.' * bool(preset.note)}"),
+            prose(f"{preset.source}; {preset.status}{command}.{note}"),
             table(
                 ("parameter", "value", "unit"),
                 [

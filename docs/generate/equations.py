@@ -13,7 +13,21 @@ _TOKEN = re.compile(r"\s+|(?:[A-Za-z][A-Za-z0-9]*(?:_[A-Za-z0-9]+)?)|[0-9]+(?:\.
 _NAME = re.compile(r"([A-Za-z]+?)([0-9]*)(?:_([A-Za-z0-9]+))?")
 _GREEK = frozenset(
     {
-        *("alpha", "beta", "gamma", "delta", "epsilon", "eta", "kappa", "lambda", "mu", "nu", "omega", "phi", "rho"),
+        *(
+            "alpha",
+            "beta",
+            "gamma",
+            "delta",
+            "epsilon",
+            "eta",
+            "kappa",
+            "lambda",
+            "mu",
+            "nu",
+            "omega",
+            "phi",
+            "rho",
+        ),
         *("sigma", "tau", "theta", "xi", "zeta"),
     }
 )
@@ -72,8 +86,10 @@ def _between_words(words: list[bool], position: int) -> bool:
 def _words(tokens: list[str], words: list[bool], position: int) -> tuple[int, str]:
     """Position after neighbouring words, and these with a space on either side."""
     end = position + 1
-    while end + 1 < len(tokens) and tokens[end].isspace() and (
-        words[end + 1] or (tokens[end + 1] == "a" and _between_words(words, end + 1))
+    while (
+        end + 1 < len(tokens)
+        and tokens[end].isspace()
+        and (words[end + 1] or (tokens[end + 1] == "a" and _between_words(words, end + 1)))
     ):
         end += 2
     after = "" if end < len(tokens) and tokens[end] in ",;." else " "

@@ -16,6 +16,9 @@ Floats = NDArray[np.float64]
 # A sinusoid as in the tests of Spencer et al. 1997, of which the last of three cycles is drawn.
 _AMPLITUDE, _FREQUENCY = 0.015, 2.5
 _CYCLES, _PER_CYCLE = 3, 1000
+LOOP_CAPTION = f"One cycle of {1e3 * _AMPLITUDE:g} mm at {_FREQUENCY:g} Hz with the nominal parameters."
+# Inches of a picture of the first page, and the room below its lines for a legend.
+_PICTURE, _ROOM = (4.6, 3.1), 1.3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,11 +47,6 @@ def _loop(name: str) -> Loop:
     return Loop(displacement=displacement[last], velocity=velocity[last], force=force[last])
 
 
-def loop_caption(spec: mr.DamperSpec) -> str:
-    """What is simulated for the figure of a model."""
-    return f"One cycle of {1e3 * _AMPLITUDE:g} mm at {_FREQUENCY:g} Hz with the nominal parameters."
-
-
 def loop_words(spec: mr.DamperSpec) -> str:
     """What the figure of a model shows, for those who cannot see it."""
     loop = _loop(spec.name)
@@ -75,31 +73,41 @@ def loop_figure(spec: mr.DamperSpec) -> bytes:
         return canvas.svg_bytes(figure)
 
 
-OVERVIEW_WORDS = (
-    "Left: force over displacement of an embedded synthetic test of a damper, with the model that was identified from it "
-    "on top. Right: drift of the first storey of a frame under a synthetic earthquake, which is smaller with "
-    "two dampers under clipped-optimal control than with the same dampers at no current."
+DAMPER_WORDS = (
+    "Force over displacement of an embedded synthetic test of a damper, with the identified model on top."
+)
+BUILDING_WORDS = (
+    "Drift of the first storey of a frame under a synthetic earthquake: smaller with two dampers under "
+    "clipped-optimal control than with the same dampers at no current."
 )
 
 
-def overview_figure() -> bytes:
-    """The picture of the first page, as SVG: a damper identified, and a building with dampers under an earthquake."""
+def damper_figure() -> bytes:
+    """A picture of the first page, as SVG: a damper is identified."""
     test = mr.synthetic_test("rd1005_1a")
     fit = mr.identify("static_hysteretic", test, rng=0)
     loading = mr.Loading(dt=test.dt, displacement=test.displacement, velocity=test.velocity)
     force = mr.simulate_force(mr.damper(fit.model), fit.theta, loading)
-    responses = _frame_responses()
     with style.drawn_in_style():
-        figure, (left, right) = canvas.grid_of_axes(2, 2, (4.6, 3.1))
-        left.plot(1e3 * test.displacement, test.force, color=style.DATA, linewidth=2.5, label="synthetic test")
-        left.plot(1e3 * test.displacement, force, color=style.MODEL, linewidth=1.0, label="model")
-        canvas.finish(left, "Force (N)", "Displacement (mm)")
-        for (name, time, drift), colour in zip(responses, (style.DATA, style.MODEL), strict=True):
-            right.plot(time, 1e3 * drift, color=colour, linewidth=1.1, label=name)
-        canvas.finish_signed(right, "Drift of the first storey (mm)", "Time (s)")
-        left.legend(loc="center")
-        right.legend(loc="lower right", ncols=2)
-        right.set_ylim(bottom=1.3 * right.get_ylim()[0])
+        figure, axes = canvas.blank(_PICTURE)
+        axes.plot(
+            1e3 * test.displacement, test.force, color=style.DATA, linewidth=2.5, label="synthetic test"
+        )
+        axes.plot(1e3 * test.displacement, force, color=style.MODEL, linewidth=1.0, label="identified model")
+        canvas.finish(axes, "Force (N)", "Displacement (mm)")
+        axes.legend(loc="center")
+        return canvas.svg_bytes(figure)
+
+
+def building_figure() -> bytes:
+    """A picture of the first page, as SVG: a building with dampers under an earthquake."""
+    with style.drawn_in_style():
+        figure, axes = canvas.blank(_PICTURE)
+        for (name, time, drift), colour in zip(_frame_responses(), (style.DATA, style.MODEL), strict=True):
+            axes.plot(time, 1e3 * drift, color=colour, linewidth=1.1, label=name)
+        canvas.finish_signed(axes, "Drift of the first storey (mm)", "Time (s)")
+        axes.set_ylim(bottom=_ROOM * axes.get_ylim()[0])
+        axes.legend(loc="lower right", ncols=2)
         return canvas.svg_bytes(figure)
 
 
@@ -115,7 +123,7 @@ def _frame_responses() -> list[tuple[str, Floats, Floats]]:
         largest_command=preset.largest_command or 0.0,
         differential=True,
     )
-    plant = mr.control.plant_of(frame, [pair.row])
+    plant = mr.control.plant_of(frame, frame.storeys[:1])
     gain = mr.control.regulator_of_state(plant, plant.energy, 1e-9).gain
     laws = {
         "no current": mr.ControlLaw(name="passive", gains={"command": [0.0]}),
@@ -126,6 +134,7 @@ def _frame_responses() -> list[tuple[str, Floats, Floats]]:
     found = []
     for name, law in laws.items():
         responses = mr.simulate_loop(frame, [pair], law, [motion], hardware, histories=True)
+        assert responses.histories is not None
         history = responses.histories[0]
         found.append((name, history.time, history.drift[:, 0]))
     return found

@@ -16,7 +16,10 @@ def law_pages() -> dict[str, str]:
 
 
 def _index() -> str:
-    rows = [(f"[{prose(spec.title)}]({spec.name}.md)", code(spec.name), prose(_needs(spec))) for spec in control_laws()]
+    rows = [
+        (f"[{prose(spec.title)}]({spec.name}.md)", code(spec.name), prose(_needs(spec)))
+        for spec in control_laws()
+    ]
     constant = [(code(name), prose(law.description)) for name, law in CONSTANT_LAWS.items()]
     return document(
         "(control-laws)=\n# Control laws",
@@ -57,11 +60,16 @@ def _page(spec: ControlLawSpec) -> str:
         f"Source: {prose(spec.source)}" + (f". Needs {prose(needs)}." if needs else ""),
         "## Settings",
         settings or "This law has no settings.",
-        "Weights may also follow from limits: see {ref}`designed-weights`." if "`designed`" in settings else "",
+        "Weights may also follow from limits: see {ref}`designed-weights`."
+        if "`designed`" in settings
+        else "",
         "## Gains",
         table(
             ("gain", "meaning", "unit", "shape"),
-            [(code(each.name), prose(each.description), prose(each.unit), _shape(each.shape, each.numbers)) for each in spec.gains],
+            [
+                (code(each.name), prose(each.description), prose(each.unit), _shape(each.shape, each.numbers))
+                for each in spec.gains
+            ],
         )
         or "The law has no gains.",
         "## Use",

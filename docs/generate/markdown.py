@@ -41,7 +41,10 @@ def directive(name: str, argument: str = "", body: str = "", **options: str) -> 
     """A directive with its options and body, fenced by more colons than its body has."""
     inner = max((len(found) for found in re.findall(r"^:{3,}", body, flags=re.MULTILINE)), default=2)
     fence = ":" * (inner + 1)
-    lines = [f"{fence}{{{name}}} {argument}".rstrip(), *(f":{key}: {value}" for key, value in options.items())]
+    lines = [
+        f"{fence}{{{name}}} {argument}".rstrip(),
+        *(f":{key}: {value}" for key, value in options.items()),
+    ]
     return "\n".join([*lines, *(["", body] if body else []), fence])
 
 

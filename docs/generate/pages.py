@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 from generate.api_pages import api_pages
 from generate.damper_pages import model_pages
-from generate.figures import loop_figure, overview_figure
+from generate.figures import building_figure, damper_figure, loop_figure
 from generate.law_pages import law_pages
 from generate.registry_pages import format_page, noise_page, search_page
 from generate.study_keys import schema_page
@@ -44,8 +44,9 @@ def pictures() -> dict[Path, Callable[[], bytes]]:
     """What draws each picture, by its path."""
     figures = REFERENCE / "figures"
     return {
-        figures / "overview.svg": overview_figure,
-        **{figures / f"{spec.name}.svg": lambda spec=spec: loop_figure(spec) for spec in damper_models()},
+        figures / "a_damper.svg": damper_figure,
+        figures / "a_building.svg": building_figure,
+        **{figures / f"{spec.name}.svg": partial(loop_figure, spec) for spec in damper_models()},
     }
 
 
@@ -62,9 +63,3 @@ def write(docs: Path) -> None:
         for place in [*(docs / folder).rglob("*")]:
             if place.is_file() and place.relative_to(docs) not in contents:
                 place.unlink()
-
-
-def clean(docs: Path) -> None:
-    """Remove every generated folder."""
-    for folder in FOLDERS:
-        shutil.rmtree(docs / folder, ignore_errors=True)

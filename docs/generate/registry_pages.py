@@ -19,8 +19,8 @@ def search_page() -> str:
     peers = [_search(name, search, "Needs the extra `peers`.") for name, search in PEERS.items()]
     return document(
         "(searches)=\n# Searches",
-        "The default of `identify` is a multistart local optimisation; `--search NAME` takes one of these in its place, as do "
-        '`search="NAME"` in Python and `search` in a `[[tune]]` of a study.',
+        "The default of `identify` is a multistart local optimisation; `--search NAME` takes one of these in its "
+        'place, as do `search="NAME"` in Python and `search` in a `[[tune]]` of a study.',
         *sections,
         *peers,
     )
@@ -28,7 +28,10 @@ def search_page() -> str:
 
 def _search(name: str, search: object, note: str) -> str:
     rows = (
-        [(code(each.name), prose(str(each.type)), code(str(getattr(search, each.name)))) for each in fields(search)]
+        [
+            (code(each.name), prose(str(each.type)), code(str(getattr(search, each.name))))
+            for each in fields(search)
+        ]
         if is_dataclass(search)
         else []
     )
@@ -72,8 +75,8 @@ def format_page() -> str:
     return document(
         "(record-formats)=\n# Formats and units of files",
         "## Damper tests",
-        f"Extensions: {', '.join(map(code, EXTENSIONS))}. A column is recognised by its name, and its unit by what stands "
-        "in the name or in the row below.",
+        f"Extensions: {', '.join(map(code, EXTENSIONS))}. A column is recognised by its name, and its unit by what "
+        "stands in the name or in the row below.",
         "## Ground motions",
         "The format of a ground motion is recognised by the content of the file:",
         table(

@@ -14,7 +14,9 @@ HEADINGS = ("key", "type", "unit", "default", "meaning")
 def schema_page() -> str:
     """Every table of a study file with its keys."""
     sections = [
-        document(f"## {code(heading) if heading else 'At the top'}", documentation(kind), key_table(kind)).rstrip()
+        document(
+            f"## {code(heading) if heading else 'At the top'}", documentation(kind), key_table(kind)
+        ).rstrip()
         for heading, kind in tables(StudyTable)
     ]
     return document(
@@ -41,4 +43,10 @@ def _row(key: KeyInWords) -> tuple[str, ...]:
     limits = f", {key.limits}" if key.limits else ""
     searched = f"; {key.searched}" if key.searched else ""
     default = "required" if key.default == "required" else code(key.default) if key.default != "-" else ""
-    return code(key.name), prose(f"{key.form}{limits}"), unit(key.unit), default, prose(f"{key.meaning}{searched}")
+    return (
+        code(key.name),
+        prose(f"{key.form}{limits}"),
+        unit(key.unit),
+        default,
+        prose(f"{key.meaning}{searched}"),
+    )

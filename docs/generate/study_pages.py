@@ -26,11 +26,14 @@ def study_pages() -> dict[str, str]:
 
 
 def _index() -> str:
-    rows = [(f"[{prose(_title(path))}]({name}.md)", code(f"studies/{name}")) for name, path in studies().items()]
+    rows = [
+        (f"[{prose(_title(path))}]({name}.md)", code(f"studies/{name}")) for name, path in studies().items()
+    ]
     return document(
         "# Studies",
-        "A study answers one question with numbers that its command measures anew: `python studies/NAME/study.py`, from the "
-        "folder of the project. Those on measured records skip what is not there. Each page is the README of its folder.",
+        "A study answers one question with numbers that its command measures anew: `python studies/NAME/study.py`, "
+        "from the folder of the project. Those on measured records skip what is not there. Each page is the README of "
+        "its folder.",
         table(("question", "folder"), rows),
         toctree(*studies(), hidden=""),
     )
@@ -52,10 +55,17 @@ def _versions() -> str:
     versions = {canonicalize_name(name): version for name, version in pinned.items()}
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     extras = project["optional-dependencies"]
-    wanted = [*project["dependencies"], *extras["bench"], *extras["peers"], *extras["nuts"], *extras["control"]]
+    wanted = [
+        *project["dependencies"],
+        *extras["bench"],
+        *extras["peers"],
+        *extras["nuts"],
+        *extras["control"],
+    ]
     names = sorted({canonicalize_name(Requirement(text).name) for text in wanted} & versions.keys())
     return document(
         "## Versions",
-        f"`make` installs these versions beside mrwork {importlib.metadata.version('mrwork')}, and the benchmarks run with them:",
+        f"`make` installs these versions beside mrwork {importlib.metadata.version('mrwork')}, and the benchmarks run "
+        "with them:",
         table(("package", "version"), [(code(name), versions[name]) for name in names]),
     )

@@ -17,7 +17,10 @@ _WIDTH = 74
 _SHARED = 4
 EXIT_STATUS = (
     ("0", "done; a reader of stdout that leaves early, such as `head`, ends nothing"),
-    ("2", "bad input, or no stdout, space or memory; one sentence on stderr says what was expected and what to do"),
+    (
+        "2",
+        "bad input, or no stdout, space or memory; one sentence on stderr says what was expected and what to do",
+    ),
     ("130", "interrupted by Ctrl-C; what was found is kept"),
     ("143", "ended by SIGTERM; what was found is kept"),
 )
