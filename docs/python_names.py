@@ -5,13 +5,17 @@ from __future__ import annotations
 from typing import Any
 
 from docutils import nodes
+from numpy.typing import ArrayLike
 from sphinx.addnodes import pending_xref
 from sphinx.application import Sphinx
 from sphinx.environment import BuildEnvironment
+from sphinx.util.typing import stringify_annotation
 
 from generate.api_pages import described_names, plain_types
 
 _NAMES = described_names()
+# What autodoc writes for the union that this name stands for.
+_ARRAY_LIKE = stringify_annotation(ArrayLike, "smart")
 
 
 def setup(app: Sphinx) -> dict[str, Any]:
@@ -30,7 +34,11 @@ def _without_notes(
     signature: str | None,
     returned: str | None,
 ) -> tuple[str | None, str | None]:
-    return signature and plain_types(signature), returned and plain_types(returned)
+    return _plain(signature), _plain(returned)
+
+
+def _plain(signature: str | None) -> str | None:
+    return signature and plain_types(signature.replace(_ARRAY_LIKE, "~numpy.typing.ArrayLike"))
 
 
 def _by_any_path(

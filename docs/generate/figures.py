@@ -127,7 +127,7 @@ def _frame_responses() -> list[tuple[str, Floats, Floats]]:
     gain = mr.control.regulator_of_state(plant, plant.energy, 1e-9).gain
     laws = {
         "no current": mr.ControlLaw(name="passive", gains={"command": [0.0]}),
-        "clipped-optimal control": mr.ControlLaw(name="clipped_optimal", gains={"gain": gain}),
+        "clipped-optimal": mr.ControlLaw(name="clipped_optimal", gains={"gain": gain}),
     }
     motion = mr.synthetic_motion(rng=0, peak=3.0)
     hardware = mr.Hardware(sample_time=1e-3)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 
-from generate.markdown import code, document, prose, table, unit
+from generate.markdown import code, directive, document, prose, table, unit
 from mrwork.keys import KeyInWords, keys_in_words, tables
 from mrwork.study.schema import StudyTable
 
@@ -29,8 +29,9 @@ def schema_page() -> str:
 
 
 def key_table(kind: type) -> str:
-    """The keys of a table of a document."""
-    return table(HEADINGS, [_row(each) for each in keys_in_words(kind)])
+    """The keys of a table of a document; on a narrow page its rows become blocks."""
+    rows = table(HEADINGS, [_row(each) for each in keys_in_words(kind)])
+    return directive("div", "keys", rows) if rows else ""
 
 
 def documentation(kind: type) -> str:
