@@ -16,6 +16,8 @@ from urllib.parse import unquote, urlsplit
 # Attributes by which a browser fetches something for a page.
 _FETCHED = {"img": "src", "script": "src", "iframe": "src", "source": "src", "object": "data"}
 _FETCHED_LINKS = {"stylesheet", "icon", "preload", "prefetch", "modulepreload", "preconnect"}
+# Nothing, or the file itself, which stands in the place of words that nobody gave.
+_NO_WORDS = re.compile(r"|\S+\.(png|svg|jpe?g|gif|webp)", flags=re.IGNORECASE)
 _FETCHED_BY_CSS = re.compile(r"(?:url\(|@import)\s*[\"']?(?:https?:)?//", flags=re.IGNORECASE)
 
 
@@ -37,7 +39,7 @@ class Page(HTMLParser):
         self.anchors |= {given[name] for name in ("id", "name") if name in given}
         if tag == "a" and "href" in given:
             self.links.append(given["href"])
-        if tag == "img" and not given.get("alt", "").strip():
+        if tag == "img" and _NO_WORDS.fullmatch(given.get("alt", "").strip()):
             self.wordless.append(given.get("src", ""))
         if given.get(_FETCHED.get(tag, ""), ""):
             self.fetched.append(given[_FETCHED[tag]])

@@ -9,10 +9,13 @@ from numpy.typing import ArrayLike
 from sphinx.addnodes import pending_xref
 from sphinx.application import Sphinx
 from sphinx.environment import BuildEnvironment
+from sphinx.util import logging
 from sphinx.util.typing import stringify_annotation
 
 from generate.api_pages import described_names, plain_types
+from generate.pages import GENERATED
 
+_LOG = logging.getLogger(__name__)
 _NAMES = described_names()
 # What autodoc writes for the union that this name stands for.
 _ARRAY_LIKE = stringify_annotation(ArrayLike, "smart")
@@ -45,8 +48,14 @@ def _by_any_path(
     app: Sphinx, environment: BuildEnvironment, node: pending_xref, shown: nodes.Element
 ) -> nodes.Element | None:
     """A name such as `mr.dampers.damper`, which is described as `mrwork.damper`."""
-    full = _NAMES.get(node.get("reftarget", ""))
-    if node.get("refdomain") != "py" or full is None:
+    if node.get("refdomain") != "py":
+        return None
+    name = node["reftarget"]
+    full = _NAMES.get(name)
+    if full is None:
+        # Docstrings put parameters and types of other libraries between the same signs; a page means a name.
+        if GENERATED not in node["refdoc"]:
+            _LOG.warning("there is no public name %s", name, location=node, type="ref", subtype="name")
         return None
     domain = environment.domains.python_domain
     return domain.resolve_xref(environment, node["refdoc"], app.builder, "obj", full, node, shown)

@@ -78,6 +78,7 @@ def test_a_command_that_fails_is_named(tmp_path):
         ('<a href="other.html#no">x</a>', "other.html#no leads nowhere"),
         ('<a href="none.html">x</a>', "none.html leads nowhere"),
         ('<img src="other.html" alt=" ">', "has no words"),
+        ('<img src="other.html" alt="../loop.png">', "has no words"),
         ('<script src="https://example.org/x.js"></script>', "is fetched from elsewhere"),
         ('<a href="https://example.org/none">x</a> <a href="other.html#here">y</a>', ""),
     ],
