@@ -58,6 +58,7 @@ autodoc_default_options = {"member-order": "bysource"}
 autodoc_typehints = "signature"
 autodoc_typehints_format = "short"
 autodoc_preserve_defaults = True
+autodoc_type_aliases = {"Floats": "ndarray"}
 python_use_unqualified_type_names = True
 maximum_signature_line_length = 72
 numpydoc_show_class_members = False
