@@ -78,7 +78,7 @@ DAMPER_WORDS = (
 )
 BUILDING_WORDS = (
     "Drift of the first storey of a frame under a synthetic earthquake: smaller with two dampers under "
-    "clipped-optimal control than with the same dampers at no current."
+    "clipped-optimal control than with the same dampers passive-off (i = 0)."
 )
 
 
@@ -112,7 +112,7 @@ def building_figure() -> bytes:
 
 
 def _frame_responses() -> list[tuple[str, Floats, Floats]]:
-    """Drift of the first storey [m] over time [s] with dampers at no current, and with them under control."""
+    """Drift of the first storey [m] over time [s] with dampers passive-off, and with them under control."""
     frame = mr.building("uts")
     preset = mr.damper("static_hysteretic").preset("kwok2006")
     pair = mr.Device(
@@ -126,7 +126,7 @@ def _frame_responses() -> list[tuple[str, Floats, Floats]]:
     plant = mr.control.plant_of(frame, frame.storeys[:1])
     gain = mr.control.regulator_of_state(plant, plant.energy, 1e-9).gain
     laws = {
-        "no current": mr.ControlLaw(name="passive", gains={"command": [0.0]}),
+        "passive-off": mr.ControlLaw(name="passive", gains={"command": [0.0]}),
         "clipped-optimal": mr.ControlLaw(name="clipped_optimal", gains={"gain": gain}),
     }
     motion = mr.synthetic_motion(rng=0, peak=3.0)
