@@ -12,7 +12,7 @@ unexport CONDA_PREFIX
 # Compiled Python files are kept: a hundred tests start a process, which would compile the package anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test sentences faults lint format bench dist licences clean
+.PHONY: demo test sentences faults lint format bench docs docs-check dist licences clean
 
 demo: $(VENV)/.built
 	$(BIN)/mrwork demo
@@ -50,11 +50,21 @@ bench: $(VENV)/.built $(VENV)/.dev
 	$(BIN)/python studies/speed/study.py kernels
 	$(BIN)/python studies/speed/study.py models
 
+# The pages, and first the code blocks in them and in the README; notebooks and blocks that have not changed are not run again.
+docs: $(VENV)/.built $(VENV)/.docs
+	$(BIN)/python docs/run_blocks.py
+	$(BIN)/python -m sphinx --quiet --fail-on-warning --keep-going --nitpicky --doctree-dir out/docs/trees docs out/docs/html
+	@echo "out/docs/html/index.html"
+
+# Links within the pages, pictures without words, and what would be fetched from elsewhere.
+docs-check: docs
+	$(BIN)/python docs/check.py out/docs/html
+
 # A source distribution and a wheel in dist/, checked, and used where there is no Rust, no compiler and no font.
 dist: $(VENV)/.dist
 	.ci/dist
 
-licences: $(VENV)/.dev $(VENV)/.dist
+licences: $(VENV)/.dev $(VENV)/.docs $(VENV)/.dist
 	$(BIN)/python .ci/licences.py
 
 clean:
@@ -76,6 +86,10 @@ $(VENV)/.built: $(VENV)/.installed $(RUST_SOURCES)
 
 $(VENV)/.dev: pyproject.toml constraints.txt | $(VENV)/.installed
 	$(PIP) --no-build-isolation --editable '.[dev]'
+	touch $@
+
+$(VENV)/.docs: pyproject.toml constraints.txt | $(VENV)/.installed
+	$(PIP) --no-build-isolation --editable '.[docs]'
 	touch $@
 
 $(VENV)/.dist: pyproject.toml constraints.txt | $(VENV)/.installed

@@ -41,13 +41,14 @@ PERMITTED = {
 _CLASSIFIERS = {
     "Apache Software License": "Apache-2.0",
     "BSD License": "BSD",
+    "ISC License (ISCL)": "ISC",
     "MIT License": "MIT",
     "Mozilla Public License 2.0 (MPL 2.0)": "MPL-2.0",
     "Python Software Foundation License": "PSF-2.0",
     "GNU Lesser General Public License v3 (LGPLv3)": "LGPL-3.0-only",
     "GNU Library or Lesser General Public License (LGPL)": "LGPL",
 }
-_NAMES = {"Apache 2.0": "Apache-2.0", "BSD": "BSD"}
+_NAMES = {"Apache 2.0": "Apache-2.0", "BSD": "BSD", "ISC license": "ISC"}
 _TEXTS = {"Permission is hereby granted, free of charge": "MIT", "Apache License": "Apache-2.0"}
 
 HEAD = """# Licences of the dependencies

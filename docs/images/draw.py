@@ -8,6 +8,9 @@ this file.
 
 from __future__ import annotations
 
+import subprocess
+import sys
+import tempfile
 from pathlib import Path
 
 import matplotlib as mpl
@@ -22,22 +25,23 @@ BLUE, ORANGE, GREY, GREEN = "#2a6fb0", "#d9822b", "#8a8f98", "#2f9e6e"
 
 
 def draw_damper(ax: Axes) -> None:
-    """A held-out cycle, predicted by a simple model from one other test, with a 90 % band calibrated on a third."""
-    fit = mr.identify("viscous_dahl", mr.synthetic_test("spencer1997"), rng=1)
-    bands = mr.calibrate([mr.predict(fit, mr.synthetic_test("spencer1997_fast"))], held_out="are held out")
-    prediction = mr.predict(fit, mr.synthetic_test("spencer1997_slow"))
-    test = prediction.test
+    """A held-out cycle of the sample rig, predicted from other tests, with a band calibrated on further ones."""
+    with tempfile.TemporaryDirectory() as folder:
+        command = [sys.executable, "-m", "mrwork", "init", "rig", f"{folder}/rig"]
+        subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+        fitted, calibration, held_out = (
+            mr.read_damper_tests(f"{folder}/rig", use=use) for use in ("fit", "calibration", "test")
+        )
+    spec = mr.damper("viscous_dahl").with_current_laws({"k_w": "quadratic", "k_x": "linear"}, unit="A")
+    fit = mr.identify(spec, fitted, rng=1)
+    bands = mr.calibrate([mr.predict(fit, test) for test in calibration], held_out="are held out")
+    prediction = mr.predict(fit, held_out[0])
     band = bands.band(prediction, 0.9)
     test = prediction.test
-    last = slice(-round(2.0 / test.dt), None)  # one cycle
+    last = slice(-round(1 / 1.2 / test.dt), None)
     displacement = 1e3 * test.displacement[last]
     ax.plot(
-        displacement[::8],
-        1e-3 * prediction.measured[last][::8],
-        ".",
-        color=GREY,
-        markersize=2.5,
-        label="held-out test",
+        displacement, 1e-3 * prediction.measured[last], ".", color=GREY, markersize=2.5, label="held-out test"
     )
     ax.plot(displacement, 1e-3 * prediction.force[last], color=BLUE, linewidth=1.6, label="prediction")
     for edge, label in ((band.lower, None), (band.upper, "90 % band")):

@@ -465,21 +465,52 @@ def heading_lines(heading: str, prose: str) -> list[str]:
     return [heading, *words]
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class KeyInWords:
+    """A key as a schema lists it; texts that do not apply are empty.
+
+    `searched` says whether a search of settings changes the key by itself, or where it is asked to.
+    """
+
+    name: str
+    default: str
+    meaning: str
+    form: str
+    unit: str
+    limits: str
+    searched: str
+
+
+def keys_in_words(kind: type) -> list[KeyInWords]:
+    """The keys of a table, in order."""
+    declared = fields_of(kind)
+    return [
+        KeyInWords(
+            name=name_in_file(entry),
+            default=_default(entry),
+            meaning=entry.metadata["says"],
+            form=f"{in_words(declared[entry.name])}{' or name of a text file' if entry.metadata['matrix'] else ''}",
+            unit=entry.metadata["unit"],
+            limits=range_in_words(entry),
+            searched=_describe_search(entry),
+        )
+        for entry in keys_of(kind)
+    ]
+
+
 def key_lines(kind: type) -> list[str]:
     """The keys of a table, their meanings, defaults and types."""
-    keys, declared = keys_of(kind), fields_of(kind)
-    names = max((len(name_in_file(entry)) for entry in keys), default=0)
-    defaults = max((len(_default(entry)) for entry in keys), default=0)
+    keys = keys_in_words(kind)
+    names = max((len(each.name) for each in keys), default=0)
+    defaults = max((len(each.default) for each in keys), default=0)
     lines = []
-    for entry in keys:
-        unit = entry.metadata["unit"]
-        bounds = f", {words}" if (words := range_in_words(entry)) else ""
-        file = " or name of a text file" if entry.metadata["matrix"] else ""
-        form = f"{in_words(declared[entry.name])}{file}{f' [{unit}]' if unit else ''}{bounds}"
-        meaning = f"{entry.metadata['says']} ({form}){_describe_search(entry)}"
-        head = f"  {name_in_file(entry):<{names}}  {_default(entry):<{defaults}}  "
+    for each in keys:
+        unit = f" [{each.unit}]" if each.unit else ""
+        limits = f", {each.limits}" if each.limits else ""
+        searched = f"; {each.searched}" if each.searched else ""
+        head = f"  {each.name:<{names}}  {each.default:<{defaults}}  "
         lines += textwrap.wrap(
-            meaning,
+            f"{each.meaning} ({each.form}{unit}{limits}){searched}",
             width=_WIDTH,
             initial_indent=head,
             subsequent_indent=" " * len(head),
@@ -491,13 +522,9 @@ def key_lines(kind: type) -> list[str]:
 def _describe_search(entry: Field[Any]) -> str:
     """Whether a search of settings changes the key by itself, or where it is asked to."""
     span = entry.metadata["span"]
-    return (
-        ""
-        if span is None
-        else "; searched by mrwork tune"
-        if span.free
-        else "; can be searched by mrwork tune"
-    )
+    if span is None:
+        return ""
+    return "searched by mrwork tune" if span.free else "can be searched by mrwork tune"
 
 
 def _default(entry: Field[Any]) -> str:

@@ -160,10 +160,10 @@ def rescaled_bouc_wen(theta: AnyArray, A: float) -> Array:
 class OpenSeesBoucWen:
     """Uniaxial material `BoucWen` of OpenSees, with its names and order of arguments.
 
-    f = alpha ko x + (1 - alpha) ko z, z' = (A - |z|^n (gamma + beta sgn(v z)) nu) v / eta, where A, nu and eta
+    ``f = alpha ko x + (1 - alpha) ko z``, ``z' = (A - |z|^n (gamma + beta sgn(v z)) nu) v / eta``, where A, nu and eta
     depend on the absorbed energy e: A = Ao - deltaA e, nu = 1 + deltaNu e, eta = 1 + deltaEta e (`setTrialStrain` in
     SRC/material/uniaxial/BoucWenMaterial.cpp; its z after each step solves the backward Euler rule).
-    Thus beta multiplies |v| z, like gamma of Spencer, and gamma multiplies v |z|, like his beta.
+    Thus beta multiplies ``|v| z``, like gamma of Spencer, and gamma multiplies ``v |z|``, like his beta.
     """
 
     alpha: float

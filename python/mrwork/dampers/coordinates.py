@@ -207,6 +207,6 @@ class Box:
 
     @checked
     def log_jacobian(self, latent: AnyArray) -> Array:
-        """Logarithm of the determinant |d theta / d latent| over the free parameters, shape (...)."""
+        """Logarithm of the determinant ``|d theta / d latent|`` over the free parameters, shape (...)."""
         xp = latent.__array_namespace__()
         return xp.sum(self.log_slope(latent), axis=-1)

@@ -23,12 +23,13 @@ OPTIMISERS: Mapping[str, Optimiser[Any]] = {
     "differential_evolution": DifferentialEvolution(),
     "differential_evolution_random": DifferentialEvolution(base="random"),
 }
+"""Searches of the package by name, with their default settings."""
 
-# Optimisers of other libraries, which are imported when a search starts.
 PEERS: Mapping[str, PeerOptimiser] = {
     "cma": CMAEvolution(),
     "pymoo_ga": PymooGA(),
     "scipy_differential_evolution": ScipyDifferentialEvolution(),
 }
+"""Searches of other libraries by name; each library is imported when its search starts."""
 
 ALL_OPTIMISERS: Mapping[str, Optimiser[Any]] = {**OPTIMISERS, **PEERS}

@@ -1,0 +1,53 @@
+"""Page of the keys of a study file, from the tables that read it."""
+
+from __future__ import annotations
+
+import inspect
+
+from generate.markdown import code, directive, document, prose, table, unit
+from mrwork.keys import KeyInWords, keys_in_words, tables
+from mrwork.study.schema import StudyTable
+
+HEADINGS = ("key", "type", "unit", "default", "meaning")
+
+
+def schema_page() -> str:
+    """Every table of a study file with its keys."""
+    sections = [
+        document(
+            f"## {code(heading) if heading else 'At the top'}", documentation(kind), key_table(kind)
+        ).rstrip()
+        for heading, kind in tables(StudyTable)
+    ]
+    return document(
+        "(study-schema)=\n# Keys of a study file",
+        "A study is a TOML file that [`mrwork respond`](verbs/respond.md) and [`mrwork tune`](verbs/tune.md) read. "
+        "`mrwork respond --schema` prints this page. Numbers are in the SI unit that is given here, or texts "
+        'with another unit of the same dimension, as `"2 mm"`.',
+        *sections,
+    )
+
+
+def key_table(kind: type) -> str:
+    """The keys of a table of a document; on a narrow page its rows become blocks."""
+    rows = table(HEADINGS, [_row(each) for each in keys_in_words(kind)])
+    return directive("div", "keys", rows) if rows else ""
+
+
+def documentation(kind: type) -> str:
+    """The docstring of a class, its paragraphs on a line each."""
+    paragraphs = (inspect.getdoc(kind) or "").split("\n\n")
+    return "\n\n".join(prose(each) for each in paragraphs)
+
+
+def _row(key: KeyInWords) -> tuple[str, ...]:
+    limits = f", {key.limits}" if key.limits else ""
+    searched = f"; {key.searched}" if key.searched else ""
+    default = "required" if key.default == "required" else code(key.default) if key.default != "-" else ""
+    return (
+        code(key.name),
+        prose(f"{key.form}{limits}"),
+        unit(key.unit),
+        default,
+        prose(f"{key.meaning}{searched}"),
+    )

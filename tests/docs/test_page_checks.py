@@ -1,0 +1,91 @@
+"""Blocks of pages are found and run as the guide says, and built pages are looked through."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import run_blocks
+from check import findings
+from run_blocks import blocks_of, commands_of
+
+PAGE = """# Title
+
+```python
+first = 1
+```
+
+<!-- not run: needs a rig -->
+```python
+second = first + missing
+```
+
+```console
+$ mrwork never
+```
+
+<!-- run -->
+```console
+$ mrwork models \\
+  --json
+shown
+$ echo done > done.txt
+```
+"""
+
+
+def test_python_is_run_and_consoles_only_where_asked():
+    python, console = blocks_of(PAGE)
+    assert (python.language, python.text, python.line) == ("python", "first = 1\n", 4)
+    assert commands_of(console.text) == ["mrwork models \\\n  --json", "echo done > done.txt"]
+
+
+def test_a_notebook_is_run_by_sphinx_instead():
+    assert blocks_of("---\nfile_format: mystnb\nkernelspec:\n  name: python3\n---\n" + PAGE) == []
+
+
+def run(path: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, run_blocks.__file__, "--page", str(path)],
+        cwd=path.parent,
+        capture_output=True,
+        text=True,
+    )
+
+
+def test_blocks_share_variables_and_an_error_names_the_line_of_the_page(tmp_path):
+    page = tmp_path / "page.md"
+    page.write_text("```python\nx = 1\n```\n\ntext\n\n```python\nassert x == 1\nassert x == 2\n```\n")
+    done = run(page)
+    assert done.returncode == 1
+    assert f'"{page}", line 9' in done.stderr
+
+
+def test_a_command_that_fails_is_named(tmp_path):
+    page = tmp_path / "page.md"
+    page.write_text("<!-- run -->\n```console\n$ exit 3\n```\n")
+    done = run(page)
+    assert done.returncode == 1
+    assert "exit status 3 of: exit 3" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("body", "finding"),
+    [
+        ('<a href="other.html#no">x</a>', "other.html#no leads nowhere"),
+        ('<a href="none.html">x</a>', "none.html leads nowhere"),
+        ('<img src="other.html" alt=" ">', "has no words"),
+        ('<img src="other.html" alt="../loop.png">', "has no words"),
+        ('<script src="https://example.org/x.js"></script>', "is fetched from elsewhere"),
+        ('<a href="https://example.org/none">x</a> <a href="other.html#here">y</a>', ""),
+    ],
+)
+def test_built_pages_are_looked_through(tmp_path, body, finding):
+    (tmp_path / "index.html").write_text(f"<html><body>{body}</body></html>")
+    (tmp_path / "other.html").write_text('<html><body><p id="here"></p></body></html>')
+    found = findings(tmp_path)
+    assert [each for each in found if finding and finding in each] == found
+    assert bool(found) == bool(finding)

@@ -1,0 +1,148 @@
+"""The generated reference has everything that can be used, and its text is complete before Sphinx sees it."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+import mrwork as mr
+from generate.api_pages import described_names, namespaces, plain_types
+from generate.equations import tex
+from generate.markdown import prose
+from generate.pages import REFERENCE, STUDIES, pages, pictures
+from generate.study_pages import measured
+from mrwork.cli.door import parser, verbs
+from mrwork.control import SETTINGS
+from mrwork.keys import keys_in_words, tables
+from mrwork.study.schema import StudyTable
+
+
+@pytest.fixture(scope="module")
+def texts() -> dict[Path, str]:
+    return pages()
+
+
+def page(texts: dict[Path, str], folder: str, name: str) -> str:
+    return texts[REFERENCE / folder / f"{name}.md"]
+
+
+def test_every_verb_has_a_page_with_its_options(texts):
+    for verb in verbs():
+        text = page(texts, "verbs", verb)
+        choices = next(each.choices for each in parser([verb])._actions if isinstance(each.choices, dict))
+        for action in choices[verb]._actions:
+            names = action.option_strings or [str(action.metavar)]
+            assert action.dest == "help" or f"{{option}} {names[0]}" in text
+        assert "130" in text
+
+
+def test_every_key_of_a_study_is_in_the_schema(texts):
+    text = texts[REFERENCE / "schema.md"]
+    for heading, kind in tables(StudyTable):
+        section = text.partition(f"## {f'`{heading}`' if heading else 'At the top'}\n")[2].partition("\n## ")[
+            0
+        ]
+        for key in keys_in_words(kind):
+            assert f"| `{key.name}` |" in section
+
+
+def test_every_model_has_a_page_with_its_parameters_sets_and_loop(texts):
+    for spec in mr.damper_models():
+        text = page(texts, "models", spec.name)
+        assert prose(spec.source) in text
+        assert [name for name in (*spec.names, *spec.presets) if f"`{name}`" not in text] == []
+        assert REFERENCE / "figures" / f"{spec.name}.svg" in pictures()
+
+
+def test_every_law_has_a_page_with_its_settings_and_gains(texts):
+    for spec in mr.control.control_laws():
+        text = page(texts, "laws", spec.name)
+        names = [
+            *(key.name for key in keys_in_words(SETTINGS[spec.name])),
+            *(gain.name for gain in spec.gains),
+        ]
+        assert [name for name in names if f"`{name}`" not in text] == []
+
+
+def test_every_public_name_is_listed_and_described_once(texts):
+    listed = {f"{each.path}.{name.name}" for each in namespaces() for name in each.names}
+    assert {f"mrwork.{name}" for name in ("identify", "control.design_law", "dampers.design.Slot")} <= listed
+    for namespace in namespaces():
+        text = page(texts, "api", namespace.path)
+        for name in namespace.names:
+            assert f"[`{name.name}`]({name.page}.md)" in text
+            assert name.full in page(texts, "api", name.page)
+    paths = [str(path).lower() for path in texts]
+    assert len(paths) == len(set(paths)), "names that differ in case only share a file on some systems"
+
+
+def test_names_of_the_lower_tier_are_left_out(texts):
+    assert hasattr(mr.closed_loop, "SCORE")
+    assert "mrwork.closed_loop.SCORE" not in described_names().values()
+
+
+def test_searches_and_noise_models_are_listed(texts):
+    searches, noises = texts[REFERENCE / "searches.md"], texts[REFERENCE / "noise_models.md"]
+    assert all(f"## `{name}`" in searches for name in (*mr.search.OPTIMISERS, *mr.search.PEERS))
+    assert all(f"## `{name}`" in noises for name in ("iid", "student_t", "ar1", "arma11", "amplitude"))
+
+
+def test_every_study_is_included(texts):
+    names = {path.parent.name for path in Path(__file__).parents[2].glob("studies/*/README.md")}
+    assert {path.stem for path in texts if path.parent == STUDIES} == names | {"index"}
+
+
+def test_benchmarks_show_what_the_readme_says_of_them():
+    blocks = ["About studies/speed/study.py loop", "| a |\n| --- |", "Other words.", "| b |\n| --- |"]
+    assert measured("\n\n".join(blocks)) == blocks[:2]
+
+
+def test_every_link_of_a_page_leads_to_a_page(texts):
+    written = Path(__file__).parents[2] / "docs"
+    for path, text in texts.items():
+        for link in re.findall(r"\]\(([^)#]+\.md)", text):
+            target = (written / path.parent / link).resolve().relative_to(written.resolve())
+            assert target in texts, f"{path} links to {link}"
+
+
+@pytest.mark.parametrize(
+    ("equation", "expected"),
+    [
+        ("f = c0 v + k_w w", r"f = c_{0}\,v + k_{w}\,w"),
+        ("z' = -gamma |v| z |z|^(n-1)", r"z^{\prime} = -\gamma \,\left|v\right|\,z\,\left|z\right|^{n-1}"),
+        (
+            "i = i_max H(e), where no i has it",
+            r"i = i_{\mathrm{max}}\,H(e),\;\text{ where no }i\text{ has it}",
+        ),
+        ("sigma_0 z", r"\sigma_{0}\,z"),
+    ],
+)
+def test_an_equation_becomes_tex(equation, expected):
+    assert re.sub(r"\s*\}$", "}", tex(equation)) == expected
+
+
+def test_every_equation_can_be_shown_by_the_converter():
+    converter = pytest.importorskip("docutils.utils.math.latex2mathml")
+    for spec in (*mr.damper_models(), *mr.control.control_laws()):
+        assert converter.tex2mathml(tex(spec.equation, getattr(spec, "names", ())), as_block=True).startswith(
+            "<math"
+        )
+
+
+@pytest.mark.parametrize(
+    ("signature", "expected"),
+    [
+        ("(rng: Annotated[int, Within(least=0)] = 0)", "(rng: int = 0)"),
+        ("(x: ~typing.Annotated[~numpy.ndarray[tuple[int], dtype[float]], 1])", "(x: ~numpy.ndarray)"),
+        ("(x: dict[str, Annotated[float, Within(above=0)]])", "(x: dict[str, float])"),
+        ("(x: int)", "(x: int)"),
+    ],
+)
+def test_signatures_have_plain_types(signature, expected):
+    assert plain_types(signature) == expected
+
+
+def test_prose_is_no_markup():
+    assert prose("k_w of `a*b` <x> with --law and a|b") == r"`k_w` of `a*b` \<x\> with `--law` and a\|b"
