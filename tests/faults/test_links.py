@@ -102,7 +102,7 @@ JOBS = {
     "check": Job(words="check one.csv two.csv --table table.csv"),
 }
 # Verbs that write nothing.
-READING = {"predict", "convert", "completion"}
+READING = {"predict", "convert", "cite", "completion"}
 
 
 def done(words: str, folder: Path) -> Ended:

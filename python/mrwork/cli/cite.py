@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import argparse
-import tomllib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -24,7 +23,7 @@ from mrwork.references import (
     references_of,
 )
 from mrwork.store.input_file import is_file, make_stored_kind, text_of
-from mrwork.store.parse import json_value
+from mrwork.store.parse import json_value, toml_table
 from mrwork.store.run_folder import ADDITIONS, FIT, MANIFEST, RANKING, RESULTS, STUDY, read_manifest
 
 # A part of a run in words, and the works it rests on.
@@ -89,8 +88,7 @@ def _parts(folder: Path) -> list[_Part]:
         )
     names = dict.fromkeys(_texts(manifest.get("model")))
     if is_file(folder / STUDY):
-        content = text_of(folder / STUDY, make_stored_kind("respond", name="the study"))
-        names |= dict.fromkeys(_texts(tomllib.loads(content)))
+        names |= dict.fromkeys(_texts(_stored(folder / STUDY, toml_table)))
     settings = manifest.get("settings")
     if isinstance(settings, Mapping):
         names |= dict.fromkeys(_texts([settings.get("search"), settings.get("engine")]))
@@ -111,15 +109,22 @@ def _records(folder: Path, manifest: Mapping[str, Any]) -> list[_Part]:
         if isinstance(digest, str) and not is_synthetic(name)
     ]
     if is_file(folder / RESULTS):
-        motions = json_value(text_of(folder / RESULTS, make_stored_kind("respond", name="the results")))[
-            "motions"
-        ]
+        results = _stored(folder / RESULTS, json_value)
+        motions = results.get("motions") if isinstance(results, Mapping) else None
         parts += [
-            (f"record: {each['name']}", (reference_of_motion(each["name"], each["source"]),))
-            for each in motions
-            if not each["synthetic"]
+            (f"record: {each['name']}", (reference_of_motion(str(each["name"]), str(each.get("source"))),))
+            for each in (motions if isinstance(motions, list) else ())
+            if isinstance(each, Mapping) and "name" in each and not each.get("synthetic")
         ]
     return parts
+
+
+def _stored(path: Path, read: Callable[[str], Any]) -> Any:
+    """The document of a file of the run."""
+    try:
+        return read(text_of(path, make_stored_kind("respond", name="the file of the study")))
+    except ValueError as reason:
+        raise RecordError(f"{path} is damaged ({reason}); run `mrwork respond` again") from None
 
 
 def _sources() -> dict[str, list[tuple[str, str]]]:

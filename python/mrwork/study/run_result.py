@@ -191,9 +191,11 @@ def _least_strokes(responses: Responses, run: int, arrangement: Arrangement) -> 
     return np.array([least_stroke(each) for each in strokes.T])
 
 
-def read_recorded(record: Mapping[str, Any], arrangement: Arrangement) -> RunResult:
-    """The result of a run from its line of a journal."""
+def read_recorded(record: Mapping[str, Any], arrangement: Arrangement) -> RunResult | None:
+    """The result of a run from its line of a journal; `None` if it was written before a quantity was known."""
     quantities = kept_quantities()
+    if any(each.name not in record for each in quantities):
+        return None
     numbers = {each.name: array_of(record[each.name])[()] for each in quantities}
     own = {name: value for name, value in record.items() if name not in numbers}
     result = rebuilt(RunResult, {**own, "numbers": numbers})
