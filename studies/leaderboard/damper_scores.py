@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 import mrwork as mr
 from mrwork.errors import SettingError
 from studies.leaderboard.entries import Entry
+from studies.one_model_for_a_rig.study import thinned
 
 Floats = NDArray[np.float64]
 SEED = 7
@@ -28,10 +29,10 @@ class DamperScore:
 
 
 def score_damper(entry: Entry, tests: Sequence[mr.DamperTest]) -> DamperScore:
-    """Identify without each motion in turn, and predict its tests."""
+    """Identify without each motion in turn, from thinned tests, and predict its whole tests."""
     fits: dict[str, float] = {}
     for number, (rest, held_out) in enumerate(folds(tests)):
-        predict = entry.function(rest, np.random.default_rng([SEED, number]))
+        predict = entry.function(tuple(map(thinned, rest)), np.random.default_rng([SEED, number]))
         for test in held_out:
             fits[test.name] = fit_percent(test, predict(without_force(test)))
     worst = min(fits, key=lambda name: fits[name])

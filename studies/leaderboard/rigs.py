@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 import mrwork as mr
 from mrwork.records import Observation, build_damper_test, observed, read_damper_tests, repair
 from studies.leaderboard.measured import UTFSM, measured_files
-from studies.one_model_for_a_rig.study import PER_CYCLE, thinned
+from studies.one_model_for_a_rig.study import PER_CYCLE
 
 Floats = NDArray[np.float64]
 
@@ -36,12 +36,12 @@ def synthetic_rig() -> tuple[mr.DamperTest, ...]:
 
 
 def utfsm_rig() -> tuple[mr.DamperTest, ...]:
-    """The thirty smoothed sinusoids with at most 250 samples a cycle; none where the files are absent."""
+    """The thirty smoothed sinusoids; none where the files are absent."""
     files = measured_files(UTFSM)
     tests = read_damper_tests([str(file) for file in files]) if files else ()
     # The velocity column is late at 5 Hz.
     mended = (repair(test, ["velocity"])[0] for test in tests)
-    return tuple(thinned(observed(test, [SMOOTHED])) for test in mended)
+    return tuple(observed(test, [SMOOTHED]) for test in mended)
 
 
 def _synthetic_test(
