@@ -104,26 +104,44 @@ def errors(residuals: Floats, unseen: Floats) -> Error:
     return Error(held_out=rms(residuals), beyond_noise=max(product, 0.0) ** 0.5, unseen=rms(unseen))
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Training:
+    """What is fitted: a period of the force [N], the mean displacement [m], shape (n_time,), and its noise [m]."""
+
+    force: Floats
+    mean: Floats
+    noise_of_mean: float
+    dt: float
+
+    @property
+    def scales(self) -> Scales:
+        return Scales(linear=linear_fit(self.force, self.mean, self.dt), displacement=rms(self.mean))
+
+    def period(self, n_substeps: int, interpolation: Interpolation) -> Period:
+        stages = jnp.asarray(stage_table(self.force, n_substeps, interpolation))
+        return Period(stages, jnp.asarray(self.mean), self.noise_of_mean, self.dt)
+
+
+def training_of(force: Floats, pair: Floats, dt: float) -> Training:
+    """Two steady periods of the displacement, shape (2, n_time), as one; their difference is noise."""
+    return Training(force=force, mean=pair.mean(axis=0), noise_of_mean=rms(pair[0] - pair[1]) / 2.0, dt=dt)
+
+
+def read_record(record: Path) -> tuple[Training, Floats]:
+    """The two periods that are fitted, and the next two, shape (2, n_time)."""
+    table = np.loadtxt(record, delimiter=",", skiprows=1)
+    dt = float(table[-1, 0] / (len(table) - 1))
+    periods = table[:, 2].reshape(-1, N_PERIOD)
+    return training_of(table[:N_PERIOD, 1], periods[FITTED], dt), periods[HELD_OUT]
+
+
 def run(record: Path, seed: int) -> BenchmarkResult:
     """Fit two periods of the record and assess on the next two; the first period contains the transient from rest."""
     begun = time.perf_counter()
     rng = np.random.default_rng(seed)
-    table = np.loadtxt(record, delimiter=",", skiprows=1)
-    dt = float(table[-1, 0] / (len(table) - 1))
-    force = table[:N_PERIOD, 1]
-    periods = table[:, 2].reshape(-1, N_PERIOD)
-    pair, held_out = periods[FITTED], periods[HELD_OUT]
-    mean = pair.mean(axis=0)
-    noise_of_mean = rms(pair[0] - pair[1]) / 2.0
-
-    linear = linear_fit(force, mean, dt)
-    scales = Scales(linear=linear, displacement=rms(mean))
-
-    def period(n_substeps: int, interpolation: Interpolation) -> Period:
-        stages = jnp.asarray(stage_table(force, n_substeps, interpolation))
-        return Period(stages, jnp.asarray(mean), noise_of_mean, dt)
-
-    minima = screened_minima(period(COARSE, "band-limited"), scales, rng=rng)
+    training, held_out = read_record(record)
+    force, dt, scales = training.force, training.dt, training.scales
+    minima = screened_minima(training.period(COARSE, "band-limited"), scales, rng=rng)
     searched = time.perf_counter() - begun
 
     other = random_multisine(N_PERIOD, dt, band=(5.0, 150.0), rms=rms(force), rng=rng)
@@ -131,7 +149,7 @@ def run(record: Path, seed: int) -> BenchmarkResult:
     outcomes = {}
     for interpolation in INTERPOLATIONS:
         begun = time.perf_counter()
-        data = period(FINE, interpolation)
+        data = training.period(FINE, interpolation)
         fit = fitted(data, scales, descend(data, scales, minima[0].unknowns))
         seconds = time.perf_counter() - begun
         unseen = jnp.asarray(stage_table(other, FINE, interpolation))
@@ -147,9 +165,9 @@ def run(record: Path, seed: int) -> BenchmarkResult:
             unseen_residual=judged[0][1],
         )
     return BenchmarkResult(
-        noise=noise_of_mean * 2.0**0.5,
+        noise=training.noise_of_mean * 2.0**0.5,
         minima=tuple(minimum.misfit for minimum in minima),
-        linear=linear,
+        linear=scales.linear,
         outcomes=outcomes,
         held_out=held_out,
         dt=dt,

@@ -103,7 +103,7 @@ def sinusoids(*, observed: bool) -> tuple[DamperTest, ...]:
     return tuple(with_observation(test, ["detect" if observed else "none"]) for test in mended)
 
 
-def _thinned(test: DamperTest) -> DamperTest:
+def thinned(test: DamperTest) -> DamperTest:
     """The whole of a record with fewer samples."""
     frequency = test.frequency
     return (
@@ -155,7 +155,7 @@ def left_out(name: str, tests: tuple[DamperTest, ...], *, seed: int, threads: in
     ):
         predicted = []
         for value in sorted({key(test) for test in tests}):
-            rest = tuple(_thinned(test) for test in tests if key(test) != value)
+            rest = tuple(thinned(test) for test in tests if key(test) != value)
             fit = fitted(name, rest, seed=seed, threads=threads, on_progress=None)
             predicted += [_predicted(fit, test) for test in tests if key(test) == value]
         results.append(LeftOutFit(what=what, median=float(np.median(predicted)), worst=min(predicted)))

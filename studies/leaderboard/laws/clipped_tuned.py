@@ -1,0 +1,39 @@
+"""Clipped-optimal, tuned: the best of 128 random weights on the training motions.
+
+Authors: mrwork. Reference: Dyke, Spencer, Sain, Carlson, Smart Mater. Struct. 5, 1996, 565-575. Drawn are the
+weights of floor accelerations, floor velocities and the rate of the damper's elongation, and that of the force.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+import mrwork as mr
+from studies.leaderboard.best_constant import training_scores
+
+N_PARAMS = 4
+
+
+def design(
+    building: mr.Building,
+    damper: mr.Device,
+    motions: Sequence[mr.GroundMotion],
+    hardware: mr.Hardware,
+    rng: np.random.Generator,
+) -> mr.ControlLaw:
+    problem = mr.control.DesignProblem(building=building, devices=[damper], sample_time=hardware.sample_time)
+    settings = [
+        mr.control.RegulatorSettings(
+            drifts=1.0,
+            accelerations=10.0 ** rng.uniform(-11.0, -5.0),
+            velocities=10.0 ** rng.uniform(-9.0, -4.0),
+            rates=10.0 ** rng.uniform(-6.0, 0.0),
+            control_weight=10.0 ** rng.uniform(-16.0, -10.0),
+        )
+        for _ in range(128)
+    ]
+    candidates = mr.control.design_candidates("clipped_optimal", problem, settings)
+    assert candidates.law is not None
+    scores = training_scores(candidates.law, building, damper, motions, hardware)
+    best = settings[candidates.designed[int(np.argmin(scores))]]
+    return mr.control.design_law("clipped_optimal", problem, best)
