@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib.metadata
-import re
 import tomllib
 from pathlib import Path
 
@@ -14,7 +13,6 @@ from generate.markdown import code, document, prose, table, toctree
 
 ROOT = Path(__file__).resolve().parents[2]
 BENCHMARKS = "speed"
-_COMMAND = f"studies/{BENCHMARKS}/study.py"
 
 
 def studies() -> dict[str, Path]:
@@ -49,19 +47,9 @@ def _page(name: str) -> str:
     included = f"```{{include}} ../../../studies/{name}/README.md\n```"
     if name != BENCHMARKS:
         return document(included)
-    readme = (ROOT / "README.md").read_text(encoding="utf-8")
-    return document(included, "## What was measured", *measured(readme), _versions())
-
-
-def measured(readme: str) -> list[str]:
-    """Paragraphs of the README on the benchmarks, each with the tables and outputs that follow it."""
-    found, follows = [], False
-    for block in re.sub(r"^```.*?^```$", "", readme, flags=re.DOTALL | re.MULTILINE).split("\n\n"):
-        is_shown = block.startswith(("|", "    "))
-        follows = _COMMAND in block or (follows and is_shown)
-        if follows:
-            found.append(block.strip("\n"))
-    return found
+    return document(
+        included, "What was measured, and on which machine, stands in {doc}`/explanation/speed`.", _versions()
+    )
 
 
 def _versions() -> str:

@@ -12,7 +12,6 @@ from generate.api_pages import described_names, namespaces, plain_types
 from generate.equations import tex
 from generate.markdown import prose
 from generate.pages import REFERENCE, STUDIES, pages, pictures
-from generate.study_pages import measured
 from mrwork.cli.door import parser, verbs
 from mrwork.control import SETTINGS
 from mrwork.keys import keys_in_words, tables
@@ -92,11 +91,6 @@ def test_searches_and_noise_models_are_listed(texts):
 def test_every_study_is_included(texts):
     names = {path.parent.name for path in Path(__file__).parents[2].glob("studies/*/README.md")}
     assert {path.stem for path in texts if path.parent == STUDIES} == names | {"index"}
-
-
-def test_benchmarks_show_what_the_readme_says_of_them():
-    blocks = ["About studies/speed/study.py loop", "| a |\n| --- |", "Other words.", "| b |\n| --- |"]
-    assert measured("\n\n".join(blocks)) == blocks[:2]
 
 
 def test_every_link_of_a_page_leads_to_a_page(texts):
