@@ -74,7 +74,7 @@ def kind_of(node: Node) -> Kind:
     match node:
         case nodes.Scalar(kind):
             return _SCALARS[kind](node.notes)
-        case nodes.Choice(values):
+        case nodes.OneOf(values):
             return _name(values)
         case nodes.Array(None):
             return _array_like(node.notes)
@@ -84,7 +84,7 @@ def kind_of(node: Node) -> Kind:
             return _sequence(of[0], as_tuple=kind is tuple)
         case nodes.Fixed():
             return _tuple(of)
-        case nodes.Table():
+        case nodes.ByName():
             return _mapping(*of)
         case nodes.Either(kind):
             return _one_of([*of, *([_NONE] if kind is NoneType else ())])

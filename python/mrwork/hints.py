@@ -102,7 +102,7 @@ class Scalar(Node):
     """A number, a flag, a text or `None`, by its class."""
 
 
-class Choice(Node):
+class OneOf(Node):
     """One of the values that are its kind."""
 
 
@@ -131,7 +131,7 @@ class Items(Fixed):
         return self.parts * count
 
 
-class Table(Node):
+class ByName(Node):
     """Values by name; its parts are those of the names and of the values."""
 
 
@@ -166,7 +166,7 @@ def node_of(hint: Any, notes: Notes = ()) -> Node:
         arrays = (Array(None, (), notes),) if {*inner} >= _ARRAY_LIKE else ()
         return Either(NoneType if NoneType in inner else object, (*members, *arrays), notes)
     if origin is Literal:
-        return Choice(inner, (), notes)
+        return OneOf(inner, (), notes)
     if origin is np.ndarray:
         # NDArray[T] is ndarray[shape, dtype[T]].
         return Array(get_args(inner[1])[0], (), notes)
@@ -183,7 +183,7 @@ def node_of(hint: Any, notes: Notes = ()) -> Node:
         return Function(inner or (..., Any), (), notes)
     if issubclass(kind, Mapping):
         name, value = inner or (Any, Any)
-        return Table(kind, (node_of(name), node_of(value, notes)), notes)
+        return ByName(kind, (node_of(name), node_of(value, notes)), notes)
     if kind is tuple and inner and inner[1:] != (...,):
         return Fixed(kind, tuple(node_of(each, notes) for each in inner), notes)
     if issubclass(kind, Sequence) and inner:

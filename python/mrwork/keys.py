@@ -321,13 +321,13 @@ def _value(node: Node, value: Any, place: Place, entry: Field[Any]) -> Any:
             if not isinstance(value, dict):
                 _refuse(place, value, f"a table [{place.path[-1]}]")
             return read_table(cast(type[Any], kind), value, place)
-        case nodes.Choice(choices):
+        case nodes.OneOf(choices):
             if value not in choices:
                 place.refuse(f"{_name(place)} is {value!r}{suggestion(value, choices)}")
             return value
         case nodes.Fixed():
             return _items(node, value, place, entry)
-        case nodes.Table(_, (_, inner)):
+        case nodes.ByName(_, (_, inner)):
             if not isinstance(value, dict):
                 _refuse(place, value, "a table, as { name = 1 }")
             if not value and inner != Node(notes=inner.notes):
@@ -341,10 +341,10 @@ def _value(node: Node, value: Any, place: Place, entry: Field[Any]) -> Any:
 def _items(node: nodes.Fixed, value: Any, place: Place, entry: Field[Any]) -> tuple[Any, ...]:
     item = node.parts[0]
     tables = isinstance(item, Record)
-    names = isinstance(item, nodes.Choice) or (isinstance(item, Scalar) and item.kind is str)
+    names = isinstance(item, nodes.OneOf) or (isinstance(item, Scalar) and item.kind is str)
     if not isinstance(value, list):
         example = (
-            "an array, as [1, 2]" if isinstance(item, nodes.Choice) or not names else 'an array, as ["name"]'
+            "an array, as [1, 2]" if isinstance(item, nodes.OneOf) or not names else 'an array, as ["name"]'
         )
         _refuse(place, value, f"tables, as [[{place.path[-1]}]]" if tables else example)
     if not value and place.path[-1] == name_in_file(entry) and not tables:
@@ -415,11 +415,11 @@ def _check_rows(rows: Sequence[Any], place: Place) -> None:
 def _is_near(node: Node, value: Any) -> bool:
     """Whether a value has the form of a type of a union; errors are then those of that type."""
     match node:
-        case nodes.Record() | nodes.Table():
+        case nodes.Record() | nodes.ByName():
             return isinstance(value, dict)
         case nodes.Fixed():
             return isinstance(value, list) and node.is_matrix == any(isinstance(each, list) for each in value)
-        case nodes.Choice(choices):
+        case nodes.OneOf(choices):
             return value in choices
         case nodes.Scalar(kind):
             wanted = (int, float) if kind is float else kind
@@ -551,13 +551,13 @@ def in_words(node: Node) -> str:
             return " or ".join(map(in_words, members))
         case nodes.Record():
             return "table"
-        case nodes.Choice(choices):
+        case nodes.OneOf(choices):
             return ", ".join(map(str, choices))
         case nodes.Fixed(_, (item, *_)):
             if node.is_matrix or isinstance(item, Record):
                 return "rows of a matrix" if node.is_matrix else "tables"
-            return f"array of {in_words(item)}{'' if isinstance(item, nodes.Choice) else 's'}"
-        case nodes.Table(_, (_, inner)):
+            return f"array of {in_words(item)}{'' if isinstance(item, nodes.OneOf) else 's'}"
+        case nodes.ByName(_, (_, inner)):
             return "table" if (of := in_words(inner)) == "any" else f"table of {of}"
         case nodes.Scalar(kind):
             return _WORDS[kind]

@@ -263,7 +263,7 @@ def _built(node: Node, value: Any, place: str) -> Any:
     match node:
         case nodes.Record(kind):
             return _built_record(kind, value, place)
-        case nodes.Choice(choices):
+        case nodes.OneOf(choices):
             return _require(value in choices, value, place, " or ".join(map(repr, choices)))
         case nodes.Either():
             return _built_member(node, value, place)
@@ -273,7 +273,7 @@ def _built(node: Node, value: Any, place: str) -> Any:
             _require(isinstance(value, list | tuple), value, place, "a list of numbers")
             pairs = enumerate(value)
             return np.array([_number(each, f"{place}[{index}]", node.notes) for index, each in pairs])
-        case nodes.Table(_, (name, inner)):
+        case nodes.ByName(_, (name, inner)):
             _require(isinstance(value, Mapping), value, place, "an object")
             return {
                 _built(name, key, f"{place}, a key"): _built(inner, entry, f"{place}.{_cut(key)}")
