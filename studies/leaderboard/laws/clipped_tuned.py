@@ -2,6 +2,7 @@
 
 Authors: mrwork. Reference: Dyke, Spencer, Sain, Carlson, Smart Mater. Struct. 5, 1996, 565-575. Drawn are the
 weights of floor accelerations, floor velocities and the rate of the damper's elongation, and that of the force.
+Their ranges were moved once after a first table, to surround what studies/robust_control found by tuning.
 """
 
 from collections.abc import Sequence
