@@ -74,7 +74,7 @@ def kind_of(node: Node) -> Kind:
     match node:
         case nodes.Scalar(kind):
             return _SCALARS[kind](node.notes)
-        case nodes.OneOf(values):
+        case nodes.Enumerated(values):
             return _name(values)
         case nodes.Array(None):
             return _array_like(node.notes)

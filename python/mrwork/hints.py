@@ -102,7 +102,7 @@ class Scalar(Node):
     """A number, a flag, a text or `None`, by its class."""
 
 
-class OneOf(Node):
+class Enumerated(Node):
     """One of the values that are its kind."""
 
 
@@ -166,7 +166,7 @@ def node_of(hint: Any, notes: Notes = ()) -> Node:
         arrays = (Array(None, (), notes),) if {*inner} >= _ARRAY_LIKE else ()
         return Either(NoneType if NoneType in inner else object, (*members, *arrays), notes)
     if origin is Literal:
-        return OneOf(inner, (), notes)
+        return Enumerated(inner, (), notes)
     if origin is np.ndarray:
         # NDArray[T] is ndarray[shape, dtype[T]].
         return Array(get_args(inner[1])[0], (), notes)

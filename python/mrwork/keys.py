@@ -321,7 +321,7 @@ def _value(node: Node, value: Any, place: Place, entry: Field[Any]) -> Any:
             if not isinstance(value, dict):
                 _refuse(place, value, f"a table [{place.path[-1]}]")
             return read_table(cast(type[Any], kind), value, place)
-        case nodes.OneOf(choices):
+        case nodes.Enumerated(choices):
             if value not in choices:
                 place.refuse(f"{_name(place)} is {value!r}{suggestion(value, choices)}")
             return value
@@ -341,10 +341,12 @@ def _value(node: Node, value: Any, place: Place, entry: Field[Any]) -> Any:
 def _items(node: nodes.Fixed, value: Any, place: Place, entry: Field[Any]) -> tuple[Any, ...]:
     item = node.parts[0]
     tables = isinstance(item, Record)
-    names = isinstance(item, nodes.OneOf) or (isinstance(item, Scalar) and item.kind is str)
+    names = isinstance(item, nodes.Enumerated) or (isinstance(item, Scalar) and item.kind is str)
     if not isinstance(value, list):
         example = (
-            "an array, as [1, 2]" if isinstance(item, nodes.OneOf) or not names else 'an array, as ["name"]'
+            "an array, as [1, 2]"
+            if isinstance(item, nodes.Enumerated) or not names
+            else 'an array, as ["name"]'
         )
         _refuse(place, value, f"tables, as [[{place.path[-1]}]]" if tables else example)
     if not value and place.path[-1] == name_in_file(entry) and not tables:
@@ -419,7 +421,7 @@ def _is_near(node: Node, value: Any) -> bool:
             return isinstance(value, dict)
         case nodes.Fixed():
             return isinstance(value, list) and node.is_matrix == any(isinstance(each, list) for each in value)
-        case nodes.OneOf(choices):
+        case nodes.Enumerated(choices):
             return value in choices
         case nodes.Scalar(kind):
             wanted = (int, float) if kind is float else kind
@@ -551,12 +553,12 @@ def in_words(node: Node) -> str:
             return " or ".join(map(in_words, members))
         case nodes.Record():
             return "table"
-        case nodes.OneOf(choices):
+        case nodes.Enumerated(choices):
             return ", ".join(map(str, choices))
         case nodes.Fixed(_, (item, *_)):
             if node.is_matrix or isinstance(item, Record):
                 return "rows of a matrix" if node.is_matrix else "tables"
-            return f"array of {in_words(item)}{'' if isinstance(item, nodes.OneOf) else 's'}"
+            return f"array of {in_words(item)}{'' if isinstance(item, nodes.Enumerated) else 's'}"
         case nodes.ByName(_, (_, inner)):
             return "table" if (of := in_words(inner)) == "any" else f"table of {of}"
         case nodes.Scalar(kind):

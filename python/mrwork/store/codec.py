@@ -263,7 +263,7 @@ def _built(node: Node, value: Any, place: str) -> Any:
     match node:
         case nodes.Record(kind):
             return _built_record(kind, value, place)
-        case nodes.OneOf(choices):
+        case nodes.Enumerated(choices):
             return _require(value in choices, value, place, " or ".join(map(repr, choices)))
         case nodes.Either():
             return _built_member(node, value, place)
