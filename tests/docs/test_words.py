@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import ast
 import re
 from pathlib import Path
 
@@ -11,6 +12,7 @@ import pytest
 from mrwork.cli import door  # the parsers, of which no public name has the help
 
 ROOT = Path(__file__).resolve().parents[2]
+PACKAGE = ROOT / "python" / "mrwork"
 PAGES = sorted({ROOT / "README.md", *(ROOT / "docs").rglob("*.md")})
 PAGES = [page for page in PAGES if "_generated" not in page.parts]
 # Read from the first line to the last by newcomers.
@@ -102,3 +104,28 @@ def test_a_term_that_is_not_said_is_found() -> None:
         "'given the motion, never the force': say free-run simulation"
     ]
     assert sentences("One.\n\n- two\n- three: four\n") == ["One.", "two", "three:", "four"]
+
+
+def literals(module: Path) -> list[str]:
+    """Texts of a module that are no docstrings, of formatted ones the parts between the values."""
+    tree = ast.parse(module.read_text(encoding="utf-8"))
+    documented = (ast.Module, ast.ClassDef, ast.FunctionDef)
+    docstrings = {
+        id(node.body[0].value)
+        for node in ast.walk(tree)
+        if isinstance(node, documented) and node.body and isinstance(node.body[0], ast.Expr)
+    }
+    return [
+        node.value
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in docstrings
+    ]
+
+
+@pytest.mark.parametrize("room", sorted(path.name for path in PACKAGE.iterdir() if path.is_dir()))
+def test_messages_and_pages_use_the_standard_terms(room: str) -> None:
+    modules = sorted((PACKAGE / room).rglob("*.py"))
+    # Names of columns in the files of rigs are those of their authors.
+    texts = [text for path in modules for text in literals(path) if text != "elongation"]
+    texts += [path.read_text(encoding="utf-8") for path in (PACKAGE / room).rglob("*.html")]
+    assert [word for text in texts for word in said(text)] == []

@@ -1,4 +1,4 @@
-"""The study that the README begins with."""
+"""The study that the guide to studies begins with."""
 
 from __future__ import annotations
 
@@ -14,8 +14,10 @@ ROOT = measured_data.ROOT
 STUDY = ROOT / "studies" / "respond" / "quick_start.toml"
 
 
-def test_the_readme_shows_the_study_as_it_is() -> None:
-    assert f"```toml\n{STUDY.read_text()}```\n" in (ROOT / "README.md").read_text()
+def test_the_guide_shows_the_study_as_it_is() -> None:
+    assert (
+        f'text = """\n{STUDY.read_text()}"""\n' in (ROOT / "docs" / "guides" / "write_a_study.md").read_text()
+    )
 
 
 def test_the_first_study_runs_without_a_warning_and_its_law_is_worth_it(tmp_path: Path) -> None:

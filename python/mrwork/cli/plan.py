@@ -176,5 +176,5 @@ def _check_in_words(check: CheckedPlan, origin: str) -> str:
         )
     return (
         f"Draws of {origin} rank the tests with a rank correlation of {check.agreement:.2f} to this order; "
-        f"at least {check.least_effective:.0f} effective draws remain after a test."
+        f"the effective sample size stays at least {check.least_effective:.0f} after a test."
     )

@@ -110,13 +110,13 @@ class FuzzySettings(LawSettings):
     """Scales of the inputs of the fuzzy controller."""
 
     deformation: float = key(
-        "scale of the elongation",
+        "scale of the damper displacement",
         unit="m",
         above=0.0,
         span=Span(lower=0.1, upper=100.0, of=(("stroke", 1.0),)),
     )
     rate: float = key(
-        "scale of the rate of elongation",
+        "scale of the damper velocity",
         unit="m/s",
         above=0.0,
         span=Span(lower=0.01, upper=10.0, of=(("rate", 1.0),)),

@@ -70,7 +70,7 @@ class FrictionSettings(LawSettings):
     """Friction in proportion to the last peak elongation."""
 
     slope: float = key(
-        "wanted friction of a device with all its dampers, per elongation",
+        "desired friction of a device with all its dampers, per displacement of a damper",
         unit="N/m",
         above=0.0,
         span=Span(lower=0.03, upper=100.0, of=(("force", 1.0), ("stroke", -1.0))),

@@ -81,7 +81,7 @@ def plant_of(building: Building, attachment: ArrayLike, device_names: Sequence[s
     if rows.ndim != 2 or rows.shape[0] == 0 or rows.shape[1] != n:
         raise SettingError(
             f"`attachment` has shape {rows.shape}, {building.name} takes (n_devices, {n}): "
-            f"one row for each device, its elongation per unit of each coordinate"
+            f"one row for each device, its displacement per unit of each coordinate"
         )
     if not np.any(rows, axis=1).all():
         raise SettingError("a row of `attachment` is zero; each device must be elongated by some coordinate")

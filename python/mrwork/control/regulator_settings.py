@@ -156,8 +156,8 @@ class NetworkSettings(RegulatorSettings):
     The network is that of the first device, with all its dampers; all devices have it.
     """
 
-    amplitude: float = key("expected peak elongation", unit="m", above=0.0, span=_about("stroke"))
-    velocity: float = key("expected peak rate of elongation", unit="m/s", above=0.0, span=_about("rate"))
+    amplitude: float = key("expected peak damper displacement", unit="m", above=0.0, span=_about("stroke"))
+    velocity: float = key("expected peak damper velocity", unit="m/s", above=0.0, span=_about("rate"))
     hidden: int = key("units of the hidden layer", default=12, least=1)
     seed: int = key("seed of the training", default=0, least=0)
 
@@ -204,8 +204,8 @@ _NEAR_CLIPPED_BIAS = -4.6
 class SignalSettings(RegulatorSettings):
     """A regulator, and the scales of the signals of a device: elongation, its rate, and the two forces."""
 
-    deformation: float = key("scale of the elongation", unit="m", above=0.0, span=_about("stroke"))
-    rate: float = key("scale of the rate of elongation", unit="m/s", above=0.0, span=_about("rate"))
+    deformation: float = key("scale of the damper displacement", unit="m", above=0.0, span=_about("stroke"))
+    rate: float = key("scale of the damper velocity", unit="m/s", above=0.0, span=_about("rate"))
     force: float = key(
         "scale of the force and of the wanted force of a device with all its dampers",
         unit="N",
@@ -231,8 +231,8 @@ class SignalNetworkSettings(SignalSettings):
     """A regulator with a small network of measured signals, whose numbers are learned; all devices have the same."""
 
     network: tuple[float, ...] = key(
-        "for each of four hidden units its bias, the weights of elongation, rate, force and wanted force over their "
-        "scales, and its weight in the output; last the bias of the output; 25 numbers, which mrwork tune finds",
+        "for each of four hidden units its bias, the weights of displacement, velocity, force and desired force over "
+        "their scales, and its weight in the output; last the bias of the output; 25 numbers, which mrwork tune finds",
         span=Span(
             lower=-8.0,
             upper=8.0,
@@ -256,8 +256,8 @@ class SignalPolynomialSettings(SignalSettings):
     """A regulator with a polynomial of measured signals, each over its scale and within -1 to 1."""
 
     terms: MatrixRows = key(
-        "a row for each term: its coefficient and the powers of elongation, rate, force and wanted force; by default "
-        "the product of the forces",
+        "a row for each term: its coefficient and the powers of displacement, velocity, force and desired force; by "
+        "default the product of the forces",
         default=((1.0, 0.0, 0.0, 1.0, 1.0),),
     )
 

@@ -166,7 +166,7 @@ class CostWeights:
         "rate",
     )
     rates: Weights | None = _declare_weight(
-        "weights of the rates of the devices' elongations; alone they ask for the force of dashpots",
+        "weights of the velocities across the devices; alone they ask for the force of dashpots",
         "s2/m2",
         "rate",
         free=True,

@@ -71,7 +71,7 @@ class TuneTable:
     label: str = key("appended to the titles of the laws in tables, by default tuned", default="", label=True)
     settings: Mapping[str, Any] | None = key("settings that are held", default=None)
     free: Mapping[str, tuple[float, ...]] | None = key(
-        "settings to be searched, with the ends of their ranges, as { control_weight = [1e-15, 1e-9] }; an empty array "
+        "settings to be searched, with lower and upper bounds, as { control_weight = [1e-15, 1e-9] }; an empty array "
         "for the range of the law",
         default=None,
     )
@@ -200,7 +200,7 @@ class DamperTable:
     )
     brace: BraceTable | None = key("brace in series", default=None)
     amplitude: tuple[float, ...] | None = key(
-        "smallest and largest expected elongation, for laws that need a static model of the damper",
+        "smallest and largest expected damper displacement, for laws that need a static model of the damper",
         unit="m",
         default=None,
         above=0.0,

@@ -223,7 +223,7 @@ class TuningResults(Summarised):
                 )
             found += self._overtaken(each)
             found += [
-                f"{each.label}: {name} is at {place} end of its range; widen it with free."
+                f"{each.label}: {name} is at {place} bound of its range; widen it with free."
                 for name, place in _at_ends(each)
             ]
         return tuple(found)

@@ -228,7 +228,9 @@ def loop_figure(
         color=stroke.colour,
         linewidth=0.7,
     )
-    name_small_axes(axes, f"Force ({unit.symbol})", "Velocity (mm/s)" if over_velocity else "Elongation (mm)")
+    name_small_axes(
+        axes, f"Force ({unit.symbol})", "Velocity (mm/s)" if over_velocity else "Damper displacement (mm)"
+    )
     return figure
 
 
@@ -338,7 +340,7 @@ def device_section(
                 loop_figure(history, 0, unit, stroke, over_velocity=suffix == "velocity"),
                 f"Force of {device} against {suffix} under {name}: {label}",
             )
-            for suffix in ("elongation", "velocity")
+            for suffix in ("displacement", "velocity")
         ]
         panels.append(
             panel(

@@ -241,7 +241,7 @@ def _judge_profile(profile: Profile, limit: float, scale: ParameterScale) -> Rea
 
 _IN_WORDS: dict[End, str] = {
     "closed": "the fit was not at the least misfit",
-    "bound": "the data permit values up to the bound of its range",
+    "bound": "values up to the bound of its range fit as well",
     "not simulated": "no simulation finished beyond",
     "too many points": "the largest number of points was reached",
     "interrupted": "interrupted",

@@ -332,7 +332,7 @@ class CheckedPlan(Summarised):
             facts=(
                 *plan.facts,
                 ("rank correlation with draws", format_rounded(self.agreement, 2)),
-                ("effective draws after a test", f"at least {format_rounded(self.least_effective, 3)}"),
+                ("effective sample size after a test", f"at least {format_rounded(self.least_effective, 3)}"),
             ),
         )
 

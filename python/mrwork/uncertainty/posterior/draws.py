@@ -78,7 +78,7 @@ class Diagnosis:
         least = int(np.argmin(np.where(np.isnan(ess), -np.inf, ess)))
         if not ess[least] >= LEAST_ESS:
             criteria.append(
-                f"{self.names[least]} has {ess[least]:.0f} effective draws where {LEAST_ESS:.0f} are required"
+                f"{self.names[least]} has an effective sample size of {ess[least]:.0f}, and {LEAST_ESS:.0f} is required"
             )
         return tuple(criteria)
 

@@ -328,8 +328,8 @@ class SamplingProblem:
         else:
             ess = float(min(diagnosis.ess_bulk.min(), diagnosis.ess_tail.min()))
             text = (
-                f"Converged after {n_steps} steps: R-hat below {LARGEST_RHAT} throughout, at least {ess:.0f} effective "
-                f"draws, a chain of {diagnosis.length:.0f} autocorrelation times."
+                f"Converged after {n_steps} steps: R-hat below {LARGEST_RHAT} throughout, effective sample size at "
+                f"least {ess:.0f}, a chain of {diagnosis.length:.0f} autocorrelation times."
             )
         if self.target.temper < 1.0:
             n_time = self.target.objective.n_time
