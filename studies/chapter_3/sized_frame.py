@@ -26,7 +26,7 @@ Floats = NDArray[np.float64]
 PEAK = 0.3
 """Peak of the ground motions [g]."""
 FORCES = (4e3, 8e3, 12e3)
-"""Wanted forces of the sized dampers [N]."""
+"""Desired forces of the sized dampers [N]."""
 SUPPLY = 24.0
 """Voltage of the current driver [V]."""
 PAIR = pair().name

@@ -13,7 +13,7 @@ from mrwork.report import WIDE, Table, blank, finish, style
 from studies.chapter_3.sized_frame import SUPPLY, wishes
 
 FORCE = 8e3
-"""Wanted force of the dampers on the front [N]."""
+"""Desired force of the dampers on the front [N]."""
 # Volumes over that of the smallest damper, within which the best are told.
 _WITHIN = (1.1, 1.5, 2.5, 5.0)
 

@@ -32,7 +32,7 @@ LEVELS = (0.1, 0.3)
 CURRENTS = {0.1: 1.2, 0.3: 1.88}
 """Largest current at each level [A], those of the tuned clipped-optimal law."""
 BUDGETS = {0.1: 1500.0, 0.3: 1000.0}
-"""Rms wanted force for the default spectrum, of peaks about 0.3 g [N]: 500 N at 0.1 g and 1000 N at 0.3 g."""
+"""Rms desired force for the default spectrum, of peaks about 0.3 g [N]: 500 N at 0.1 g and 1000 N at 0.3 g."""
 TRAINING = (
     "el_centro_1940_ns.csv",
     "hachinohe_1968_ns.csv",

@@ -2,7 +2,7 @@
 
 The building is `uts` of the published ones, the device a differential pair of RD-1005-3 dampers across the first storey
 (`static_hysteretic`, set `kwok2006`) behind a driver with a lag of 190 1/s. A candidate is a row of gains K: every
-1 ms the wanted force is f_c = -K [q; v], and the command i_max H((f_c - f) f) is held (Dyke et al. 1996). One classical
+1 ms the desired force is f_c = -K [q; v], and the command i_max H((f_c - f) f) holds (Dyke et al. 1996). One classical
 Runge-Kutta step per control sample, the ground's acceleration straight between the samples of its record. Each run
 is reduced as it goes on; nothing else is kept of it.
 """
@@ -58,7 +58,7 @@ class LoopWorkload:
     stiffness, damping : (5, 5) matrices of a chain, K [N/m] and C [N s/m].
     device : (12,) laws of the damper in the coil's current: c.0, c.1, k.0, k.1, alpha.0, alpha.1, alpha.2, beta,
         delta.0, delta.1, x_s, f0.0 (the last cancels in the pair).
-    gains : (n_candidates, 10) K, wanted force [N] from floor displacements [m] and velocities [m/s].
+    gains : (n_candidates, 10) K, desired force [N] from floor displacements [m] and velocities [m/s].
     ground : (n_motions, 2 n_steps + 1) ground acceleration [m/s^2] every half step.
     """
 

@@ -149,7 +149,7 @@ def test_the_semi_active_condition_is_met(refused: Refused) -> None:
 
 
 def force_and_rate(found: DesignedWeights) -> float:
-    """Correlation of wanted force and rate of elongation under the Riccati gain on all states."""
+    """Correlation of desired force and rate of elongation under the Riccati gain on all states."""
     # The covariance of all states is no public number.
     from mrwork.control.design.riccati_dual import regulate
 

@@ -61,7 +61,7 @@ def test_sized_damper_meets_every_wish(sized: SizedDamper) -> None:
     assert design.current_density <= WISHES.current_density * (1.0 + 1e-9)
     assert design.gap >= WISHES.least_gap
     assert (design.stroke, design.velocity, design.friction) == (0.025, 0.1, 30.0)
-    # The rod carries the wanted force.
+    # The rod carries the desired force.
     assert WISHES.force / (math.pi / 4.0 * design.rod**2) == pytest.approx(WISHES.stress)
     assert sized.evaluations <= 600
 

@@ -76,7 +76,7 @@ def design(law: str, text: str, on: DesignProblem | None = None) -> Design:
 
 
 def test_an_inverse_network_gives_the_force_of_the_whole_group() -> None:
-    """Two dampers in parallel give twice the force at the same command, so the network takes twice the wanted force."""
+    """Two parallel dampers give twice the force at the same command, so the network takes twice the desired force."""
     one = replace(design_problem().devices[0], differential=False)
     tables = [
         design(

@@ -60,7 +60,7 @@ def test_gradients_train_a_network_and_are_the_differences_of_the_loop(tmp_path:
 
 
 def test_a_network_near_the_clipped_optimal_law_is_where_the_search_begins(tmp_path: Path) -> None:
-    """On where the wanted force has the direction of the force and is larger, off where it opposes the force."""
+    """On where the desired force has the direction of the force and is larger, off where it opposes the force."""
     space = space_of(
         TuneTable(laws=(LAW,)),
         LAW,

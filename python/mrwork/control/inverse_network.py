@@ -1,6 +1,6 @@
-"""Inverse model of a damper as a small neural network: the command for a wanted force.
+"""Inverse model of a damper as a small neural network: the command for a desired force.
 
-It is trained on random motions with the commands that give the wanted forces.
+It is trained on random motions with the commands that give the desired forces.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from mrwork.values import Floats, array_dataclass
 N_SAMPLES = 2000
 # Least weight of a sample, for those at which the command hardly changes the force.
 _LEAST_IMPORTANCE = 0.05
-# Wanted forces beyond the range of the damper, in units of its width, as powers of ten: a regulator wants a little more
+# Desired forces beyond the range of the damper, in units of its width, as powers of ten: a regulator wants a bit more
 # or ten times as much.
 _BEYOND = (-1.5, 1.0)
 # Scale of the forces, over the largest that the damper gave.
@@ -116,7 +116,7 @@ def _draw_samples(
     n_previous: int,
     rng: np.random.Generator,
 ) -> tuple[_InverseSamples, float]:
-    """Samples with wanted forces within, above and below the range of the damper, and a scale of force [N]."""
+    """Samples with desired forces within, above and below the range of the damper, and a scale of force [N]."""
     force = group.force(loading)
     least = group.force(replace(loading, command=0.0))
     most = group.force(replace(loading, command=largest_command))
@@ -149,7 +149,7 @@ def _scale_inputs(inputs: Floats, scale: Floats) -> Floats:
 
 
 def _network_inputs(loading: Loading, wanted: Floats, n_previous: int) -> Floats:
-    """Deformation, velocity and wanted force, then those one sample before; shape (n_time, 3 or 6)."""
+    """Deformation, velocity and desired force, then those one sample before; shape (n_time, 3 or 6)."""
     assert loading.velocity is not None
     now = np.column_stack([loading.displacement, loading.velocity, wanted])
     return np.hstack([now] + [np.vstack([now[:1], now[:-1]])] * n_previous)
@@ -170,11 +170,11 @@ _RIDGE = 1e-8
 class InverseNetwork(Summarised):
     """`command = output_scale clip(w2 tanh(W1 clip(inputs/input_scale, -1, 1) + b1) + b2, 0, 1)`.
 
-    Inputs outside the training range are clipped to it. They are deformation [m], velocity [m/s] and wanted force [N],
+    Inputs outside the training range are clipped to it. They are deformation [m], velocity [m/s] and desired force [N],
     then those one `sample_time` before. W1 has the shape (n_hidden, n_inputs), b1 and w2 (n_hidden,).
 
     `fit_percent` is 100 (1 - |f_c - f| / |f_c - mean f_c|) on a test motion, with f the force of the damper at the
-    command of the network and f_c the wanted force, which is within the range of the damper. `command_error` is the
+    command of the network and f_c the desired force, which is within the range of the damper. `command_error` is the
     root mean square error of the command there, as a share of the largest. It may be large although the fit is good:
     near rest the command hardly changes the force.
     """
@@ -224,7 +224,7 @@ def train_inverse_network(
 
     Networks of this kind are the inverse models of Chang & Zhou, J. Struct. Eng. 128(2), 2002, 231-239. This
     one is fitted by the Levenberg-Marquardt method with an exact Jacobian. An error of the command is weighted by the
-    force that it causes. Further samples have wanted forces above and below the range of the damper, for which the
+    force that it causes. Further samples have desired forces above and below the range of the damper, for which the
     command is the largest and zero. The lag of the driver is not inverted: the command is the current in the coil.
 
     Parameters
@@ -240,7 +240,7 @@ def train_inverse_network(
     n_previous
         Number of earlier samples among the inputs, 0 or 1.
     count, differential
-        Number of dampers in parallel, and whether as many act in opposition, as in `Device`; the wanted force is that
+        Number of dampers in parallel, and whether as many act in opposition, as in `Device`; the desired force is that
         of all together.
     rng
         Seed of the motions, the commands and the initial weights.
@@ -282,7 +282,7 @@ def train_inverse_network(
     samples, force_scale = _draw_samples(group, training, largest_command, n_previous, generator)
     scale = np.tile([amplitude, velocity, force_scale], 1 + n_previous)
     W1, b1, w2, b2 = _train(samples, scale, n_hidden, generator, on_step)
-    current = ("deformation", "velocity", "wanted force")
+    current = ("deformation", "velocity", "desired force")
     network = InverseNetwork(
         names=current + tuple(f"previous {name}" for name in current) * n_previous,
         W1=W1,

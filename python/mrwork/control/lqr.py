@@ -109,9 +109,9 @@ def weighed_state(plant: Plant, weights: Floats) -> Weighed:
 class Regulator(Summarised):
     """The regulator that minimises `int s'Q s + 2 s'N f + f'R f dt` over the forces f of the devices.
 
-    `gain` is K of the wanted force `f_c = -K s`, shape (n_devices, 2n), with the sign of a damper force: a positive f_c
+    `gain` is K of the desired force `f_c = -K s`, shape (n_devices, 2n), with the sign of a damper force: positive f_c
     resists elongation of the device. `riccati` is P of the cost to go s'P s, `vectors` B'P + N', one row for each
-    device: with `sigma = vectors @ s` the wanted forces are `-control_weight^-1 sigma`. `control_weight` is R plus D'W
+    device: with `sigma = vectors @ s` the desired forces are `-control_weight^-1 sigma`. `control_weight` is R plus D'W
     D of the weighted outputs, `poles` are those of the closed loop A - B K, and `residual` is that of the Riccati
     equation, relative to its terms.
     """

@@ -49,7 +49,7 @@ class RegulatorSettings(CostWeights, LawSettings):
         return self.of_gain(problem, gain)
 
     def of_gain(self, problem: DesignProblem, gain: Floats) -> Design:
-        """The design that follows from the gain of the wanted forces."""
+        """The design that follows from the gain of the desired forces."""
         return Design(gains={"gain": gain})
 
     def sampled_gain(self, problem: DesignProblem) -> Floats:
@@ -126,10 +126,10 @@ class RegulatorSettings(CostWeights, LawSettings):
 
 @checked
 class ClippedSettings(RegulatorSettings):
-    """A regulator with a command in proportion to the wanted force."""
+    """A regulator with a command in proportion to the desired force."""
 
     full_force: float = key(
-        "wanted force of a device with all its dampers at which the largest command is sent",
+        "desired force of a device with all its dampers at which the largest command is sent",
         unit="N",
         above=0.0,
         span=Span(lower=0.03, upper=10.0, of=(("force", 1.0),)),
@@ -151,7 +151,7 @@ _trained_network = lru_cache(maxsize=32)(train_inverse_network)
 
 @checked
 class NetworkSettings(RegulatorSettings):
-    """A regulator with a neural network from the wanted force to the command.
+    """A regulator with a neural network from the desired force to the command.
 
     The network is that of the first device, with all its dampers; all devices have it.
     """
@@ -207,7 +207,7 @@ class SignalSettings(RegulatorSettings):
     deformation: float = key("scale of the damper displacement", unit="m", above=0.0, span=_about("stroke"))
     rate: float = key("scale of the damper velocity", unit="m/s", above=0.0, span=_about("rate"))
     force: float = key(
-        "scale of the force and of the wanted force of a device with all its dampers",
+        "scale of the force and of the desired force of a device with all its dampers",
         unit="N",
         above=0.0,
         span=_about("force"),

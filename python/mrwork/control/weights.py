@@ -46,7 +46,7 @@ class WeightWishes(RmsLimits, metaclass=DeclaredTable):
     """
 
     budget: float | tuple[float, ...] = key(
-        "largest rms wanted force of each device with all its dampers", unit="N", above=0.0
+        "largest rms desired force of each device with all its dampers", unit="N", above=0.0
     )
     spectrum: Literal["kanai_tajimi", "clough_penzien"] = key(
         "spectrum of the ground acceleration", default="kanai_tajimi"
@@ -68,14 +68,14 @@ class WeightWishes(RmsLimits, metaclass=DeclaredTable):
         above=0.0,
     )
     semi_active: float | None = key(
-        "share b of the condition that the wanted force be that of a damper, between 0 and 1",
+        "share b of the condition that the desired force be that of a damper, between 0 and 1",
         default=None,
         above=0.0,
     )
 
     sampled: bool = key(
         "whether the design is in discrete time, with sample time and delay of the loop and the lag of the driver, if "
-        "the damper has one; for laws of a wanted force",
+        "the damper has one; for laws of a desired force",
         default=False,
     )
 
@@ -218,7 +218,7 @@ class CostWeights:
         if wishes.sampled:
             raise InvalidSettingError(
                 "designed",
-                "a sampled design gives the gain of a wanted force, and this law takes weights; leave sampled out",
+                "a sampled design gives the gain of a desired force, and this law takes weights; leave sampled out",
             )
         designed = wishes.design(plant)
         scale = 1.0 / float(designed.control_weight.mean())

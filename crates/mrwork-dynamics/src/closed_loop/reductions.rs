@@ -37,14 +37,14 @@ run_quantities! {
     rms_base_shear: Run, "N", "root mean square base shear", root_mean(r.base_shear.squares);
     peak_force: Device, "N", "peak force", last(r.force.peak);
     rms_force: Device, "N", "root mean square force", root_mean(r.force.squares);
-    peak_stroke: Device, "m", "peak elongation", last(r.stroke);
-    peak_rate: Device, "m/s", "peak rate of the elongation", last(r.rate.peak);
+    peak_stroke: Device, "m", "peak damper displacement", last(r.stroke);
+    peak_rate: Device, "m/s", "peak damper velocity", last(r.rate.peak);
     peak_current: Device, "A or V", "peak current", last(r.current.peak);
     mean_current: Device, "A or V", "mean current", mean(r.current_sum);
     rms_current: Device, "A or V", "root mean square current", root_mean(r.current.squares);
     device_energy: Device, "J", "energy dissipated by the device", last(r.device_work);
     peak_element_force: Element, "N", "peak force of the passive element with its spring and dashpot", last(r.element_force);
-    peak_element_stroke: Element, "m", "its peak elongation", last(r.element_stroke);
+    peak_element_stroke: Element, "m", "its peak displacement", last(r.element_stroke);
     element_energy: Element, "J", "work of the motion on it, but for its spring and dashpot", last(r.element_work);
     input_energy: Run, "J", "work of the ground", last([r.input]);
     kinetic_energy: Run, "J", "kinetic energy at the end", last([r.kinetic]);

@@ -7,7 +7,7 @@ use crate::error::DynamicsError;
 use crate::lanes::Lanes;
 use crate::real::Real;
 
-/// Deformation, rate, force, wanted force.
+/// Deformation, rate, force, desired force.
 const SIGNALS: usize = 4;
 /// Hidden units of the network.
 const UNITS: usize = 4;
@@ -31,7 +31,7 @@ impl ControlLaw for SignalNetwork {
         title: "Network of measured signals",
         equation: "i = i_max (1 + tanh(b + sum_k v_k (tanh(b_k + w_k'c) + tanh(b_k - w_k'c))))/2, c = (d, d', f, f_c), \
                    f_c = -K s",
-        description: "A small network of the elongation, its rate, the damper force and the wanted force of a \
+        description: "A small network of the damper displacement, its rate, the damper force and the desired force of a \
                       regulator, of numbers that are learned. It sends the same command where all signals change \
                       sign, and between 0 and i_max whatever its numbers are, so a semi-active damper only resists \
                       motion. Needs the measured force.",
@@ -86,7 +86,7 @@ impl ControlLaw for SignalPolynomial {
         title: "Polynomial of measured signals",
         equation: "i = i_max sat(sum_k a_k c1^p1 c2^p2 c3^p3 c4^p4), c = (d, d', f, f_c) over their reach, within -1 to \
                    1; f_c = -K s",
-        description: "A polynomial of the elongation, its rate, the damper force and the wanted force of a regulator, \
+        description: "A polynomial of the damper displacement, its rate, the damper force and the desired force of a regulator, \
                       limited to 0 and i_max. `terms` has a row for each term: its coefficient, and the power of each \
                       signal, a whole number from 0 to 9; `reach` is the largest magnitude of each signal.",
         source: "our definition",
@@ -139,7 +139,7 @@ impl ControlLaw for SignalPolynomial {
             return Err(DynamicsError::TableSize { law, table: "terms", found: terms.len(), expected });
         }
         if reach.len() != SIGNALS || !reach.iter().all(|&each| each > 0.0 && each.is_finite()) {
-            let expected = "4, all positive: of elongation, rate, force and wanted force";
+            let expected = "4, all positive: of displacement, velocity, force and desired force";
             return Err(DynamicsError::TableSize { law, table: "reach", found: reach.len(), expected });
         }
         Ok(())

@@ -43,7 +43,7 @@ class CaseCheck(Summarised):
 class WeightCertificate(Summarised):
     """What the weights reach, checked by Lyapunov equations, over a lower bound that no linear law passes.
 
-    `rms` of each limited output and `forces`, the rms wanted force of each device [N], are those under the regulators
+    `rms` of each limited output and `forces`, the rms desired force of each device [N], are those under the regulators
     of the weights, roots of the mean square over the cases. `ratio` is the largest rms over its limit, `bound` the
     least ratio of any linear law within the budget, from the dual, and `gap` is ratio / bound - 1. `violation` is the
     largest relative excess of an output over `bound` times its limit, or of a force over its budget. `program_ratio` is
@@ -158,7 +158,7 @@ def certificate_of(
 
 
 def _mean_squares(system: DesignSystem, gain: Floats) -> tuple[Floats, Floats]:
-    """Mean squares of the outputs and of the wanted forces of `u = -gain x`."""
+    """Mean squares of the outputs and of the desired forces of `u = -gain x`."""
     X = LyapunovEquations(system.A - system.B @ gain, system.step).covariance(system.noise)
     closed = system.C - system.D @ gain
     return np.einsum("ij,jk,ik->i", closed, X, closed), np.einsum("ij,jk,ik->i", gain, X, gain)
@@ -194,7 +194,7 @@ class DesignedWeights(Summarised):
     a design with a semi-active condition, also the terms of `(f - c v)^2 - b^2 f^2`. `control_weight` is the multiplier
     of the budget of each device [1/N^2].
 
-    `gain` is K of the wanted force `f_c = -K s` on the state of the building, shape (n_devices, 2n): the Riccati gain
+    `gain` is K of the desired force `f_c = -K s` on the state of the building, shape (n_devices, 2n): the Riccati gain
     of Q, N, R; in discrete time, the gain on s of least cost in the sampled loop. All limits can be met at once up to
     the factor `reachable_ratio` with the budget; above 1 they cannot be reached, and `budget_factor` is that of all
     budgets with which they can, infinite if none up to 100 does. `binding` says what keeps the ratio from being lower,

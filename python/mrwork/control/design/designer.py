@@ -164,7 +164,7 @@ class WeightDesigner:
         return rows_of(system, limits, budgets, (c, self._semi_active.share))
 
     def _condition_damping(self) -> Floats:
-        """c of the semi-active condition: as given, or that of the wanted force without the condition."""
+        """c of the semi-active condition: as given, or that of the desired force without the condition."""
         m = self.plant.n_devices
         if self._semi_active is None:
             return np.zeros(m)
@@ -331,7 +331,7 @@ def design_weights(
         Limits on rms drift [m], absolute acceleration [m/s^2], displacement [m] and force [N], or as "2 mm"; see
         `RmsLimits`.
     budget
-        Largest rms wanted force of each device, of all its dampers together: one for all [N], or as "1.5 kN", or one
+        Largest rms desired force of each device, of all its dampers together: one for all [N], or as "1.5 kN", or one
         for each.
     spectrum
         `KanaiTajimi` or `CloughPenzien`, as given or by `mr.motions.fitted_spectrum` of a record; Kanai-Tajimi on firm
@@ -343,7 +343,7 @@ def design_weights(
     timing
         Sample time, delay and driver for a design in discrete time.
     semi_active
-        Condition that the wanted force be mostly that of a damper.
+        Condition that the desired force be mostly that of a damper.
 
     Raises
     ------

@@ -32,7 +32,7 @@ class InverseWeights(Summarised):
 
     `state_weight` is Q, shape (2n, 2n), `control_weight` R as it was given, shape (n_devices,), and `gain` their
     Riccati gain, shape (n_devices, 2n); the common factor of Q and R is free. `distance` is `|(gain - K) X^1/2| / |K
-    X^1/2|` with the covariance X of the state under K: the rms difference of the wanted forces over the rms wanted
+    X^1/2|` with the covariance X of the state under K: the rms difference of the desired forces over the rms wanted
     force.
     """
 
@@ -57,7 +57,7 @@ class InverseWeights(Summarised):
         return Summary(
             title="Weights of a gain",
             facts=(
-                ("distance", f"{self.distance:.2e} of the rms wanted force"),
+                ("distance", f"{self.distance:.2e} of the rms desired force"),
                 (
                     "control weight",
                     f"{', '.join(format_rounded(float(each)) for each in self.control_weight)} 1/N2",
@@ -87,7 +87,7 @@ def inverse_weights(
     Parameters
     ----------
     gain
-        K of the wanted force f = -K s, shape (n_devices, 2n), as of a tuned law.
+        K of the desired force f = -K s, shape (n_devices, 2n), as of a tuned law.
     control_weight
         R [1/N^2]: one number for all devices, or one for each.
     spectrum

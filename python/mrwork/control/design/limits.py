@@ -170,7 +170,7 @@ _QUANTITIES: Mapping[str, tuple[str, str]] = {
 
 @checked
 class SemiActiveCondition:
-    """`E[(f - c v)^2] <= b^2 E[f^2]`: the wanted force is that of a damper up to a share b.
+    """`E[(f - c v)^2] <= b^2 E[f^2]`: the desired force is that of a damper up to a share b.
 
     With c = E[f v] / E[v^2] it says that force and rate of elongation have a correlation of sqrt(1 - b^2) at least.
 
@@ -179,7 +179,7 @@ class SemiActiveCondition:
     share
         b, between 0 and 1.
     damping
-        c of each device [N s/m]; by default that of the wanted force itself, found by alternation.
+        c of each device [N s/m]; by default that of the desired force itself, found by alternation.
     """
 
     _made_by: ClassVar[str] = "mr.control.SemiActiveCondition(share=...)"

@@ -1,6 +1,6 @@
 """The linear system of a weight design in scaled coordinates, and the Lyapunov and Riccati equations of its loops.
 
-`x' = A x + B u + noise`, with u the wanted force of each device, of building, spectrum filter, driver and delay. Of a
+`x' = A x + B u + noise`, with u the desired force of each device, of building, spectrum filter, driver and delay. Of a
 sampled system A and B are difference quotients: `x_{k+1} = (1 + step A) x_k + step B u_k`, so that its formulas become
 those of continuous time as the step goes to zero; `step` is then zero.
 """

@@ -1,4 +1,4 @@
-"""Sizing: the smallest damper with a wanted force and dynamic range in an envelope, by a search of the registry.
+"""Sizing: the smallest damper with a desired force and dynamic range in an envelope, by a search of the registry.
 
 A Pareto front shows what the same wishes cost: size against dynamic range against power.
 """
