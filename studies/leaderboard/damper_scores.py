@@ -6,14 +6,13 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 import mrwork as mr
 from mrwork.errors import SettingError
 from studies.leaderboard.entries import Entry
 from studies.one_model_for_a_rig.study import thinned
 
-Floats = NDArray[np.float64]
 SEED = 7
 """First number of every generator that is handed over; the second one counts the calls of an entry."""
 

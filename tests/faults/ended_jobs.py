@@ -95,10 +95,6 @@ _LAWS = tuple(f"test{number}.csv" for number in range(6))
 _OUT = ("--threads", "1", "--out", RUN)
 _FITTED = ((*_PLAIN, "--out", RUN),)
 _SAMPLE = ("sample", RUN, "--walkers", "16", "--steps", "200", "--threads", "1")
-_ADDED = (
-    _SAMPLE,
-    (*_PLAIN, "--out", RUN),
-)
 
 
 def _addition(verb: str, *words: str) -> tuple[str, ...]:

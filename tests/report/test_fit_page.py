@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 import shutil
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -308,15 +307,6 @@ def test_names_from_files_cannot_write_markup_into_sections() -> None:
     made = comparison(hostile)
     page = Page(fit_page(StoredRun(place=Path(), fit=fit(made)), [made]))
     assert "script" not in {tag for tag, _ in page.elements}
-
-
-@pytest.fixture(scope="module")
-def tab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[headless_browser.Browser]:
-    program = headless_browser.executable()
-    if program is None:
-        pytest.skip(f"no browser: none of {', '.join(headless_browser.NAMES)} is on the path")
-    with headless_browser.browser(program, tmp_path_factory.mktemp("profile")) as opened:
-        yield opened
 
 
 _FIGURES = """

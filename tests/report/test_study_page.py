@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -118,15 +117,6 @@ def test_no_two_rows_are_drawn_alike() -> None:
     rows = study_samples.ROWS[:2] + study_samples.ROWS[3:4] * 20
     drawn = strokes(replace(study_samples.results(), rows=rows))
     assert len(set(drawn)) == len(rows)
-
-
-@pytest.fixture(scope="module")
-def tab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[headless_browser.Browser]:
-    program = headless_browser.executable()
-    if program is None:
-        pytest.skip(f"no browser: none of {', '.join(headless_browser.NAMES)} is on the path")
-    with headless_browser.browser(program, tmp_path_factory.mktemp("profile")) as opened:
-        yield opened
 
 
 @pytest.mark.parametrize("width", [1100, 390])

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 
 from mrwork.dampers import damper
@@ -49,12 +47,3 @@ def force_behind_play(x: np.ndarray, v: np.ndarray) -> np.ndarray:
     loading = Loading(dt=DT / finer, displacement=moved, velocity=np.where(moved == 0.0, 0.0, rate))
     spec = damper("normalised_bouc_wen")
     return simulate_force(spec, [ELEMENT[name] for name in spec.names], loading)[::finer]
-
-
-def write_backlash_test(path: Path, motion: tuple[float, float], *, rng: int = 0) -> Path:
-    """A test of the rig as a text file."""
-    test = backlash_test(motion, rng=rng)
-    time = DT * np.arange(test.n_time)
-    columns = np.stack([time, test.displacement, test.velocity, test.force], axis=1)
-    np.savetxt(path, columns, delimiter=",", header="t_s,displacement_m,velocity_m_s,force_n", comments="")
-    return path

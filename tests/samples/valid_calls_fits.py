@@ -54,18 +54,6 @@ def _other_test(frequency: float = 2.0) -> mr.DamperTest:
     )
 
 
-@cache
-def _with_command(current: float) -> mr.DamperTest:
-    test = small_test()
-    return mr.records.build_damper_test(
-        name="rig", time=test.time, displacement=test.displacement, force=test.force, current=current
-    )
-
-
-def _streams() -> search.Streams:
-    return search.Streams(rng=0, replicate=np.array([0, 1]), generation=np.array([0, 0]))
-
-
 def identification_calls(_: Path) -> Calls:
     """Fits, objectives and their minimisation."""
     theta = _BINGHAM.nominal

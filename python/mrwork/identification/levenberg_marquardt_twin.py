@@ -136,7 +136,7 @@ def _extend_command(command: jax.Array, n_time: int) -> jax.Array:
 
 
 def _without_nuisance(force: jax.Array, residuals: jax.Array, names: tuple[NuisanceName, ...]) -> jax.Array:
-    """Residuals (n_counted,) with the nuisance parameters at their best values, as `nuisance.without_nuisance`."""
+    """Residuals (n_counted,) with the nuisance parameters at their best values, as `residual.without_nuisance`."""
     if not names:
         return residuals
     unit: jax.Array = scale_columns(columns_of(force, names))[0]

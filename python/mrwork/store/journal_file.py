@@ -25,7 +25,6 @@ JOURNAL_FILE: Final = FileKind(
 )
 _SUM = ', "crc32": "'
 _END = '"}\n'
-_DIGITS = 8
 
 
 def line_of(entry: Mapping[str, object]) -> bytes:

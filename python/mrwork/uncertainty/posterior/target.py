@@ -19,7 +19,7 @@ from typing import Annotated, Any, ClassVar, Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.arguments import Shape, checked
+from mrwork.arguments import checked
 from mrwork.dampers.coordinates import Box
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.hints import Within
@@ -269,7 +269,6 @@ class Space:
         return 2.0 * self._largest_stiffness * max(abs(self.box.lower[index]), abs(self.box.upper[index]))
 
 
-_PARAMETERS = Shape(("n_params",))
 Tempering = Literal["effective"] | float
 Walkers = Annotated[int, Within(least=2, most=10_000)]
 Steps = Annotated[int, Within(least=1, most=10_000_000)]

@@ -1,0 +1,18 @@
+"""What the tests of pages share."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import headless_browser
+import pytest
+
+
+@pytest.fixture(scope="module")
+def tab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[headless_browser.Browser]:
+    """A page in a browser, if this machine has one."""
+    program = headless_browser.executable()
+    if program is None:
+        pytest.skip(f"no browser: none of {', '.join(headless_browser.NAMES)} is on the path")
+    with headless_browser.browser(program, tmp_path_factory.mktemp("profile")) as opened:
+        yield opened
