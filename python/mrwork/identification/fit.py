@@ -556,7 +556,6 @@ class Fit(Summarised, Related):
                 ("error", f"{self.rmse_n:.4g} N rms, {100.0 * self.nrmse:.3g} % of the force's deviation"),
                 ("search", f"{self.evaluations} simulations, {self.seconds:.1f} s"),
                 ("ended", self.trace.ended),
-                *([("tested", self.tested.in_words)] if self.tested else []),
             ),
             columns=("parameter", "value", self.uncertainty_heading, "unit", "verdict", "reason"),
             rows=[
@@ -569,5 +568,8 @@ class Fit(Summarised, Related):
                 )
                 for each in self.estimates
             ],
-            notes=[f"warning: {each}" for each in self.warnings],
+            notes=[
+                *([f"tested: {self.tested.in_words}"] if self.tested else []),
+                *(f"warning: {each}" for each in self.warnings),
+            ],
         )
