@@ -295,6 +295,15 @@ def test_a_fit_shows_units_and_standard_errors(shown: dict[str, object]) -> None
         assert estimate.unit in text
 
 
+def test_facts_without_a_value_and_columns_without_an_entry_are_not_shown() -> None:
+    rows = [("c", "1", "", ""), ("k", "2", "", "at its bound")]
+    columns = ("parameter", "value", "verdict", "reason")
+    summary = Summary(title="t", facts=[("tests", "one"), ("observation", "")], columns=columns, rows=rows)
+    for text in (summary.text(), summary.html()):
+        shown = [word for word in ("tests", "observation", *columns) if word in text]
+        assert shown == ["tests", "parameter", "value", "reason"]
+
+
 def test_long_tables_and_lines_are_cut() -> None:
     summary = Summary(title="t" * 300, columns=("a", "b"), rows=[(str(k), "1") for k in range(100)])
     assert len(summary.text().splitlines()) < 24

@@ -60,6 +60,7 @@ class StoredRun(Summarised):
             facts=(("folder", str(self.place)), ("holds", ", ".join(present[1:])), *fit.facts),
             columns=fit.columns,
             rows=fit.rows,
+            notes=fit.notes,
         )
 
 

@@ -23,7 +23,10 @@ _FEW_NUMBERS = 4
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Summary:
-    """What a result says of itself: a title, facts by name, a table, and notes below it."""
+    """What a result says of itself: a title, facts by name, a table, and notes below it.
+
+    Facts without a value and columns without an entry in any row are not shown.
+    """
 
     title: str
     facts: Sequence[tuple[str, str]] = ()
@@ -37,6 +40,17 @@ class Summary:
         return self.rows if len(self.rows) <= _MOST_ROWS else self.rows[: _MOST_ROWS - 1]
 
     @property
+    def shown_facts(self) -> Sequence[tuple[str, str]]:
+        """The facts that have a value."""
+        return [(name, value) for name, value in self.facts if value]
+
+    @property
+    def shown_table(self) -> Sequence[Sequence[str]]:
+        """The header and the shown rows, of the columns that have an entry."""
+        filled = [number for number in range(len(self.columns)) if any(row[number] for row in self.rows)]
+        return [[row[number] for number in filled] for row in (self.columns, *self.shown_rows)]
+
+    @property
     def left_out_in_words(self) -> str:
         """How many rows are not shown, in words; empty where all are."""
         more = len(self.rows) - len(self.shown_rows)
@@ -45,10 +59,10 @@ class Summary:
     def text(self) -> str:
         """For a terminal."""
         lines = [self.title]
-        width = max((len(name) for name, _ in self.facts), default=0)
-        lines += [f"  {name:<{width}}  {value}" for name, value in self.facts]
+        width = max((len(name) for name, _ in self.shown_facts), default=0)
+        lines += [f"  {name:<{width}}  {value}" for name, value in self.shown_facts]
         if self.rows:
-            lines += ["", *(f"  {line}" for line in align_rows([self.columns, *self.shown_rows]))]
+            lines += ["", *(f"  {line}" for line in align_rows(self.shown_table))]
         lines = [
             _cut(line)
             for line in (*lines, *([f"  {self.left_out_in_words}"] if self.left_out_in_words else []))
@@ -64,16 +78,15 @@ class Summary:
 
         facts = "".join(
             f"<tr><th style='text-align:left'>{escape(name)}</th><td style='text-align:left'>{escape(value)}</td></tr>"
-            for name, value in self.facts
+            for name, value in self.shown_facts
         )
         parts = [f"<p><strong>{escape(self.title)}</strong></p>"]
         if facts:
             parts.append(f"<table>{facts}</table>")
         if self.rows:
-            head = "".join(f"<th>{escape(column)}</th>" for column in self.columns)
-            body = "".join(
-                f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in self.shown_rows
-            )
+            columns, *rows = self.shown_table
+            head = "".join(f"<th>{escape(column)}</th>" for column in columns)
+            body = "".join(f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in rows)
             parts.append(f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>")
         parts += [f"<p>{escape(note)}</p>" for note in (self.left_out_in_words, *self.notes) if note]
         return f"<div class='mrwork-summary'>{''.join(parts)}</div>"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -10,7 +12,8 @@ import pytest
 
 import run_blocks
 from check import findings
-from run_blocks import blocks_of, commands_of
+from mrwork.cli.door import whole_parser
+from run_blocks import blocks_of, commands_of, pages
 
 PAGE = """# Title
 
@@ -89,3 +92,19 @@ def test_built_pages_are_looked_through(tmp_path, body, finding):
     found = findings(tmp_path)
     assert [each for each in found if finding and finding in each] == found
     assert bool(found) == bool(finding)
+
+
+def test_every_command_of_readme_and_pages_is_one_that_the_command_line_takes() -> None:
+    lines = [
+        match[1]
+        for path in pages()
+        for match in re.finditer(
+            r"^(?:\$ |!)(?:\.venv/bin/)?mrwork ([^\n|>]*?)(?: 2>.*)?$",
+            path.read_text(encoding="utf-8"),
+            flags=re.MULTILINE,
+        )
+    ]
+    parser = whole_parser()
+    assert len(lines) > 40
+    for line in lines:
+        parser.parse_args(shlex.split(line, comments=True))

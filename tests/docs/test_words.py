@@ -29,7 +29,7 @@ NEVER = {
     r"left-out (tests?|motions?)": "held-out tests; leave one motion out",
     r"share inside": "coverage",
     r"bands? that holds?": "coverage of a prediction band",
-    r"effective draws": "effective sample size",
+    r"effective draws|independent ones": "effective sample size",
     r"what the data permit|the data permit": "practical identifiability",
     r"plan of tests": "optimal experiment design, next test",
     r"given the motion, never the force": "free-run simulation",

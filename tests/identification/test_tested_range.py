@@ -124,6 +124,9 @@ def test_both_verbs_say_what_the_fit_says(
     text = printed(capsys, "identify", *fitted, *laws, "--out", out, "--quiet")
     assert "tested: stroke to 10 mm" in text
     assert "warning: the law of f_c turns negative" in text
+    loaded = " ".join(repr(mr.load(out)).split())
+    assert "tested: stroke to 10 mm" in loaded
+    assert "warning: the law of f_c turns negative" in loaded
     page = (out / "report.html").read_text()
     assert "Tested range" in page
     assert "the law of f_c turns negative" in page

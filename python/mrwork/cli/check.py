@@ -103,10 +103,11 @@ def _write_table(options: argparse.Namespace) -> int:
         show(f"{escape_text(row.file)}: {entries or 'not used'}")
         if row.doubt:
             show(f"  in doubt: {row.doubt}")
+    undecided = any("?" in entry for row in rows for entry in row.columns.values())
     show(f"Written: {table}, {len(rows)} tests, {len(doubtful)} in doubt.")
     show(
-        "Check its entries, replace each ?, and set the use of tests that are kept back to calibration or test; "
-        f"then give {table} in place of the files."
+        f"Check its entries{', fill in each ?' if undecided else ''}, and set the use of held-out tests to calibration "
+        f"or test; then give {table} in place of the files."
     )
     return 0
 

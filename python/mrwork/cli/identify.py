@@ -76,8 +76,8 @@ def add_options(parser: CommandParser) -> None:
         "--model",
         default="normalised_bouc_wen",
         metavar="NAME",
-        help="damper model, see mrwork models; all, or A,B,C, identifies several models and ranks them, or chooses "
-        "among their laws with --law auto",
+        help="damper model, see mrwork models; default normalised_bouc_wen; all, or A,B,C, identifies several models "
+        "and ranks them, or chooses among their laws with --law auto",
     )
     model.add_argument(
         "--bound",

@@ -170,7 +170,7 @@ class Identifiability(Summarised):
 
     def _summary(self) -> Summary:
         return Summary(
-            title=f"Identifiability from {self.n_time} samples, worth {self.n_effective:.0f} independent ones",
+            title=f"Identifiability from {self.n_time} samples, {self.n_effective:.0f} effective samples",
             columns=("parameter", "standard error [SI]", "verdict", "reason"),
             rows=[
                 (each.name, format_rounded(each.standard_error, 2), each.verdict, each.reason)
@@ -187,6 +187,21 @@ _ROUNDING = 1e-6
 
 NEGLIGIBLE = 0.1
 """Negligible difference in fit [percentage points]: the cycles of a real test repeat to 97-99 %."""
+
+# Why a search ended, in words.
+_ENDED = {
+    "found_again": "once enough local minimisations had reached the best minimum",
+    "max_rounds": "at the limit of local minimisations",
+    "hypothesis_test": "by the hypothesis test on its decay",
+    "stall": "when the best no longer improved",
+    "spread": "when the population had drawn together",
+    "max_generations": "at the limit of generations",
+    "max_evaluations": "at the limit of simulations",
+    "max_seconds": "at the limit of time",
+    "target": "at the target misfit",
+    "callback": "on request",
+    "interrupted": "by an interrupt",
+}
 
 FitStatus = Literal["converged", "not_converged", "interrupted", "stopped"]
 Remark = Literal["", "fixed", "at lower bound", "at upper bound", "not identifiable"]
@@ -273,6 +288,11 @@ class SearchTrace(Summarised, Related):
     median: tuple[OrInfinite, ...]
     stop_reason: str
     ends: tuple[OrInfinite, ...] = ()
+
+    @property
+    def ended(self) -> str:
+        """Why the search ended, in words."""
+        return _ENDED.get(self.stop_reason, self.stop_reason)
 
     def disagreement(self) -> str:
         """First contradiction: an array without one entry per generation."""
@@ -534,8 +554,8 @@ class Fit(Summarised, Related):
             facts=(
                 ("tests", list_names([quality.test for quality in self.quality])),
                 ("error", f"{self.rmse_n:.4g} N rms, {100.0 * self.nrmse:.3g} % of the force's deviation"),
-                ("search", f"{self.evaluations} simulations, {self.seconds:.1f} s, {self.stop_reason}"),
-                *([("tested", self.tested.in_words)] if self.tested else []),
+                ("search", f"{self.evaluations} simulations, {self.seconds:.1f} s"),
+                ("ended", self.trace.ended),
             ),
             columns=("parameter", "value", self.uncertainty_heading, "unit", "verdict", "reason"),
             rows=[
@@ -548,5 +568,8 @@ class Fit(Summarised, Related):
                 )
                 for each in self.estimates
             ],
-            notes=[f"warning: {each}" for each in self.warnings],
+            notes=[
+                *([f"tested: {self.tested.in_words}"] if self.tested else []),
+                *(f"warning: {each}" for each in self.warnings),
+            ],
         )

@@ -272,9 +272,9 @@ def _select_use(rows: Sequence[ListedTest], table: Path, use: Use | EveryUse) ->
     used = tuple(row for row in rows if row.use is not None and use in (EVERY_USE, row.use))
     if not used:
         counts = [f"{sum(row.use == each for row in rows)} for {each}" for each in get_args(Use)]
-        wanted = "any use" if use == EVERY_USE else use
+        wanted = "a use" if use == EVERY_USE else f"the use {use!r}"
         raise RecordError(
-            f"{table}: no test is for {wanted} ({', '.join(counts)} of {len(rows)}); set the use of some rows, or name "
-            "the files"
+            f"{table}: no row has {wanted} ({', '.join(counts)} of {len(rows)}); set the use of some rows, or name the "
+            "files"
         )
     return used

@@ -95,7 +95,7 @@ def caution(fit: Fit) -> str:
         )
     return (
         f"Standard errors count the {numbers.format_fixed(fit.n_time, 0)} residuals as "
-        f"{numbers.format_fixed(fit.n_effective, 0)} independent ones, "
+        f"{numbers.format_fixed(fit.n_effective, 0)} effective samples, "
         f"because residuals are correlated from one sample to the next. {linear}"
     )
 

@@ -27,21 +27,6 @@ from mrwork.values import Floats
 _WIDE = 3.0
 _NO_BREAK_SPACE = "\N{NO-BREAK SPACE}"
 
-# Why a search ended, in words.
-_ENDED = {
-    "found_again": "once enough local minimisations had reached the best minimum",
-    "max_rounds": "at the limit of local minimisations",
-    "hypothesis_test": "by the hypothesis test on its decay",
-    "stall": "when the best no longer improved",
-    "spread": "when the population had drawn together",
-    "max_generations": "at the limit of generations",
-    "max_evaluations": "at the limit of simulations",
-    "max_seconds": "at the limit of time",
-    "target": "at the target misfit",
-    "callback": "on request",
-    "interrupted": "by an interrupt",
-}
-
 
 def search_panels(fit: Fit) -> tuple[Panel, ...]:
     """The convergence of the search and, where it fitted from many starts, the misfits of these local minimisations."""
@@ -52,7 +37,7 @@ def search_facts(fit: Fit) -> list[tuple[str, str]]:
     """Results and cost of the search, by name."""
     return [
         ("Local minimisations", _local_minimisations_in_words(fit)),
-        ("Search ended", _ENDED.get(fit.trace.stop_reason, fit.trace.stop_reason)),
+        ("Search ended", fit.trace.ended),
         ("Generations or iterations", numbers.format_fixed(len(fit.trace.evaluations), 0)),
         ("Simulated candidates", numbers.format_fixed(fit.evaluations, 0)),
         ("Refinement steps", numbers.format_fixed(fit.refinement_steps, 0)),

@@ -333,9 +333,7 @@ class SamplingProblem:
             )
         if self.target.temper < 1.0:
             n_time = self.target.objective.n_time
-            text += (
-                f" The {n_time} residuals were counted as {self.target.temper * n_time:.0f} independent ones."
-            )
+            text += f" The {n_time} residuals were counted as {self.target.temper * n_time:.0f} effective samples."
         for each in summaries:
             if each.at_bound:
                 text += f" {each.name} {each.remark}: its interval is limited by the bound, not by the data."
