@@ -8,9 +8,9 @@ from pathlib import Path
 DOCS = Path(__file__).resolve().parent
 sys.path.insert(0, str(DOCS))
 
-import mrwork as mr  # noqa: E402
-from generate import pages  # noqa: E402
-from generate.figures import BUILDING_WORDS, DAMPER_WORDS  # noqa: E402
+import mrwork as mr  # noqa: E402 - the path comes first
+from generate import pages  # noqa: E402 - the path comes first
+from generate.figures import BUILDING_WORDS, DAMPER_WORDS  # noqa: E402 - the path comes first
 
 pages.write(DOCS)
 

@@ -2,8 +2,7 @@
 
     python docs/images/draw.py
 
-Everything is computed, with fixed seeds, in a few seconds; `overview.png` and `overview_dark.png` are written beside
-this file.
+Everything is computed, with fixed seeds, in a few seconds; `overview.png` is written beside this file.
 """
 
 from __future__ import annotations
@@ -90,22 +89,14 @@ def draw_building(ax: Axes) -> None:
 
 
 def main() -> None:
-    """Draw the picture on light and on dark ground."""
-    for name, ink, paper in (("overview", "#1f2328", "#ffffff"), ("overview_dark", "#d1d7e0", "#0d1117")):
-        colours = ("text.color", "axes.labelcolor", "axes.edgecolor", "xtick.color", "ytick.color")
-        with mpl.rc_context(
-            dict.fromkeys(colours, ink)
-            | {"font.family": "DejaVu Sans", "font.size": 9, "axes.facecolor": paper}
-        ):
-            figure, (left, right) = plt.subplots(
-                1, 2, figsize=(8.4, 3.4), layout="constrained", facecolor=paper
-            )
-            draw_damper(left)
-            draw_building(right)
-            for ax in (left, right):
-                ax.spines[["top", "right"]].set_visible(False)
-            figure.savefig(PLACE / f"{name}.png", dpi=180)
-            plt.close(figure)
+    """Draw the picture."""
+    with mpl.rc_context({"font.family": "DejaVu Sans", "font.size": 9, "savefig.dpi": 180}):
+        figure, (left, right) = plt.subplots(1, 2, figsize=(8.4, 3.4), layout="constrained")
+        draw_damper(left)
+        draw_building(right)
+        for ax in (left, right):
+            ax.spines[["top", "right"]].set_visible(False)
+        figure.savefig(PLACE / "overview.png")
 
 
 if __name__ == "__main__":
