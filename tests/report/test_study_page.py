@@ -34,7 +34,7 @@ from mrwork.study.study import Row
 
 
 def page_of(**changes: object) -> str:
-    results = study_samples.with_runs(study_samples.results(), **changes)  # type: ignore[arg-type]
+    results = study_samples.with_runs(study_samples.results(), **changes)  # type: ignore[arg-type] # any field
     return study_page(results, study_samples.histories, motion=1)
 
 

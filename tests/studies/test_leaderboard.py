@@ -44,7 +44,7 @@ def tests() -> tuple[mr.DamperTest, ...]:
 
 
 def entry(function: object) -> Entry:
-    return Entry(name="mine", title="Mine", function=function, n_params=None)  # type: ignore[arg-type]
+    return Entry(name="mine", title="Mine", function=function, n_params=None)  # type: ignore[arg-type] # of either table
 
 
 def file_of(folder: Path, text: str) -> Path:
@@ -327,4 +327,4 @@ def test_rows_are_ranked_and_failures_are_last(tests: tuple[mr.DamperTest, ...])
 
     rows = [attempt("fails", lambda: 1 / 0), attempt("half", score_of(0.5)), attempt("most", score_of(0.9))]
     rows = [replace(row, n_params=3) for row in rows]
-    assert [row[0] for row in damper_table("rig", rows).rows] == ["most", "half", "fails"]  # type: ignore[arg-type]
+    assert [row[0] for row in damper_table("rig", rows).rows] == ["most", "half", "fails"]  # type: ignore[arg-type] # rows without a page

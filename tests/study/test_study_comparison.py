@@ -37,7 +37,7 @@ def shaken(rows: tuple[Row, ...] = study_samples.ROWS, **changes: object) -> Stu
         runs[3, motion] = runs[3, motion].with_numbers(rms_drift=2.0 * runs[3, motion].rms_drift)
     peak = WORSE * runs[0, 1].peak_acceleration
     runs[SHAKEN, 1] = runs[SHAKEN, 1].with_numbers(peak_acceleration=peak)
-    return replace(study_samples.with_runs(whole, runs, rows=rows), **changes)  # type: ignore[arg-type]
+    return replace(study_samples.with_runs(whole, runs, rows=rows), **changes)  # type: ignore[arg-type] # any field
 
 
 def with_constant() -> StudyResults:

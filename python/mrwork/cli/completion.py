@@ -42,7 +42,7 @@ def run(options: argparse.Namespace) -> int:
                 action.choices = offered[verb, name]
             elif action.type is named_path or name == "files":
                 is_folder = action.metavar in _FOLDERS
-                action.complete = shtab.DIRECTORY if is_folder else shtab.FILE  # type: ignore[attr-defined]
+                action.complete = shtab.DIRECTORY if is_folder else shtab.FILE  # type: ignore[attr-defined] # read by shtab
     script = shtab.complete(parser, shell=options.shell)
     print_result(options, {"shell": options.shell, "script": script}, script)
     return 0
