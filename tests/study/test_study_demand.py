@@ -99,7 +99,7 @@ def test_a_sentence_for_each_quantity_names_the_worst_run(tmp_path: Path) -> Non
         f"velocity {1e3 * velocity:.3g} mm/s, tested to {250 * velocity:.3g} mm/s (4 times): "
     )
     assert first.endswith(
-        "under Kanai-Tajimi with i = 0; outside the tested range in 2 of 2 runs with dampers."
+        "under Kanai-Tajimi with Passive-off; outside the tested range in 2 of 2 runs with dampers."
     )
     assert second.startswith("command 0 A, tested from 0.5 to 1.5 A; the laws of c, k, alpha, delta, f0 are")
     assert second.endswith("in 1 of 2 runs with dampers.")
@@ -210,7 +210,9 @@ def test_the_page_shows_the_demand_beside_the_tested_range() -> None:
         for name in results.device_names
     )
     results = replace(results, devices=devices)
-    page = study_page(results, study_samples.histories, motion=0, report=ReportTable(controllers=("i = 0",)))
+    page = study_page(
+        results, study_samples.histories, motion=0, report=ReportTable(controllers=("Passive-off",))
+    )
     assert "Demand on the dampers" in page
     assert "outside the tested range in stroke." in page
     assert "tested to 1 mm" in page

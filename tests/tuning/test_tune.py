@@ -19,7 +19,8 @@ from mrwork.errors import Interrupted
 from mrwork.records import OperatingRange
 from mrwork.store.codec import digest_of, plain
 from mrwork.store.journal_file import line_of
-from mrwork.tuning import BEST_CONSTANT, LawCandidate, TuningResults, tune
+from mrwork.study import OPTIMAL_PASSIVE
+from mrwork.tuning import LawCandidate, TuningResults, tune
 from mrwork.tuning.problem import Clock, benches_of
 from mrwork.tuning.results import chosen_study, tuning_document
 
@@ -219,7 +220,7 @@ def test_a_law_may_be_tuned_to_be_better_than_the_best_constant_command(tmp_path
     text = '[[tune]]\nlaws = ["maximum_energy_dissipation"]\n' + keys
     found = tune(mr.read_study(tuning_samples.study_file(tmp_path, tune=text)), threads=1)
     law, constant = (
-        each.test for each in (found.laws[0], next(r for r in found.references if r.label == BEST_CONSTANT))
+        each.test for each in (found.laws[0], next(r for r in found.references if r.label == OPTIMAL_PASSIVE))
     )
     assert law is not None
     assert constant is not None

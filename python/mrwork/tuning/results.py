@@ -6,7 +6,7 @@ import json
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -28,6 +28,7 @@ from mrwork.store.run_folder import (
     check_manifest,
     read_manifest,
 )
+from mrwork.study.passive_labels import present_label
 from mrwork.study.results import RealisationBand
 from mrwork.study.study import StudyFile
 from mrwork.summary import Summarised, Summary, list_names
@@ -342,7 +343,8 @@ def read_tuning(folder: str | Path) -> TuningResults:
         raise RecordError(f"{place} is not the folder of a tuning; give one that `mrwork tune` has written")
     facts = {"title": (found.title,), "status": (found.status,)}
     check_manifest(place, manifest, facts, file=RESULTS, verb="tune")
-    return found
+    references = tuple(replace(each, label=present_label(each.label)) for each in found.references)
+    return replace(found, references=references)
 
 
 def tuning_document(results: TuningResults) -> dict[str, Any]:
