@@ -144,7 +144,10 @@ def test_travel_in_half_cycles_below_the_smallest_tested_is_named_above_a_fifth(
     demand = range_of_test(an_earthquake(0.030, 0.002, n_small), None)
     below = [each for each in tested.exceeded_by(demand) if each.below and each.quantity == "stroke"]
     assert [each.in_words for each in below] == (
-        ["stroke 2 mm or less in half cycles that make 20 % of the travel or more, tested from 13 mm"]
+        [
+            "small half cycles, 2 mm or less, make 20 % of the travel or more, tested from 13 mm, so "
+            "the hysteresis of small strokes is extrapolated"
+        ]
         if warned
         else []
     )

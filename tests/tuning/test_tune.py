@@ -327,7 +327,7 @@ def test_strokes_below_the_tested_ones_are_named_for_the_tuned_laws(study: mr.St
     with closing(mr.Journal(tmp_path / "journal.jsonl")) as journal:
         found = tune(limited, threads=1, journal=journal)
     (warning,) = found.damper_warnings
-    assert "in half cycles that make 20 % of the travel or more, tested from 100 mm: " in warning
+    assert " make 20 % of the travel or more, tested from 100 mm, so " in warning
     assert f"with {found.laws[0].label}" in warning
     # Under the training motion and both test motions.
     assert warning.endswith("outside the tested range in 3 of 3 runs with dampers.")
