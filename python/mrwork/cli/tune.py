@@ -86,10 +86,7 @@ def _verb(options: argparse.Namespace, study: Study, place: Path) -> StudyVerb[T
                 study, tables, rng=options.seed, journal=journal, threads=options.threads, on_progress=line
             )
 
-    def page(results: TuningResults, _: float) -> str | None:
-        # After Ctrl-C nothing that takes long: the figures are drawn when the tuning is resumed.
-        if results.status != "finished":
-            return None
+    def page(results: TuningResults, _: float) -> str:
         # Matplotlib is slow to load.
         from mrwork.report.study.tuning_page import tuning_page
 
