@@ -16,7 +16,7 @@ from mrwork.report.fit.parameters import caution  # the one sentence of the page
 from mrwork.search import EfficientGA, StopRules, run_search
 from mrwork.search.rules import ended_in_words
 from mrwork.summary import Summary
-from mrwork.tuning.results import motions_in_words, speed_in_words
+from mrwork.tuning.results import Better, motions_in_words, speed_in_words
 
 
 def test_one_thing_has_no_plural() -> None:
@@ -53,6 +53,13 @@ def test_only_the_test_of_the_residuals_calls_them_correlated(noise: float) -> N
     test = sinusoidal_test("bingham", (400.0, 1e-3, 900.0, 0.0), (0.01, 1.0), noise=noise)
     fit = mr.identify("bingham", replace(test, name="a"), rng=1, threads=1)
     assert "correlated" not in caution(fit)
+
+
+def test_of_one_motion_a_law_is_better_or_not() -> None:
+    def better(both: int, motions: int) -> str:
+        return Better(peak_drift=both, peak_acceleration=both, both=both, motions=motions).in_words
+
+    assert [better(1, 1), better(0, 1), better(0, 2), better(2, 3)] == ["yes", "no", "0 of 2", "2 of 3"]
 
 
 def test_a_tuning_says_what_its_time_went_into() -> None:

@@ -142,7 +142,7 @@ def _text(results: TuningResults, place: Path, *, drawn: bool) -> str:
 
 def _row(law: LawResult, settings: str) -> tuple[str, ...]:
     judgement = law.judged
-    better = "" if law.better is None else f"{law.better.both} of {law.better.motions}"
+    better = "" if law.better is None else law.better.in_words
     nan = float("nan")
     return (
         law.label,

@@ -102,6 +102,13 @@ class Better:
     both: Whole
     motions: Whole
 
+    @property
+    def in_words(self) -> str:
+        """Cell of a table: "2 of 3" motions, of a single one yes or no."""
+        if self.motions == 1:
+            return "yes" if self.both else "no"
+        return f"{self.both} of {self.motions}"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TracePoint:

@@ -204,7 +204,7 @@ def _score_section(results: TuningResults) -> Section:
                 if spread is None
                 else f"{format_fixed(spread.least, 2)} to {format_fixed(spread.most, 2)}",
                 *(format_fixed(judgement.criteria.get(name, math.nan), _DECIMALS) for name in SCORE),
-                NOTHING if each.better is None else f"{each.better.both} of {each.better.motions}",
+                NOTHING if each.better is None else each.better.in_words,
             )
         )
     on = "test" if results.testing else "training"
