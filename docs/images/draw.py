@@ -1,4 +1,4 @@
-"""Draws the picture of README.md: a damper with its prediction band, and a building with its peaks.
+"""Draws the picture of README.md and the first page: a damper with its prediction band, and a building with its peaks.
 
     python docs/images/draw.py
 

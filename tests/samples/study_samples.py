@@ -23,7 +23,7 @@ from mrwork.units import STANDARD_GRAVITY
 SHAPE = np.array([0.4, 0.75, 1.0])
 ROWS = (
     Row(label="uncontrolled", kind="uncontrolled"),
-    Row(label="i = 0", kind="passive_off"),
+    Row(label="Passive-off", kind="passive_off"),
     Row(label="Isolation", kind="baseline"),
     Row(label="Clipped-optimal", kind="controller"),
     Row(label="Lyapunov <1 A>", kind="controller"),

@@ -19,7 +19,8 @@ from mrwork.errors import Interrupted
 from mrwork.records import OperatingRange
 from mrwork.store.codec import digest_of, plain
 from mrwork.store.journal_file import line_of
-from mrwork.tuning import BEST_CONSTANT, LawCandidate, TuningResults, tune
+from mrwork.study import OPTIMAL_PASSIVE
+from mrwork.tuning import LawCandidate, TuningResults, tune
 from mrwork.tuning.problem import Clock, benches_of
 from mrwork.tuning.results import chosen_study, tuning_document
 
@@ -219,7 +220,7 @@ def test_a_law_may_be_tuned_to_be_better_than_the_best_constant_command(tmp_path
     text = '[[tune]]\nlaws = ["maximum_energy_dissipation"]\n' + keys
     found = tune(mr.read_study(tuning_samples.study_file(tmp_path, tune=text)), threads=1)
     law, constant = (
-        each.test for each in (found.laws[0], next(r for r in found.references if r.label == BEST_CONSTANT))
+        each.test for each in (found.laws[0], next(r for r in found.references if r.label == OPTIMAL_PASSIVE))
     )
     assert law is not None
     assert constant is not None
@@ -326,7 +327,7 @@ def test_strokes_below_the_tested_ones_are_named_for_the_tuned_laws(study: mr.St
     with closing(mr.Journal(tmp_path / "journal.jsonl")) as journal:
         found = tune(limited, threads=1, journal=journal)
     (warning,) = found.damper_warnings
-    assert "in half cycles that make 20 % of the travel or more, tested from 100 mm: " in warning
+    assert " make 20 % of the travel or more, tested from 100 mm, so " in warning
     assert f"with {found.laws[0].label}" in warning
     # Under the training motion and both test motions.
     assert warning.endswith("outside the tested range in 3 of 3 runs with dampers.")

@@ -15,7 +15,7 @@ from mrwork.arguments import checked
 from mrwork.buildings.matrices import Building, Device
 from mrwork.dampers.spec import LawLimit, worst_laws
 from mrwork.errors import SettingError
-from mrwork.numbers import format_rounded
+from mrwork.numbers import counted, format_rounded
 from mrwork.summary import Summarised, Summary
 from mrwork.tested_range import Exceedance, OperatingRange, Outside, least_stroke, worst_of
 from mrwork.values import Floats, array_dataclass
@@ -259,10 +259,11 @@ class Responses(Labelled, Summarised):
     def _summary(self) -> Summary:
         candidates, motions, draws = self.shape
         return Summary(
-            title=f"Responses of {len(self.outcome)} runs: {candidates} candidates x {motions} motions x {draws} draws",
+            title=f"Responses of {counted(len(self.outcome), 'run')}: {counted(candidates, 'candidate')} x "
+            f"{counted(motions, 'motion')} x {counted(draws, 'draw')}",
             facts=(
                 ("finished", f"{int(np.isfinite(self.energy_error).sum())} of {len(self.outcome)}"),
-                ("histories", "none" if self.histories is None else f"{len(self.histories)} runs"),
+                ("histories", "none" if self.histories is None else counted(len(self.histories), "run")),
             ),
             columns=("largest of a run", "least", "median", "largest", "unit"),
             rows=[

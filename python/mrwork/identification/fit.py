@@ -17,6 +17,7 @@ from mrwork.numbers import format_rounded, of_unit
 from mrwork.records import AS_IT_IS, DamperTest, Observation, observed
 from mrwork.records.damper_test import OperatingRange, Outside, range_of_test
 from mrwork.records.likeness import Likeness, RecordedMotion, likest_of_other_force, likest_of_same_force
+from mrwork.search.rules import ended_in_words
 from mrwork.store.codec import LowerBound, OrInfinite, Related, UpperBound, digest_of
 from mrwork.summary import Summarised, Summary, list_names
 from mrwork.tested_range import outside_of
@@ -188,21 +189,6 @@ _ROUNDING = 1e-6
 NEGLIGIBLE = 0.1
 """Negligible difference in fit [percentage points]: the cycles of a real test repeat to 97-99 %."""
 
-# Why a search ended, in words.
-_ENDED = {
-    "found_again": "once enough local minimisations had reached the best minimum",
-    "max_rounds": "at the limit of local minimisations",
-    "hypothesis_test": "by the hypothesis test on its decay",
-    "stall": "when the best no longer improved",
-    "spread": "when the population had drawn together",
-    "max_generations": "at the limit of generations",
-    "max_evaluations": "at the limit of simulations",
-    "max_seconds": "at the limit of time",
-    "target": "at the target misfit",
-    "callback": "on request",
-    "interrupted": "by an interrupt",
-}
-
 FitStatus = Literal["converged", "not_converged", "interrupted", "stopped"]
 Remark = Literal["", "fixed", "at lower bound", "at upper bound", "not identifiable"]
 
@@ -292,7 +278,7 @@ class SearchTrace(Summarised, Related):
     @property
     def ended(self) -> str:
         """Why the search ended, in words."""
-        return _ENDED.get(self.stop_reason, self.stop_reason)
+        return ended_in_words(self.stop_reason)
 
     def disagreement(self) -> str:
         """First contradiction: an array without one entry per generation."""

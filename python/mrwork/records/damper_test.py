@@ -19,7 +19,7 @@ from mrwork.command_signal import Command, command_in_words, part_of_command, sa
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import RecordError, SettingError
 from mrwork.hints import Within
-from mrwork.records.motion import whole_cycles
+from mrwork.records.motion import cycle_lengths
 from mrwork.simulate import Loading
 from mrwork.summary import Summarised, Summary
 from mrwork.tested_range import Exceedance as Exceedance
@@ -489,8 +489,8 @@ def range_of_tests(tests: Sequence[DamperTest], unit: CommandUnit | None = None)
 
 def _frequencies(test: DamperTest) -> tuple[float, float] | None:
     """Frequencies of the cycles [Hz], without the slowest and the fastest tenth; `None` without a whole cycle."""
-    seconds = [test.dt * (cycle.stop - cycle.start) for cycle in whole_cycles(test.displacement)]
-    if not seconds:
+    seconds = test.dt * cycle_lengths(test.displacement)
+    if not seconds.size:
         return None
-    lowest, highest = np.quantile(1.0 / np.array(seconds), [_RARE, 1.0 - _RARE])
+    lowest, highest = np.quantile(1.0 / seconds, [_RARE, 1.0 - _RARE])
     return float(lowest), float(highest)

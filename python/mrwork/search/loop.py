@@ -14,7 +14,7 @@ from mrwork.arguments import Seed, checked
 from mrwork.errors import Interrupted, SettingError
 from mrwork.numbers import format_rounded
 from mrwork.search.course import Dimension, Proposal, Replicate, SearchState, StateT, select
-from mrwork.search.rules import EliteRule, StopRules
+from mrwork.search.rules import EliteRule, StopRules, ended_in_words
 from mrwork.store.codec import array_of, digest_of, plain
 from mrwork.store.journal import Journal
 from mrwork.summary import Summarised, Summary
@@ -59,7 +59,8 @@ class SearchResult(Summarised, Generic[StateT]):
             facts=(
                 (
                     "ended",
-                    f"{self.stop_reason} after {self.generations} generations, {self.evaluations} simulations",
+                    f"{ended_in_words(self.stop_reason)}, after {self.generations} generations and "
+                    f"{self.evaluations} simulations",
                 ),
                 ("seconds", format_rounded(self.seconds, 3)),
                 ("elite", str(len(self.elite))),

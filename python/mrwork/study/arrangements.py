@@ -32,6 +32,7 @@ from mrwork.errors import SettingError
 from mrwork.keys import Place, given_values, heading_lines, key_lines, keys_of, read_table, suggestion
 from mrwork.store.codec import digest_of
 from mrwork.store.input_file import FileKind, text_of
+from mrwork.study.passive_labels import OPTIMAL_PASSIVE, PASSIVE_OFF, PASSIVE_ON
 from mrwork.study.schema import (
     BaselineTable,
     ClairvoyantTable,
@@ -130,10 +131,10 @@ class ConstantLaw:
 
 
 CONSTANT_LAWS: Mapping[str, ConstantLaw] = {
-    "passive_off": ConstantLaw(title="i = 0", description="no command", share=0.0),
-    "passive_on": ConstantLaw(title="Largest command", description="the largest command", share=1.0),
+    "passive_off": ConstantLaw(title=PASSIVE_OFF, description="no command", share=0.0),
+    "passive_on": ConstantLaw(title=PASSIVE_ON, description="the largest command", share=1.0),
     "best_passive": ConstantLaw(
-        title="Best constant command",
+        title=OPTIMAL_PASSIVE,
         description="the constant command of the lowest score over all motions",
         share=None,
     ),
@@ -169,7 +170,7 @@ def arrangements(
     arrangements_of_study = [make_arrangement(bare, none, bare, (), constant_command((), 0.0))]
     controllable = any(device.spec.follows_command for device in devices)
     if devices:
-        off = Row(label="i = 0", kind="passive_off", description="the dampers without a command")
+        off = Row(label=PASSIVE_OFF, kind="passive_off", description="the dampers without a command")
         if not controllable:
             off = Row(label="passive", kind="passive_off", description="the dampers, which follow no command")
         arrangements_of_study.append(

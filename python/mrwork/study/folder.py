@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +36,7 @@ from mrwork.study.comparison import (
     motion_groups,
 )
 from mrwork.study.labelled import NOMINAL, criteria_of_runs
+from mrwork.study.passive_labels import present_label, present_sentence
 from mrwork.study.results import (
     Key,
     MotionFacts,
@@ -284,7 +285,7 @@ class _Document(Related):
         return ""
 
 
-_OF_DOCUMENT = ("title", "motions", "command_unit", "building_warnings", "damper_warnings", "chosen_on")
+_OF_DOCUMENT = ("title", "motions", "command_unit", "building_warnings", "chosen_on")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -357,12 +358,14 @@ def read_results(folder: str | Path) -> StoredStudy:
     }
     stated = read_manifest(Path(folder), verb="respond")
     check_manifest(Path(folder), stated or {}, facts, file=RESULTS, verb="respond")
-    rows = {label: Row(label=label, kind="controller") for label in document.scores}
+    rows = {label: Row(label=present_label(label), kind="controller") for label in document.scores}
     for run in document.results:
-        rows[run.controller] = Row(label=run.controller, kind=run.kind)
+        rows[run.controller] = replace(rows[run.controller], kind=run.kind)
     labels, names = list(rows), [motion.name for motion in document.motions]
     runs = {(labels.index(run.controller), names.index(run.motion)): run for run in document.results}
-    labelled = criteria_of_runs({"row": tuple(labels), "motion": tuple(names), "realisation": (NOMINAL,)})
+    labelled = criteria_of_runs(
+        {"row": tuple(row.label for row in rows.values()), "motion": tuple(names), "realisation": (NOMINAL,)}
+    )
     for key, run in runs.items():
         for name, value in {**_every_criterion(run.criteria), "energy_error": run.energy_error}.items():
             labelled.numbers[name][key] = value
@@ -370,6 +373,7 @@ def read_results(folder: str | Path) -> StoredStudy:
         rows=tuple(rows.values()),
         labelled=labelled,
         runs=runs,
+        damper_warnings=tuple(map(present_sentence, document.damper_warnings)),
         **{name: getattr(document, name) for name in _OF_DOCUMENT},
     )
 

@@ -51,6 +51,7 @@ from mrwork.study.dampers import (
     chosen_damper,
     equip_building,
 )
+from mrwork.study.passive_labels import present_label
 from mrwork.study.schema import DamperTable, MotionTable, ReportTable, StudyTable, SuiteTable
 from mrwork.study.study import MotionOfStudy, Realisations, Study, StudyFile, realisations_of
 from mrwork.tested_range import FittedDamper
@@ -414,7 +415,7 @@ def _choose_detailed(
         near = suggestion(table.motion, names)
         where.within("motion").refuse(f"no motion is called {table.motion!r}{near}")
     for label in table.controllers:
-        if label not in labels:
+        if label not in labels and present_label(label) not in labels:
             near = suggestion(label, labels)
             where.within("controllers").refuse(f"no arrangement is called {label!r}{near}")
     largest = int(np.argmax([motion.ground.peak * (motion.use == "test") for motion in motions]))

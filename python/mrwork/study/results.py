@@ -6,7 +6,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal, get_args
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from mrwork.closed_loop.clairvoyant_search import Clairvoyant
 from mrwork.closed_loop.evaluation import SCORE, Spread, criteria, criterion, ratio, score
 from mrwork.closed_loop.responses import ENERGY_TOLERANCE
 from mrwork.errors import SettingError
-from mrwork.numbers import format_rounded
+from mrwork.numbers import counted, format_rounded
 from mrwork.store.codec import OrInfinite, OrNan
 from mrwork.study.labelled import HALF_STEP, LabelledRuns
 from mrwork.study.run_result import DeviceDemand, RunEnd, RunResult, damper_warnings, demands_of
@@ -248,10 +248,13 @@ class StudyCriteria(Summarised, ABC):
     def _summary(self) -> Summary:
         shown = range(min(len(self.motions), _MOTIONS_SHOWN))
         return Summary(
-            title=f"{self.title}: {self.done} of {self.total} runs",
+            title=f"{self.title}: {self.done} of {counted(self.total, 'run')}",
             facts=(
                 *([("dampers", list_names(self.device_names))] if self.device_names else []),
-                ("motions", list_names([motion.name for motion in self.motions])),
+                *(
+                    (f"{use} motions", list_names([each.name for each in self.motions if each.use == use]))
+                    for use in get_args(Use)
+                ),
             ),
             columns=("peak drift [m]", *(motion.name for motion in self.motions[:_MOTIONS_SHOWN])),
             rows=[

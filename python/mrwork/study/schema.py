@@ -19,6 +19,7 @@ from mrwork.keys import LARGEST_SEED, Place, heading_lines, key, key_lines, refu
 from mrwork.motions.ground_motion import HIGHEST_ORDER
 from mrwork.motions.synthetic import MOST_OF_A_SUITE, USUAL_SOILS, Pulses, Soil
 from mrwork.search.rules import LARGEST_POPULATION
+from mrwork.study.passive_labels import present_label
 from mrwork.units import DriverUnit
 
 Risk = Literal["mean", "max", "cvar"]
@@ -378,7 +379,9 @@ class ReportTable:
     def select_drawn(self, labels: Sequence[str]) -> list[int]:
         """Indices of the arrangements that are drawn, of all their labels."""
         return [
-            number for number, label in enumerate(labels) if not self.controllers or label in self.controllers
+            number
+            for number, label in enumerate(labels)
+            if not self.controllers or label in {*self.controllers, *map(present_label, self.controllers)}
         ]
 
 

@@ -25,6 +25,7 @@ from mrwork.errors import SettingError
 from mrwork.motions import GroundMotion
 from mrwork.search.unit_cube import Streams, latin_hypercube
 from mrwork.store.codec import digest_of, package_version
+from mrwork.study.passive_labels import recorded_label
 from mrwork.study.schema import ReportTable, TuneTable, UncertaintyTable, Use
 from mrwork.summary import Summarised, Summary, list_names
 from mrwork.values import Floats, array_dataclass
@@ -322,7 +323,7 @@ def fingerprint_of(study: Study) -> dict[str, object]:
     """Fingerprint of the inputs of a study, which must be equal for a journal to resume."""
     return {
         "arrangement": [
-            {"label": each.row.label, "kind": each.row.kind, "content": digest_of_run(each)}
+            {"label": recorded_label(each.row.label), "kind": each.row.kind, "content": digest_of_run(each)}
             for each in study.arrangements
         ],
         "motion": [

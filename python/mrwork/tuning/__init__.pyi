@@ -3,7 +3,6 @@ from .results import read_tuning as read_tuning
 from .run import tune as tune
 
 if True:  # the lower tier
-    from .first_candidates import BEST_CONSTANT as BEST_CONSTANT
     from .law_tuning import TuningProgress as TuningProgress
     from .results import Judgement as Judgement
     from .results import LawResult as LawResult

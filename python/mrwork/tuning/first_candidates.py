@@ -17,6 +17,7 @@ from mrwork.control.lqr import PUBLISHED_REGULATORS, PublishedRegulator
 from mrwork.errors import SettingError
 from mrwork.motions.spectral_density import KanaiTajimi
 from mrwork.store.codec import digest_of
+from mrwork.study.passive_labels import OPTIMAL_PASSIVE, PASSIVE_OFF, PASSIVE_ON
 from mrwork.study.run import LEVELS
 from mrwork.study.schema import TuneTable
 from mrwork.summary import Summarised
@@ -175,10 +176,6 @@ def _round(value: float) -> float:
     return float(f"{value:.4g}")
 
 
-BEST_CONSTANT = "Best constant command"
-"""Label of the best constant command among the references."""
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Reference:
     label: str
@@ -218,7 +215,7 @@ def references_of(benches: Benches, objective: TuningObjective, basis: Basis) ->
 
 def best_constant(references: Sequence[LawResult]) -> LawCandidate:
     """The best constant command among references."""
-    return next(each.chosen_candidate for each in references if each.label == BEST_CONSTANT)
+    return next(each.chosen_candidate for each in references if each.label == OPTIMAL_PASSIVE)
 
 
 def _declare_references(basis: Basis) -> Iterator[_Reference]:
@@ -227,16 +224,14 @@ def _declare_references(basis: Basis) -> Iterator[_Reference]:
     def constant(share: float) -> LawCandidate:
         return LawCandidate(settings={"command": float(f"{share * largest:.4g}")}, largest_command=largest)
 
-    yield _Reference(label="i = 0", law="passive", candidates=(constant(0.0),), origin="no command")
+    yield _Reference(label=PASSIVE_OFF, law="passive", candidates=(constant(0.0),), origin="no command")
     yield _Reference(
-        label=BEST_CONSTANT,
+        label=OPTIMAL_PASSIVE,
         law="passive",
         candidates=tuple(constant(share) for share in np.linspace(0.0, 1.0, LEVELS)),
         origin=f"best of {LEVELS} on the training motions",
     )
-    yield _Reference(
-        label="Largest command", law="passive", candidates=(constant(1.0),), origin="largest command"
-    )
+    yield _Reference(label=PASSIVE_ON, law="passive", candidates=(constant(1.0),), origin="largest command")
     space = space_of(TuneTable(laws=("clipped_optimal",)), "clipped_optimal", basis.magnitudes)
     shapes: dict[str, list[LawCandidate]] = {}
     for first in first_candidates(space, basis):

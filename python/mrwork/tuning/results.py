@@ -6,14 +6,14 @@ import json
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
 from mrwork.arguments import NotNegative, Whole, checked
 from mrwork.closed_loop.evaluation import Spread
 from mrwork.errors import RecordError
-from mrwork.numbers import format_rounded, with_decimals
+from mrwork.numbers import counted, format_rounded, percent, with_decimals
 from mrwork.store.codec import OrInfinite, OrNan, Related, finite, json_document, read_document
 from mrwork.store.output_folder import Destination, write_folder
 from mrwork.store.parse import toml_table
@@ -28,6 +28,7 @@ from mrwork.store.run_folder import (
     check_manifest,
     read_manifest,
 )
+from mrwork.study.passive_labels import present_label
 from mrwork.study.results import RealisationBand
 from mrwork.study.study import StudyFile
 from mrwork.summary import Summarised, Summary, list_names
@@ -100,6 +101,13 @@ class Better:
     peak_acceleration: Whole
     both: Whole
     motions: Whole
+
+    @property
+    def in_words(self) -> str:
+        """Cell of a table: "2 of 3" motions, of a single one yes or no."""
+        if self.motions == 1:
+            return "yes" if self.both else "no"
+        return f"{self.both} of {self.motions}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -214,12 +222,12 @@ class TuningResults(Summarised):
             if each.train.violation > 0.0:
                 found.append(
                     f"{each.label}: no candidate keeps all limits; the chosen one exceeds them by "
-                    f"{each.train.violation:.0%} of the limits in all, on the training motions."
+                    f"{percent(each.train.violation, 0)} % of the limits in all, on the training motions."
                 )
             elif each.test is not None and each.test.violation > 0.0:
                 found.append(
                     f"{each.label} keeps its limits on the training motions and exceeds them by "
-                    f"{each.test.violation:.0%} of the limits in all on the test motions."
+                    f"{percent(each.test.violation, 0)} % of the limits in all on the test motions."
                 )
             found += self._overtaken(each)
             found += [
@@ -258,6 +266,21 @@ class TuningResults(Summarised):
             ],
             notes=[f"warning: {each}" for each in self.warnings],
         )
+
+
+def motions_in_words(results: TuningResults) -> str:
+    """The motions of a tuning, such as "1 training motion and 2 test motions"."""
+    training = counted(len(results.training), "training motion")
+    return f"{training} and {counted(len(results.testing), 'test motion')}" if results.testing else training
+
+
+def speed_in_words(results: TuningResults) -> str:
+    """Candidates per second, and what the time went into."""
+    share = percent(results.share_outside, 0)
+    return (
+        f"{results.candidates_per_second:.3g} candidates a second; design of gains, search and scores took {share} % "
+        "of the time, simulations the rest"
+    )
 
 
 def _at_ends(law: LawResult) -> list[tuple[str, str]]:
@@ -342,7 +365,8 @@ def read_tuning(folder: str | Path) -> TuningResults:
         raise RecordError(f"{place} is not the folder of a tuning; give one that `mrwork tune` has written")
     facts = {"title": (found.title,), "status": (found.status,)}
     check_manifest(place, manifest, facts, file=RESULTS, verb="tune")
-    return found
+    references = tuple(replace(each, label=present_label(each.label)) for each in found.references)
+    return replace(found, references=references)
 
 
 def tuning_document(results: TuningResults) -> dict[str, Any]:

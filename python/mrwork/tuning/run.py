@@ -15,10 +15,11 @@ from mrwork.keys import suggestion
 from mrwork.search.peers import library
 from mrwork.search.registry import ALL_OPTIMISERS
 from mrwork.store.journal import Journal
+from mrwork.study.passive_labels import OPTIMAL_PASSIVE
 from mrwork.study.run_result import DeviceDemand, damper_warnings
 from mrwork.study.schema import Risk, TuneTable
 from mrwork.study.study import Study, fingerprint_of
-from mrwork.tuning.first_candidates import BEST_CONSTANT, basis_of, best_constant, references_of
+from mrwork.tuning.first_candidates import basis_of, best_constant, references_of
 from mrwork.tuning.law_tuning import (
     LawPlan,
     TuningProgress,
@@ -95,7 +96,7 @@ def tune(
     demands: dict[tuple[str, str], tuple[DeviceDemand, ...]] = {}
 
     def results(status: Literal["finished", "interrupted"]) -> TuningResults:
-        constant = next((each for each in references if each.label == BEST_CONSTANT), None)
+        constant = next((each for each in references if each.label == OPTIMAL_PASSIVE), None)
         seconds = time.perf_counter() - clock.began
         separate = any(each.use == "training" for each in study.motions)
         return TuningResults(

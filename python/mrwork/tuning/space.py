@@ -87,7 +87,7 @@ class TuningObjective(Summarised):
         risk = {
             "mean": f"mean over all {motions}",
             "max": f"largest over all {motions}",
-            "cvar": f"mean of the worst {self.tail:.0%} of all {motions}",
+            "cvar": f"mean of the worst {100.0 * self.tail:.0f} % of all {motions}",
         }[self.risk]
         taken = "mean" if self.combine == "mean" else "largest"
         under = "at i = 0" if self.relative_to == "passive_off" else "under the best constant command"

@@ -377,8 +377,8 @@ def band_table(
         label="Bands over realisations",
         columns=("", "Score", *(criterion(name).short for name in SCORE)),
         rows=tuple((label, *map(_band, bands)) for label, bands in rows),
-        note=f"Median, and the ends between which {BAND:.0%} of the {count} realisations lie; each number is a mean "
-        f"over the motions, over i = 0 in the same realisation. {note}",
+        note=f"Median, and the ends between which {100.0 * BAND:.0f} % of the {count} realisations lie; each number "
+        f"is a mean over the motions, over i = 0 in the same realisation. {note}",
     )
 
 
