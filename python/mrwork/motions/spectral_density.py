@@ -9,6 +9,7 @@ import math
 from typing import ClassVar
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from mrwork.arguments import checked
@@ -123,3 +124,11 @@ class CloughPenzien:
 
 
 SpectralDensity = KanaiTajimi | CloughPenzien
+
+
+def mean_square_of(spectrum: SpectralDensity) -> float:
+    """Mean square of the ground acceleration [m^2/s^4], by a Lyapunov equation of the filter."""
+    soil = spectrum.filter_matrices()
+    noise = 2.0 * math.pi * spectrum.intensity * np.outer(soil.noise, soil.noise)
+    covariance = scipy.linalg.solve_continuous_lyapunov(soil.state, -noise)
+    return float(soil.output @ covariance @ soil.output)
