@@ -26,6 +26,7 @@ from mrwork.errors import SettingError
 from mrwork.motions import fitted_spectrum
 from mrwork.motions.spectrum import strong_part
 from mrwork.study.arrangements import laws_text
+from mrwork.study.comparison import findings
 from mrwork.tuning.results import chosen_study
 from mrwork.tuning.space import space_of
 
@@ -396,3 +397,32 @@ def test_a_tuned_law_with_a_semi_active_condition_scans_its_budget() -> None:
     space = space_of(table, "clipped_optimal", magnitudes)
     assert [each.name for each in space.free] == ["budget_scale", "largest_command"]
     assert space.held["control_weight"] == 1.0
+
+
+@pytest.mark.parametrize(
+    ("settings", "says"),
+    [
+        (
+            "drifts = 1\ncontrol_weight = 1",
+            "Clipped-optimal sends no command under any motion: it is passive-off",
+        ),
+        ("gain = [[0, 0, 0, 0, 0, 1e12, 0, 0, 0, 0]]", ""),
+    ],
+)
+def test_a_law_that_is_a_passive_damper_in_effect_is_said_to_be_one(
+    tmp_path: Path, settings: str, says: str
+) -> None:
+    found = findings(mr.run_study(read(tmp_path, settings), threads=1))
+    assert any(says in each for each in found) if says else not found
+
+
+def test_a_law_that_sends_the_largest_command_throughout_is_passive_on_in_effect(tmp_path: Path) -> None:
+    """A law in Python that knows no sensor."""
+    (tmp_path / "law.py").write_text("def on(sample, memory):\n    return [1.88]\n")
+    file = tmp_path / "study.toml"
+    law = "[[controller]]\nuser = { file = 'law.py', function = 'on' }"
+    file.write_text(study_text(f"drifts = 1\ncontrol_weight = 1e-11\n{law}"))
+    found = findings(mr.run_study(mr.read_study(file), threads=1))
+    assert any(
+        each.startswith("on sends the same command") and "passive-on in effect" in each for each in found
+    )

@@ -40,12 +40,13 @@ def ground_of(
 def source_in_words(problem: DesignProblem) -> str:
     """Which motions the ground of a design is fitted to."""
     number = len(problem.motions)
-    motions = "motion" if number == 1 else f"{number} motions"
+    several = "" if number == 1 else "s"
+    counted = "" if number == 1 else f"{number} "
     if not problem.judged:
-        return f"fitted to the strong parts of the {motions.replace('motion', 'training motion')}"
+        return f"fitted to the strong part{several} of the {counted}training motion{several}"
     return (
-        f"fitted to the strong part{'' if number == 1 else 's'} of the {motions} on which the laws are judged, too, "
-        "since none is for training"
+        f"fitted to the strong part{several} of the {counted}motion{several} on which the laws are judged, too, since "
+        "none is for training"
     )
 
 
@@ -152,7 +153,7 @@ def forces_in_words(devices: Sequence[Device], forces: DamperForces) -> str:
 _IDLE, _IDLE_OF_LARGEST = 0.05, 0.003
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class AskedForce:
     """Rms force that a gain asks for [N], with ideal forces under the ground of a problem, beside that of the dampers.
 

@@ -17,7 +17,7 @@ from mrwork.control.plant import Plant
 from mrwork.errors import SettingError
 from mrwork.store.codec import OrInfinite, OrNan
 from mrwork.summary import Summarised, Summary
-from mrwork.values import Floats
+from mrwork.values import Floats, array_dataclass
 
 Complexes = NDArray[np.complex128]
 
@@ -154,6 +154,10 @@ def loop_margins(
     if K.shape != (m, 2 * plant.n_coordinates):
         raise SettingError(f"`gain` has shape {K.shape}; give {(m, 2 * plant.n_coordinates)}")
     rates = tuple(driver_rates) or (None,) * m
+    if len(rates) != m:
+        raise SettingError(
+            f"`driver_rates` has {len(rates)} rates, and there are {m} devices; give one for each"
+        )
     loop = _SampledLoop.of(plant, K, sample_time, delay, rates)
     stable, poles = loop.closed_poles()
     devices: tuple[DeviceMargins, ...] = ()
@@ -168,7 +172,7 @@ def loop_margins(
     )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class _SampledLoop:
     """`x_{k+1} = F x_k + G_new u_{k-d} + G_old u_{k-d-1}` with u = -K x, and its modes F V = V diag(poles)."""
 

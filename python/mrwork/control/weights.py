@@ -70,10 +70,14 @@ class WeightWishes(RmsLimits, metaclass=DeclaredTable):
         "frequency of the ground, by default that of the training motions",
         unit="rad/s",
         default=None,
-        above=0.0,
+        least=1e-3,
+        most=1e4,
     )
     ground_damping: float | None = key(
-        "damping ratio of the ground, by default that of the training motions", default=None, above=0.0
+        "damping ratio of the ground, by default that of the training motions",
+        default=None,
+        least=1e-4,
+        most=1e3,
     )
     intensity: float | None = key(
         "two-sided spectral density of the bedrock, by default that with the mean square of the training motions; only "

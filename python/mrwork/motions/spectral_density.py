@@ -9,7 +9,6 @@ import math
 from typing import ClassVar
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
 from mrwork.arguments import checked
@@ -127,8 +126,15 @@ SpectralDensity = KanaiTajimi | CloughPenzien
 
 
 def mean_square_of(spectrum: SpectralDensity) -> float:
-    """Mean square of the ground acceleration [m^2/s^4], by a Lyapunov equation of the filter."""
-    soil = spectrum.filter_matrices()
-    noise = 2.0 * math.pi * spectrum.intensity * np.outer(soil.noise, soil.noise)
-    covariance = scipy.linalg.solve_continuous_lyapunov(soil.state, -noise)
-    return float(soil.output @ covariance @ soil.output)
+    """Mean square of the ground acceleration [m^2/s^4].
+
+    Of Kanai-Tajimi `pi S0 w_g (1 + 4 zeta_g^2) / (2 zeta_g)`, of Clough-Penzien by the Lyapunov equation of its filter.
+    """
+    if isinstance(spectrum, KanaiTajimi):
+        zeta = spectrum.damping
+        return math.pi * spectrum.intensity * spectrum.frequency * (1.0 + 4.0 * zeta**2) / (2.0 * zeta)
+    filters = spectrum.filter_matrices()
+    A, one = filters.state, np.eye(len(filters.state))
+    noise = 2.0 * math.pi * spectrum.intensity * np.outer(filters.noise, filters.noise)
+    X = np.linalg.solve(np.kron(A, one) + np.kron(one, A), -noise.ravel()).reshape(A.shape)
+    return float(filters.output @ X @ filters.output)

@@ -8,12 +8,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 
 from mrwork.arguments import Positive, Whole, checked
 from mrwork.errors import RecordError, SettingError
+from mrwork.hints import Within
 from mrwork.motions.ground_motion import GroundMotion
 from mrwork.motions.spectral_density import CloughPenzien, KanaiTajimi, SpectralDensity, mean_square_of
 from mrwork.motions.spectrum import SpectrumKind, strong_part
@@ -63,8 +64,8 @@ def stationary_ground(
     motions: Sequence[GroundMotion],
     kind: SpectrumKind = "kanai_tajimi",
     *,
-    frequency: Positive | None = None,
-    damping: Positive | None = None,
+    frequency: Annotated[float, Within(least=1e-3, most=1e4)] | None = None,
+    damping: Annotated[float, Within(least=1e-4, most=1e3)] | None = None,
 ) -> StationaryGround:
     """Filtered white noise with the mean square and the spectral shape of the strong parts of ground motions.
 

@@ -36,7 +36,7 @@ _STEPS = 12
 _WEIGHT = "control_weight"
 EQUAL, CONVEX, DASHPOTS = "equal drift weights", "convex weights", "weights of dashpots"
 """Origins of weights whose size of R is scanned."""
-SEMI_ACTIVE = "semi-active convex weights"
+SEMI_ACTIVE = "semi-active weights"
 """Origin of weights whose budget of force is scanned."""
 # Share b of the semi-active condition, and factors of the budget that the dampers have.
 _SHARE = 0.1
