@@ -22,6 +22,8 @@ from mrwork.values import Floats, array_dataclass
 
 PEAK_FACTOR = 3.0
 """Peak of a stationary response over its rms, about that of the largest of some hundred cycles."""
+# Modes of a tall building that its rms motion and force are those of.
+_MODES = 20
 
 
 def ground_of(
@@ -51,16 +53,18 @@ def source_in_words(problem: DesignProblem) -> str:
 
 
 def shaken_system(problem: DesignProblem, spectrum: SpectralDensity) -> DesignSystem:
-    """The building with its devices under a ground, in continuous time, without limited outputs."""
+    """The building, of a tall one its lowest modes, with its devices under a ground, without limited outputs."""
     none = LimitedOutputs(names=(), units=(), settings=(), limits=np.empty(0))
-    return system_of(problem.plant, none, spectrum, budgets=np.ones(problem.plant.n_devices))
+    modes = min(problem.plant.n_coordinates, _MODES)
+    return system_of(problem.plant, none, spectrum, budgets=np.ones(problem.plant.n_devices), n_modes=modes)
 
 
 def rms_forces(system: DesignSystem, gain: Floats) -> Floats:
     """Rms desired force of each device [N] under the ground, the loop closed with `f = -gain s` at once."""
     K = gain @ system.state
     X = LyapunovEquations(system.A - system.B @ K).covariance(system.ground)
-    return np.asarray(np.sqrt(np.einsum("ij,jk,ik->i", K, X, K)))
+    # Of tiny forces rounding may leave a negative square.
+    return np.asarray(np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", K, X, K), 0.0)))
 
 
 @array_dataclass()

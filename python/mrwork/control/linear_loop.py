@@ -24,6 +24,8 @@ Complexes = NDArray[np.complex128]
 # States of the sampled loop with its chain of past commands up to which its poles are found.
 _MOST_STATES = 1200
 _FREQUENCIES = 2000
+# Frequencies that are evaluated together, for the memory.
+_AT_ONCE = 2048
 # Places about each pole, in half widths of its resonance.
 _ABOUT = np.sinh(np.linspace(-6.0, 6.0, 61))
 
@@ -254,18 +256,23 @@ class _SampledLoop:
 
     def transfer(self, angles: Floats, device: int) -> Complexes:
         """L at the break of a device, in the shape of the angles, the loops of the others closed."""
-        z = np.exp(1j * np.atleast_1d(angles))
+        each = np.ravel(angles)
+        parts = [self._transfer(each[n : n + _AT_ONCE], device) for n in range(0, each.size, _AT_ONCE)]
+        return np.concatenate(parts).reshape(np.shape(angles))
+
+    def _transfer(self, angles: Floats, device: int) -> Complexes:
+        z = np.exp(1j * angles)
         with np.errstate(divide="ignore", invalid="ignore"):
             modes = self.seen[None, :, :] / (z[:, None, None] - self.poles)
         new, old = self.pushed
         H = (modes @ new + modes @ old / z[:, None, None]) * (z**-self.delay)[:, None, None]
         others = [number for number in range(len(self.K)) if number != device]
-        own = H[:, device, device]
+        own: Complexes = H[:, device, device]
         if others:
             closed = np.eye(len(others)) + H[:, others][:, :, others]
             back = np.linalg.solve(closed, H[:, others, device][:, :, None])[:, :, 0]
             own = own - np.einsum("ki,ki->k", H[:, device][:, others], back)
-        return np.asarray(own.reshape(np.shape(angles)), dtype=np.complex128)
+        return own
 
 
 def _hold(A: Floats, B: Floats, duration: float) -> tuple[Floats, Floats]:

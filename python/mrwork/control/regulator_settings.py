@@ -50,7 +50,7 @@ class RegulatorSettings(CostWeights, LawSettings):
         LawSettings.__post_init__(self)
         if self.gain is None and self.control_weight is None:
             entry = next(each for each in keys_of(type(self)) if each.name == "control_weight")
-            raise SettingError(f"{type(self).__name__} has no control_weight; give {describe_key(entry)}")
+            raise SettingError(f"the law has no control_weight; give {describe_key(entry)}")
 
     def design(self, problem: DesignProblem) -> Design:
         """The gain as given, of the regulator, or of a sampled design."""
