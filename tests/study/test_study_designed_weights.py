@@ -368,11 +368,14 @@ def test_the_budget_is_that_of_the_dampers_unless_given(tmp_path: Path, budget: 
 def test_a_law_that_asks_for_no_force_is_told_how_much_r_is_too_large(
     tmp_path: Path, scale: float, factor: float
 ) -> None:
-    """R that gives the force of the dampers, times a factor, is too large by about that factor."""
+    """R over the stated factor asks for force, and a larger R is too large by as much more."""
     law = read(tmp_path, "drifts = 1\ncontrol_weight = 1e-8").arrangements[-1].law
     assert law is not None
     first = next(each for each in law.notes if "asks for no force" in each.lower())
     excess = float(first.split("R is about ")[1].split(" too large")[0])
+    sound = read(tmp_path, f"drifts = 1\ncontrol_weight = {1e-8 / excess}").arrangements[-1].law
+    assert sound is not None
+    assert not any("asks for no force" in each.lower() for each in sound.notes)
     again = read(tmp_path, f"drifts = 1\ncontrol_weight = {1e-8 * scale}").arrangements[-1].law
     assert again is not None
     assert f"R is about 1e{round(np.log10(excess * factor))} too large" in " ".join(again.notes)

@@ -176,9 +176,9 @@ class AskedForce:
         return bool(np.all(self.wanted < np.maximum(_IDLE * self.idle, _IDLE_OF_LARGEST * self.budgets)))
 
     @property
-    def shortfall(self) -> float:
-        """Largest rms force of the dampers over the desired one, the least over the devices."""
-        return float(np.min(self.budgets / np.maximum(self.wanted, 1e-300)))
+    def share(self) -> float:
+        """Desired force over that from which a law acts: the force of the dampers at i = 0, or a tenth of the most."""
+        return float(np.min(self.wanted / np.maximum(self.idle, 0.1 * self.budgets)))
 
     @property
     def in_words(self) -> str:

@@ -166,29 +166,35 @@ class RegulatorSettings(CostWeights, LawSettings):
     def _too_small(self, problem: DesignProblem, asked: AskedForce) -> str:
         """What is too large or too small in a law that asks for no force, and by which factor."""
         if self.gain is not None:
-            return f"the gain is about {_power(asked.shortfall)} too small"
+            return f"the gain is about {_power(1.0 / max(asked.share, 1e-300))} too small"
         designed = self.weights(problem)
         as_designed = isinstance(self.control_weight, float | int) and self.control_weight <= 1.0
         if designed is not None and (designed.semi_active or as_designed):
-            return f"the budget is about {_power(asked.shortfall)} too small"
+            return f"the budget is about {_power(1.0 / max(asked.share, 1e-300))} too small"
         return f"R is about {_power(self._excess_of_control_weight(problem))} too large"
 
     def _excess_of_control_weight(self, problem: DesignProblem) -> float:
-        """Factor by which R is to be divided for the desired force to be that of the dampers, from decade to decade."""
+        """Factor by which R is to be divided for the law to act, from decade to decade.
+
+        With R going to zero the desired force of some weights stays below that of the dampers; half of its largest
+        value counts then.
+        """
         factors = 10.0 ** np.arange(1.0, _DECADES)
-        smaller = [
-            replace(self, control_weight=_divide(self.control_weight, float(factor))) for factor in factors
-        ]
-        designs = type(self).designs(problem, smaller)
+        designs = type(self).designs(
+            problem,
+            [replace(self, control_weight=_divide(self.control_weight, float(each))) for each in factors],
+        )
         sound = [
             (float(factor), each.gains["gain"])
             for factor, each in zip(factors, designs, strict=True)
             if isinstance(each, Design)
         ]
-        for (factor, _), asked in zip(sound, asked_forces(problem, [gain for _, gain in sound]), strict=True):
-            if asked is not None and asked.shortfall <= 1.0:
-                return factor
-        return float(factors[-1])
+        asked = asked_forces(problem, [gain for _, gain in sound])
+        shares = {
+            factor: each.share for (factor, _), each in zip(sound, asked, strict=True) if each is not None
+        }
+        enough = min(1.0, 0.5 * max(shares.values(), default=1.0))
+        return next((factor for factor, share in shares.items() if share >= enough), float(factors[-1]))
 
     def certificate(self, problem: DesignProblem) -> str:
         """Stability of the linear loop of the regulator, of a sampled design, or of a finished gain."""
