@@ -139,7 +139,7 @@ def _stroke(problem: DesignProblem, device: Device, elongation: float, rate: flo
     return _Stroke(
         amplitude=max(PEAK_FACTOR * elongation, 1e-9),
         velocity=max(PEAK_FACTOR * rate, 1e-9),
-        says=f"at {PEAK_FACTOR:g} times the rms elongation without control",
+        says=f"at {PEAK_FACTOR:g} times the rms stroke without control",
     )
 
 
