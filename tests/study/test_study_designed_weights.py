@@ -27,6 +27,7 @@ from mrwork.motions import fitted_spectrum
 from mrwork.motions.spectrum import strong_part
 from mrwork.study.arrangements import laws_text
 from mrwork.study.comparison import findings
+from mrwork.tested_range import OperatingRange
 from mrwork.tuning.results import chosen_study
 from mrwork.tuning.space import space_of
 
@@ -429,3 +430,45 @@ def test_a_law_that_sends_the_largest_command_throughout_is_passive_on_in_effect
     assert any(
         each.startswith("on sends the same command") and "passive-on in effect" in each for each in found
     )
+
+
+def test_a_harmonic_motion_and_one_that_is_too_short_are_said_to_be_so(
+    tmp_path: Path, refused: Refused
+) -> None:
+    def design(samples: int) -> mr.Study:
+        time = 0.01 * np.arange(samples)
+        rows = [f"{t:.2f},{np.sin(20.0 * t):.9f}" for t in time]
+        (tmp_path / "sine.csv").write_text("\n".join(["time [s],acceleration [m/s2]", *rows]))
+        text = study_text("designed = { rms_drift = '1 mm', budget = 100 }\ncontrol_weight = 1")
+        motion = 'synthetic = "kanai_tajimi"\nduration = 2'
+        (tmp_path / "study.toml").write_text(text.replace(motion, 'file = "sine.csv"'))
+        return mr.read_study(tmp_path / "study.toml")
+
+    assert "nearly harmonic" in design(2001).design_notes[0][1][0]
+    refused(design, 41)
+
+
+def test_the_force_of_a_damper_is_that_over_its_tested_range() -> None:
+    """Otherwise over the motion that is expected, or over that of the ground."""
+    (device,) = sampled_problem(None).devices
+    tested = OperatingRange(
+        stroke=0.01, velocity=0.15, frequency=None, command=None, command_unit=None, force=1e3, power=1.0
+    )
+    problem = sampled_problem(None)
+    expected = replace(problem, amplitude=(1e-4, 0.01), velocity=(1e-3, 0.15))
+    ranged = replace(problem, devices=[replace(device, tested=tested)])
+    soft, stiff = mr.motions.KanaiTajimi(intensity=1e-6), mr.motions.KanaiTajimi()
+    found = [damper_forces(each, soil) for each in (expected, ranged) for soil in (soft, stiff)]
+    assert len({float(each.largest[0]) for each in found}) == 1
+    time = np.linspace(0.0, 6.0 * np.pi, 2001)
+    loading = mr.Loading(
+        dt=float(time[1]) / 15.0,
+        displacement=0.01 * np.sin(time),
+        velocity=0.15 * np.cos(time),
+        command=1.88,
+        command_unit="A",
+    )
+    force = mr.simulate_force(device.spec, device.theta, loading)
+    assert found[0].largest[0] == pytest.approx(np.abs(force[700:]).max(), rel=1e-3)
+    free = [float(damper_forces(problem, each).largest[0]) for each in (soft, stiff)]
+    assert free[0] < free[1]

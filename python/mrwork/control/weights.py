@@ -37,7 +37,7 @@ from mrwork.control.plant import (
     stack_outputs,
     velocities,
 )
-from mrwork.errors import InvalidSettingError
+from mrwork.errors import InvalidSettingError, SettingError
 from mrwork.keys import DeclaredTable, key, keys_of
 from mrwork.motions.spectral_density import CloughPenzien, KanaiTajimi, SpectralDensity
 from mrwork.motions.stationary import ground_in_words, with_intensity
@@ -193,7 +193,12 @@ class WeightWishes(RmsLimits, metaclass=DeclaredTable):
             given = f"with {', '.join(numbers)} as given" if numbers else ""
             source = "as given" if len(numbers) == 3 else ", ".join(filter(None, (firm, given)))
             return soil if self.spectrum == "kanai_tajimi" else CloughPenzien(soil=soil), source
-        found = ground_of(problem, self.spectrum, self.ground_frequency, self.ground_damping)
+        try:
+            found = ground_of(problem, self.spectrum, self.ground_frequency, self.ground_damping)
+        except SettingError as error:
+            raise SettingError(
+                f"{error}; or give designed its ground_frequency, ground_damping and intensity"
+            ) from error
         spectrum, source = found.spectrum, source_in_words(problem)
         if self.intensity is not None:
             spectrum = with_intensity(spectrum, self.intensity)
