@@ -472,3 +472,16 @@ def test_the_force_of_a_damper_is_that_over_its_tested_range() -> None:
     assert found[0].largest[0] == pytest.approx(np.abs(force[700:]).max(), rel=1e-3)
     free = [float(damper_forces(problem, each).largest[0]) for each in (soft, stiff)]
     assert free[0] < free[1]
+
+
+def test_a_sampled_design_has_a_solution_with_the_budget_of_the_dampers(tmp_path: Path) -> None:
+    """With weak motions the dampers can give more force than a sampled design has use for."""
+    wishes = "designed = { rms_drift = '0.5 mm', rms_acceleration = 0.3, sampled = true, semi_active = 0.2 }"
+    file = tmp_path / "study.toml"
+    text = study_text(
+        f"{wishes}\ncontrol_weight = 1\n{motions_of('0.05 g')}", damper="differential = true\nlag = 190"
+    )
+    file.write_text(text)
+    (_, weights), *_ = mr.read_study(file).designs
+    assert weights.certificate.violation < 1e-6
+    assert np.all(np.isfinite(weights.gain))

@@ -45,6 +45,8 @@ from mrwork.numbers import of_unit
 from mrwork.values import Floats
 
 _FIRM = KanaiTajimi()
+# Shares of the budget of the dampers that are tried until a design has a solution.
+_SHARES = (1.0, 0.5, 0.25, 0.125)
 
 
 @checked
@@ -127,16 +129,31 @@ class WeightWishes(RmsLimits, metaclass=DeclaredTable):
         if budget_scale != 1.0:
             budget = f"{budget} Times the budget_scale, {budget_scale:g}."
         limits = {name: value for name, value in self._limits().items() if value is not None}
-        designed = design_weights(
-            plant.building,
-            plant.attachment,
-            limits=limits,
-            budget=(budget_scale * forces).tolist(),
-            spectrum=None if self.stiffness else spectrum,
-            cases=stiffness_cases(plant.building, self.stiffness, spectrum) if self.stiffness else (),
-            timing=timing,
-            semi_active=None if self.semi_active is None else SemiActiveCondition(share=self.semi_active),
-        )
+
+        def design(share: float) -> DesignedWeights:
+            return design_weights(
+                plant.building,
+                plant.attachment,
+                limits=limits,
+                budget=(share * budget_scale * forces).tolist(),
+                spectrum=None if self.stiffness else spectrum,
+                cases=stiffness_cases(plant.building, self.stiffness, spectrum) if self.stiffness else (),
+                timing=timing,
+                semi_active=None if self.semi_active is None else SemiActiveCondition(share=self.semi_active),
+            )
+
+        # A budget that nobody has stated may be more than a sampled design has use for.
+        shares = (1.0,) if self.budget is not None else _SHARES
+        for share in shares:
+            try:
+                designed = design(share)
+            except SettingError:
+                if share == shares[-1]:
+                    raise
+                continue
+            if share < 1.0:
+                budget = f"{budget} Times {share:g}, since the design has no solution with more."
+            break
         return replace(designed, origin=(ground, budget))
 
     def _limits(self) -> dict[str, Limit | None]:
