@@ -44,6 +44,7 @@ def test_json_has_laws_and_references_in_one_form(tmp_path: Path) -> None:
         "Equal drift weights, R scanned",
         "Convex weights, R scanned",
         "Weights of dashpots, R scanned",
+        "Semi-active weights, budget scanned",
     ]
     assert "html" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     read = mr.tuning.read_tuning(tmp_path / "out")

@@ -244,6 +244,9 @@ def motion_calls(files: Path) -> Calls:
             mr.response_spectrum, motion=motion, periods=[0.2, 1.0], damping=0.05
         ),
         "fitted_spectrum": lambda: call(motions.fitted_spectrum, motion=motion, kind="kanai_tajimi"),
+        "stationary_ground": lambda: call(
+            motions.stationary_ground, motions=[motion], kind="kanai_tajimi", frequency=15.0, damping=0.6
+        ),
         "baseline_corrected": lambda: call(motions.baseline_corrected, motion=motion, order=1),
         "resampled": lambda: call(motions.resampled, motion=motion, dt=0.01),
         "resampled_band_limited": lambda: call(motions.resampled_band_limited, motion=motion, dt=0.04),

@@ -274,10 +274,20 @@ def gains_calls(_: Path) -> Calls:
     plant = of.plant_of(frame, frame.storeys[:2])
     acceleration = of.accelerations(plant)
     C, n = acceleration.C, len(plant.A)
-    weighed = of.RegulatorSettings(drifts=1.0, control_weight=1e-7).weigh_outputs(plant)
+    weighed = of.lqr.weighed_state(plant, plant.energy)
     return {
         name: partial(ValidCall, *each)
         for name, each in {
+            "loop_margins": (
+                of.loop_margins,
+                {
+                    "plant": plant,
+                    "gain": of.regulator_of_state(plant, plant.energy, 1e-6).gain,
+                    "sample_time": 1e-3,
+                    "delay": 2e-3,
+                    "driver_rates": [190.0, None],
+                },
+            ),
             "regulator_gains": (
                 of.regulator_gains,
                 {

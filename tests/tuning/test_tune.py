@@ -15,6 +15,7 @@ from sentences import Refused
 
 import mrwork as mr
 from mrwork.closed_loop import SCORE
+from mrwork.closed_loop.evaluation import ties_in_words
 from mrwork.errors import Interrupted
 from mrwork.records import OperatingRange
 from mrwork.store.codec import digest_of, plain
@@ -22,7 +23,7 @@ from mrwork.store.journal_file import line_of
 from mrwork.study import OPTIMAL_PASSIVE
 from mrwork.tuning import LawCandidate, TuningResults, tune
 from mrwork.tuning.problem import Clock, benches_of
-from mrwork.tuning.results import chosen_study, tuning_document
+from mrwork.tuning.results import chosen_study, settings_in_words, tuning_document
 
 
 def without_times(results: TuningResults) -> Any:
@@ -141,7 +142,7 @@ def test_designed_weights_and_numbers_with_units_are_held(tmp_path: Path) -> Non
     settings = found.laws[0].settings
     assert settings["full_force"] == 2000.0
     assert settings["designed"] == {"rms_drift": 0.002, "budget": 500.0}
-    assert "rms_drift 0.002" in str(found)
+    assert "rms_drift 0.002" in settings_in_words(settings, found.command_unit)
     (tmp_path / "chosen.toml").write_text(chosen_study(found, mr.read_study(source).file), encoding="utf-8")
     again = mr.run_study(mr.read_study(tmp_path / "chosen.toml"), threads=1)
     row = [each.label for each in again.rows].index(found.laws[0].label)
@@ -184,7 +185,7 @@ def test_an_interrupted_tuning_keeps_the_laws_so_far(study: mr.Study) -> None:
         tune(study, threads=1, on_progress=interrupt)
     found: TuningResults = caught.value.result
     assert found.status == "interrupted"
-    assert len(found.references) == 6
+    assert len(found.references) == 7
     assert found.laws[0].train.objective > 0.0
     assert found.laws[0].test is None
 
@@ -339,3 +340,28 @@ def test_strokes_below_the_tested_ones_are_named_for_the_tuned_laws(study: mr.St
 
 def test_within_the_tested_ranges_a_tuning_says_nothing_of_the_dampers(results: TuningResults) -> None:
     assert results.damper_warnings == ()
+
+
+def test_semi_active_weights_are_scanned_by_their_budget_and_are_a_reference(results: TuningResults) -> None:
+    """Each law states its margins, and the reference its ground and the budget of the best scale."""
+    (found,) = [each for each in results.references if "budget scanned" in each.label]
+    assert found.settings["designed"]["semi_active"] == 0.1
+    assert found.settings["control_weight"] == 1.0
+    assert found.candidates >= 10
+    assert any(
+        "1 training motion" in each or "of the training motion" in each for each in found.design.weights
+    )
+    assert any("budget_scale" in each for each in found.design.weights)
+    assert "Margins of the linear loop" in results.laws[0].design.loop[-1]
+    assert [labels for labels, _ in results.designs] == [(found.label,)]
+
+
+def test_laws_that_motions_do_not_tell_apart_are_named() -> None:
+    """A difference counts from two standard errors of its mean on; one motion tells nothing."""
+    one, other = [0.5, 0.6, 0.7, 0.8], [0.51, 0.59, 0.72, 0.79]
+    worse = [0.6, 0.71, 0.8, 0.91]
+    (sentence,) = ties_in_words("A", one, {"B": other, "C": worse})
+    assert "B (+0.003)" in sentence
+    assert "C" not in sentence
+    assert ties_in_words("A", one, {"C": worse}) == ()
+    assert ties_in_words("A", one[:1], {"B": other[:1]}) == ()

@@ -44,6 +44,7 @@ from mrwork.study.comparison import (
     StudyComparison,
     chosen_in_words,
     compared,
+    findings,
     judged_in_words,
     motion_groups,
 )
@@ -192,6 +193,8 @@ def study_text(results: StudyResults, folder: Path | None) -> str:
         _step_lines(results),
     ):
         lines += [*block, ""] if block else []
+    for finding in findings(results):
+        lines += wrap(finding, width=_WIDTH)
     lines += [f"warning: {warning}" for warning in results.warnings()]
     lines += [] if results.balanced else [OFF_BALANCE]
     return "\n".join([*lines, *([f"Report: {folder / REPORT}"] if folder else [])])

@@ -132,6 +132,12 @@ def _text(results: TuningResults, place: Path, *, drawn: bool) -> str:
         "",
     ]
     lines += [f"{each.label}: {each.certificate or 'no certificate'}" for each in results.laws]
+    for labels, sentences in results.designs:
+        lines += ["", f"Weights of {', '.join(labels)}", *(f"  {sentence}" for sentence in sentences)]
+    for each in results.laws:
+        if each.design.loop:
+            lines += ["", f"Loop of {each.label}", *(f"  {sentence}" for sentence in each.design.loop)]
+    lines += ["", *results.findings] if results.findings else []
     lines += ["", *(f"warning: {each}" for each in results.warnings)]
     lines.append(speed_in_words(results))
     lines.append(f"Settings for mrwork respond: {place / CHOSEN}")

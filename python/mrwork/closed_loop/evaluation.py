@@ -177,6 +177,36 @@ class Spread:
         )
 
 
+def is_within_spread(differences: Sequence[float]) -> bool:
+    """Whether a mean difference over motions is at most two standard errors, so that the motions do not tell it from 0.
+
+    Of one motion nothing is told; equal numbers are within their spread.
+    """
+    numbers = np.asarray(differences, dtype=np.float64)
+    if numbers.size < 2 or not np.isfinite(numbers).all():
+        return False
+    error = float(np.std(numbers, ddof=1)) / float(np.sqrt(numbers.size))
+    return bool(abs(float(np.mean(numbers))) <= 2.0 * error)
+
+
+def ties_in_words(
+    leading: str, scores: Sequence[float], others: Mapping[str, Sequence[float]]
+) -> tuple[str, ...]:
+    """A sentence on the rows whose scores under single motions the leading one does not beat beyond their spread."""
+    tied = {
+        label: np.subtract(each, scores)
+        for label, each in others.items()
+        if is_within_spread([one - lead for one, lead in zip(each, scores, strict=True)])
+    }
+    if not tied:
+        return ()
+    listed = ", ".join(f"{label} ({float(np.mean(each)):+.3f})" for label, each in tied.items())
+    return (
+        f"On these {len(scores)} motions the score of {leading} is not told apart from that of {listed}: the mean "
+        f"difference{' is' if len(tied) == 1 else 's are'} within two standard errors over the motions.",
+    )
+
+
 _OHTORI = "Ohtori et al. 2004"
 _JANSEN = "Jansen & Dyke 2000"
 

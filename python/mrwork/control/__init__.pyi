@@ -9,6 +9,7 @@ from .law_design import settings_of as settings_of
 from .laws import ControlLaw as ControlLaw
 from .laws import control_law as control_law
 from .laws import control_laws as control_laws
+from .linear_loop import loop_margins as loop_margins
 from .lqr import observer_of as observer_of
 from .lqr import regulator_of_outputs as regulator_of_outputs
 from .lqr import regulator_of_state as regulator_of_state
@@ -55,6 +56,8 @@ if True:  # the lower tier
     from .law_design import PassiveSettings as PassiveSettings
     from .law_design import design_candidates as design_candidates
     from .laws import ControlLawSpec as ControlLawSpec
+    from .linear_loop import DeviceMargins as DeviceMargins
+    from .linear_loop import LoopMargins as LoopMargins
     from .lqr import Observer as Observer
     from .lqr import PublishedRegulator as PublishedRegulator
     from .lqr import Regulator as Regulator

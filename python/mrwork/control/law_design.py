@@ -179,8 +179,16 @@ def design_law(
     _check_loop(spec, settings)
     design = settings.design(problem)
     curve = problem.curve if spec.needs_curve else None
+    rates = () if spec.commands_force else problem.driver_rates
+    margins = settings.margins(problem, design, rates)
     return ControlLaw(
-        name=name, gains=design.gains, tables=design.tables, curve=curve, notes=settings.notes(problem)
+        name=name,
+        gains=design.gains,
+        tables=design.tables,
+        curve=curve,
+        notes=(*settings.notes(problem, design), *(() if margins is None else (margins.in_words,))),
+        weights=settings.weights(problem),
+        margins=margins,
     )
 
 

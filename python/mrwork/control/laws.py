@@ -12,6 +12,8 @@ from numpy.typing import ArrayLike
 
 from mrwork import _rust
 from mrwork.arguments import May, checked
+from mrwork.control.design.designed import DesignedWeights
+from mrwork.control.linear_loop import LoopMargins
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.keys import suggestion
@@ -90,6 +92,12 @@ class ControlLaw(Summarised):
         By name, shape (n,).
     curve
         Model of the damper in the law: static hysteretic with current laws, and its parameters.
+    notes
+        Sentences on the law that a user should read.
+    weights
+        The designed weights of its gain, if it has any.
+    margins
+        Stability margins of its linear loop, if it has one.
 
     Raises
     ------
@@ -109,6 +117,8 @@ class ControlLaw(Summarised):
     tables: Mapping[str, ArrayLike] = field(default_factory=dict)
     curve: tuple[DamperSpec, ArrayLike] | None = None
     notes: tuple[str, ...] = ()
+    weights: DesignedWeights | None = None
+    margins: LoopMargins | None = None
 
     def __post_init__(self) -> None:
         spec = self.spec
@@ -182,7 +192,7 @@ class ControlLaw(Summarised):
                 )
                 for name, value in (*self.gains.items(), *self.tables.items())
             ],
-            notes=self.notes,
+            notes=(*(() if self.weights is None else self.weights.in_words), *self.notes),
         )
 
 

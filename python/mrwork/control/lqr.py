@@ -11,9 +11,14 @@ import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from mrwork.arguments import NotNegative, Positive, Threads, checked
-from mrwork.control.design_problem import attempt_each, solve_together
 from mrwork.control.plant import Outputs, Plant, accelerations, check_outputs
-from mrwork.control.riccati import RiccatiStatus, kalman_gains, regulator_gains
+from mrwork.control.riccati import (
+    RiccatiStatus,
+    attempt_each,
+    kalman_gains,
+    regulator_gains,
+    solve_together,
+)
 from mrwork.errors import InvalidSettingError, SettingError, UnknownNameError
 from mrwork.hints import Within
 from mrwork.summary import Summarised

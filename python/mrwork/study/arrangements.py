@@ -42,7 +42,15 @@ from mrwork.study.schema import (
     StudyTable,
     TuneTable,
 )
-from mrwork.study.study import Arrangement, ClairvoyantRow, Kind, Row, StudyLaw, make_arrangement
+from mrwork.study.study import (
+    Arrangement,
+    ClairvoyantRow,
+    Kind,
+    MotionOfStudy,
+    Row,
+    StudyLaw,
+    make_arrangement,
+)
 from mrwork.units import number_in
 
 _PYTHON = FileKind(name="the Python file of a law", largest=1 << 20, remedy="give the Python file of the law")
@@ -202,15 +210,22 @@ def arrangements(
 
 
 def problem_of(
-    table: StudyTable, building: Building, devices: tuple[Device, ...], hardware: Hardware
+    table: StudyTable,
+    building: Building,
+    devices: tuple[Device, ...],
+    hardware: Hardware,
+    motions: Sequence[MotionOfStudy],
 ) -> DesignProblem:
-    """The building with its dampers, for which the laws of a study are designed."""
+    """The building with its dampers, for which the laws of a study are designed, and the ground of its motions."""
     first = table.damper[0] if devices else None
+    training = tuple(motion.ground for motion in motions if motion.use == "training")
     return DesignProblem(
         building=building,
         devices=devices,
         sample_time=hardware.sample_time,
         delay=hardware.delay,
+        motions=training or tuple(motion.ground for motion in motions),
+        judged=not training,
         amplitude=None if first is None else _range(first, "amplitude", first.amplitude),
         velocity=None if first is None else _range(first, "velocity", first.velocity),
     )
@@ -286,7 +301,7 @@ def _choose_law(
     """
     place = table.place
     if table.user is not None:
-        for name in ("law", "settings"):
+        for name in ("law", "settings", "gain"):
             if getattr(table, name):
                 place.within(name).refuse(f"a law in Python has no {name}; leave it out, or user")
         return table.user.function, _load_law(table.user, folder)
@@ -296,6 +311,8 @@ def _choose_law(
     if constant is not None:
         for name in table.settings or {}:
             place.within("settings", name).refuse(f"{table.law} has no settings; leave {name} out")
+        if table.gain is not None:
+            place.within("gain").refuse(f"{table.law} has no gain; leave it out")
         largest = min(device.largest_command for device in problem.devices)
         if constant.share is None:
             return constant.title, None
@@ -306,10 +323,29 @@ def _choose_law(
         near = suggestion(table.law, known)
         place.within("law").refuse(f"no control law is called {table.law!r}{near}")
     kind = SETTINGS[table.law]
-    given = _with_matrices(kind, table.settings or {}, place.within("settings"), folder)
-    with place.within("settings").prefix_errors(SettingError):
-        settings: LawSettings = read_table(kind, given, place.within("settings"))
+    given, where = dict(table.settings or {}), place.within("settings")
+    if table.gain is not None:
+        _check_takes_gain(table, kind)
+        given["gain"] = table.gain if isinstance(table.gain, str) else [list(row) for row in table.gain]
+        where = place if table.settings is None else where
+    given = _with_matrices(kind, given, where, folder)
+    with where.prefix_errors(SettingError):
+        settings: LawSettings = read_table(kind, given, where)
         return specs[table.law].title, design_law(table.law, problem, settings)
+
+
+def _check_takes_gain(table: ControllerTable, kind: type[LawSettings]) -> None:
+    """Refuse a finished gain of a law that has none, or one that stands among the settings, too."""
+    where = table.place.within("gain")
+    if "gain" not in [entry.name for entry in keys_of(kind)]:
+        taking = [
+            name for name, each in SETTINGS.items() if "gain" in [entry.name for entry in keys_of(each)]
+        ]
+        where.refuse(
+            f"{table.law} has no gain of a desired force; leave it out, or choose one of {', '.join(taking)}"
+        )
+    if "gain" in (table.settings or {}):
+        where.refuse("the gain stands here and among the settings; keep one")
 
 
 def resolve_settings(table: TuneTable, folder: Path) -> TuneTable:
@@ -352,7 +388,8 @@ def _with_matrices(
         if entry.metadata["matrix"] and isinstance(name, str) and isinstance(number_in(name, unit), str):
             with place.within(entry.name).prefix_errors(SettingError):
                 matrix = read_matrix(folder / name)
-            resolved[entry.name] = (matrix.ravel() if 1 in matrix.shape else matrix).tolist()
+            diagonal = 1 in matrix.shape and entry.name != "gain"
+            resolved[entry.name] = (matrix.ravel() if diagonal else matrix).tolist()
     wishes = resolved.get("designed")
     if isinstance(wishes, dict) and isinstance(wishes.get("record"), str):
         resolved["designed"] = {**wishes, "record": str(folder / wishes["record"])}

@@ -12,6 +12,7 @@ from mrwork import arguments
 from mrwork.arguments import Count, NotNegative, Positive, Whole
 from mrwork.closed_loop.clairvoyant_search import Clairvoyant
 from mrwork.closed_loop.evaluation import Spread, criteria
+from mrwork.control.laws import ControlLaw
 from mrwork.errors import RecordError
 from mrwork.store.codec import OrInfinite, OrNan, Related, finite, json_document, read_document
 from mrwork.store.output_folder import Destination, write_folder
@@ -32,6 +33,7 @@ from mrwork.study.comparison import (
     QuantityChange,
     StudyComparison,
     compared,
+    findings,
     judged_in_words,
     motion_groups,
 )
@@ -54,7 +56,7 @@ from mrwork.study.run_result import (
     names_outside,
     worst_by_quantity,
 )
-from mrwork.study.study import Kind, Row, StudyFile
+from mrwork.study.study import Kind, Row, Study, StudyFile
 from mrwork.summary import list_names
 from mrwork.table import csv_text
 from mrwork.tested_range import Exceedance, OperatingRange
@@ -250,6 +252,7 @@ class _Document(Related):
     clairvoyant: tuple[StoredClairvoyant, ...] = ()
     realisations: Whole = 0
     score_bands: dict[str, RealisationBand] = field(default_factory=dict)
+    findings: tuple[str, ...] = ()
 
     def disagreement(self) -> str:
         """First contradiction: duplicate motion, unknown row or motion, or duplicate run."""
@@ -434,9 +437,29 @@ def study_document(results: StudyResults) -> dict[str, Any]:
             for number, row in enumerate(results.rows)
             if (band := score_band(results, number))
         },
+        findings=findings(results),
     )
     content: dict[str, Any] = finite(asdict(document))
     return content
+
+
+def design_document(study: Study) -> dict[str, Any]:
+    """Designs of weights and the linear loops of laws as a JSON object; empty where the study has neither."""
+    weights = [
+        {"controllers": labels, "notes": (*each.in_words, each.advice), **each.document()}
+        for labels, each in study.designs
+    ]
+    loops = [
+        {
+            "controller": each.row.label,
+            "notes": each.law.notes,
+            "margins": None if each.law.margins is None else asdict(each.law.margins),
+        }
+        for each in study.arrangements
+        if isinstance(each.law, ControlLaw) and each.law.notes
+    ]
+    found: dict[str, Any] = finite({"weights": weights, "loops": loops})
+    return {name: value for name, value in found.items() if value}
 
 
 def _criteria_csv(results: StudyResults) -> str:

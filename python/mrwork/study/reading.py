@@ -309,7 +309,7 @@ def read_study(
             'every motion is for training, and none is left to judge the controllers on; give a [[motion]] use = "test"'
         )
     _refuse_same([motion.name for motion in motions], place.within("motion"), "motions", "name")
-    problem = problem_of(table, building, devices, hardware)
+    problem = problem_of(table, building, devices, hardware, motions)
     compared = arrangements(table, bare, problem, folder)
     clairvoyant = (
         None if table.clairvoyant is None else clairvoyant_row(table.clairvoyant, devices, hardware, seed)
@@ -318,7 +318,7 @@ def read_study(
     _refuse_same(labels, place.within("controller"), "arrangements", "label")
     first = chosen[0].spec.current if chosen else None
     detailed = _choose_detailed(table.report, motions, labels, place)
-    return Study(
+    study = Study(
         title=table.title or bare.name,
         file=file,
         building=bare,
@@ -328,14 +328,7 @@ def read_study(
         hardware=hardware,
         devices=devices,
         command_unit="A" if first is None else first.unit,
-        facts=(
-            *_facts(bare, devices, chosen, hardware),
-            *(
-                (f"Weights of {each.row.label}", " ".join(each.law.notes))
-                for each in compared
-                if each.law is not None and each.law.notes
-            ),
-        ),
+        facts=_facts(bare, devices, chosen, hardware),
         detailed=detailed,
         histories={"detailed": (detailed,), "all": tuple(range(len(motions))), "none": ()}[
             table.report.histories
@@ -346,6 +339,8 @@ def read_study(
         realisations=_realisations(table, place, devices, folder, identified),
         clairvoyant=clairvoyant,
     )
+    notes = tuple((heading, " ".join(sentences)) for heading, sentences in study.design_notes)
+    return replace(study, facts=(*study.facts, *notes))
 
 
 def _realisations(

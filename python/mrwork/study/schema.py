@@ -242,6 +242,12 @@ class ControllerTable:
     user: LawFileTable | None = key("law in Python instead", default=None)
     label: str = key("label in tables; by default the title of the law", default="", label=True)
     settings: Mapping[str, Any] | None = key("settings of the law", default=None)
+    gain: tuple[tuple[float, ...], ...] | str | None = key(
+        "finished gain K of the desired force f_c = -K s, for laws of a desired force, instead of weights among the "
+        "settings: a row for each device, a column for each displacement [N/m] and then each velocity [N s/m] of the "
+        "coordinates; rows of numbers, or a .csv, .tsv, .txt, .npy or .mat file relative to the study file",
+        default=None,
+    )
     largest_command: float | None = key(
         "largest command that this law may send, by default that of the dampers",
         unit="A or V",

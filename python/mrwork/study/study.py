@@ -5,7 +5,7 @@ What is not known exactly has realisations: damper parameters, stiffness and dam
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import ClassVar, Literal, get_args
@@ -19,6 +19,7 @@ from mrwork.buildings.matrices import Device
 from mrwork.closed_loop.clairvoyant_search import ClairvoyantSettings
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.user_law import UserLaw
+from mrwork.control.design.designed import DesignedWeights
 from mrwork.control.design_problem import DesignProblem
 from mrwork.control.laws import ControlLaw
 from mrwork.errors import SettingError
@@ -276,13 +277,28 @@ class Study(Summarised):
         )
 
     @property
+    def designs(self) -> tuple[tuple[tuple[str, ...], DesignedWeights], ...]:
+        """Designed weights, each with the labels of the rows that have them."""
+        found: dict[int, tuple[list[str], DesignedWeights]] = {}
+        for label, law in self._laws:
+            if law.weights is not None:
+                found.setdefault(id(law.weights), ([], law.weights))[0].append(label)
+        return tuple((tuple(labels), weights) for labels, weights in found.values())
+
+    @property
     def design_notes(self) -> tuple[tuple[str, tuple[str, ...]], ...]:
-        """Label of each row with designed weights, and the notes of its design."""
-        return tuple(
-            (each.row.label, each.law.notes)
-            for each in self.arrangements
-            if each.law is not None and each.law.notes
+        """Headings and sentences: of each design of weights once, then of each law on its own gain."""
+        designs = (
+            (f"Weights of {', '.join(labels)}", (*weights.in_words, weights.advice))
+            for labels, weights in self.designs
         )
+        return (*designs, *((f"Loop of {label}", law.notes) for label, law in self._laws if law.notes))
+
+    @property
+    def _laws(self) -> Iterator[tuple[str, ControlLaw]]:
+        for each in self.arrangements:
+            if isinstance(each.law, ControlLaw):
+                yield each.row.label, each.law
 
     def _summary(self) -> Summary:
         return Summary(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -11,11 +10,11 @@ from typing import Any
 import numpy as np
 
 from mrwork.control.design.designer import design_weights
+from mrwork.control.design_basis import PEAK_FACTOR, ground_of
 from mrwork.control.design_problem import LawSettings, Magnitudes
 from mrwork.control.law_design import SETTINGS
 from mrwork.control.lqr import PUBLISHED_REGULATORS, PublishedRegulator
 from mrwork.errors import SettingError
-from mrwork.motions.spectral_density import KanaiTajimi
 from mrwork.store.codec import digest_of
 from mrwork.study.passive_labels import OPTIMAL_PASSIVE, PASSIVE_OFF, PASSIVE_ON
 from mrwork.study.run import LEVELS
@@ -23,14 +22,26 @@ from mrwork.study.schema import TuneTable
 from mrwork.summary import Summarised
 from mrwork.tuning.problem import Bench, Benches, describe
 from mrwork.tuning.results import LawResult
-from mrwork.tuning.space import FreeSetting, LawCandidate, SettingSpace, TuningObjective, space_of
+from mrwork.tuning.space import (
+    BUDGET_SCALE,
+    FreeSetting,
+    LawCandidate,
+    SettingSpace,
+    TuningObjective,
+    is_semi_active,
+    space_of,
+)
 from mrwork.values import Floats
 
 _STEPS = 12
 _WEIGHT = "control_weight"
-_PEAK = 3.0
 EQUAL, CONVEX, DASHPOTS = "equal drift weights", "convex weights", "weights of dashpots"
 """Origins of weights whose size of R is scanned."""
+SEMI_ACTIVE = "semi-active weights"
+"""Origin of weights whose budget of force is scanned."""
+# Share b of the semi-active condition, and factors of the budget that the dampers have.
+_SHARE = 0.1
+_SCALES = (0.2, 0.4, 0.8, 1.6, 3.2)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,9 +54,13 @@ class FirstCandidate:
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Basis(Summarised):
-    """Inputs of the first candidates: magnitudes of the response, convex and published weights of the building."""
+    """Inputs of the first candidates: magnitudes of the response, convex and published weights of the building.
+
+    `limits` are those on rms responses by name, of drifts, and of drifts and accelerations.
+    """
 
     magnitudes: Magnitudes
+    limits: tuple[Mapping[str, float], ...]
     convex: tuple[Mapping[str, Any], ...]
     published: tuple[PublishedRegulator, ...]
 
@@ -53,35 +68,35 @@ class Basis(Summarised):
 def basis_of(bench: Bench, magnitudes: Magnitudes) -> Basis:
     """The basis of the first candidates of a study.
 
-    Convex weights reduce rms drifts, or rms drifts and accelerations in proportion to their peaks at i = 0, under firm
-    soil with the peak of the motions, a peak counting as three times the rms, with the damper's force as budget.
+    Convex weights reduce rms drifts, or rms drifts and accelerations in proportion to their peaks at i = 0, under the
+    stationary ground of the training motions, with the damper's force as budget; a peak counts as three times the rms.
     """
     floors = len(bench.study.building.floor_names)
+    drift = {"rms_drift": _round(magnitudes.drift / PEAK_FACTOR)}
+    limits = (drift, {**drift, "rms_acceleration": _round(magnitudes.acceleration / PEAK_FACTOR)})
     return Basis(
         magnitudes=magnitudes,
-        convex=tuple(_convex(bench, magnitudes)),
+        limits=limits,
+        convex=tuple(_convex(bench, magnitudes, limits)),
         published=tuple(each for each in PUBLISHED_REGULATORS if each.n_floors == floors),
     )
 
 
-def _convex(bench: Bench, magnitudes: Magnitudes) -> Iterator[Mapping[str, Any]]:
-    soil = KanaiTajimi()
-    # The variance of the spectrum is pi S_0 omega (1 + 4 zeta^2) / (2 zeta).
-    shape = math.pi * soil.frequency * (1.0 + 4.0 * soil.damping**2) / (2.0 * soil.damping)
-    spectrum = replace(soil, intensity=(magnitudes.ground / _PEAK) ** 2 / shape)
-    drift = {"rms_drift": magnitudes.drift / _PEAK}
-    for limits in (drift, {**drift, "rms_acceleration": magnitudes.acceleration / _PEAK}):
+def _convex(
+    bench: Bench, magnitudes: Magnitudes, limits: Sequence[Mapping[str, float]]
+) -> Iterator[Mapping[str, Any]]:
+    for each in limits:
         try:
             designed = design_weights(
                 bench.problem.building,
                 bench.problem.devices,
-                limits=limits,
-                budget=magnitudes.force / _PEAK,
-                spectrum=spectrum,
+                limits=each,
+                budget=magnitudes.force / PEAK_FACTOR,
+                spectrum=ground_of(bench.problem).spectrum,
             )
             yield {name: _round_all(value) for name, value in designed.settings().items()}
         except SettingError:
-            # A building with an undamped mode has no such weights.
+            # A building with an undamped mode has no such weights, motions that are too short no ground.
             continue
 
 
@@ -134,6 +149,9 @@ def _shapes(space: SettingSpace, basis: Basis) -> Iterator[tuple[dict[str, Any],
     yield {**others, "rates": 1.0}, DASHPOTS
     for convex in basis.convex:
         yield {**others, **convex}, CONVEX
+    # Where the weights of limits exist, their semi-active form does, too.
+    for limits in basis.limits if basis.convex else ():
+        yield {**others, "designed": {**limits, "semi_active": _SHARE}}, SEMI_ACTIVE
     for published in basis.published:
         yield (
             {**others, "accelerations": published.weights, _WEIGHT: published.control_weight},
@@ -144,8 +162,14 @@ def _shapes(space: SettingSpace, basis: Basis) -> Iterator[tuple[dict[str, Any],
 def _sizes(
     scanned: FreeSetting | None, shape: Mapping[str, Any], space: SettingSpace, magnitudes: Magnitudes
 ) -> list[dict[str, float]]:
-    """Sizes of R of a shape of weights, logarithmically over its range; about that of the shape where it has one."""
+    """Sizes of R of a shape of weights, logarithmically over its range; about that of the shape where it has one.
+
+    Of weights with a semi-active condition the budget is scanned, for it decides the law, and R hardly matters.
+    """
     kind = SETTINGS[space.law]
+    if is_semi_active(shape):
+        R = {} if _WEIGHT in shape else {_WEIGHT: 1.0}
+        return [R] if BUDGET_SCALE in shape else [{**R, BUDGET_SCALE: scale} for scale in _SCALES]
     if scanned is None or not kind.weight_names():
         return [{}]
     if _WEIGHT in shape:
@@ -210,6 +234,7 @@ def references_of(benches: Benches, objective: TuningObjective, basis: Basis) ->
             candidates=len(each.candidates),
             seconds=time.perf_counter() - began,
             certificate=benches.training.certificate(each.law, best),
+            design=benches.training.design_notes(each.law, best),
         )
 
 
@@ -244,6 +269,13 @@ def _declare_references(basis: Basis) -> Iterator[_Reference]:
                 candidates=distinct(shapes[origin]),
                 origin=f"{origin}, best of {len(shapes[origin])} sizes of R on the training motions",
             )
+    if SEMI_ACTIVE in shapes:
+        yield _Reference(
+            label=f"{SEMI_ACTIVE[:1].upper()}{SEMI_ACTIVE[1:]}, budget scanned",
+            law="clipped_optimal",
+            candidates=distinct(shapes[SEMI_ACTIVE]),
+            origin=f"{SEMI_ACTIVE}, best of {len(shapes[SEMI_ACTIVE])} limits and budgets on the training motions",
+        )
 
 
 def distinct(candidates: Sequence[LawCandidate]) -> tuple[LawCandidate, ...]:

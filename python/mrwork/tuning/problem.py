@@ -13,7 +13,7 @@ import numpy as np
 from mrwork.closed_loop.evaluation import SCORE, Spread, criteria
 from mrwork.control.design_problem import NO_CERTIFICATE, DesignProblem, Magnitudes
 from mrwork.control.law_design import design_candidates, design_law, settings_of
-from mrwork.control.laws import control_law
+from mrwork.control.laws import ControlLaw, control_law
 from mrwork.errors import SettingError
 from mrwork.motions import GroundMotion
 from mrwork.store.codec import digest_of
@@ -24,7 +24,7 @@ from mrwork.study.run import runs_of, simulate_criteria
 from mrwork.study.run_result import DeviceDemand, demands_of
 from mrwork.study.study import Arrangement, Realisations, Row, Study, nominal
 from mrwork.summary import Summarised
-from mrwork.tuning.results import Better, MotionScore, TuningJudgement
+from mrwork.tuning.results import Better, DesignNotes, MotionScore, TuningJudgement
 from mrwork.tuning.space import PENALTY, LawCandidate, TuningObjective, over
 from mrwork.values import Floats, array_dataclass
 
@@ -156,6 +156,16 @@ class Bench(Summarised):
             )
         except SettingError:
             return NO_CERTIFICATE
+
+    def design_notes(self, law: str, candidate: LawCandidate) -> DesignNotes:
+        """Sentences on the designed weights of a law with these settings, and on its gain; none if it has no design."""
+        try:
+            made = self.arrangement_with(law, candidate, law).law
+        except SettingError:
+            return DesignNotes()
+        assert isinstance(made, ControlLaw)
+        weights = () if made.weights is None else (*made.weights.in_words, made.weights.advice)
+        return DesignNotes(weights=weights, loop=made.notes)
 
 
 def check_controllable(study: Study) -> None:

@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import Any, Literal
 
 from mrwork.arguments import NotNegative, Whole, checked
-from mrwork.closed_loop.evaluation import Spread
+from mrwork.closed_loop.evaluation import Spread, ties_in_words
+from mrwork.control.law_design import SETTINGS
 from mrwork.errors import RecordError
 from mrwork.numbers import counted, format_rounded, percent, with_decimals
 from mrwork.store.codec import OrInfinite, OrNan, Related, finite, json_document, read_document
@@ -36,6 +37,7 @@ from mrwork.table import csv_text
 from mrwork.tuning.space import LARGEST, FreeSetting, LawCandidate
 
 _MARGIN = 0.01
+_SAME = 5e-4
 # Longest array whose numbers are shown in a line.
 _MOST_IN_WORDS = 8
 TRAINING_ONLY = (
@@ -118,13 +120,22 @@ class TracePoint:
     least: OrInfinite
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DesignNotes:
+    """Sentences on the designed weights of a law, and on its gain: stability margins, a law that asks for no force."""
+
+    weights: tuple[str, ...] = ()
+    loop: tuple[str, ...] = ()
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class LawResult(Summarised, Related):
     """A law with the settings that were chosen for it, or a reference.
 
     `settings` include the largest command. `origin` says where the settings are from. `test` is `None` where the study
     has no test motions or the tuning was interrupted before. `free` are the free settings with their ranges.
-    `certificate` says what is proved of the law, `limited` whether the largest command is one of its settings.
+    `certificate` says what is proved of the law, `limited` whether the largest command is one of its settings,
+    `design` what its weights and its gain are.
     """
 
     law: str
@@ -142,6 +153,7 @@ class LawResult(Summarised, Related):
     better: Better | None = None
     free: tuple[FreeSetting, ...] = ()
     trace: tuple[TracePoint, ...] = ()
+    design: DesignNotes = field(default_factory=DesignNotes)
 
     @property
     def judged(self) -> TuningJudgement:
@@ -236,6 +248,33 @@ class TuningResults(Summarised):
             ]
         return tuple(found)
 
+    @property
+    def designs(self) -> tuple[tuple[tuple[str, ...], tuple[str, ...]], ...]:
+        """Sentences of each design of weights once, with the labels of the laws and references that have it."""
+        found: dict[tuple[str, ...], list[str]] = {}
+        for each in self.ranked:
+            if each.design.weights:
+                found.setdefault(each.design.weights, []).append(each.label)
+        return tuple((tuple(labels), sentences) for sentences, labels in found.items())
+
+    @property
+    def findings(self) -> tuple[str, ...]:
+        """Sentences on laws that are a constant command in effect, and on scores that motions do not tell apart."""
+        constants = [each for each in self.references if SETTINGS[each.law].constant]
+        in_effect = tuple(
+            f"{each.label} has the response of {constant.label} under every motion: it is that in effect."
+            for each in self.ranked
+            if not SETTINGS[each.law].constant
+            for constant in constants
+            if _same_response(each.judged, constant.judged)
+        )
+        finished = [each for each in self.ranked if each.judged.motions]
+        if not finished or len(finished[0].judged.motions) < 2:
+            return in_effect
+        scores = {each.label: [motion.score for motion in each.judged.motions] for each in finished}
+        first = finished[0].label
+        return (*in_effect, *ties_in_words(first, scores.pop(first), scores))
+
     def _overtaken(self, law: LawResult) -> list[str]:
         best = min((each for each in self.references), key=lambda each: each.judged.score, default=None)
         if best is None or not math.isfinite(law.judged.score) or best.judged.score >= law.judged.score:
@@ -280,6 +319,16 @@ def speed_in_words(results: TuningResults) -> str:
     return (
         f"{results.candidates_per_second:.3g} candidates a second; design of gains, search and scores took {share} % "
         "of the time, simulations the rest"
+    )
+
+
+def _same_response(one: TuningJudgement, other: TuningJudgement) -> bool:
+    """Whether two rows have the same ratios under every motion, to three decimals as tables show them."""
+    pairs = list(zip(one.motions, other.motions, strict=False))
+    return bool(pairs) and all(
+        abs(first.criteria[name] - second.criteria.get(name, math.inf)) <= _SAME
+        for first, second in pairs
+        for name in first.criteria
     )
 
 
@@ -371,7 +420,9 @@ def read_tuning(folder: str | Path) -> TuningResults:
 
 def tuning_document(results: TuningResults) -> dict[str, Any]:
     """The results as a JSON object; numbers that are not finite are `null`."""
-    found: dict[str, Any] = finite({**asdict(results), "warnings": results.warnings})
+    found: dict[str, Any] = finite(
+        {**asdict(results), "warnings": results.warnings, "findings": results.findings}
+    )
     return found
 
 

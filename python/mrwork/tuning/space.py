@@ -194,6 +194,8 @@ def refuse_within(table: TuneTable, sentence: str, *keys: str) -> NoReturn:
 
 LARGEST = "largest_command"
 """Name of the largest command of a law among its settings."""
+BUDGET_SCALE = "budget_scale"
+"""Name of the factor of the budget of designed weights among the settings of a law."""
 _SHARES = 10
 # What a study file states of a setting.
 _DIGITS = 4
@@ -352,11 +354,17 @@ def space_of(table: TuneTable, law: str, magnitudes: Magnitudes) -> SettingSpace
         free += _free(table, name, given, spans.get(name), magnitudes)
         held.pop(name, None)
     chosen = {each.name for each in free}
+    if is_semi_active(held) and "control_weight" in spans and "control_weight" not in chosen:
+        held.setdefault("control_weight", 1.0)
     for name, span in spans.items():
         if name not in chosen and name not in held and span.start is not None:
             held[name] = float(f"{span.start * span.unit(magnitudes):.{_DIGITS}g}")
+    # A regulator has its control weight or a finished gain.
+    regulated = {"control_weight"} if kind.is_regulator and held.get("gain") is None else set()
     missing = [
-        entry.name for entry in keys_of(kind) if is_required(entry) and entry.name not in {*held, *chosen}
+        entry.name
+        for entry in keys_of(kind)
+        if (is_required(entry) or entry.name in regulated) and entry.name not in {*held, *chosen}
     ]
     if missing:
         refuse_within(
@@ -367,6 +375,12 @@ def space_of(table: TuneTable, law: str, magnitudes: Magnitudes) -> SettingSpace
     if not free:
         refuse_within(table, f"no setting of {law} is free; leave some out of its settings", "free")
     return SettingSpace(law=law, held=held, free=tuple(free), largest_command=magnitudes.command)
+
+
+def is_semi_active(settings: Mapping[str, Any]) -> bool:
+    """Whether settings have designed weights with a semi-active condition, whose budget decides the law."""
+    designed = settings.get("designed")
+    return isinstance(designed, Mapping) and designed.get("semi_active") is not None
 
 
 def _check_law(table: TuneTable, law: str) -> None:
@@ -413,6 +427,11 @@ def _free_names(
             if name in (table.settings or {}):
                 refuse_within(table, f"{name} is held among the settings and free; keep one", "free", name)
         return list(table.free)
+    if is_semi_active(held):
+        spans = {
+            name: replace(span, free=name == BUDGET_SCALE or (span.free and name != "control_weight"))
+            for name, span in spans.items()
+        }
     # A weight of the energy and designed weights exclude other weights.
     alone = "energy" in held or "designed" in held
     names = [

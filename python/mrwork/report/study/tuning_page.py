@@ -242,7 +242,7 @@ def _score_section(results: TuningResults) -> Section:
         anchor="scores",
         title="Scores",
         summary=f"{ranked[0].label} has the lowest score on the {on} motions." if ranked else "",
-        groups=(Group(table=table), Group(panels=(figure,))),
+        groups=(Group(table=table, prose=results.findings), Group(panels=(figure,))),
     )
 
 
@@ -267,6 +267,7 @@ def _settings_section(results: TuningResults) -> Section | None:
                         else "."
                     ),
                     f"Certificate: {each.certificate}." if each.certificate else "Certificate: none.",
+                    *each.design.loop,
                 ),
                 table=Table(
                     label=f"Settings of {each.label}",
@@ -276,6 +277,10 @@ def _settings_section(results: TuningResults) -> Section | None:
                 ),
             )
         )
+    groups += [
+        Group(title=f"Weights of {', '.join(labels)}", prose=sentences)
+        for labels, sentences in results.designs
+    ]
     return Section(anchor="settings", title="Settings", summary="", groups=tuple(groups))
 
 
