@@ -195,6 +195,8 @@ def loop_observer(
 
 _RUNS_AT_A_TIME = 4096
 _MOST_SAMPLES = 100_000_000
+# Quantities in proportion to the command.
+_COMMANDS = ("peak_current", "mean_current", "rms_current", "command_travel")
 # Largest commands that are worked out as shares of others are rounded.
 _ROUNDED = 1.0 + 1e-9
 
@@ -337,9 +339,7 @@ def simulate_loop(
     if largest_commands is None:
         return responses
     scale = factors[candidate]
-    return responses.with_numbers(
-        **{name: responses.numbers[name] * scale for name in ("peak_current", "mean_current", "rms_current")}
-    )
+    return responses.with_numbers(**{name: responses.numbers[name] * scale for name in _COMMANDS})
 
 
 def _check_commands(law: ControlLaw, devices: Sequence[Device]) -> None:
