@@ -186,6 +186,7 @@ class Controller:
         gains: NDArray[np.float64],
         tables: Sequence[NDArray[np.float64]] = ...,
         curve: ForceCurve | None = None,
+        shaping: NDArray[np.float64] | None = None,
     ) -> Controller: ...
 
 @final

@@ -250,6 +250,29 @@ def test_a_law_reads_the_acceleration_of_the_ground_at_its_sample(
     assert np.ptp(seen) > 0.1
 
 
+@pytest.mark.parametrize("feedback", ["state", "observer"])
+def test_a_law_in_python_reads_the_absolute_accelerations_of_all_floors(
+    feedback: Literal["state", "observer"],
+) -> None:
+    def readings(hardware: Hardware) -> tuple[Floats, History]:
+        seen: list[Floats] = []
+
+        def command(sample: LoopSample, memory: Floats) -> Floats:
+            seen.append(sample.acceleration[0])
+            return np.zeros_like(sample.rate)
+
+        run = run_of(onlookers(), UserLaw(name="reader", command=command), hardware)
+        return np.array(seen), run
+
+    floors = (0,) if feedback == "observer" else None
+    seen, run = readings(Hardware(feedback=feedback, measured_floors=floors))
+    np.testing.assert_array_equal(seen, run.acceleration)
+    stuck = Fault(channel="acceleration", index=4, start=0.2, end=0.4, value=1.0)
+    broken, _ = readings(Hardware(feedback=feedback, measured_floors=floors, faults=(stuck,)))
+    np.testing.assert_array_equal(broken[BROKEN, 4], 1.0)
+    np.testing.assert_array_equal(broken[:, :4], seen[:, :4])
+
+
 def test_the_sensor_of_the_ground_has_noise_resolution_and_faults() -> None:
     quiet = still(N_NOISE * 1e-3)
     seen = ground_readings(Hardware(ground_acceleration_noise=0.02), quiet) / 0.02
@@ -375,13 +398,20 @@ def test_hardware_that_cannot_be_is_refused(refused: Refused) -> None:
         {"deformation_resolution": np.nan},
         {"measured_floors": (0, 1, 0)},
         {"measured_floors": (0,)},
-        {"acceleration_noise": 0.1},
-        {"faults": (Fault(channel="acceleration"),)},
-        {"acceleration_resolution": 0.1},
         {"seed": -1},
         {"seed": 2**32},
     ):
         refused(Hardware, **settings)
+
+
+def test_accelerometers_that_nothing_reads_are_refused(refused: Refused) -> None:
+    for settings in (
+        {"acceleration_noise": 0.1},
+        {"faults": (Fault(channel="acceleration"),)},
+        {"acceleration_resolution": 0.1},
+    ):
+        refused(Hardware(**settings).refuse_unread)
+        Hardware(**settings, feedback="observer").refuse_unread()
 
 
 def test_a_fault_that_cannot_be_is_refused(refused: Refused) -> None:

@@ -6,7 +6,7 @@
 use mrwork_dynamics::any_damper::Damper;
 use mrwork_dynamics::building::{Building, Element, Matrices};
 use mrwork_dynamics::closed_loop::{
-    Batch, Channel, Fault, Hardware, RUN_QUANTITIES, Run, Sensor, respond, width,
+    Batch, Channel, Fault, Hardware, RUN_QUANTITIES, Run, Sensor, Shaping, respond, width,
 };
 use mrwork_dynamics::control::{Law, Mounting};
 use mrwork_dynamics::current_law::{CurrentLaw, CurrentLaws};
@@ -207,6 +207,7 @@ proptest! {
             (prop_oneof![6 => Just(0.01), 1 => 0.001..1.0, 1 => select(vec![0.0, -1.0, f64::NAN, f64::INFINITY])], count(1), count(0), number()),
         sensors in vec([number(), number()], 4),
         fault in proptest::option::of((select(vec![Channel::Acceleration(0), Channel::Command(0), Channel::Force(usize::MAX), Channel::GroundAcceleration]), count(0), count(2), proptest::option::of(number()))),
+        shaping in vec((number(), number()), 0..3),
         runs in vec((0..2_u32, 0..2_u32, 0..2_u32), 0..5),
         (fit, right, set) in (any::<bool>(), 0..8_u8, set()),
     ) {
@@ -263,6 +264,8 @@ proptest! {
             .into_iter()
             .map(|(candidate, motion, draw)| Run { candidate, motion: motion * u32::from(right == 1), draw, stream: 3 })
             .collect();
+        let shaping: Vec<Shaping> =
+            shaping.into_iter().map(|(dead_zone, slope)| Shaping { dead_zone, slope }).collect();
         let batch = Batch {
             building: &building,
             laws: &laws,
@@ -273,6 +276,7 @@ proptest! {
             outside: None,
             gains: &gains,
             tables: &tables,
+            shaping: &shaping,
             curve: None,
             motions: &[motion],
             runs: &runs,

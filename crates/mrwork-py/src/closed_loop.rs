@@ -319,7 +319,8 @@ pub fn respond<'py>(
         .zip(shaped("streams", &streams, &[("runs", Some(rows.len()))])?)
         .map(|(&[candidate, motion, draw], &stream)| Run { candidate, motion, draw, stream })
         .collect();
-    let outside = outside.map(|law| AskedLaw::new(law, n_coordinates, n_devices));
+    let outside =
+        outside.map(|law| AskedLaw::new(law, n_coordinates, n_devices, building.dynamics.n_floors()));
     let batch = Batch {
         building: &building.dynamics,
         laws: &dampers.laws,
@@ -330,6 +331,7 @@ pub fn respond<'py>(
         outside: outside.as_ref().map(|law| law as &dyn OutsideLaw),
         gains: controller.gains(n_devices, 2 * n_coordinates)?,
         tables: &controller.tables,
+        shaping: &controller.shaping,
         curve: controller.curve()?,
         motions: &motions,
         runs: &runs,

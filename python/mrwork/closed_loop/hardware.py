@@ -22,10 +22,9 @@ _SEEDS = 2**32
 # Larger numbers are mistakes of unit; the first leaves room for the additional steps of stiff dampers.
 _MOST_STEPS = 10_000
 _LONGEST_DELAY = 1_000_000
-# Settings of the sensors that only the observer reads.
-_OF_OBSERVER = ("measured_floors", "acceleration_noise", "acceleration_resolution")
-_NO_EFFECT = (
-    "has no effect with feedback of the state, which needs no accelerations; leave it out, or set `feedback` to "
+_ACCELEROMETERS = ("acceleration_noise", "acceleration_resolution")
+_UNREAD = (
+    "has no effect with feedback of the state and laws that read no accelerations; leave it out, or set `feedback` to "
     "'observer'"
 )
 
@@ -123,13 +122,14 @@ class Hardware(Summarised):
         above=0.0,
     )
     acceleration_noise: float = key(
-        "standard deviation of the noise, for the observer", unit="m/s2", default=0.0, least=0.0
+        "standard deviation of the noise, for the observer and laws that read accelerations",
+        unit="m/s2",
+        default=0.0,
+        least=0.0,
     )
     deformation_noise: float = key("standard deviation of the noise", unit="m", default=0.0, least=0.0)
     force_noise: float = key("standard deviation of the noise", unit="N", default=0.0, least=0.0)
-    acceleration_resolution: float = key(
-        "quantisation, for the observer", unit="m/s2", default=0.0, least=0.0
-    )
+    acceleration_resolution: float = key("quantisation, for the same", unit="m/s2", default=0.0, least=0.0)
     deformation_resolution: float = key("quantisation", unit="m", default=0.0, least=0.0)
     force_resolution: float = key("quantisation", unit="N", default=0.0, least=0.0)
     ground_acceleration_noise: float = key(
@@ -159,12 +159,22 @@ class Hardware(Summarised):
             raise InvalidSettingError(
                 "measured_floors", f"`measured_floors` are {list(floors)}; give each once"
             )
-        if self.feedback == "state":
-            for name in _OF_OBSERVER:
-                if getattr(self, name):
-                    raise InvalidSettingError(name, f"`{name}` {_NO_EFFECT}")
-            if any(fault.channel == "acceleration" for fault in self.faults):
-                raise SettingError(f"a fault of the accelerations {_NO_EFFECT}")
+        if self.feedback == "state" and self.measured_floors:
+            raise InvalidSettingError(
+                "measured_floors",
+                "`measured_floors` has no effect with feedback of the state, which needs no accelerations; leave it "
+                "out, or set `feedback` to 'observer'",
+            )
+
+    def refuse_unread(self) -> None:
+        """Refuse settings of the accelerometers where no law and no observer reads them."""
+        if self.feedback == "observer":
+            return
+        for name in _ACCELEROMETERS:
+            if getattr(self, name):
+                raise InvalidSettingError(name, f"`{name}` {_UNREAD}")
+        if any(fault.channel == "acceleration" for fault in self.faults):
+            raise SettingError(f"a fault of the accelerations {_UNREAD}")
 
     @property
     def steps(self) -> int:
