@@ -27,6 +27,7 @@ class Recorded:
     rate: Floats
     force: Floats
     absolute_rate: Floats
+    absolute_acceleration: Floats
     sample_time: float
 
     @classmethod
@@ -45,7 +46,8 @@ class Recorded:
         start, end = motion.acceleration[index], motion.acceleration[index + 1]
         since = fine - index * motion.dt
         ground = motion.velocity[index] + start * since + 0.5 * (end - start) / motion.dt * since**2
-        carried = np.array([device.row for device in devices]) @ building.influence
+        rows = np.array([device.row for device in devices])
+        carried = rows @ building.influence
         return cls(
             law=law,
             devices=devices,
@@ -53,6 +55,7 @@ class Recorded:
             deformation=run.deformation,
             rate=run.rate,
             force=run.force,
+            absolute_acceleration=run.acceleration @ np.linalg.pinv(building.floors).T @ rows.T,
             absolute_rate=run.rate + np.outer(ground, carried),
             sample_time=sample_time,
         )
@@ -279,6 +282,16 @@ def _signal_polynomial(run: Recorded) -> Floats:
     return np.clip(share, 0.0, 1.0) * run.largest
 
 
+def _acceleration_driven(run: Recorded) -> Floats:
+    return _on(run.absolute_acceleration * run.rate, run.largest)
+
+
+def _mixed_skyhook(run: Recorded) -> Floats:
+    a, v = run.absolute_acceleration, run.absolute_rate
+    slow = a**2 - (run.gain("crossover") * v) ** 2 <= 0.0
+    return np.where(slow, _on(v * run.rate, run.largest), _on(a * run.rate, run.largest))
+
+
 def _active(run: Recorded) -> Floats:
     return run.wanted
 
@@ -306,6 +319,8 @@ FORMULAS: dict[str, Callable[[Recorded], Floats]] = {
     "signal_network": _signal_network,
     "signal_polynomial": _signal_polynomial,
     "active": _active,
+    "acceleration_driven": _acceleration_driven,
+    "mixed_skyhook": _mixed_skyhook,
 }
 
 

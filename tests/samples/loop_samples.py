@@ -138,6 +138,8 @@ def law_with_gains(name: str, plant: Plant, *, strength: float = 1.0) -> Control
         "signal_network": {"gain": K, "network": strength * _signal_network(plant.n_devices)},
         "signal_polynomial": {"gain": K},
         "active": {"gain": K},
+        "acceleration_driven": {},
+        "mixed_skyhook": {"crossover": 30.0 * each},
     }
     tables: dict[str, dict[str, Floats]] = {
         "fuzzy": {"shares": strength * _shares()},

@@ -87,6 +87,8 @@ def run(amplitude: float, n_devices: int) -> RunResult:
         "peak_current": peak(found.command),
         "mean_current": found.command.mean(axis=0),
         "rms_current": rms(found.command),
+        "command_travel": np.abs(np.diff(found.command, axis=0)).sum(axis=0) / found.time[-1],
+        "switching_rate": np.full(n_devices, 2.0),
         "input_energy": float(found.energy[-1, 0]),
         "kinetic_energy": float(found.energy[-1, 1]),
         "strain_energy": float(found.energy[-1, 2]),

@@ -447,6 +447,7 @@ def laws_calls(_: Path) -> Calls:
             "PassiveSettings": (of.PassiveSettings, {"command": 1.0}),
             "FrictionSettings": (of.FrictionSettings, {"slope": 1e5}),
             "FuzzySettings": (of.FuzzySettings, {"deformation": 0.01, "rate": 0.1}),
+            "MixedSkyhookSettings": (of.MixedSkyhookSettings, {"crossover": 4.0}),
             "RegulatorSettings": (
                 of.RegulatorSettings,
                 {"drifts": np.eye(5), "energy": 1.0, "state_weight": np.ones(10), "control_weight": 1e-7},

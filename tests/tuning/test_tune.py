@@ -206,6 +206,17 @@ def test_a_limit_that_holds_is_kept(tmp_path: Path, results: TuningResults) -> N
     assert found.laws[0].train.largest["rms_current"] <= limit
 
 
+@pytest.mark.parametrize(("name", "unit"), [("command_travel", "A/s"), ("switching_rate", "1/s")])
+def test_chatter_is_limited_as_other_criteria_are(
+    name: str, unit: str, tmp_path: Path, results: TuningResults
+) -> None:
+    limit = 0.7 * results.laws[0].train.largest[name]
+    text = tuning_samples.TUNE.replace("16", "96") + f'constraints = {{ {name} = "{limit:.6g} {unit}" }}\n'
+    found = tune(mr.read_study(tuning_samples.study_file(tmp_path, tune=text)), threads=1)
+    assert found.laws[0].train.violation == 0.0
+    assert found.laws[0].train.largest[name] <= limit * (1.0 + 1e-5)
+
+
 def test_laws_are_compared_by_the_score_of_a_study_whatever_they_minimise(tmp_path: Path) -> None:
     text = '[[tune]]\nlaws = ["maximum_energy_dissipation"]\ncriteria = { peak_acceleration = 2, peak_drift = 1 }\n'
     found = tune(mr.read_study(tuning_samples.study_file(tmp_path, tune=text)), threads=1).laws[0].train
@@ -289,6 +300,7 @@ def test_what_cannot_be_tuned_is_refused(tmp_path: Path, refused: Refused) -> No
         '[[tune]]\nlaws = ["clipped_optimal"]\nsettings = { drifts = 1, energy = 1 }',
         '[[tune]]\nlaws = ["clipped_optimal"]\nfree = { control_weight = [1e-60, 1e60] }',
         '[[tune]]\nlaws = ["lyapunov"]\ncriteria = ["rms_current"]',
+        '[[tune]]\nlaws = ["lyapunov"]\ncriteria = ["switching_rate"]',
         '[[tune]]\nlaws = ["lyapunov"]\nobjectives = ["peak_drift", "mean_current"]',
     ):
         path = tuning_samples.study_file(tmp_path, tune=text)

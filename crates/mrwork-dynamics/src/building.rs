@@ -194,6 +194,8 @@ pub struct Building {
     pub(crate) floors: SparseRows,
     pub(crate) storeys: SparseRows,
     pub(crate) devices: SparseRows,
+    /// Weights of the floors' accelerations that add up to `e (q'' + r a_g)` of each device; `None` if floors do not.
+    pub(crate) device_floors: Option<SparseRows>,
     /// Effective mass of each device, 1 / (e M^-1 e') [kg].
     pub(crate) device_mass: Vec<f64>,
     pub(crate) elements: SparseRows,
@@ -272,6 +274,7 @@ impl Building {
             floors: SparseRows::new(matrices.floors, n),
             storeys: SparseRows::new(matrices.storeys, n),
             devices: SparseRows::new(matrices.devices, n),
+            device_floors: weights_of_floors(matrices, n),
             device_mass,
             elements: SparseRows::new(matrices.elements, n),
             element_parameters: matrices.element_parameters.to_vec(),
@@ -309,6 +312,18 @@ impl Building {
     pub fn n_storeys(&self) -> usize {
         self.storeys.len()
     }
+}
+
+/// Rows w of the devices with w F = e for the rows F of the floors; `None` if there are none.
+fn weights_of_floors(matrices: &Matrices<'_>, n: usize) -> Option<SparseRows> {
+    let floors = DMatrix::from_row_slice(matrices.floors.len() / n, n, matrices.floors);
+    let devices = DMatrix::from_row_slice(matrices.devices.len() / n, n, matrices.devices);
+    let root = Cholesky::new(&floors * floors.transpose())?;
+    let weights = root.solve(&(&floors * devices.transpose()));
+    // Without rounding a row has few entries: the floors at the ends of the device.
+    let weights = weights.map(|weight| (weight * 1e12).round() / 1e12);
+    let missed = (floors.transpose() * &weights - devices.transpose()).abs().max();
+    (missed <= 1e-9 * devices.abs().max()).then(|| SparseRows::new(weights.as_slice(), floors.nrows()))
 }
 
 /// Sets entries at the level of rounding to zero, so that the inverse of a diagonal or banded mass matrix stays sparse.

@@ -146,6 +146,14 @@ pub enum DynamicsError {
     /// A control law that needs a damper model, without one.
     #[error("the law `{0}` needs a model of the damper: the coefficients of a static_hysteretic")]
     NoCurve(&'static str),
+    /// A law that reads accelerations, for a device that is not between floors or floor and ground.
+    #[error("the law `{0}` reads accelerations at the ends of each device; attach the devices to floors")]
+    NoAcceleration(&'static str),
+    /// A dead zone or a slope that no command can have.
+    #[error(
+        "candidate {0}, counted from 0, has a dead zone that is negative or not finite, or a slope that is not positive"
+    )]
+    Shaping(usize),
     /// A range of commands that is empty or not finite.
     #[error("the commands of device {0} end below where they begin, or are not finite")]
     CommandRange(usize),

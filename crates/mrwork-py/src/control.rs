@@ -1,5 +1,6 @@
 //! Control laws in Python, and a law with its gains.
 
+use mrwork_dynamics::closed_loop::Shaping;
 use mrwork_dynamics::control::{CurveModel, Law, LawSpec, Shape, Unit};
 use mrwork_dynamics::current_law::CurrentLaws;
 use mrwork_dynamics::damper::find;
@@ -28,6 +29,7 @@ fn law_dict<'py>(py: Python<'py>, spec: &LawSpec) -> PyResult<Bound<'py, PyDict>
     entry.set_item("tables", spec.tables.to_vec())?;
     entry.set_item("needs_curve", spec.needs_curve)?;
     entry.set_item("commands_force", spec.commands_force)?;
+    entry.set_item("reads_acceleration", spec.reads_acceleration)?;
     let gains = spec.gains.iter().map(|gain| {
         let entry = PyDict::new(py);
         entry.set_item("name", gain.name)?;
@@ -63,11 +65,13 @@ impl ForceCurve {
     }
 }
 
-/// A control law with the gains of its candidates, its tables and its model of the dampers.
+/// A control law with the gains of its candidates, its tables, its model of the dampers, and the dead zone and slope of
+/// the command of each candidate, shape (candidates, 2).
 #[pyclass(frozen, module = "mrwork._rust")]
 pub struct Controller {
     pub(crate) law: Law,
     pub(crate) tables: Vec<Vec<f64>>,
+    pub(crate) shaping: Vec<Shaping>,
     gains: Vec<f64>,
     shape: Vec<usize>,
     curve: Option<Py<ForceCurve>>,
@@ -76,18 +80,28 @@ pub struct Controller {
 #[pymethods]
 impl Controller {
     #[new]
-    #[pyo3(signature = (law, gains, tables=Vec::new(), curve=None))]
+    #[pyo3(signature = (law, gains, tables=Vec::new(), curve=None, shaping=None))]
     fn new(
         law: &str,
         gains: PyReadonlyArray2<'_, f64>,
         tables: Vec<PyReadonlyArray1<'_, f64>>,
         curve: Option<Py<ForceCurve>>,
+        shaping: Option<PyReadonlyArray2<'_, f64>>,
     ) -> PyResult<Self> {
         let law = Law::find(law)
             .ok_or_else(|| PyLookupError::new_err(format!("no control law is called `{law}`")))?;
         let tables = tables.iter().map(|table| Ok(contiguous("tables", table)?.to_vec()));
+        let shaping = match &shaping {
+            Some(rows) => {
+                let axes = [("candidates", Some(gains.shape()[0])), ("dead zone and slope", Some(2))];
+                let (rows, _) = shaped("shaping", rows, &axes)?.as_chunks::<2>();
+                rows.iter().map(|&[dead_zone, slope]| Shaping { dead_zone, slope }).collect()
+            }
+            None => Vec::new(),
+        };
         Ok(Self {
             law,
+            shaping,
             tables: tables.collect::<PyResult<_>>()?,
             gains: contiguous("gains", &gains)?.to_vec(),
             shape: gains.shape().to_vec(),

@@ -25,7 +25,8 @@ class Criterion:
 
     The value is the maximum of `quantity`, by default the one of its name, over floors, storeys or devices, or the sum
     if `summed`, divided by the weight of the building if `over_weight`. If `ratio`, papers report its ratio to the
-    value without dampers, under these `labels`. `over` names the criterion of the building without dampers in the
+    value without dampers, under these `labels`. A number that is `of_command` is zero at i = 0, one that is `counted`
+    jumps by whole counts. `over` names the criterion of the building without dampers in the
     denominator, if it is another one. `short` is the title in a narrow column.
     """
 
@@ -38,6 +39,8 @@ class Criterion:
     labels: tuple[str, ...] = ()
     over: str = ""
     ratio: bool = True
+    of_command: bool = False
+    counted: bool = False
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "quantity", self.quantity or self.name)
@@ -248,8 +251,23 @@ _CRITERIA = (
         over="peak_drift",
         ratio=False,
     ),
-    Criterion(name="mean_current", title="Mean command", short="Mean command", ratio=False),
-    Criterion(name="rms_current", title="RMS command", short="RMS command", ratio=False),
+    Criterion(name="mean_current", title="Mean command", short="Mean command", ratio=False, of_command=True),
+    Criterion(name="rms_current", title="RMS command", short="RMS command", ratio=False, of_command=True),
+    Criterion(
+        name="command_travel",
+        title="Command travel per second",
+        short="Travel",
+        ratio=False,
+        of_command=True,
+    ),
+    Criterion(
+        name="switching_rate",
+        title="Switchings of the command per second",
+        short="Switchings",
+        ratio=False,
+        of_command=True,
+        counted=True,
+    ),
     Criterion(
         name="device_energy", title="Energy taken up by devices", short="Energy", summed=True, ratio=False
     ),

@@ -26,6 +26,7 @@ ENERGY_TOLERANCE = 1e-6
 
 COMMAND_UNIT = "A or V"
 """Unit of quantities of the command, whatever the dampers."""
+_COMMAND_RATE_UNIT = "A/s or V/s"
 
 Axis = Literal["run", "floor", "storey", "device", "element", "state"]
 
@@ -68,8 +69,8 @@ def unit_of(name: str) -> str:
 
 
 def in_command_unit(unit: str, command_unit: str) -> str:
-    """A unit, in place of that of commands in general the one of the dampers at hand, A or V."""
-    return command_unit if unit == COMMAND_UNIT else unit
+    """A unit, in place of that of commands in general or of their rate the one of the dampers at hand, A or V."""
+    return {COMMAND_UNIT: command_unit, _COMMAND_RATE_UNIT: f"{command_unit}/s"}.get(unit, unit)
 
 
 def axis_of(name: str) -> Axis:

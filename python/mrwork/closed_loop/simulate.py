@@ -195,6 +195,8 @@ def loop_observer(
 
 _RUNS_AT_A_TIME = 4096
 _MOST_SAMPLES = 100_000_000
+# Quantities in proportion to the command.
+_COMMANDS = ("peak_current", "mean_current", "rms_current", "command_travel")
 # Largest commands that are worked out as shares of others are rounded.
 _ROUNDED = 1.0 + 1e-9
 
@@ -301,7 +303,8 @@ def simulate_loop(
     matrices = _core_building(building, devices)
     with core_refusals():
         dampers = _ideal_actuators(len(devices)) if actuators else _core_dampers(devices, theta)
-        controller = _rust.Controller(law.name, gains, law.table_rows(), _core_curve(law))
+        shaping = None if law.shaping is None else np.tile(law.shaping, (len(gains), 1))
+        controller = _rust.Controller(law.name, gains, law.table_rows(), _core_curve(law), shaping)
         observer = _core_observer(nominal or building, devices, hardware)
     waves = [(motion.dt, np.ascontiguousarray(motion.acceleration)) for motion in motions]
     runs = np.indices(shape, dtype=np.uint32).reshape(3, -1).T
@@ -337,9 +340,7 @@ def simulate_loop(
     if largest_commands is None:
         return responses
     scale = factors[candidate]
-    return responses.with_numbers(
-        **{name: responses.numbers[name] * scale for name in ("peak_current", "mean_current", "rms_current")}
-    )
+    return responses.with_numbers(**{name: responses.numbers[name] * scale for name in _COMMANDS})
 
 
 def _check_commands(law: ControlLaw, devices: Sequence[Device]) -> None:
@@ -374,7 +375,8 @@ def _command_factors(
             f"{law.name} sends commands that are no share of the largest one; simulate devices of that largest command"
         )
     faulty = any(fault.channel == "command" for fault in hardware.faults)
-    if histories or faulty or np.isfinite(hardware.command_rate):
+    limited = np.isfinite(min(hardware.command_rate, law.command_slope))
+    if histories or faulty or limited:
         raise SettingError(
             "largest commands of candidates go with neither histories nor a rate limit or faults of the command; "
             "simulate devices of that largest command"

@@ -52,6 +52,7 @@ if True:  # the lower tier
     from .law_design import SETTINGS as SETTINGS
     from .law_design import DesignedCandidates as DesignedCandidates
     from .law_design import FrictionSettings as FrictionSettings
+    from .law_design import MixedSkyhookSettings as MixedSkyhookSettings
     from .law_design import NoSettings as NoSettings
     from .law_design import PassiveSettings as PassiveSettings
     from .law_design import design_candidates as design_candidates

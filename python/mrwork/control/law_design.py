@@ -81,6 +81,25 @@ class FrictionSettings(LawSettings):
         return Design(gains={"slope": problem.each(self.slope)})
 
 
+@checked
+class MixedSkyhookSettings(LawSettings):
+    """Skyhook below a crossover frequency, acceleration-driven damping above it."""
+
+    crossover: float | None = key(
+        "frequency below which the law is skyhook; by default the square root of two times the first natural one, "
+        "where a building of one storey transmits as much with little damping as with much",
+        unit="Hz",
+        default=None,
+        above=0.0,
+        span=Span(lower=0.05, upper=1.0, of=(("acceleration", 1.0), ("velocity", -1.0))),
+    )
+
+    def design(self, problem: DesignProblem) -> Design:
+        """The crossover of each device [rad/s]."""
+        crossover = self.crossover or math.sqrt(2.0) * float(problem.building.frequencies[0])
+        return Design(gains={"crossover": problem.each(2.0 * math.pi * crossover)})
+
+
 SETTINGS: Mapping[str, type[LawSettings]] = {
     "passive": PassiveSettings,
     "clipped_optimal": RegulatorSettings,
@@ -104,6 +123,8 @@ SETTINGS: Mapping[str, type[LawSettings]] = {
     "signal_network": SignalNetworkSettings,
     "signal_polynomial": SignalPolynomialSettings,
     "active": RegulatorSettings,
+    "acceleration_driven": NoSettings,
+    "mixed_skyhook": MixedSkyhookSettings,
 }
 """Settings by name of the law."""
 

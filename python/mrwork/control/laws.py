@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
@@ -11,11 +12,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mrwork import _rust
-from mrwork.arguments import May, checked
 from mrwork.control.design.designed import DesignedWeights
 from mrwork.control.linear_loop import LoopMargins
+from mrwork.arguments import May, NotNegative, checked
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError, UnknownNameError
+from mrwork.hints import Within
 from mrwork.keys import suggestion
 from mrwork.numbers import format_rounded
 from mrwork.summary import Summarised, Summary
@@ -57,7 +59,8 @@ class ControlLawSpec:
     """A law: its formula, source, gains and tables.
 
     `tables` are arrays that all candidates share. A law that `needs_curve` evaluates the damper force as a function of
-    the command, by a static hysteretic model of the damper. A law that `commands_force` drives ideal actuators.
+    the command, by a static hysteretic model of the damper. A law that `commands_force` drives ideal actuators, one
+    that `reads_acceleration` needs accelerometers on the floors to which devices are attached.
     """
 
     name: str
@@ -69,6 +72,7 @@ class ControlLawSpec:
     tables: tuple[str, ...]
     needs_curve: bool
     commands_force: bool
+    reads_acceleration: bool
 
     @property
     def sends_share(self) -> bool:
@@ -98,6 +102,11 @@ class ControlLaw(Summarised):
         The designed weights of its gain, if it has any.
     margins
         Stability margins of its linear loop, if it has one.
+    dead_zone
+        Damper velocity below which the command is zero [m/s], by the velocity that the law receives. Near rest a damper
+        dissipates next to nothing, and the sign of its velocity, on which laws switch, is that of the noise.
+    command_slope
+        Largest change of the command per time [A/s or V/s], from control sample to control sample, after the dead zone.
 
     Raises
     ------
@@ -116,6 +125,8 @@ class ControlLaw(Summarised):
     gains: Mapping[str, Annotated[ArrayLike, May.BE_INFINITE]] = field(default_factory=dict)
     tables: Mapping[str, ArrayLike] = field(default_factory=dict)
     curve: tuple[DamperSpec, ArrayLike] | None = None
+    dead_zone: NotNegative = 0.0
+    command_slope: Annotated[float, Within(above=0.0), May.BE_INFINITE] = math.inf
     notes: tuple[str, ...] = ()
     weights: DesignedWeights | None = None
     margins: LoopMargins | None = None
@@ -142,6 +153,12 @@ class ControlLaw(Summarised):
     def spec(self) -> ControlLawSpec:
         """The declaration of the law."""
         return control_law(self.name)
+
+    @property
+    def shaping(self) -> tuple[float, float] | None:
+        """Dead zone and slope of the command; `None` where it is sent as it is."""
+        plain = self.dead_zone == 0.0 and math.isinf(self.command_slope)
+        return None if plain else (float(self.dead_zone), float(self.command_slope))
 
     @checked
     def gain_rows(self, n_devices: int, n_states: int) -> Floats:

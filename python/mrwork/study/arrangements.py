@@ -192,6 +192,7 @@ def arrangements(
             _refuse_command(controller)
         limited = _limit_command(controller, problem)
         title, law = _choose_law(controller, limited, folder)
+        law = _shape_command(controller, law)
         constant = CONSTANT_LAWS.get(controller.law)
         if constant is not None and constant.share == 0.0:
             # This arrangement exists already; only its label may differ.
@@ -242,6 +243,23 @@ def _limit_command(controller: ControllerTable, problem: DesignProblem) -> Desig
             f"largest_command is {largest:g}, and the driver of the dampers gives {available:g} at most"
         )
     return problem.limited_to(largest)
+
+
+def _shape_command(controller: ControllerTable, law: StudyLaw | None) -> StudyLaw | None:
+    """The law of a table with its dead zone and slope."""
+    given = [
+        name
+        for name, off in (("dead_zone", 0.0), ("command_slope", math.inf))
+        if getattr(controller, name) != off
+    ]
+    if not given:
+        return law
+    if not isinstance(law, ControlLaw):
+        controller.place.within(given[0]).refuse(
+            f"{given[0]} is for a law of the registry; a law in Python shapes its own command, and the best constant "
+            "command has none to shape"
+        )
+    return replace(law, dead_zone=controller.dead_zone, command_slope=controller.command_slope)
 
 
 def _refuse_command(controller: ControllerTable) -> None:

@@ -18,6 +18,7 @@ from mrwork.arguments import Seed, checked
 from mrwork.buildings import Building
 from mrwork.buildings.matrices import Device
 from mrwork.closed_loop.hardware import Hardware
+from mrwork.control.laws import control_laws
 from mrwork.errors import SettingError
 from mrwork.fitted_damper import fitted_damper
 from mrwork.keys import KeyPath, Place, read_table, suggestion
@@ -311,6 +312,13 @@ def read_study(
     _refuse_same([motion.name for motion in motions], place.within("motion"), "motions", "name")
     problem = problem_of(table, building, devices, hardware, motions)
     compared = arrangements(table, bare, problem, folder)
+    tuned = {law for each in table.tune for law in each.laws}
+    if not (
+        any(each.reads_acceleration for each in compared)
+        or any(spec.reads_acceleration for spec in control_laws() if spec.name in tuned)
+    ):
+        with place.within("hardware").prefix_errors(SettingError):
+            hardware.refuse_unread()
     clairvoyant = (
         None if table.clairvoyant is None else clairvoyant_row(table.clairvoyant, devices, hardware, seed)
     )

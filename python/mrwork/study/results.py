@@ -441,8 +441,9 @@ def _largest(results: StudyCriteria, row: int, motions: list[int]) -> StepChange
         if changes is None:
             unfinished.append(motion)
             continue
-        # A criterion that the file does not have is not compared.
-        name = max(changes, key=lambda each: -1.0 if math.isnan(changes[each]) else changes[each])
+        # A criterion that the file does not have is not compared, nor a count, which jumps by more than the step does.
+        compared = [each for each in changes if not criterion(each).counted]
+        name = max(compared, key=lambda each: -1.0 if math.isnan(changes[each]) else changes[each])
         if largest is None or changes[name] > largest[0]:
             largest = (changes[name], name, motion)
     if largest is None:

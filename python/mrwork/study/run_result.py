@@ -75,7 +75,7 @@ _OF_ELEMENTS = {
     "peak_stroke": "peak_element_stroke",
     "device_energy": "element_energy",
 }
-_COMMANDS = ("peak_current", "mean_current", "rms_current")
+_COMMANDS = ("peak_current", "mean_current", "rms_current", "command_travel", "switching_rate")
 _LEFT_OUT = {"rms_force", *_OF_ELEMENTS.values()}
 # Signals of no use to pages, and energies, which a history has in one array.
 _SIGNALS_LEFT_OUT = {"input_energy", "damping_energy", "device_energy"}

@@ -5,6 +5,7 @@ Numbers are in SI units. A number with a unit may also be given as a text with a
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
@@ -252,6 +253,15 @@ class ControllerTable:
         "largest command that this law may send, by default that of the dampers",
         unit="A or V",
         default=None,
+        above=0.0,
+    )
+    dead_zone: float = key(
+        "damper velocity below which the command is zero", unit="m/s", default=0.0, least=0.0
+    )
+    command_slope: float = key(
+        "largest change of the command of this law per time, from sample to sample",
+        unit="A/s or V/s",
+        default=math.inf,
         above=0.0,
     )
     place: Place

@@ -167,6 +167,11 @@ class Arrangement:
         """Whether ideal actuators replace the dampers."""
         return commands_force(self.law)
 
+    @property
+    def reads_acceleration(self) -> bool:
+        """Whether its law may read accelerations of floors."""
+        return isinstance(self.law, UserLaw) or (self.law is not None and self.law.spec.reads_acceleration)
+
 
 def commands_force(law: StudyLaw | None) -> bool:
     """Whether a law commands forces, which ideal actuators exert."""
@@ -382,6 +387,7 @@ def digest_of_run(arrangement: Arrangement, *motions: GroundMotion) -> str:
         None if own is None or own.curve is None else (own.curve[0], _digest(own.curve[1])),
         sorted((name, _digest(array)) for name, array in numbers.items()),
         *((law.source, law.n_memory) if isinstance(law, UserLaw) else ()),
+        *(() if own is None or own.shaping is None else own.shaping),
         *((_digest(each.row), each.numbers) for each in building.elements),
         *(_digest_of_motion(motion) for motion in motions),
     )

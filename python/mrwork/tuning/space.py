@@ -11,7 +11,7 @@ import numpy as np
 
 from mrwork.arguments import Share, Whole
 from mrwork.closed_loop.evaluation import SCORE, criteria, criterion
-from mrwork.closed_loop.responses import COMMAND_UNIT, in_command_unit
+from mrwork.closed_loop.responses import in_command_unit
 from mrwork.control.design_problem import LawSettings, Magnitudes, Span
 from mrwork.control.law_design import SETTINGS
 from mrwork.control.laws import control_law, control_laws
@@ -165,7 +165,7 @@ def _check_criterion(table: TuneTable, key: str, name: str) -> None:
 def check_scored_criterion(table: TuneTable, key: str, name: str) -> None:
     """Refuse a name that is no criterion, or one that is zero at i = 0 and so has no ratio to it."""
     _check_criterion(table, key, name)
-    if criterion(name).unit == COMMAND_UNIT:
+    if criterion(name).of_command:
         refuse_within(
             table, f"{name} is 0 at i = 0, so no ratio to it exists; limit it among the constraints", key
         )

@@ -45,6 +45,16 @@ impl Batch<'_> {
         if spec.needs_curve && self.curve.is_none() {
             return Err(DynamicsError::NoCurve(spec.name));
         }
+        if spec.reads_acceleration && self.building.device_floors.is_none() {
+            return Err(DynamicsError::NoAcceleration(spec.name));
+        }
+        if let Some(candidate) = self
+            .shaping
+            .iter()
+            .position(|each| !(each.dead_zone >= 0.0 && each.dead_zone.is_finite() && each.slope > 0.0))
+        {
+            return Err(DynamicsError::Shaping(candidate));
+        }
         if let Some(device) =
             self.ranges.iter().position(|&[from, to]| !(from <= to && (to - from).is_finite()))
         {
@@ -66,11 +76,13 @@ impl Batch<'_> {
         }
         let n_candidates = self.gains.len().checked_div(n_gains).unwrap_or(usize::MAX);
         let n_draws = self.n_draws();
+        let n_shaped = if self.shaping.is_empty() { usize::MAX } else { self.shaping.len() };
         for (run, &Run { candidate, motion, draw, .. }) in self.runs.iter().enumerate() {
             let asked = [
                 ("candidate", candidate as usize, n_candidates),
                 ("motion", motion as usize, self.motions.len()),
                 ("draw", draw as usize, n_draws),
+                ("the dead zone of candidate", candidate as usize, n_shaped),
             ];
             for (what, index, count) in asked {
                 if index >= count {
@@ -84,6 +96,7 @@ impl Batch<'_> {
                 Channel::Deformation(device) | Channel::Force(device) | Channel::Command(device) => {
                     (device, n_devices)
                 }
+                Channel::GroundAcceleration => (0, 1),
             };
             if index >= count {
                 return Err(DynamicsError::NoSuchEntry { run: 0, what: "the faulty channel", index, count });

@@ -22,7 +22,7 @@ mod respond;
 mod round;
 mod sample;
 
-pub use batch::{Batch, BlockSample, OutsideLaw, Run, n_samples};
+pub use batch::{Batch, BlockSample, OutsideLaw, Run, Shaping, n_samples};
 pub use block::{Block, LaneResult};
 pub use hardware::{Channel, Fault, Hardware, Observer, Sensor};
 pub use history::{HISTORY_SIGNALS, HistoryRows};

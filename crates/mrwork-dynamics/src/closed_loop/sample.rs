@@ -15,6 +15,10 @@ pub(super) struct Controller<R: Real> {
     curves: Vec<ForceCurve<R>>,
     ground_reach: Vec<f64>,
     largest: Vec<f64>,
+    /// Damper velocity below which the command is zero [m/s].
+    dead_zone: R,
+    /// Largest change of the command from sample to sample.
+    furthest: R,
     memory: Vec<R>,
     /// State estimate of the observer.
     state: Vec<R>,
@@ -24,6 +28,7 @@ pub(super) struct Controller<R: Real> {
     deformation: Vec<R>,
     rate: Vec<R>,
     force: Vec<R>,
+    ground_acceleration: R,
     /// Commands of the last `depth` samples, a ring buffer.
     sent: Vec<R>,
     /// Number of samples in `sent`.
@@ -58,6 +63,7 @@ impl<R: Lanes> Controller<R> {
             }
             _ => Vec::new(),
         };
+        let shaping = |lane: usize| batch.shaping_of(batch.runs[runs[lane.min(last)]].candidate as usize);
         let depth = hardware.delay_steps / hardware.steps as usize + 2;
         let zero = R::splat(0.0);
         let n_measured =
@@ -68,6 +74,10 @@ impl<R: Lanes> Controller<R> {
             curves,
             ground_reach: ground_reach(&building.devices, &building.influence),
             largest,
+            dead_zone: R::from_fn(|lane| shaping(lane).dead_zone),
+            furthest: R::from_fn(|lane| {
+                hardware.command_rate.min(shaping(lane).slope) * hardware.sample_time
+            }),
             memory: vec![zero; law.spec().memory * n_devices],
             state: vec![zero; n_states],
             next_state: vec![zero; n_states],
@@ -76,6 +86,7 @@ impl<R: Lanes> Controller<R> {
             deformation: vec![zero; n_devices],
             rate: vec![zero; n_devices],
             force: vec![zero; n_devices],
+            ground_acceleration: zero,
             sent: vec![zero; depth * n_devices],
             depth,
             raw: vec![zero; n_devices],
@@ -125,6 +136,8 @@ fn ask<R: Lanes>(
             deformation: &by_run(measured.deformation, runs.len()),
             rate: &by_run(measured.rate, runs.len()),
             force: &by_run(measured.force, runs.len()),
+            acceleration: &by_run(measured.acceleration, runs.len()),
+            ground_acceleration: &by_run(&[measured.ground_acceleration], runs.len()),
         },
         &mut raw,
     );
@@ -177,15 +190,23 @@ impl<R: Lanes> OutOfLine for Sample<'_, R> {
 impl<R: Lanes> Sample<'_, R> {
     #[inline(always)]
     fn measure(&mut self) {
-        let Batch { building, hardware, observer, .. } = *self.batch;
-        if let Some(observer) = observer {
-            for &floor in &observer.accelerations {
+        let Batch { building, hardware, observer, law, outside, .. } = *self.batch;
+        let every = law.spec().reads_acceleration || outside.is_some();
+        for floor in 0..building.n_floors() {
+            if every || observer.is_some_and(|observer| observer.accelerations.contains(&floor)) {
                 let value = building.floors.add_dot(floor, self.acceleration, self.ground_acceleration);
                 let before = self.controller.acceleration[floor];
                 self.controller.acceleration[floor] =
                     self.reading(Channel::Acceleration(floor), hardware.acceleration, value, before);
             }
         }
+        let before = self.controller.ground_acceleration;
+        self.controller.ground_acceleration = self.reading(
+            Channel::GroundAcceleration,
+            hardware.ground_acceleration,
+            self.ground_acceleration,
+            before,
+        );
         for device in 0..self.force.len() {
             let value = building.devices.dot(device, self.displacement);
             let before = self.controller.deformation[device];
@@ -251,6 +272,9 @@ impl<R: Lanes> Sample<'_, R> {
             deformation: &controller.deformation,
             rate: &controller.rate,
             force: &controller.force,
+            acceleration: &controller.acceleration,
+            device_floors: building.device_floors.as_ref(),
+            ground_acceleration: controller.ground_acceleration,
             ground_velocity: self.ground_velocity,
             ground_reach: &controller.ground_reach,
             largest: &controller.largest,
@@ -261,7 +285,6 @@ impl<R: Lanes> Sample<'_, R> {
             None => law.command(&gains, &measured, &mut controller.memory, &mut controller.raw),
             Some(outside) => ask(outside, self.runs, self.number, &measured, &mut controller.raw),
         }
-        let furthest = R::splat(hardware.command_rate * hardware.sample_time);
         let position = (self.number % self.controller.depth) * n_devices;
         let earlier = (self.number.wrapping_sub(1) % self.controller.depth) * n_devices;
         for (device, &[smallest, largest]) in ranges.iter().enumerate() {
@@ -272,12 +295,14 @@ impl<R: Lanes> Sample<'_, R> {
             self.controller.command_invalid = invalid;
             let mut command =
                 within(R::select(known, raw, R::splat(0.0)), R::splat(smallest), R::splat(largest));
+            let slow = self.controller.rate[device].abs().less(self.controller.dead_zone);
+            let none = within(R::splat(0.0), R::splat(smallest), R::splat(largest));
+            command = R::select(slow, none, command);
             let mut before = command;
             if self.number > 0 {
                 before = self.controller.sent[earlier + device];
-                if hardware.command_rate < f64::INFINITY {
-                    command = within(command, before - furthest, before + furthest);
-                }
+                let furthest = self.controller.furthest;
+                command = within(command, before - furthest, before + furthest);
             }
             self.controller.sent[position + device] =
                 self.with_faults(Channel::Command(device), command, before);

@@ -20,6 +20,7 @@ impl ControlLaw for Active {
         memory: 0,
         needs_curve: false,
         commands_force: true,
+        reads_acceleration: false,
     };
 
     #[inline(always)]

@@ -34,6 +34,7 @@ impl ControlLaw for ClippedOptimal {
         memory: 0,
         needs_curve: false,
         commands_force: false,
+        reads_acceleration: false,
     };
 
     #[inline(always)]
@@ -71,6 +72,7 @@ impl ControlLaw for ModifiedClippedOptimal {
         memory: 0,
         needs_curve: false,
         commands_force: false,
+        reads_acceleration: false,
     };
 
     #[inline(always)]
@@ -107,6 +109,7 @@ impl ControlLaw for ProportionalClippedOptimal {
         memory: 0,
         needs_curve: false,
         commands_force: false,
+        reads_acceleration: false,
     };
 
     #[inline(always)]

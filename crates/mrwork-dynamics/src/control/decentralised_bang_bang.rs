@@ -20,14 +20,16 @@ impl ControlLaw for DecentralisedBangBang {
         memory: 0,
         needs_curve: false,
         commands_force: false,
+        reads_acceleration: false,
     };
 
     #[inline(always)]
     fn command<R: Lanes>(_: &Gains<'_, R>, measured: &Measurement<'_, R>, _: &mut [R], command: &mut [R]) {
         for (device, command) in command.iter_mut().enumerate() {
-            let reach = R::splat(measured.ground_reach[device]);
-            let absolute = reach.mul_add(measured.ground_velocity, measured.rate[device]);
-            *command = where_positive(absolute * measured.force[device], R::splat(measured.largest[device]));
+            *command = where_positive(
+                measured.absolute_rate(device) * measured.force[device],
+                R::splat(measured.largest[device]),
+            );
         }
     }
 }

@@ -31,6 +31,7 @@ impl ControlLaw for LyapunovDirect {
         memory: 0,
         needs_curve: true,
         commands_force: false,
+        reads_acceleration: false,
     };
 
     #[inline(always)]
@@ -63,6 +64,7 @@ impl ControlLaw for LyapunovParabola {
         memory: 0,
         needs_curve: true,
         commands_force: false,
+        reads_acceleration: false,
     };
 
     #[inline(always)]
@@ -109,6 +111,7 @@ impl ControlLaw for LyapunovDirectBangBang {
         memory: 0,
         needs_curve: true,
         commands_force: false,
+        reads_acceleration: false,
     };
 
     #[inline(always)]
@@ -151,6 +154,7 @@ impl ControlLaw for ProportionalDirect {
         memory: 0,
         needs_curve: true,
         commands_force: false,
+        reads_acceleration: false,
     };
 
     #[inline(always)]
@@ -183,6 +187,7 @@ impl ControlLaw for InverseDirect {
         memory: 0,
         needs_curve: true,
         commands_force: false,
+        reads_acceleration: false,
     };
 
     #[inline(always)]
@@ -214,6 +219,7 @@ impl ControlLaw for InverseParabola {
         memory: 0,
         needs_curve: true,
         commands_force: false,
+        reads_acceleration: false,
     };
 
     #[inline(always)]

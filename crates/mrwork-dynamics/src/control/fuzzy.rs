@@ -33,6 +33,7 @@ impl ControlLaw for Fuzzy {
         memory: 0,
         needs_curve: false,
         commands_force: false,
+        reads_acceleration: false,
     };
 
     #[inline(always)]

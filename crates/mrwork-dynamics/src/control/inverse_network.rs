@@ -27,6 +27,7 @@ impl ControlLaw for InverseNetwork {
         memory: SIGNALS,
         needs_curve: false,
         commands_force: false,
+        reads_acceleration: false,
     };
 
     #[inline(always)]

@@ -25,6 +25,7 @@ impl ControlLaw for Lyapunov {
         memory: 0,
         needs_curve: false,
         commands_force: false,
+        reads_acceleration: false,
     };
 
     #[inline(always)]

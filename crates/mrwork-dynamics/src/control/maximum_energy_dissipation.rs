@@ -19,6 +19,7 @@ impl ControlLaw for MaximumEnergyDissipation {
         memory: 0,
         needs_curve: false,
         commands_force: false,
+        reads_acceleration: false,
     };
 
     #[inline(always)]

@@ -3,6 +3,7 @@
 //! A law is a formula over given numbers: gains, weights, thresholds, one set per candidate. Their design (Riccati equations,
 //! pole placement, training) is not done here.
 
+mod acceleration_driven;
 mod active;
 mod clipped_optimal;
 mod decentralised_bang_bang;
@@ -123,6 +124,8 @@ pub struct LawSpec {
     pub needs_curve: bool,
     /// Whether its command is a force, for a device that exerts it, and not a current or voltage.
     pub commands_force: bool,
+    /// Whether it reads the absolute accelerations of floors.
+    pub reads_acceleration: bool,
 }
 
 impl LawSpec {
@@ -145,6 +148,12 @@ pub(crate) struct Measurement<'a, R: Real> {
     pub(crate) rate: &'a [R],
     /// Force with which each device resists [N].
     pub(crate) force: &'a [R],
+    /// Absolute acceleration of each floor [m/s^2]; zero where the law does not read them.
+    pub(crate) acceleration: &'a [R],
+    /// Weights of these that add up to `e (q'' + r a_g)` of each device.
+    pub(crate) device_floors: Option<&'a SparseRows>,
+    /// Acceleration of the ground [m/s^2].
+    pub(crate) ground_acceleration: R,
     /// Velocity of the ground [m/s].
     pub(crate) ground_velocity: R,
     /// Elongation of each device per displacement of the ground: e r.
@@ -155,6 +164,23 @@ pub(crate) struct Measurement<'a, R: Real> {
     pub(crate) curves: &'a [ForceCurve<R>],
     /// Sampling interval [s].
     pub(crate) sample_time: f64,
+}
+
+impl<R: Real> Measurement<'_, R> {
+    /// Absolute velocity of the upper end of a device less that of its lower end: `e (q' + r v_g)`.
+    #[inline(always)]
+    fn absolute_rate(&self, device: usize) -> R {
+        R::splat(self.ground_reach[device]).mul_add(self.ground_velocity, self.rate[device])
+    }
+
+    /// Absolute acceleration of the upper end of a device less that of its lower end: `e (q'' + r a_g)`.
+    #[inline(always)]
+    fn absolute_acceleration(&self, device: usize) -> R {
+        match self.device_floors {
+            Some(floors) => floors.dot(device, self.acceleration),
+            None => R::splat(f64::NAN),
+        }
+    }
 }
 
 /// Gains and tables of a law, in lanes.
@@ -284,6 +310,8 @@ laws! {
     signal_feedback::SignalNetwork,
     signal_feedback::SignalPolynomial,
     active::Active,
+    acceleration_driven::AccelerationDriven,
+    acceleration_driven::MixedSkyhook,
 }
 
 impl Law {

@@ -24,6 +24,7 @@ impl ControlLaw for Passive {
         memory: 0,
         needs_curve: false,
         commands_force: false,
+        reads_acceleration: false,
     };
 
     #[inline(always)]

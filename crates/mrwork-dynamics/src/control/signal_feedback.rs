@@ -50,6 +50,7 @@ impl ControlLaw for SignalNetwork {
         memory: 0,
         needs_curve: false,
         commands_force: false,
+        reads_acceleration: false,
     };
 
     #[inline(always)]
@@ -95,6 +96,7 @@ impl ControlLaw for SignalPolynomial {
         memory: 0,
         needs_curve: false,
         commands_force: false,
+        reads_acceleration: false,
     };
 
     #[inline(always)]

@@ -45,6 +45,7 @@ impl ControlLaw for SlidingMode {
         memory: 0,
         needs_curve: false,
         commands_force: false,
+        reads_acceleration: false,
     };
 
     #[inline(always)]
@@ -108,6 +109,7 @@ impl ControlLaw for AdaptiveSlidingMode {
         memory: 1,
         needs_curve: false,
         commands_force: false,
+        reads_acceleration: false,
     };
 
     #[inline(always)]
@@ -174,6 +176,7 @@ impl ControlLaw for SuperTwisting {
         memory: 1,
         needs_curve: true,
         commands_force: false,
+        reads_acceleration: false,
     };
 
     #[inline(always)]
