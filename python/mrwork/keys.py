@@ -125,9 +125,19 @@ def suggestion(name: object, known: Sequence[str], *, otherwise: str = "choose o
 
 
 def closest(name: object, known: Sequence[str]) -> str:
-    """The known name that is closest to an unknown one; empty if none is close."""
-    near = get_close_matches(name, known, n=1) if isinstance(name, str) else []
-    return near[0] if near else ""
+    """The known name that is closest to an unknown one, whatever its case and separators; empty if none is close."""
+    if not isinstance(name, str):
+        return ""
+    plain = {_without_style(each): each for each in reversed(known)}
+    if same := plain.get(_without_style(name)):
+        return same
+    near = get_close_matches(name, known, n=1) or get_close_matches(_without_style(name), plain, n=1)
+    return plain.get(near[0], near[0]) if near else ""
+
+
+def _without_style(name: str) -> str:
+    """`BoucWen`, `bouc-wen` and `bouc_wen` alike."""
+    return "".join(each for each in name.lower() if each.isalnum())
 
 
 def key(
