@@ -29,7 +29,7 @@ from mrwork.buildings import Building
 from mrwork.closed_loop import Fault, Hardware, History, loop_observer, simulate_loop
 from mrwork.control import ControlLaw
 from mrwork.motions import GroundMotion
-from mrwork.simulate import Outcome
+from mrwork.simulation import Outcome
 
 Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 

@@ -77,6 +77,11 @@ def axis_of(name: str) -> Axis:
     return _by_name()[name].axis
 
 
+def description_of(name: str) -> str:
+    """What a quantity of a run or a signal of its history is, in words."""
+    return _by_name()[name].description
+
+
 @cache
 def _by_name() -> dict[str, Quantity]:
     return {each.name: each for each in (*history_signals(), *run_quantities())}

@@ -32,7 +32,7 @@ from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import MrworkWarning, SettingError
 from mrwork.hints import Within
 from mrwork.motions.ground_motion import GroundMotion
-from mrwork.simulate import core_refusals
+from mrwork.simulation import core_refusals
 from mrwork.summary import Summarised
 from mrwork.values import Floats, array_dataclass
 

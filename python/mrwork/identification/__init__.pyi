@@ -1,3 +1,5 @@
+from .candidates import CandidateObjective as CandidateObjective
+from .candidates import ForceSensitivities as ForceSensitivities
 from .equivalent import search_box as search_box
 from .fit import Fit as Fit
 from .objective import Objective as Objective

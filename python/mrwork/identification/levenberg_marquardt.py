@@ -23,7 +23,7 @@ from mrwork.dampers.coordinates import Box
 from mrwork.errors import JournalError
 from mrwork.identification.objective import Objective, linearise_residuals
 from mrwork.identification.residual import ObservedTest
-from mrwork.simulate import stiffness_shares
+from mrwork.simulation import stiffness_shares
 from mrwork.values import Floats, array_dataclass
 
 # Distance from the limit that a step along it keeps, in the logarithm of the stiffness: the limit is curved.

@@ -16,7 +16,7 @@ from mrwork.identification.progress import Tally, on_every_test
 from mrwork.identification.residual import ObservedTest
 from mrwork.identification.settings import EQUAL_SHARES, ROOT_MEAN_SQUARE, FitSettings
 from mrwork.records import AS_IT_IS, DamperTest
-from mrwork.simulate import Misfits, Outcome, simulate_misfits
+from mrwork.simulation import Misfits, Outcome, simulate_misfits
 from mrwork.store.codec import digest_of
 from mrwork.store.journal import Journal
 from mrwork.summary import Summarised
@@ -137,10 +137,11 @@ class Objective(Summarised):
     def is_direct(self) -> bool:
         """Whether the simulated force is compared directly, from a sample on.
 
-        There are no observation models, nuisance parameters or spans that are not compared.
+        There are no observation models, nuisance parameters, weights, losses or spans that are not compared.
         """
         return not self.settings.nuisances and all(
-            test.observation == AS_IT_IS and not test.uncompared for test in self.tests
+            each.is_plain and each.test.observation == AS_IT_IS and not each.test.uncompared
+            for each in self.compared
         )
 
     def refuse_observation(self) -> None:

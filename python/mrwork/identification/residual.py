@@ -17,11 +17,12 @@ from mrwork import _rust
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import RecordError, SettingError, SimulationError
 from mrwork.hints import SMALLEST
+from mrwork.identification.loss import Loss
 from mrwork.records import AS_IT_IS, DamperTest
 from mrwork.records.checks import FORCE_OFFSET
 from mrwork.records.damper_test import delay_signal, loading_of
 from mrwork.records.detectors.velocity import refuse_velocity
-from mrwork.simulate import Outcome, simulate_forces, simulate_sensitivities
+from mrwork.simulation import Outcome, simulate_forces, simulate_sensitivities
 from mrwork.summary import list_names
 from mrwork.values import Floats, array_dataclass
 
@@ -213,8 +214,9 @@ class ObservedTest:
 
     `share` is the weight of its squared NRMSE among other tests. Residuals are the model's force minus the measured one
     [N], over the samples that are compared, with the nuisance parameters at their least-squares values for each
-    candidate. `counted` are these samples, `measured` is the force there [N], shape (n_counted,), and `variance` its
-    variance [N^2]: found once, because every simulation needs them.
+    candidate. They are multiplied by the `weights`, shape (n_counted,), and then transformed by the `loss`, if any.
+    `counted` are these samples, `measured` is the force there [N], shape (n_counted,), and `variance` its variance
+    [N^2]: found once, because every simulation needs them.
     """
 
     spec: DamperSpec
@@ -222,6 +224,8 @@ class ObservedTest:
     history: _rust.LoadingHistory
     nuisances: tuple[NuisanceName, ...] = ()
     share: float = 1.0
+    weights: Floats | None = None
+    loss: Loss | None = None
     counted: slice | NDArray[np.intp] = field(init=False)
     measured: Floats = field(init=False)
     variance: float = field(init=False)
@@ -256,6 +260,11 @@ class ObservedTest:
         return replace(ObservedTest.of(self.spec, test, self.nuisances), share=self.share)
 
     @property
+    def is_plain(self) -> bool:
+        """Whether the residuals are the differences of force, without weights or a loss."""
+        return self.weights is None and self.loss is None
+
+    @property
     def deviation(self) -> float:
         """Standard deviation of the measured force that is compared [N]."""
         return float(np.sqrt(self.variance))
@@ -277,7 +286,8 @@ class ObservedTest:
     def residuals(self, theta: Floats, *, threads: int = 0) -> tuple[Floats, NDArray[np.bool_]]:
         """Residuals of each row of `theta` [N], shape (n_batch, n_counted), and which rows failed."""
         force, failed = self.forces(theta, threads=threads)
-        return without_nuisance(force[:, self.counted], self.measured, self.nuisances), failed
+        residuals = without_nuisance(force[:, self.counted], self.measured, self.nuisances)
+        return residuals if self.is_plain else self._emphasise(residuals)[0], failed
 
     def linearise_residuals(
         self, theta: Floats, columns: Sequence[int], *, threads: int = 0
@@ -298,7 +308,19 @@ class ObservedTest:
         residuals, derivative = _linearised_without_nuisance(
             force[:, counted], slope[..., counted], self.measured, self.nuisances
         )
+        if not self.is_plain:
+            residuals, factor = self._emphasise(residuals)
+            derivative = derivative * factor[:, None]
         return residuals, derivative, failed
+
+    def _emphasise(self, residuals: Floats) -> tuple[Floats, Floats]:
+        """Residuals with weights and loss, and their derivatives by those without, both (n_batch, n_counted)."""
+        weights = np.ones(self.measured.size) if self.weights is None else self.weights
+        weighted = residuals * weights
+        if self.loss is None:
+            return weighted, np.broadcast_to(weights, weighted.shape)
+        transformed, factor = self.loss.transform(weighted)
+        return transformed, factor * weights
 
     def with_nuisance(self, force: Floats) -> tuple[Floats, Nuisance]:
         """Apply the least-squares nuisance parameters to a recorded `force` [N], shape (n_time,); return them too."""

@@ -20,7 +20,7 @@ from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import RecordError, SettingError
 from mrwork.hints import Within
 from mrwork.records.motion import whole_cycles
-from mrwork.simulate import Loading
+from mrwork.simulation import Loading
 from mrwork.summary import Summarised, Summary
 from mrwork.tested_range import Exceedance as Exceedance
 from mrwork.tested_range import OperatingRange as OperatingRange

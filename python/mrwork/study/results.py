@@ -17,6 +17,7 @@ from mrwork.closed_loop.clairvoyant_search import Clairvoyant
 from mrwork.closed_loop.evaluation import SCORE, Spread, criteria, criterion, ratio, score
 from mrwork.closed_loop.responses import ENERGY_TOLERANCE
 from mrwork.errors import SettingError
+from mrwork.labelled import tree_of
 from mrwork.numbers import format_rounded
 from mrwork.store.codec import OrInfinite, OrNan
 from mrwork.study.labelled import HALF_STEP, LabelledRuns
@@ -27,7 +28,7 @@ from mrwork.summary import Summarised, Summary, list_names
 from mrwork.values import Floats
 
 if TYPE_CHECKING:
-    from xarray import DataTree
+    from mrwork.labelled import DataFrame, DataTree
 
 Key = tuple[int, int]
 """Indices of the row and the motion of a run."""
@@ -348,11 +349,15 @@ class StudyResults(StudyCriteria):
         >>> drift = results.to_xarray()["criteria/peak_drift"]  # doctest: +SKIP
         >>> drift.sel(realisation="nominal").max("motion")  # doctest: +SKIP
         """
-        # xarray is slow to load.
-        from xarray import DataTree
-
         named = {"criteria": self.labelled, "quantities": self.quantities}
-        return DataTree.from_dict({name: each.to_xarray() for name, each in named.items()}, name=self.title)
+        return tree_of(self.title, {name: each._named_arrays() for name, each in named.items()})
+
+    def to_pandas(self) -> DataFrame:
+        """Criteria as a table: a row for each row of the study, motion and realisation; units are in `attrs`.
+
+        `quantities.to_pandas()` is the table of the quantities, with storeys, floors and devices as columns.
+        """
+        return self.labelled.to_pandas()
 
 
 def _relative_change(value: float, other: float) -> float:

@@ -22,7 +22,7 @@ from mrwork.keys import suggestion
 from mrwork.numbers import NOTHING, format_rounded, of_unit, percent, significant
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
-from mrwork.simulate import Outcome, simulate_forces
+from mrwork.simulation import Outcome, simulate_forces
 from mrwork.store.codec import Related
 from mrwork.summary import Summarised, Summary
 from mrwork.table import TableColumn
