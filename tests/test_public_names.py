@@ -60,6 +60,7 @@ SMALL_VALUES = {
         "Estimate",
         "Fault",
         "Finding",
+        "FrontPoint",
         "GammaEnvelope",
         "KanaiTajimi",
         "LeftOutCoverage",

@@ -138,6 +138,16 @@ class WithAxes:
         return self._named_arrays().to_pandas()
 
 
+def columns_of(
+    records: Sequence[object], axis: str, declared: Mapping[str, tuple[str, str]]
+) -> dict[str, NamedArray]:
+    """Fields of records of one class, each over the axis, with the unit and the words that are declared for it."""
+    return {
+        name: NamedArray.of([getattr(each, name) for each in records], axis, unit=unit, long_name=words)
+        for name, (unit, words) in declared.items()
+    }
+
+
 def number_labels(count: int) -> NamedArray:
     """Labels of what has no names, such as candidates: their numbers, from 0."""
     return NamedArray.of(np.arange(count))

@@ -419,6 +419,7 @@ def _responses(
         histories=histories,
         devices=devices,
         seconds=tuple(motion.duration for motion in motions),
+        motions=tuple(motion.name for motion in motions),
         numbers=quantities,
     )
 

@@ -13,6 +13,7 @@ from mrwork.errors import UnknownNameError
 from mrwork.identification.residual import NONE, Nuisance, NuisanceName
 from mrwork.identification.settings import FitSettings, Reading
 from mrwork.keys import suggestion
+from mrwork.labelled import NamedArray, NamedArrays, WithAxes, columns_of, labels_of, number_labels
 from mrwork.numbers import format_rounded, of_unit
 from mrwork.records import AS_IT_IS, DamperTest, Observation, observed
 from mrwork.records.damper_test import OperatingRange, Outside, range_of_test
@@ -319,7 +320,7 @@ class Provenance:
 
 
 @array_dataclass(repr=False)
-class Fit(Summarised, Related):
+class Fit(WithAxes, Summarised, Related):
     """An identified damper: estimates in the order of the model's spec, quality per test, provenance.
 
     `n_effective` is the effective number of samples that the standard errors assume, see `effective_samples`; `None`
@@ -540,6 +541,66 @@ class Fit(Summarised, Related):
             return format_rounded(estimate.standard_error, 2)
         interval = self.intervals.of(estimate.name)
         return "-" if interval is None else interval.in_words(format_rounded)
+
+    def _named_arrays(self) -> NamedArrays:
+        parameters = columns_of(
+            self.estimates,
+            "parameter",
+            {
+                "value": ("", "value of the fit"),
+                "standard_error": ("", self.uncertainty_heading),
+                "lower": ("", "lower bound"),
+                "upper": ("", "upper bound"),
+            },
+        )
+        verdicts = [self.verdict_on(each.name)[0] for each in self.estimates]
+        intervals = [
+            None if self.intervals is None else self.intervals.of(each.name) for each in self.estimates
+        ]
+        ends = {
+            f"interval_{end}": NamedArray.of(
+                [None if each is None else getattr(each, end) for each in intervals],
+                "parameter",
+                long_name=f"{end} end of the interval",
+            )
+            for end in (() if self.intervals is None else ("lower", "upper"))
+        }
+        tests = columns_of(
+            self.quality,
+            "test",
+            {
+                "fit_percent": ("%", "fit"),
+                "nrmse": ("1", "error over the standard deviation of the force"),
+                "rmse_n": ("N", "root mean square error"),
+                "residual_autocorrelation": ("1", "autocorrelation of the residual"),
+                "n_time": ("1", "samples that are compared"),
+            },
+        )
+        search = {
+            f"search_{name}": NamedArray.of(getattr(self.trace, name), "generation", long_name=words)
+            for name, words in (
+                ("evaluations", "simulations so far"),
+                ("best", "least misfit so far"),
+                ("median", "median misfit of the population"),
+            )
+        }
+        return NamedArrays(
+            title=f"Fit of {self.model}",
+            rows=("parameter",),
+            labels={
+                "parameter": labels_of([each.name for each in self.estimates]),
+                "test": labels_of([each.test for each in self.quality]),
+                "generation": number_labels(len(self.trace.best)),
+            },
+            along=columns_of(self.estimates, "parameter", {"unit": ("", "unit of the parameter")}),
+            arrays={
+                **parameters,
+                **ends,
+                "verdict": NamedArray.of(verdicts, "parameter", long_name="identifiability"),
+                **tests,
+                **search,
+            },
+        )
 
     def as_dict(self) -> dict[str, Any]:
         """Nested dictionaries and lists for JSON, without the forces and the live settings."""

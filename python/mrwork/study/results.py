@@ -129,6 +129,30 @@ class StudyCriteria(Summarised, ABC):
     def step_changes(self, row: int, motion: int) -> dict[str, float] | None:
         """Relative change of every criterion with half the step; `None` unless both runs finished."""
 
+    def _groups(self) -> dict[str, LabelledRuns]:
+        return {"criteria": self.labelled}
+
+    def to_xarray(self) -> DataTree:
+        """Criteria and quantities as two data sets "criteria" and "quantities" over named axes, with units.
+
+        Results that were read from their folder have the criteria alone.
+
+        Examples
+        --------
+        >>> import mrwork as mr
+        >>> results = mr.run_study(mr.read_study("study.toml"))  # doctest: +SKIP
+        >>> drift = results.to_xarray()["criteria/peak_drift"]  # doctest: +SKIP
+        >>> drift.sel(realisation="nominal").max("motion")  # doctest: +SKIP
+        """
+        return tree_of(self.title, {name: each._named_arrays() for name, each in self._groups().items()})
+
+    def to_pandas(self) -> DataFrame:
+        """Criteria as a table: a row for each row of the study, motion and realisation; units are in `attrs`.
+
+        `quantities.to_pandas()` is the table of the quantities, with storeys, floors and devices as columns.
+        """
+        return self.labelled.to_pandas()
+
     @property
     def file_warnings(self) -> tuple[str, ...]:
         """Sentences on the file that the results were read from."""
@@ -339,25 +363,8 @@ class StudyResults(StudyCriteria):
         other = self.labelled.criteria((row, motion, 1))
         return {name: _relative_change(value, other[name]) for name, value in whole.items()}
 
-    def to_xarray(self) -> DataTree:
-        """Criteria and quantities as two data sets "criteria" and "quantities" over named axes, with units.
-
-        Examples
-        --------
-        >>> import mrwork as mr
-        >>> results = mr.run_study(mr.read_study("study.toml"))  # doctest: +SKIP
-        >>> drift = results.to_xarray()["criteria/peak_drift"]  # doctest: +SKIP
-        >>> drift.sel(realisation="nominal").max("motion")  # doctest: +SKIP
-        """
-        named = {"criteria": self.labelled, "quantities": self.quantities}
-        return tree_of(self.title, {name: each._named_arrays() for name, each in named.items()})
-
-    def to_pandas(self) -> DataFrame:
-        """Criteria as a table: a row for each row of the study, motion and realisation; units are in `attrs`.
-
-        `quantities.to_pandas()` is the table of the quantities, with storeys, floors and devices as columns.
-        """
-        return self.labelled.to_pandas()
+    def _groups(self) -> dict[str, LabelledRuns]:
+        return {"criteria": self.labelled, "quantities": self.quantities}
 
 
 def _relative_change(value: float, other: float) -> float:
