@@ -148,6 +148,9 @@ motion: mr.motions.GroundMotion = mr.motions.synthetic_motion
 """
 
 
+# Scripts as users write them, which `users/test_scripts.py` runs.
+USERS = Path(__file__).parent / "users"
+
 # As of an installed package: what it declares is read, its own functions and what they use is not checked once more.
 MYPY = """[mypy]
 strict = True
@@ -158,18 +161,26 @@ follow_imports = skip
 """
 
 
-def test_a_users_script_is_typed(tmp_path: Path) -> None:
+def test_users_scripts_are_typed(tmp_path: Path) -> None:
     (tmp_path / "script.py").write_text(USER_SCRIPT)
+    users = [path for path in USERS.glob("*.py") if not path.name.startswith("test_")]
+    assert users
+    for path in users:
+        (tmp_path / path.name).write_text(path.read_text())
     (tmp_path / "mypy.ini").write_text(MYPY)
     done = subprocess.run(
-        [sys.executable, "-m", "mypy", "--config-file=mypy.ini", "--cache-dir=cache", "script.py"],
+        [
+            *(sys.executable, "-m", "mypy", "--config-file=mypy.ini", "--cache-dir=cache", "script.py"),
+            *(path.name for path in users),
+        ],
         capture_output=True,
         text=True,
         env={"PATH": "/usr/bin:/bin", "MYPYPATH": str(Path(mr.__file__).parents[1])},
         cwd=tmp_path,
     )
-    # The last line is wrong on purpose: names without types would let it pass.
-    assert re.findall(r"script\.py:(\d+): error", done.stdout) == [str(USER_SCRIPT.count("\n"))], done.stdout
+    # The last line of the first script is wrong on purpose: names without types would let it pass.
+    wrong = re.findall(r"(\w+)\.py:(\d+): error", done.stdout)
+    assert wrong == [("script", str(USER_SCRIPT.count("\n")))], done.stdout
 
 
 def sources() -> list[tuple[str, str]]:

@@ -194,7 +194,7 @@ def regulator_of_weights(plant: Plant, weighed: Weighed, control_weight: ArrayLi
 def regulators_of_weights(
     plant: Plant,
     weighed: Sequence[Weighed | ArrayLike],
-    control_weights: Sequence[ArrayLike],
+    control_weights: Sequence[ArrayLike] | Floats,
     *,
     threads: Threads = 0,
 ) -> tuple[Regulator | SettingError, ...]:

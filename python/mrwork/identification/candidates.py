@@ -207,12 +207,24 @@ class CandidateObjective(Summarised):
         return tuple(self.objective.spec.parameters[index].unit for index in self.box.free)
 
     @property
-    def bounds(self) -> Floats:
-        """Lower and upper bound of every coordinate, shape (n_free, 2)."""
+    def lower(self) -> Floats:
+        """Lower bound of every coordinate, shape (n_free,)."""
+        return self._ends(0.0, self.box.lower)
+
+    @property
+    def upper(self) -> Floats:
+        """Upper bound of every coordinate, shape (n_free,)."""
+        return self._ends(1.0, self.box.upper)
+
+    @property
+    def bounds(self) -> tuple[tuple[float, float], ...]:
+        """Lower and upper bound of every coordinate, a pair for each."""
+        return tuple(zip(self.lower.tolist(), self.upper.tolist(), strict=True))
+
+    def _ends(self, unit: float, physical: tuple[float, ...]) -> Floats:
         if self.coordinates == "unit":
-            return np.tile([0.0, 1.0], (len(self.names), 1))
-        free = list(self.box.free)
-        return np.column_stack([np.array(self.box.lower)[free], np.array(self.box.upper)[free]])
+            return np.full(len(self.names), unit)
+        return np.array(physical)[list(self.box.free)]
 
     @property
     def start(self) -> Floats:
@@ -282,7 +294,7 @@ class CandidateObjective(Summarised):
             columns=("parameter", "lower", "upper", "unit"),
             rows=[
                 (name, *(format_rounded(end) for end in ends), unit)
-                for name, ends, unit in zip(self.names, self.bounds.tolist(), self.units, strict=True)
+                for name, ends, unit in zip(self.names, self.bounds, self.units, strict=True)
             ],
         )
 
@@ -338,7 +350,8 @@ def objective(
     >>> import mrwork as mr
     >>> from scipy.optimize import least_squares
     >>> objective = mr.objective("bingham", mr.synthetic_test("spencer1997"), coordinates="unit")
-    >>> found = least_squares(objective.residuals, objective.start, jac=objective.jacobian, bounds=objective.bounds.T)
+    >>> ends = (objective.lower, objective.upper)
+    >>> found = least_squares(objective.residuals, objective.start, jac=objective.jacobian, bounds=ends)
     >>> bool(objective(found.x) < objective(objective.start))
     True
     """
