@@ -170,6 +170,8 @@ def test_a_quantity_keeps_its_axes_without_reshaping_by_hand(refused: Refused) -
     assert found.to_xarray()["peak_current"].attrs["units"] == "A"
     assert found.to_pandas()["peak_force"].columns.tolist() == [each.name for each in found.devices]
     refused(found.over_axes, "peak_drft")
+    alike = replace(found, motions=("synthetic", "synthetic"))
+    assert alike.to_xarray()["motion"].values.tolist() == [0, 1]
 
 
 def test_a_study_is_two_groups_and_one_table() -> None:

@@ -264,7 +264,8 @@ class Responses(Labelled, WithAxes, Summarised):
             rows=first,
             labels={
                 "candidate": candidates,
-                "motion": labels_of(self.motions) if self.motions else motions,
+                # Names that two motions have would be ambiguous labels.
+                "motion": labels_of(self.motions) if len(set(self.motions)) == self.shape[1] else motions,
                 "realisation": draws,
                 **_labels_of_axes(self.numbers, self.devices),
             },
