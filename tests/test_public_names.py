@@ -60,6 +60,7 @@ SMALL_VALUES = {
         "Estimate",
         "Fault",
         "Finding",
+        "FittedParameter",
         "FrontPoint",
         "GammaEnvelope",
         "KanaiTajimi",

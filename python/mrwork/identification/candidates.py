@@ -19,7 +19,7 @@ from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import SettingError, SimulationError, UnknownNameError
 from mrwork.identification.equivalent import search_box
 from mrwork.identification.loss import LossFunction, LossName, loss_of
-from mrwork.identification.objective import Objective, linearise_residuals
+from mrwork.identification.objective import Objective, linearise_residuals, ties_of
 from mrwork.identification.residual import NuisanceName, ObservedTest, bounds_without_offsets
 from mrwork.identification.settings import FitSettings
 from mrwork.keys import suggestion
@@ -235,14 +235,16 @@ class CandidateObjective(Summarised):
 
     @checked
     def theta(self, points: AnyArrayLike) -> Floats:
-        """All parameters of the model in SI, shape (..., n_params), with those that are held."""
+        """All parameters of the model in SI, shape (..., n_params), with those that are held or tied."""
         given = np.asarray(points, dtype=np.float64)
         self._check(given)
         if self.coordinates == "unit":
-            return np.asarray(self.box.theta_from_unit(given))
-        theta = np.broadcast_to(np.array(self.box.lower), (*given.shape[:-1], len(self.box.names))).copy()
-        theta[..., list(self.box.free)] = given
-        return theta
+            theta = np.asarray(self.box.theta_from_unit(given))
+        else:
+            theta = np.broadcast_to(np.array(self.box.lower), (*given.shape[:-1], len(self.box.names))).copy()
+            theta[..., list(self.box.free)] = given
+        ties = self.objective.compared[0].ties
+        return theta if ties is None else ties.apply(theta)
 
     # Any: one number for a point, an array for many.
     @checked
@@ -305,6 +307,7 @@ def objective(
     tests: DamperTest | Sequence[DamperTest],
     *,
     bounds: Mapping[str, tuple[float, float]] | None = None,
+    ties: Mapping[str, str] | None = None,
     nuisances: Sequence[NuisanceName] = (),
     observe: str | Sequence[str] = DETECT,
     power: float = 2.0,
@@ -322,7 +325,7 @@ def objective(
 
     Parameters
     ----------
-    model, tests, nuisances, observe, power, force_exponent
+    model, tests, ties, nuisances, observe, power, force_exponent
         As in `mr.identify`.
     bounds
         Parameter name to (lower, upper); equal bounds hold the parameter. Others have the range in which an
@@ -358,6 +361,7 @@ def objective(
     spec = damper(model) if isinstance(model, str) else model
     settings = FitSettings(
         bounds=bounds_without_offsets(tuple(nuisances), spec) | dict(bounds or {}),
+        ties=dict(ties or {}),
         power=power,
         force_exponent=force_exponent,
         nuisances=tuple(nuisances),
@@ -382,8 +386,11 @@ def objective(
     searched = search_box(spec, requested, given)
     others = zip(searched.names, zip(searched.lower, searched.upper, strict=True), strict=True)
     box = requested.with_bounds({name: ends for name, ends in others if name not in settings.bounds})
+    if (tied := ties_of(spec, settings)) is not None:
+        middle = box.theta_from_unit(np.full(len(box.free), 0.5))
+        box = box.with_bounds({spec.names[index]: (float(middle[index]),) * 2 for index in tied.indices})
     if not box.free:
-        raise SettingError(f"every parameter of {spec.name} is held; leave at least one free")
+        raise SettingError(f"every parameter of {spec.name} is held or tied; leave at least one free")
     return CandidateObjective(objective=whole, box=box, coordinates=coordinates)
 
 

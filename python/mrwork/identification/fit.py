@@ -241,6 +241,40 @@ class Estimate:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class FittedParameter:
+    """One parameter of a fit, in SI, as a script asks for it.
+
+    `error` is the standard error, `None` where there is none, see `Estimate`; `verdict` and `reason` are those of
+    `Fit.verdict_on`. `tie` is the expression that the parameter is tied to, empty where it is not.
+    """
+
+    _made_by: ClassVar[str] = "fit.parameters"
+
+    name: str
+    value: float
+    error: float | None
+    unit: str
+    lower: float
+    upper: float
+    verdict: str
+    reason: str = ""
+    tie: str = ""
+
+
+class _Parameters(dict[str, FittedParameter]):
+    """Parameters by name, which answer another name with what was meant."""
+
+    def __init__(self, model: str) -> None:
+        super().__init__()
+        self.model = model
+
+    def __missing__(self, name: str) -> FittedParameter:
+        raise UnknownNameError(
+            f"{self.model} has no parameter {name!r}{suggestion(name, [*self], otherwise='it has')}"
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ErrorNorms:
     """Normalised errors over time, displacement and velocity (Spencer et al. 1997)."""
 
@@ -466,6 +500,40 @@ class Fit(WithAxes, Summarised, Related):
         return replace(self, provenance=replace(self.provenance, settings=settings))
 
     @property
+    def ties(self) -> Mapping[str, str]:
+        """The expressions of the parameters that are tied to others, by name."""
+        recorded = self.provenance.settings.get("ties", {})
+        return recorded if isinstance(recorded, Mapping) else {}
+
+    @property
+    def parameters(self) -> Mapping[str, FittedParameter]:
+        """The parameters by name, each with value, error, unit, bounds and verdict.
+
+        Examples
+        --------
+        >>> import mrwork as mr
+        >>> fit = mr.identify("bingham", mr.synthetic_test("spencer1997"))
+        >>> fit.parameters["c0"].unit, fit.parameters["c0"].value > 0.0
+        ('N s/m', True)
+        """
+        ties = self.ties
+        found = _Parameters(self.model)
+        for each in self.estimates:
+            verdict, reason = self.verdict_on(each.name)
+            found[each.name] = FittedParameter(
+                name=each.name,
+                value=each.value,
+                error=each.standard_error,
+                unit=each.unit,
+                lower=each.lower,
+                upper=each.upper,
+                verdict=verdict,
+                reason=reason,
+                tie=ties.get(each.name, ""),
+            )
+        return found
+
+    @property
     def theta(self) -> tuple[float, ...]:
         """Parameter values in spec order."""
         return tuple(estimate.value for estimate in self.estimates)
@@ -514,7 +582,7 @@ class Fit(WithAxes, Summarised, Related):
     def verdict_on(self, name: str) -> tuple[str, str]:
         """Verdict on a parameter with its reason, from its interval or else from the derivatives at the fit.
 
-        Instead of a verdict "fixed", and empty where none is known.
+        Instead of a verdict "fixed" or "tied", and empty where none is known.
 
         Raises
         ------
@@ -528,6 +596,8 @@ class Fit(WithAxes, Summarised, Related):
         (estimate,) = named
         if estimate.remark == "fixed":
             return "fixed", ""
+        if name in self.ties:
+            return "tied", f"it is {self.ties[name]}"
         verdict = None if self.identifiability is None else self.identifiability.verdict_on(name)
         interval = None if self.intervals is None else self.intervals.of(name)
         if verdict is not None:

@@ -18,6 +18,7 @@ from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import RecordError, SettingError, SimulationError
 from mrwork.hints import SMALLEST
 from mrwork.identification.loss import Loss
+from mrwork.identification.ties import Ties
 from mrwork.records import AS_IT_IS, DamperTest
 from mrwork.records.checks import FORCE_OFFSET
 from mrwork.records.damper_test import delay_signal, loading_of
@@ -215,6 +216,7 @@ class ObservedTest:
     `share` is the weight of its squared NRMSE among other tests. Residuals are the model's force minus the measured one
     [N], over the samples that are compared, with the nuisance parameters at their least-squares values for each
     candidate. They are multiplied by the `weights`, shape (n_counted,), and then transformed by the `loss`, if any.
+    Candidates have their tied parameters by the `ties`, whatever they had for them.
     `counted` are these samples, `measured` is the force there [N], shape (n_counted,), and `variance` its variance
     [N^2]: found once, because every simulation needs them.
     """
@@ -226,6 +228,7 @@ class ObservedTest:
     share: float = 1.0
     weights: Floats | None = None
     loss: Loss | None = None
+    ties: Ties | None = None
     counted: slice | NDArray[np.intp] = field(init=False)
     measured: Floats = field(init=False)
     variance: float = field(init=False)
@@ -278,7 +281,7 @@ class ObservedTest:
 
         For a row that failed, the observation model is applied to a force of zero.
         """
-        run = simulate_forces(self.spec, theta, self.history, threads=threads)
+        run = simulate_forces(self.spec, self.tie(theta), self.history, threads=threads)
         failed = run.outcome != Outcome.FINISHED
         run.force[failed] = 0.0
         return self.test.observation.observe(run.force, self.test.dt), failed
@@ -296,12 +299,18 @@ class ObservedTest:
 
         Derivatives with respect to columns of `theta`, shape (n_batch, n_columns, n_counted), zero where a row failed.
         """
-        run = simulate_sensitivities(self.spec, theta, self.history, columns=columns, threads=threads)
+        tied = () if self.ties is None else self.ties.indices
+        every = [*columns, *(each for each in tied if each not in columns)]
+        run = simulate_sensitivities(self.spec, self.tie(theta), self.history, columns=every, threads=threads)
         failed = run.outcome != Outcome.FINISHED
         run.force[failed] = 0.0
         run.jacobian[failed] = 0.0
         observation, dt, counted = self.test.observation, self.test.dt, self.counted
         force, slope = run.force, run.jacobian
+        if self.ties is not None:
+            chain = self.ties.jacobian(theta)[:, every][:, :, list(columns)]
+            chain[failed] = 0.0
+            slope = np.einsum("bet,bep->bpt", slope, chain)
         if observation != AS_IT_IS:
             force = observation.observe(force, dt)
             slope = replace(observation, offset=0.0).observe(slope, dt)
@@ -312,6 +321,10 @@ class ObservedTest:
             residuals, factor = self._emphasise(residuals)
             derivative = derivative * factor[:, None]
         return residuals, derivative, failed
+
+    def tie(self, theta: Floats) -> Floats:
+        """Candidates as they are simulated, with their tied parameters."""
+        return theta if self.ties is None else self.ties.feasible(theta)
 
     def _emphasise(self, residuals: Floats) -> tuple[Floats, Floats]:
         """Residuals with weights and loss, and their derivatives by those without, both (n_batch, n_counted)."""

@@ -136,6 +136,11 @@ class LinearisedPosterior:
     ) -> LinearisedPosterior:
         """The linearised posterior of a fit."""
         problem = Problem.of_fit(fit, as_tests(tests), threads=threads)
+        if problem.settings.ties:
+            tied = ", ".join(problem.settings.ties)
+            raise SettingError(
+                f"the fit has tied {tied}, and a plan of tests knows no ties; plan with a fit without them"
+            )
         objective, spec, box = problem.objective, problem.form.spec, problem.form.box
         theta = problem.inside(fit.theta)
         scale = Scale.of(spec, box, objective.tests, theta)
