@@ -37,7 +37,7 @@ from mrwork.closed_loop import (
 )
 from mrwork.control import ControlLaw
 from mrwork.motions import GroundMotion
-from mrwork.simulate import Outcome
+from mrwork.simulation import Outcome
 
 Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 

@@ -26,7 +26,7 @@ from mrwork import Device, _rust
 from mrwork.closed_loop import Fault, Hardware, History, Responses, simulate_loop
 from mrwork.control import ControlLaw, ControlLawSpec, control_laws
 from mrwork.errors import ArgumentError, SettingError
-from mrwork.simulate import Outcome
+from mrwork.simulation import Outcome
 
 Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 

@@ -347,6 +347,10 @@ def gains_calls(_: Path) -> Calls:
                     "threads": 1,
                 },
             ),
+            "regulators of one state weight": (
+                of.regulators_of_weights,
+                {"plant": plant, "weighed": [plant.energy], "control_weights": [1e-7, 1e-6]},
+            ),
         }.items()
     }
 
@@ -592,6 +596,7 @@ def loop_calls(_: Path) -> Calls:
                 },
             ),
             "demand of a run": (run.demand, {"run": 0, "device": 1}),
+            "a quantity over its axes": (run.over_axes, {"name": "peak_drift"}),
             "outside of a run": (run.outside, {"run": 0}),
         }.items()
     }
@@ -608,6 +613,10 @@ def studies_calls(_: Path) -> Calls:
             "read_tuning": (mr.tuning.read_tuning, {"folder": "missing"}),
             "load": (mr.load, {"run": "missing"}),
             "run_study": (mr.run_study, {"study": None}),
+            "with_tuned_law": (
+                mr.tuning.with_tuned_law,
+                {"study": None, "found": None, "point": None, "label": "a"},
+            ),
             "tune": (mr.tune, {"study": None}),
             "compared": (mr.study.compared, {"results": found}),
             "criteria": (found.criteria, {"row": 3, "motion": 0}),

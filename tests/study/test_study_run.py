@@ -15,7 +15,7 @@ from sentences import Refused
 
 from mrwork import Journal
 from mrwork.errors import Interrupted
-from mrwork.simulate import Outcome
+from mrwork.simulation import Outcome
 from mrwork.store.codec import plain
 from mrwork.store.journal_file import line_of, read_lines
 from mrwork.store.unfinished import begin_journal

@@ -14,7 +14,7 @@ from mrwork import identify
 from mrwork.dampers import DamperSpec, damper
 from mrwork.identification import Fit
 from mrwork.records import DamperTest, cut
-from mrwork.simulate import Loading, simulate_force
+from mrwork.simulation import Loading, simulate_force
 from mrwork.synthetic import synthetic_test
 from mrwork.uncertainty import Candidate, Limits, identifiability_of
 from mrwork.uncertainty.planning.candidates import candidate_grid, excitation_of, motion_of, read_candidates

@@ -32,7 +32,7 @@ from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import MrworkWarning, SettingError
 from mrwork.hints import Within
 from mrwork.motions.ground_motion import GroundMotion
-from mrwork.simulate import core_refusals
+from mrwork.simulation import core_refusals
 from mrwork.summary import Summarised
 from mrwork.values import Floats, array_dataclass
 
@@ -421,6 +421,7 @@ def _responses(
         histories=histories,
         devices=devices,
         seconds=tuple(motion.duration for motion in motions),
+        motions=tuple(motion.name for motion in motions),
         numbers=quantities,
     )
 

@@ -198,17 +198,20 @@ def regulator_of_weights(plant: Plant, weighed: Weighed, control_weight: ArrayLi
 @checked
 def regulators_of_weights(
     plant: Plant,
-    weighed: Sequence[Weighed],
-    control_weights: Sequence[ArrayLike],
+    weighed: Sequence[Weighed | ArrayLike],
+    control_weights: Sequence[ArrayLike] | Floats,
     *,
     threads: Threads = 0,
 ) -> tuple[Regulator | SettingError, ...]:
-    """The regulators of many weights, by one call of the compiled solver; see `regulator_of_weights`.
+    """The regulators of many weights, by one call of the compiled solver; see `regulator_of_state`.
 
     Parameters
     ----------
-    weighed, control_weights
-        What the weights of each regulator add up to, and its R [1/N^2].
+    weighed
+        For each regulator its state weight, as in `regulator_of_state`, or what the weights of its outputs and state
+        add up to. A single one is that of all.
+    control_weights
+        R [1/N^2] of each regulator.
     threads
         Number of threads, 0 for all processors.
 
@@ -216,15 +219,29 @@ def regulators_of_weights(
     -------
     tuple
         A regulator for each, or the error that says why there is none; the others do not depend on it.
+
+    Examples
+    --------
+    >>> import numpy as np, mrwork as mr
+    >>> frame = mr.building("uts")
+    >>> plant = mr.control.plant_of(frame, [frame.storeys[0]])
+    >>> designs = mr.control.regulators_of_weights(plant, [plant.energy], np.geomspace(1e-9, 1e-5, 200))
+    >>> len(designs), designs[0].gain.shape
+    (200, (1, 10))
     """
+    if len(weighed) == 1:
+        weighed = [*weighed] * len(control_weights)
     if not weighed or len(weighed) != len(control_weights):
         raise SettingError(
             f"there are {len(weighed)} weights of outputs and state, and {len(control_weights)} control weights; give "
             "both for each of one or more regulators"
         )
 
-    def cost(pair: tuple[Weighed, ArrayLike]) -> tuple[Floats, Floats, Floats]:
+    def cost(pair: tuple[Weighed | ArrayLike, ArrayLike]) -> tuple[Floats, Floats, Floats]:
         each, control_weight = pair
+        if not isinstance(each, Weighed):
+            Q = weight_matrix("state_weight", each, 2 * plant.n_coordinates, "states")
+            each = weighed_state(plant, Q)
         R = weight_matrix("control_weight", control_weight, plant.n_devices, "devices") + each.S
         return each.Q, R, each.N
 

@@ -17,6 +17,7 @@ from mrwork.closed_loop.clairvoyant_search import Clairvoyant
 from mrwork.closed_loop.evaluation import SCORE, Spread, criteria, criterion, ratio, score
 from mrwork.closed_loop.responses import ENERGY_TOLERANCE
 from mrwork.errors import SettingError
+from mrwork.labelled import tree_of
 from mrwork.numbers import counted, format_rounded
 from mrwork.store.codec import OrInfinite, OrNan
 from mrwork.study.labelled import HALF_STEP, LabelledRuns
@@ -27,7 +28,7 @@ from mrwork.summary import Summarised, Summary, list_names
 from mrwork.values import Floats
 
 if TYPE_CHECKING:
-    from xarray import DataTree
+    from mrwork.labelled import DataFrame, DataTree
 
 Key = tuple[int, int]
 """Indices of the row and the motion of a run."""
@@ -127,6 +128,30 @@ class StudyCriteria(Summarised, ABC):
     @abstractmethod
     def step_changes(self, row: int, motion: int) -> dict[str, float] | None:
         """Relative change of every criterion with half the step; `None` unless both runs finished."""
+
+    def _groups(self) -> dict[str, LabelledRuns]:
+        return {"criteria": self.labelled}
+
+    def to_xarray(self) -> DataTree:
+        """Criteria and quantities as two data sets "criteria" and "quantities" over named axes, with units.
+
+        Results that were read from their folder have the criteria alone.
+
+        Examples
+        --------
+        >>> import mrwork as mr
+        >>> results = mr.run_study(mr.read_study("study.toml"))  # doctest: +SKIP
+        >>> drift = results.to_xarray()["criteria/peak_drift"]  # doctest: +SKIP
+        >>> drift.sel(realisation="nominal").max("motion")  # doctest: +SKIP
+        """
+        return tree_of(self.title, {name: each._named_arrays() for name, each in self._groups().items()})
+
+    def to_pandas(self) -> DataFrame:
+        """Criteria as a table: a row for each row of the study, motion and realisation; units are in `attrs`.
+
+        `quantities.to_pandas()` is the table of the quantities, with storeys, floors and devices as columns.
+        """
+        return self.labelled.to_pandas()
 
     @property
     def file_warnings(self) -> tuple[str, ...]:
@@ -341,21 +366,8 @@ class StudyResults(StudyCriteria):
         other = self.labelled.criteria((row, motion, 1))
         return {name: _relative_change(value, other[name]) for name, value in whole.items()}
 
-    def to_xarray(self) -> DataTree:
-        """Criteria and quantities as two data sets "criteria" and "quantities" over named axes, with units.
-
-        Examples
-        --------
-        >>> import mrwork as mr
-        >>> results = mr.run_study(mr.read_study("study.toml"))  # doctest: +SKIP
-        >>> drift = results.to_xarray()["criteria/peak_drift"]  # doctest: +SKIP
-        >>> drift.sel(realisation="nominal").max("motion")  # doctest: +SKIP
-        """
-        # xarray is slow to load.
-        from xarray import DataTree
-
-        named = {"criteria": self.labelled, "quantities": self.quantities}
-        return DataTree.from_dict({name: each.to_xarray() for name, each in named.items()}, name=self.title)
+    def _groups(self) -> dict[str, LabelledRuns]:
+        return {"criteria": self.labelled, "quantities": self.quantities}
 
 
 def _relative_change(value: float, other: float) -> float:

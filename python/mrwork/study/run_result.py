@@ -22,7 +22,7 @@ from mrwork.closed_loop.responses import (
 )
 from mrwork.dampers.spec import worst_laws
 from mrwork.errors import RecordError
-from mrwork.simulate import Outcome
+from mrwork.simulation import Outcome
 from mrwork.store.codec import OneOf, array_of, plain, rebuilt
 from mrwork.store.input_file import finite_numbers, is_there, make_stored_kind, read_arrays
 from mrwork.store.output_file import refuse_link, replacing

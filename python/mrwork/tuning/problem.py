@@ -10,6 +10,7 @@ from typing import Protocol, TypeVar
 
 import numpy as np
 
+from mrwork.arguments import checked
 from mrwork.closed_loop.evaluation import SCORE, Spread, criteria
 from mrwork.control.design_problem import NO_CERTIFICATE, DesignProblem, Magnitudes
 from mrwork.control.law_design import design_candidates, design_law, settings_of
@@ -24,7 +25,15 @@ from mrwork.study.run import runs_of, simulate_criteria
 from mrwork.study.run_result import DeviceDemand, demands_of
 from mrwork.study.study import Arrangement, Realisations, Row, Study, nominal
 from mrwork.summary import Summarised
-from mrwork.tuning.results import Better, DesignNotes, MotionScore, TuningJudgement
+from mrwork.tuning.results import (
+    Better,
+    DesignNotes,
+    Front,
+    FrontPoint,
+    LawResult,
+    MotionScore,
+    TuningJudgement,
+)
 from mrwork.tuning.space import PENALTY, LawCandidate, TuningObjective, over
 from mrwork.values import Floats, array_dataclass
 
@@ -140,13 +149,7 @@ class Bench(Summarised):
 
     def arrangement_with(self, law: str, candidate: LawCandidate, label: str) -> Arrangement:
         """The dampers of the study under a law with these settings, as `mrwork respond` simulates it."""
-        problem = self.problem.limited_to(candidate.largest_command)
-        return replace(
-            self.arrangement,
-            row=Row(label=label, kind="controller"),
-            devices=tuple(problem.devices),
-            law=design_law(law, problem, settings_of(law, candidate.settings)),
-        )
+        return arrange_law(self.problem, self.arrangement, law, candidate, label)
 
     def certificate(self, law: str, candidate: LawCandidate) -> str:
         """Stability certificate of a law with these settings, in words."""
@@ -168,6 +171,19 @@ class Bench(Summarised):
         return DesignNotes(weights=weights, loop=made.notes)
 
 
+def arrange_law(
+    problem: DesignProblem, at_zero: Arrangement, law: str, candidate: LawCandidate, label: str
+) -> Arrangement:
+    """The dampers of an arrangement at i = 0 under a law with these settings."""
+    limited = problem.limited_to(candidate.largest_command)
+    return replace(
+        at_zero,
+        row=Row(label=label, kind="controller"),
+        devices=tuple(limited.devices),
+        law=design_law(law, limited, settings_of(law, candidate.settings)),
+    )
+
+
 def check_controllable(study: Study) -> None:
     """Refuse a study of which no law can be tuned."""
     if study.problem is None or not study.devices:
@@ -177,6 +193,48 @@ def check_controllable(study: Study) -> None:
             f"study {study.title!r}: no parameter of the dampers depends on the command, so no law can be tuned; "
             "give a damper with laws"
         )
+
+
+@checked
+def with_tuned_law(
+    study: Study, found: LawResult | Front, point: FrontPoint | None = None, *, label: str = ""
+) -> Study:
+    """The study with a law that `tune` has found as one more row, for `run_study`.
+
+    Parameters
+    ----------
+    found
+        A law of `TuningResults.laws`, or a front of `TuningResults.fronts`.
+    point
+        A point of the front; by default that of `Front.pick()`.
+    label
+        Name of the row; by default that of the law.
+
+    Raises
+    ------
+    SettingError
+        If the study has a row of this name or no damper that follows a command, or a point goes with no front.
+
+    Examples
+    --------
+    >>> import mrwork as mr
+    >>> front = mr.tune(study).fronts[0]  # doctest: +SKIP
+    >>> picked = mr.tuning.with_tuned_law(study, front, front.pick({"peak_drift": 1.0}))  # doctest: +SKIP
+    >>> mr.run_study(picked).to_pandas().loc[front.label]  # doctest: +SKIP
+    """
+    check_controllable(study)
+    assert study.problem is not None
+    if isinstance(found, LawResult):
+        if point is not None:
+            raise SettingError(f"`point` is of a front, and `found` is the law {found.label}; leave it out")
+        candidate = found.chosen_candidate
+    else:
+        candidate = (found.pick() if point is None else point).candidate
+    name = label or found.label
+    if name in (row.label for row in study.rows):
+        raise SettingError(f"the study has a row called {name!r} already; give another `label`")
+    arrangement = arrange_law(study.problem, study.at_zero, found.law, candidate, name)
+    return replace(study, arrangements=(*study.arrangements, arrangement))
 
 
 @array_dataclass(repr=False)

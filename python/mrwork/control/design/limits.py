@@ -18,7 +18,7 @@ from mrwork.control.plant import Outputs, Plant, accelerations, displacements, d
 from mrwork.errors import InvalidSettingError, SettingError
 from mrwork.keys import key, plain_values, refuse_repeated
 from mrwork.motions.spectral_density import KanaiTajimi, SpectralDensity
-from mrwork.simulate import Loading, simulate_force
+from mrwork.simulation import Loading, simulate_force
 from mrwork.summary import Summarised
 from mrwork.units import number_in
 from mrwork.values import Floats, array_dataclass

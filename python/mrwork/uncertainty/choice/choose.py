@@ -37,6 +37,7 @@ from mrwork.identification.problem import command_warning
 from mrwork.identification.progress import Progress
 from mrwork.identification.result import BuildingCost, effective_samples
 from mrwork.identification.settings import FitSettings
+from mrwork.labelled import NamedArrays, WithAxes
 from mrwork.records import DamperTest, observed
 from mrwork.records.damper_test import as_tests
 from mrwork.store.journal import Journal
@@ -158,7 +159,7 @@ JournalOf = Callable[[str], Journal]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class Choice(Summarised):
+class Choice(WithAxes, Summarised):
     """The ranking of families, and the fits of those that could be identified, in the same order."""
 
     ranking: Ranking
@@ -168,6 +169,9 @@ class Choice(Summarised):
     def best(self) -> Fit:
         """The fit of the chosen family, or of the provisional one, to all tests."""
         return next(fit for fit in self.fits if fit.model == self.ranking.chosen)
+
+    def _named_arrays(self) -> NamedArrays:
+        return self.ranking._named_arrays()
 
     def _summary(self) -> Summary:
         return self.ranking._summary()

@@ -17,6 +17,7 @@ from mrwork.dampers.spec import damper
 from mrwork.errors import SettingError
 from mrwork.identification.fit import NEGLIGIBLE, Fit
 from mrwork.identification.result import MANY, BuildingCost
+from mrwork.labelled import NamedArrays, WithAxes, columns_of, labels_of
 from mrwork.numbers import format_fixed, format_rounded
 from mrwork.records import DamperTest
 from mrwork.store.codec import Related
@@ -327,8 +328,31 @@ def _error_of_sum(values: Floats) -> float | None:
     return float(np.std(values, ddof=1) * np.sqrt(values.size)) if values.size > 1 else None
 
 
+# Units and words of what a ranking has for each family.
+_ARRAYS = {
+    "title": ("", "name in words"),
+    "verdict": ("", "place in the ranking"),
+    "status": ("", "how the identification ended"),
+    "same_as": ("", "family whose fit it has"),
+    "n_params": ("1", "number of parameters"),
+    "seconds": ("s", "time of the identifications"),
+    "fit_percent": ("%", "fit to all tests"),
+    "left_out_percent": ("%", "fit to what was left out"),
+    "left_out_error": ("%", "standard error of the fit to what was left out"),
+    "left_out_behind": ("%", "difference to the best in the fit to what was left out"),
+    "left_out_behind_error": ("%", "standard error of that difference"),
+    "elpd": ("1", "expected log predictive density"),
+    "elpd_error": ("1", "standard error of the expected log predictive density"),
+    "elpd_behind": ("1", "difference to the best in expected log predictive density"),
+    "elpd_behind_error": ("1", "standard error of that difference"),
+    "unreliable_blocks": ("1", "blocks with a Pareto k above 0.7"),
+    "bic": ("1", "Bayesian information criterion"),
+    "bic_behind": ("1", "difference to the best in the Bayesian information criterion"),
+}
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class Ranking(Summarised, Related):
+class Ranking(WithAxes, Summarised, Related):
     """Families in order of merit, the chosen one, and the reason; an interrupt left those of `missing` undone.
 
     `chosen` is provisional, as its standing says, where a family that failed fits all tests far better.
@@ -354,6 +378,14 @@ class Ranking(Summarised, Related):
         if chosen != [self.chosen]:
             return f"it has chosen {self.chosen} and ranks {list_names(chosen) or 'none'} as chosen"
         return ""
+
+    def _named_arrays(self) -> NamedArrays:
+        return NamedArrays(
+            title=f"Choice of model: {self.chosen}",
+            rows=("model",),
+            labels={"model": labels_of([each.model for each in self.standings])},
+            arrays=columns_of(self.standings, "model", _ARRAYS),
+        )
 
     @property
     def chosen_standing(self) -> Standing:

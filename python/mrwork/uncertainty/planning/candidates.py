@@ -17,7 +17,7 @@ from mrwork.errors import RecordError, SettingError
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
 from mrwork.records.motion import spectrum
-from mrwork.simulate import Loading
+from mrwork.simulation import Loading
 from mrwork.store.input_file import CANDIDATES, text_of
 from mrwork.units import CommandUnit
 
