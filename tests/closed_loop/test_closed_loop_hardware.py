@@ -26,7 +26,15 @@ from sentences import Refused
 import mrwork as mr
 from mrwork import Device
 from mrwork.buildings import Building
-from mrwork.closed_loop import Fault, Hardware, History, loop_observer, simulate_loop
+from mrwork.closed_loop import (
+    Fault,
+    Hardware,
+    History,
+    LoopSample,
+    UserLaw,
+    loop_observer,
+    simulate_loop,
+)
 from mrwork.control import ControlLaw
 from mrwork.motions import GroundMotion
 from mrwork.simulate import Outcome
@@ -38,7 +46,7 @@ N_NOISE = 20_000
 
 def run_of(
     loop: list[Device],
-    law: ControlLaw,
+    law: ControlLaw | UserLaw,
     hardware: Hardware,
     motion: GroundMotion | None = None,
     building: Building | None = None,
@@ -218,6 +226,49 @@ def test_a_force_sensor_of_steps_reads_the_nearest_of_them() -> None:
     assert np.abs(commands(seen) - run.command).max() > 1e-3
 
 
+def ground_readings(hardware: Hardware, motion: GroundMotion) -> Floats:
+    """Accelerations of the ground that a law in Python has read, shape (n_samples,)."""
+    seen: list[Floats] = []
+
+    def command(sample: LoopSample, memory: Floats) -> Floats:
+        seen.append(sample.ground_acceleration)
+        return np.zeros_like(sample.rate)
+
+    run_of(onlookers(), UserLaw(name="reader", command=command), hardware, motion)
+    return np.ravel(seen)
+
+
+@pytest.mark.parametrize("feedback", ["state", "observer"])
+def test_a_law_reads_the_acceleration_of_the_ground_at_its_sample(
+    feedback: Literal["state", "observer"],
+) -> None:
+    motion = sweep(1.0)
+    seen = ground_readings(Hardware(feedback=feedback), motion)
+    times = 1e-3 * np.arange(len(seen))
+    given = np.interp(times, motion.dt * np.arange(len(motion.acceleration)), motion.acceleration)
+    np.testing.assert_allclose(seen, given, atol=1e-12 * np.abs(given).max())
+    assert np.ptp(seen) > 0.1
+
+
+def test_the_sensor_of_the_ground_has_noise_resolution_and_faults() -> None:
+    quiet = still(N_NOISE * 1e-3)
+    seen = ground_readings(Hardware(ground_acceleration_noise=0.02), quiet) / 0.02
+    # Bounds of four standard errors, and noise of its own: not that of the deformations.
+    root = np.sqrt(len(seen))
+    assert abs(seen.mean()) < 4.0 / root
+    assert abs(seen.var() - 1.0) < 4.0 * np.sqrt(2.0) / root
+    other = noisy(Hardware(deformation_noise=1e-3))[: len(seen), 0] / 1e-3
+    assert abs(np.mean(seen[: len(other)] * other)) < 4.0 / root
+    motion = sweep(1.0)
+    exact = ground_readings(Hardware(), motion)
+    stepped = ground_readings(Hardware(ground_acceleration_resolution=0.05), motion)
+    np.testing.assert_allclose(stepped, 0.05 * np.round(exact / 0.05), atol=1e-12)
+    held = Fault(channel="ground_acceleration", start=0.2, end=0.4)
+    expected = exact.copy()
+    expected[BROKEN] = exact[199]
+    np.testing.assert_array_equal(ground_readings(Hardware(faults=(held,)), motion), expected)
+
+
 BROKEN = slice(200, 400)
 
 
@@ -340,6 +391,7 @@ def test_a_fault_that_cannot_be_is_refused(refused: Refused) -> None:
         {"channel": "force", "start": 2.0, "end": 1.0},
         {"channel": "force", "start": np.nan},
         {"channel": "force", "value": "holt"},
+        {"channel": "ground_acceleration", "index": 1},
     ):
         refused(Fault, **settings)
 

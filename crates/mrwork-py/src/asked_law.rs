@@ -14,8 +14,8 @@ use crate::arrays::{array_of, shaped};
 /// The law, and its first error.
 ///
 /// It is called with the number of the sample, the places of the runs in the batch, displacements and velocities, shape
-/// (runs, coordinates), and elongations, their rates and forces of the devices, shape (runs, devices); it returns the
-/// commands, shape (runs, devices).
+/// (runs, coordinates), elongations, their rates and forces of the devices, shape (runs, devices), and the acceleration of
+/// the ground, shape (runs,); it returns the commands, shape (runs, devices).
 pub struct AskedLaw {
     law: Py<PyAny>,
     n_coordinates: usize,
@@ -52,6 +52,7 @@ impl AskedLaw {
             matrix(sample.deformation, self.n_devices)?,
             matrix(sample.rate, self.n_devices)?,
             matrix(sample.force, self.n_devices)?,
+            sample.ground_acceleration.to_vec().into_pyarray(py),
         );
         let answer = self.law.bind(py).call1(arguments)?;
         let answer: PyReadonlyArray2<'_, f64> = answer.extract()?;

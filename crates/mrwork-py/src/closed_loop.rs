@@ -216,6 +216,8 @@ pub struct LoopHardware {
     deformation_resolution: f64,
     force_noise: f64,
     force_resolution: f64,
+    ground_acceleration_noise: f64,
+    ground_acceleration_resolution: f64,
     sampled_faults: Vec<SampledFault>,
 }
 
@@ -239,6 +241,10 @@ impl LoopHardware {
             acceleration: Sensor { noise: self.acceleration_noise, resolution: self.acceleration_resolution },
             deformation: Sensor { noise: self.deformation_noise, resolution: self.deformation_resolution },
             force: Sensor { noise: self.force_noise, resolution: self.force_resolution },
+            ground_acceleration: Sensor {
+                noise: self.ground_acceleration_noise,
+                resolution: self.ground_acceleration_resolution,
+            },
             faults: self.sampled_faults.into_iter().map(SampledFault::dynamics).collect::<PyResult<_>>()?,
         })
     }
@@ -252,9 +258,11 @@ impl SampledFault {
             "deformation" => Channel::Deformation(index),
             "force" => Channel::Force(index),
             "command" => Channel::Command(index),
+            "ground_acceleration" if index == 0 => Channel::GroundAcceleration,
             other => {
                 return Err(PyValueError::new_err(format!(
-                    "a fault is in acceleration, deformation, force or command, not in `{other}`"
+                    "a fault is in acceleration, deformation, force, command or the one ground_acceleration, not in \
+                     `{other}` {index}"
                 )));
             }
         };

@@ -35,6 +35,8 @@ pub struct BlockSample<'a> {
     pub rate: &'a [f64],
     /// Force with which each device resists [N].
     pub force: &'a [f64],
+    /// Acceleration of the ground [m/s^2], one per run.
+    pub ground_acceleration: &'a [f64],
 }
 
 /// A control law outside of the core, in place of one of the registry.

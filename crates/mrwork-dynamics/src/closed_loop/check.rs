@@ -84,6 +84,7 @@ impl Batch<'_> {
                 Channel::Deformation(device) | Channel::Force(device) | Channel::Command(device) => {
                     (device, n_devices)
                 }
+                Channel::GroundAcceleration => (0, 1),
             };
             if index >= count {
                 return Err(DynamicsError::NoSuchEntry { run: 0, what: "the faulty channel", index, count });

@@ -17,6 +17,8 @@ pub struct Hardware {
     pub deformation: Sensor,
     /// Sensors of the devices' force [N].
     pub force: Sensor,
+    /// Sensor of ground acceleration [m/s^2].
+    pub ground_acceleration: Sensor,
     /// Faults of channels.
     pub faults: Vec<Fault>,
 }
@@ -54,6 +56,8 @@ pub enum Channel {
     Force(usize),
     /// Command of a device.
     Command(usize),
+    /// Acceleration of the ground.
+    GroundAcceleration,
 }
 
 impl Channel {
@@ -64,6 +68,7 @@ impl Channel {
             Self::Deformation(device) => 0x1_0000 + device as u64,
             Self::Force(device) => 0x2_0000 + device as u64,
             Self::Command(device) => 0x3_0000 + device as u64,
+            Self::GroundAcceleration => 0x4_0000,
         }
     }
 }

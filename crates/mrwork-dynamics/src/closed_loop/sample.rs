@@ -24,6 +24,7 @@ pub(super) struct Controller<R: Real> {
     deformation: Vec<R>,
     rate: Vec<R>,
     force: Vec<R>,
+    ground_acceleration: R,
     /// Commands of the last `depth` samples, a ring buffer.
     sent: Vec<R>,
     /// Number of samples in `sent`.
@@ -76,6 +77,7 @@ impl<R: Lanes> Controller<R> {
             deformation: vec![zero; n_devices],
             rate: vec![zero; n_devices],
             force: vec![zero; n_devices],
+            ground_acceleration: zero,
             sent: vec![zero; depth * n_devices],
             depth,
             raw: vec![zero; n_devices],
@@ -125,6 +127,7 @@ fn ask<R: Lanes>(
             deformation: &by_run(measured.deformation, runs.len()),
             rate: &by_run(measured.rate, runs.len()),
             force: &by_run(measured.force, runs.len()),
+            ground_acceleration: &by_run(&[measured.ground_acceleration], runs.len()),
         },
         &mut raw,
     );
@@ -186,6 +189,13 @@ impl<R: Lanes> Sample<'_, R> {
                     self.reading(Channel::Acceleration(floor), hardware.acceleration, value, before);
             }
         }
+        let before = self.controller.ground_acceleration;
+        self.controller.ground_acceleration = self.reading(
+            Channel::GroundAcceleration,
+            hardware.ground_acceleration,
+            self.ground_acceleration,
+            before,
+        );
         for device in 0..self.force.len() {
             let value = building.devices.dot(device, self.displacement);
             let before = self.controller.deformation[device];
@@ -251,6 +261,7 @@ impl<R: Lanes> Sample<'_, R> {
             deformation: &controller.deformation,
             rate: &controller.rate,
             force: &controller.force,
+            ground_acceleration: controller.ground_acceleration,
             ground_velocity: self.ground_velocity,
             ground_reach: &controller.ground_reach,
             largest: &controller.largest,

@@ -145,6 +145,8 @@ pub(crate) struct Measurement<'a, R: Real> {
     pub(crate) rate: &'a [R],
     /// Force with which each device resists [N].
     pub(crate) force: &'a [R],
+    /// Acceleration of the ground [m/s^2].
+    pub(crate) ground_acceleration: R,
     /// Velocity of the ground [m/s].
     pub(crate) ground_velocity: R,
     /// Elongation of each device per displacement of the ground: e r.
