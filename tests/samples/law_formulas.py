@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from rollout_formula import RolloutInNumPy
 
 from mrwork import Device
 from mrwork.buildings import Building
@@ -27,6 +28,7 @@ class Recorded:
     rate: Floats
     force: Floats
     absolute_rate: Floats
+    ground_acceleration: Floats
     sample_time: float
 
     @classmethod
@@ -53,6 +55,7 @@ class Recorded:
             deformation=run.deformation,
             rate=run.rate,
             force=run.force,
+            ground_acceleration=start + (end - start) * since / motion.dt,
             absolute_rate=run.rate + np.outer(ground, carried),
             sample_time=sample_time,
         )
@@ -283,6 +286,20 @@ def _active(run: Recorded) -> Floats:
     return run.wanted
 
 
+def _rollout(run: Recorded) -> Floats:
+    """Sample after sample, with the steps of the model that the law takes for these dampers."""
+    again = RolloutInNumPy(run.law, run.sample_time, steps=8)
+    n = run.state.shape[1] // 2
+    return np.array(
+        [
+            again.command(state[:n], state[n:], *readings)
+            for state, *readings in zip(
+                run.state, run.deformation, run.rate, run.force, run.ground_acceleration, strict=True
+            )
+        ]
+    )
+
+
 FORMULAS: dict[str, Callable[[Recorded], Floats]] = {
     "passive": _passive,
     "clipped_optimal": _clipped_optimal,
@@ -306,6 +323,7 @@ FORMULAS: dict[str, Callable[[Recorded], Floats]] = {
     "signal_network": _signal_network,
     "signal_polynomial": _signal_polynomial,
     "active": _active,
+    "predictive_rollout": _rollout,
 }
 
 

@@ -274,6 +274,7 @@ proptest! {
             gains: &gains,
             tables: &tables,
             curve: None,
+            model: None,
             motions: &[motion],
             runs: &runs,
             hardware: &hardware,

@@ -23,7 +23,7 @@ _SEEDS = 2**32
 _MOST_STEPS = 10_000
 _LONGEST_DELAY = 1_000_000
 # Settings of the sensors that only the observer reads.
-_OF_OBSERVER = ("measured_floors", "acceleration_noise", "acceleration_resolution")
+_OF_OBSERVER = ("measured_floors", "known_ground", "acceleration_noise", "acceleration_resolution")
 _NO_EFFECT = (
     "has no effect with feedback of the state, which needs no accelerations; leave it out, or set `feedback` to "
     "'observer'"
@@ -116,6 +116,10 @@ class Hardware(Summarised):
         default=None,
         least=0,
         from_one=True,
+    )
+    known_ground: bool = key(
+        "whether the observer takes the acceleration of the ground from its sensor, which it otherwise estimates",
+        default=False,
     )
     noise_ratio: float = key(
         "intensity of ground over sensor noise, S_ag/S_v, in the design of the observer",

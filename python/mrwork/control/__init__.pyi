@@ -43,6 +43,7 @@ if True:  # the lower tier
     from .design_problem import Design as Design
     from .design_problem import LawSettings as LawSettings
     from .design_problem import Magnitudes as Magnitudes
+    from .design_problem import ReferencePeaks as ReferencePeaks
     from .design_problem import Span as Span
     from .fuzzy import FuzzySettings as FuzzySettings
     from .fuzzy import FuzzyTable as FuzzyTable
@@ -55,6 +56,7 @@ if True:  # the lower tier
     from .law_design import PassiveSettings as PassiveSettings
     from .law_design import design_candidates as design_candidates
     from .laws import ControlLawSpec as ControlLawSpec
+    from .loop_model import LoopModel as LoopModel
     from .lqr import Observer as Observer
     from .lqr import PublishedRegulator as PublishedRegulator
     from .lqr import Regulator as Regulator
@@ -74,6 +76,7 @@ if True:  # the lower tier
     from .regulator_settings import RegulatorSettings as RegulatorSettings
     from .riccati import RiccatiSolutions as RiccatiSolutions
     from .riccati import RiccatiStatus as RiccatiStatus
+    from .rollout import RolloutSettings as RolloutSettings
     from .sliding import AdaptiveSlidingSettings as AdaptiveSlidingSettings
     from .sliding import SlidingGains as SlidingGains
     from .sliding import SlidingSettings as SlidingSettings

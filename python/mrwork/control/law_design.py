@@ -14,6 +14,7 @@ from mrwork.arguments import checked
 from mrwork.control.design_problem import Design, DesignProblem, LawSettings, Span
 from mrwork.control.fuzzy import FuzzySettings
 from mrwork.control.laws import ControlLaw, ControlLawSpec, control_law
+from mrwork.control.loop_model import LoopModel
 from mrwork.control.lyapunov import LyapunovSettings, ProportionalSettings
 from mrwork.control.regulator_settings import (
     ClippedSettings,
@@ -22,6 +23,7 @@ from mrwork.control.regulator_settings import (
     SignalNetworkSettings,
     SignalPolynomialSettings,
 )
+from mrwork.control.rollout import RolloutSettings
 from mrwork.control.sliding import (
     AdaptiveSlidingSettings,
     SlidingSettings,
@@ -104,6 +106,7 @@ SETTINGS: Mapping[str, type[LawSettings]] = {
     "signal_network": SignalNetworkSettings,
     "signal_polynomial": SignalPolynomialSettings,
     "active": RegulatorSettings,
+    "predictive_rollout": RolloutSettings,
 }
 """Settings by name of the law."""
 
@@ -180,8 +183,20 @@ def design_law(
     design = settings.design(problem)
     curve = problem.curve if spec.needs_curve else None
     return ControlLaw(
-        name=name, gains=design.gains, tables=design.tables, curve=curve, notes=settings.notes(problem)
+        name=name,
+        gains=design.gains,
+        tables=design.tables,
+        curve=curve,
+        model=_model_of(spec, problem),
+        notes=settings.notes(problem),
     )
+
+
+def _model_of(spec: ControlLawSpec, problem: DesignProblem) -> LoopModel | None:
+    """The building with its devices of the problem, for a law that predicts the motion."""
+    if not spec.needs_model:
+        return None
+    return LoopModel(building=problem.building, devices=tuple(problem.devices))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -225,7 +240,9 @@ def design_candidates(
     gains = {
         gain.name: np.stack([np.asarray(each.gains[gain.name]) for each in designs]) for gain in spec.gains
     }
-    law = ControlLaw(name=name, gains=gains, tables=designs[0].tables, curve=curve)
+    law = ControlLaw(
+        name=name, gains=gains, tables=designs[0].tables, curve=curve, model=_model_of(spec, problem)
+    )
     return DesignedCandidates(law=law, designed=tuple(designed), refusals=refusals)
 
 

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from mrwork import _rust
 from mrwork.arguments import May, checked
+from mrwork.control.loop_model import LoopModel
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.keys import suggestion
@@ -19,12 +20,12 @@ from mrwork.numbers import format_rounded
 from mrwork.summary import Summarised, Summary
 from mrwork.values import Floats, array_dataclass
 
-Shape = Literal["device", "state", "numbers"]
+Shape = Literal["device", "state", "numbers", "loop"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GainSpec:
-    """A gain of a law: for each device one number, one for each state [q; q'], or `numbers` of them.
+    """A gain of a law: for each device one number, one for each state [q; q'] or `numbers`, or one for the loop.
 
     A gain that `is_command` is itself the command of each device; one that `scales_with_command` has the unit of the
     command, or that unit per another.
@@ -45,6 +46,8 @@ class GainSpec:
 
     def shape_for(self, n_devices: int, n_states: int) -> tuple[int, ...]:
         """Shape of the gain of one candidate."""
+        if self.shape == "loop":
+            return (1,)
         if self.shape == "device":
             return (n_devices,)
         return (n_devices, n_states if self.shape == "state" else self.numbers)
@@ -55,7 +58,8 @@ class ControlLawSpec:
     """A law: its formula, source, gains and tables.
 
     `tables` are arrays that all candidates share. A law that `needs_curve` evaluates the damper force as a function of
-    the command, by a static hysteretic model of the damper. A law that `commands_force` drives ideal actuators.
+    the command, by a static hysteretic model of the damper. A law that `needs_model` predicts the motion by a model of
+    building and dampers. A law that `commands_force` drives ideal actuators.
     """
 
     name: str
@@ -66,13 +70,14 @@ class ControlLawSpec:
     gains: tuple[GainSpec, ...]
     tables: tuple[str, ...]
     needs_curve: bool
+    needs_model: bool
     commands_force: bool
 
     @property
     def sends_share(self) -> bool:
         """Whether the command scales with the largest command."""
         absolute = any(gain.scales_with_command for gain in self.gains)
-        return not (absolute or self.tables or self.needs_curve or self.commands_force)
+        return not (absolute or self.tables or self.needs_curve or self.needs_model or self.commands_force)
 
 
 @checked
@@ -90,15 +95,16 @@ class ControlLaw(Summarised):
         By name, shape (n,).
     curve
         Model of the damper in the law: static hysteretic with current laws, and its parameters.
+    model
+        Building and dampers by which the law predicts the motion; they may differ from those of the loop.
 
     Raises
     ------
     UnknownNameError
         If there is no such law.
     SettingError
-        If a gain or table is unknown or missing, is not an array of numbers or has NaN, the law has no `curve` and
-        needs one, or
-        the gains differ in their number of candidates.
+        If a gain or table is unknown or missing, is not an array of numbers or has NaN, the law has no `curve` or
+        `model` and needs one, or the gains differ in their number of candidates.
     """
 
     _made_by: ClassVar[str] = "mr.control.design_law(name, problem)"
@@ -108,6 +114,7 @@ class ControlLaw(Summarised):
     gains: Mapping[str, Annotated[ArrayLike, May.BE_INFINITE]] = field(default_factory=dict)
     tables: Mapping[str, ArrayLike] = field(default_factory=dict)
     curve: tuple[DamperSpec, ArrayLike] | None = None
+    model: LoopModel | None = None
     notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
@@ -126,6 +133,13 @@ class ControlLaw(Summarised):
             raise SettingError(
                 f"{spec.name} needs the force as a function of the command; give it a `curve`: a static_hysteretic "
                 "with current laws, of the damper itself or of its static counterpart"
+            )
+        if self.model is not None and not spec.needs_model:
+            raise SettingError(f"{spec.name} does not predict the motion; leave `model` out")
+        if spec.needs_model and self.model is None:
+            raise SettingError(
+                f"{spec.name} predicts the motion by its own model of the loop; give it a `model`, a building with its "
+                "devices"
             )
 
     @property

@@ -8,7 +8,7 @@ from __future__ import annotations
 import inspect
 import math
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import ModuleType
@@ -24,7 +24,7 @@ from mrwork.closed_loop.clairvoyant_search import ClairvoyantSettings
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.simulate import samples_of
 from mrwork.closed_loop.user_law import Undone, UserLaw, in_words, place_of, place_raised
-from mrwork.control.design_problem import DesignProblem, LawSettings
+from mrwork.control.design_problem import DesignProblem, LawSettings, ReferencePeaks
 from mrwork.control.law_design import SETTINGS, design_law
 from mrwork.control.laws import ControlLaw, control_laws
 from mrwork.control.weights import WeightWishes
@@ -201,7 +201,11 @@ def arrangements(
 
 
 def problem_of(
-    table: StudyTable, building: Building, devices: tuple[Device, ...], hardware: Hardware
+    table: StudyTable,
+    building: Building,
+    devices: tuple[Device, ...],
+    hardware: Hardware,
+    reference_peaks: Callable[[], ReferencePeaks] | None = None,
 ) -> DesignProblem:
     """The building with its dampers, for which the laws of a study are designed."""
     first = table.damper[0] if devices else None
@@ -210,6 +214,7 @@ def problem_of(
         devices=devices,
         sample_time=hardware.sample_time,
         delay=hardware.delay,
+        reference_peaks=reference_peaks,
         amplitude=None if first is None else _range(first, "amplitude", first.amplitude),
         velocity=None if first is None else _range(first, "velocity", first.velocity),
     )

@@ -3,19 +3,18 @@
 use super::batch::{Batch, BlockSample, OutsideLaw};
 use super::hardware::{Channel, Observer, Sensor};
 use super::noise::normal;
-use crate::control::{ForceCurve, Gains, Measurement, ground_reach, within};
+use crate::control::{ForceCurve, Gains, Measurement, Memory, ground_reach, plan, within};
 use crate::lanes::{Lanes, OutOfLine};
-use crate::real::Real;
 
 /// State of the controller between two samples, for a block of lanes.
-pub(super) struct Controller<R: Real> {
+pub(super) struct Controller<'a, R: Lanes> {
     columns: Vec<R>,
     /// Zero; not a number in lanes where a gain is not a number.
     unknown: R,
     curves: Vec<ForceCurve<R>>,
     ground_reach: Vec<f64>,
     largest: Vec<f64>,
-    memory: Vec<R>,
+    memory: Memory<'a, R>,
     /// State estimate of the observer.
     state: Vec<R>,
     next_state: Vec<R>,
@@ -34,10 +33,10 @@ pub(super) struct Controller<R: Real> {
     pub(super) command_invalid: R,
 }
 
-impl<R: Lanes> Controller<R> {
+impl<'a, R: Lanes + 'a> Controller<'a, R> {
     /// The controller before the first sample.
-    pub(super) fn new(batch: &Batch<'_>, runs: &[usize]) -> Self {
-        let Batch { building, gains, mountings, ranges, hardware, law, .. } = *batch;
+    pub(super) fn new(batch: &Batch<'a>, runs: &[usize]) -> Self {
+        let Batch { building, gains, tables, mountings, ranges, hardware, law, .. } = *batch;
         let (n_states, n_devices) = (2 * building.n, mountings.len());
         let n_gains = law.spec().n_gains(n_devices, n_states);
         let last = runs.len() - 1;
@@ -59,6 +58,11 @@ impl<R: Lanes> Controller<R> {
             }
             _ => Vec::new(),
         };
+        // The batch was checked: a law that predicts the motion has its model.
+        let plan = batch.timing().ok().flatten().and_then(|(model, timing)| {
+            let gains = Gains { spec: law.spec(), columns: &columns, tables, n_devices, n_states };
+            plan(model, timing, &gains, ranges)
+        });
         let depth = hardware.delay_steps / hardware.steps as usize + 2;
         let zero = R::splat(0.0);
         let n_measured =
@@ -69,7 +73,7 @@ impl<R: Lanes> Controller<R> {
             curves,
             ground_reach: ground_reach(&building.devices, &building.influence),
             largest,
-            memory: vec![zero; law.spec().memory * n_devices],
+            memory: Memory { numbers: vec![zero; law.spec().memory * n_devices], plan },
             state: vec![zero; n_states],
             next_state: vec![zero; n_states],
             acceleration: vec![zero; building.n_floors()],
@@ -152,8 +156,8 @@ fn by_run<R: Lanes>(signals: &[R], n_runs: usize) -> Vec<f64> {
 }
 
 /// Motion and forces of the building at a sample, and the controller that measures them.
-pub(super) struct Sample<'a, R: Real> {
-    pub(super) batch: &'a Batch<'a>,
+pub(super) struct Sample<'a, 'b, R: Lanes> {
+    pub(super) batch: &'a Batch<'b>,
     pub(super) runs: &'a [usize],
     pub(super) streams: &'a [u64],
     pub(super) number: usize,
@@ -163,10 +167,10 @@ pub(super) struct Sample<'a, R: Real> {
     pub(super) force: &'a [R],
     pub(super) ground_acceleration: R,
     pub(super) ground_velocity: R,
-    pub(super) controller: &'a mut Controller<R>,
+    pub(super) controller: &'a mut Controller<'b, R>,
 }
 
-impl<R: Lanes> OutOfLine for Sample<'_, R> {
+impl<R: Lanes> OutOfLine for Sample<'_, '_, R> {
     #[inline(always)]
     fn run(mut self) {
         self.measure();
@@ -177,7 +181,7 @@ impl<R: Lanes> OutOfLine for Sample<'_, R> {
     }
 }
 
-impl<R: Lanes> Sample<'_, R> {
+impl<R: Lanes> Sample<'_, '_, R> {
     #[inline(always)]
     fn measure(&mut self) {
         let Batch { building, hardware, observer, .. } = *self.batch;
@@ -246,6 +250,7 @@ impl<R: Lanes> Sample<'_, R> {
         let Batch { law, outside, tables, hardware, ranges, building, observer, .. } = *self.batch;
         let n_devices = self.force.len();
         let controller = &mut *self.controller;
+        let earlier = (self.number.wrapping_sub(1) % controller.depth) * n_devices;
         let gains = Gains {
             spec: law.spec(),
             columns: &controller.columns,
@@ -267,6 +272,7 @@ impl<R: Lanes> Sample<'_, R> {
             largest: &controller.largest,
             curves: &controller.curves,
             sample_time: hardware.sample_time,
+            sent: &controller.sent[earlier..earlier + n_devices],
         };
         match outside {
             None => law.command(&gains, &measured, &mut controller.memory, &mut controller.raw),
@@ -274,7 +280,6 @@ impl<R: Lanes> Sample<'_, R> {
         }
         let furthest = R::splat(hardware.command_rate * hardware.sample_time);
         let position = (self.number % self.controller.depth) * n_devices;
-        let earlier = (self.number.wrapping_sub(1) % self.controller.depth) * n_devices;
         for (device, &[smallest, largest]) in ranges.iter().enumerate() {
             let raw = self.controller.raw[device];
             let checked = raw + self.controller.unknown;
@@ -298,9 +303,19 @@ impl<R: Lanes> Sample<'_, R> {
     /// The state estimate for the next sample.
     #[inline(always)]
     fn estimate(&mut self, observer: &Observer) {
-        let Controller { state, next_state, acceleration, innovation, deformation, force, .. } =
-            &mut *self.controller;
+        let Controller {
+            state,
+            next_state,
+            acceleration,
+            innovation,
+            deformation,
+            force,
+            ground_acceleration,
+            ..
+        } = &mut *self.controller;
         let (n_states, n_devices) = (state.len(), force.len());
+        let finite = ground_acceleration.abs().less(R::splat(f64::INFINITY));
+        let shaking = R::select(finite, *ground_acceleration, R::splat(0.0));
         let n_accelerations = observer.accelerations.len();
         for (row, innovation) in innovation.iter_mut().enumerate() {
             let measured = if row < n_accelerations {
@@ -314,6 +329,9 @@ impl<R: Lanes> Sample<'_, R> {
             }
             for (&d, &f) in observer.direct[row * n_devices..][..n_devices].iter().zip(force.iter()) {
                 expected = f.mul_add(R::splat(d), expected);
+            }
+            if let Some(&direct) = observer.direct_ground.get(row) {
+                expected = shaking.mul_add(R::splat(direct), expected);
             }
             let error = measured - expected;
             // A reading that is not finite is ignored.
@@ -329,6 +347,9 @@ impl<R: Lanes> Sample<'_, R> {
             for (&b, &f) in observer.input[row * n_devices..][..n_devices].iter().zip(force.iter()) {
                 let finite = f.abs().less(R::splat(f64::INFINITY));
                 sum = R::select(finite, f, R::splat(0.0)).mul_add(R::splat(b), sum);
+            }
+            if let Some(&moved) = observer.ground.get(row) {
+                sum = shaking.mul_add(R::splat(moved), sum);
             }
             for (&l, &y) in observer.gain[row * n_measured..][..n_measured].iter().zip(innovation.iter()) {
                 sum = y.mul_add(R::splat(l), sum);

@@ -7,7 +7,7 @@
 use super::clipped_optimal::GAIN;
 use super::lyapunov::WEIGHT;
 use super::{
-    ControlLaw, GainSpec, Gains, LawSpec, Measurement, Shape, Unit, if_known, where_positive, within,
+    ControlLaw, GainSpec, Gains, LawSpec, Measurement, Memory, Shape, Unit, if_known, where_positive, within,
 };
 use crate::lanes::Lanes;
 use crate::real::Real;
@@ -30,6 +30,7 @@ impl ControlLaw for LyapunovDirect {
         tables: &[],
         memory: 0,
         needs_curve: true,
+        needs_model: false,
         commands_force: false,
     };
 
@@ -37,7 +38,7 @@ impl ControlLaw for LyapunovDirect {
     fn command<R: Lanes>(
         gains: &Gains<'_, R>,
         measured: &Measurement<'_, R>,
-        _: &mut [R],
+        _: &mut Memory<'_, R>,
         command: &mut [R],
     ) {
         for (device, command) in command.iter_mut().enumerate() {
@@ -62,6 +63,7 @@ impl ControlLaw for LyapunovParabola {
         tables: &[],
         memory: 0,
         needs_curve: true,
+        needs_model: false,
         commands_force: false,
     };
 
@@ -69,7 +71,7 @@ impl ControlLaw for LyapunovParabola {
     fn command<R: Lanes>(
         gains: &Gains<'_, R>,
         measured: &Measurement<'_, R>,
-        _: &mut [R],
+        _: &mut Memory<'_, R>,
         command: &mut [R],
     ) {
         let zero = R::splat(0.0);
@@ -108,6 +110,7 @@ impl ControlLaw for LyapunovDirectBangBang {
         tables: &[],
         memory: 0,
         needs_curve: true,
+        needs_model: false,
         commands_force: false,
     };
 
@@ -115,7 +118,7 @@ impl ControlLaw for LyapunovDirectBangBang {
     fn command<R: Lanes>(
         gains: &Gains<'_, R>,
         measured: &Measurement<'_, R>,
-        _: &mut [R],
+        _: &mut Memory<'_, R>,
         command: &mut [R],
     ) {
         for (device, command) in command.iter_mut().enumerate() {
@@ -150,6 +153,7 @@ impl ControlLaw for ProportionalDirect {
         tables: &[],
         memory: 0,
         needs_curve: true,
+        needs_model: false,
         commands_force: false,
     };
 
@@ -157,7 +161,7 @@ impl ControlLaw for ProportionalDirect {
     fn command<R: Lanes>(
         gains: &Gains<'_, R>,
         measured: &Measurement<'_, R>,
-        _: &mut [R],
+        _: &mut Memory<'_, R>,
         command: &mut [R],
     ) {
         for (device, command) in command.iter_mut().enumerate() {
@@ -182,6 +186,7 @@ impl ControlLaw for InverseDirect {
         tables: &[],
         memory: 0,
         needs_curve: true,
+        needs_model: false,
         commands_force: false,
     };
 
@@ -189,7 +194,7 @@ impl ControlLaw for InverseDirect {
     fn command<R: Lanes>(
         gains: &Gains<'_, R>,
         measured: &Measurement<'_, R>,
-        _: &mut [R],
+        _: &mut Memory<'_, R>,
         command: &mut [R],
     ) {
         for (device, command) in command.iter_mut().enumerate() {
@@ -213,6 +218,7 @@ impl ControlLaw for InverseParabola {
         tables: &[],
         memory: 0,
         needs_curve: true,
+        needs_model: false,
         commands_force: false,
     };
 
@@ -220,7 +226,7 @@ impl ControlLaw for InverseParabola {
     fn command<R: Lanes>(
         gains: &Gains<'_, R>,
         measured: &Measurement<'_, R>,
-        _: &mut [R],
+        _: &mut Memory<'_, R>,
         command: &mut [R],
     ) {
         let (zero, two) = (R::splat(0.0), R::splat(2.0));

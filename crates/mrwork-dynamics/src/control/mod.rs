@@ -11,14 +11,18 @@ mod force_curve;
 mod fuzzy;
 mod homogeneous_friction;
 mod inverse_network;
+mod loop_model;
 mod lyapunov;
 mod maximum_energy_dissipation;
 mod passive;
+mod rollout;
 mod signal_feedback;
 mod sliding_mode;
 
 pub(crate) use force_curve::ForceCurve;
 pub use force_curve::{CurveModel, Mounting};
+pub use loop_model::LoopModel;
+pub(crate) use rollout::{Plan, Timing, plan};
 
 use crate::building::SparseRows;
 use crate::error::DynamicsError;
@@ -34,6 +38,8 @@ pub enum Shape {
     State,
     /// That many per device.
     Numbers(usize),
+    /// One for all devices.
+    Loop,
 }
 
 impl Shape {
@@ -44,6 +50,7 @@ impl Shape {
             Self::Device => "device",
             Self::State => "state",
             Self::Numbers(_) => "numbers",
+            Self::Loop => "loop",
         }
     }
 
@@ -54,6 +61,7 @@ impl Shape {
             Self::Device => n_devices,
             Self::State => n_devices * n_states,
             Self::Numbers(count) => n_devices * count,
+            Self::Loop => 1,
         }
     }
 }
@@ -121,6 +129,8 @@ pub struct LawSpec {
     pub memory: usize,
     /// Whether it needs the damper force as a function of the command.
     pub needs_curve: bool,
+    /// Whether it predicts the motion by a model of the loop, from the state and the ground acceleration.
+    pub needs_model: bool,
     /// Whether its command is a force, for a device that exerts it, and not a current or voltage.
     pub commands_force: bool,
 }
@@ -157,6 +167,16 @@ pub(crate) struct Measurement<'a, R: Real> {
     pub(crate) curves: &'a [ForceCurve<R>],
     /// Sampling interval [s].
     pub(crate) sample_time: f64,
+    /// Commands that were sent at the sample before, after limits and faults.
+    pub(crate) sent: &'a [R],
+}
+
+/// What a law keeps from sample to sample.
+pub(crate) struct Memory<'a, R: Lanes> {
+    /// Numbers of each device.
+    pub(crate) numbers: Vec<R>,
+    /// The rollout of a law that predicts the motion.
+    pub(crate) plan: Option<Box<dyn Plan<R> + 'a>>,
 }
 
 /// Gains and tables of a law, in lanes.
@@ -182,6 +202,12 @@ impl<R: Real> Gains<'_, R> {
     #[inline(always)]
     fn of_device(&self, gain: usize, device: usize) -> R {
         self.columns[self.start(gain) + device]
+    }
+
+    /// Entry of a gain that all devices share.
+    #[inline(always)]
+    fn of_loop(&self, gain: usize) -> R {
+        self.columns[self.start(gain)]
     }
 
     /// Entries of a device, of a gain of several numbers for each.
@@ -222,7 +248,7 @@ trait ControlLaw {
     fn command<R: Lanes>(
         gains: &Gains<'_, R>,
         measured: &Measurement<'_, R>,
-        memory: &mut [R],
+        memory: &mut Memory<'_, R>,
         command: &mut [R],
     );
 
@@ -251,7 +277,7 @@ macro_rules! laws {
 
             #[inline(always)]
             pub(crate) fn command<R: Lanes>(
-                self, gains: &Gains<'_, R>, measured: &Measurement<'_, R>, memory: &mut [R], command: &mut [R],
+                self, gains: &Gains<'_, R>, measured: &Measurement<'_, R>, memory: &mut Memory<'_, R>, command: &mut [R],
             ) {
                 match self { $(Self::$law => $module::$law::command(gains, measured, memory, command),)+ }
             }
@@ -286,6 +312,7 @@ laws! {
     signal_feedback::SignalNetwork,
     signal_feedback::SignalPolynomial,
     active::Active,
+    rollout::PredictiveRollout,
 }
 
 impl Law {
