@@ -48,8 +48,7 @@ impl ControlLaw for PredictiveRollout {
                       act; d are storey drifts, a absolute floor accelerations, p_d and p_a the largest so far, E twice \
                       the energy of the building at the horizon. The base alone is among the trials, so that in the \
                       model no decision costs more than it; ties go to it. Needs a model, a sensor of the ground acceleration and much computation.",
-        source: "rollout after Bertsekas, Dynamic Programming and Optimal Control, and forecast after Vu, Politopoulos, \
-                 Diop, Struct. Control Health Monit. 24, 2017, e2032; form our own",
+        source: "after Vu, Politopoulos, Diop, Struct. Control Health Monit. 25(1), 2018, e2032; form our own, a rollout",
         gains: &[
             GainSpec {
                 name: "base",
