@@ -80,7 +80,7 @@ SMALL_VALUES = {
     ),
     *("LoopTiming", "RmsLimits", "SemiActiveCondition", "WeightWishes"),
     *("ClairvoyantProgress", "RecordedMotion", "SizingProgress", "Smoothing", "Span", "Tuning"),
-    *("ShakeTable", "TuningProgress", "Uniform"),
+    *("ReferencePeaks", "ShakeTable", "TuningProgress", "Uniform"),
 }
 # Settings (also all classes called so), tables of what exists, and values that are functions.
 SETTINGS = {

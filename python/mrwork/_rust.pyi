@@ -10,6 +10,7 @@ __all__ = [
     "Dampers",
     "ForceCurve",
     "LoadingHistory",
+    "LoopModel",
     "Observer",
     "__version__",
     "control_laws",
@@ -179,6 +180,10 @@ class ForceCurve:
     def __new__(cls, laws: Sequence[str], theta: NDArray[np.float64], lagged: bool = False) -> ForceCurve: ...
 
 @final
+class LoopModel:
+    def __new__(cls, building: Building, dampers: Dampers) -> LoopModel: ...
+
+@final
 class Controller:
     def __new__(
         cls,
@@ -187,6 +192,7 @@ class Controller:
         tables: Sequence[NDArray[np.float64]] = ...,
         curve: ForceCurve | None = None,
         shaping: NDArray[np.float64] | None = None,
+        model: LoopModel | None = None,
     ) -> Controller: ...
 
 @final
@@ -200,6 +206,8 @@ class Observer:
         gain: NDArray[np.float64],
         output: NDArray[np.float64],
         direct: NDArray[np.float64],
+        ground: NDArray[np.float64] | None = None,
+        direct_ground: NDArray[np.float64] | None = None,
     ) -> Observer: ...
 
 class _SampledFault(Protocol):

@@ -104,7 +104,8 @@ def test_a_law_says_what_it_is(spec: ControlLawSpec) -> None:
     assert spec.description.endswith(".")
     assert spec.source
     assert all(
-        gain.unit and gain.description and gain.shape in ("device", "state", "numbers") for gain in spec.gains
+        gain.unit and gain.description and gain.shape in ("device", "state", "numbers", "loop")
+        for gain in spec.gains
     )
 
 
@@ -287,6 +288,7 @@ MEASURED = {
         "adaptive_sliding_mode",
         "signal_network",
         "signal_polynomial",
+        "predictive_rollout",
     },
     "deformation": {
         "super_twisting",
@@ -300,6 +302,7 @@ MEASURED = {
         "inverse_network",
         "signal_network",
         "signal_polynomial",
+        "predictive_rollout",
     },
 }
 

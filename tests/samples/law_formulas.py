@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from rollout_formula import RolloutInNumPy
 
 from mrwork import Device
 from mrwork.buildings import Building
@@ -28,6 +29,7 @@ class Recorded:
     force: Floats
     absolute_rate: Floats
     absolute_acceleration: Floats
+    ground_acceleration: Floats
     sample_time: float
 
     @classmethod
@@ -56,6 +58,7 @@ class Recorded:
             rate=run.rate,
             force=run.force,
             absolute_acceleration=run.acceleration @ np.linalg.pinv(building.floors).T @ rows.T,
+            ground_acceleration=start + (end - start) * since / motion.dt,
             absolute_rate=run.rate + np.outer(ground, carried),
             sample_time=sample_time,
         )
@@ -296,6 +299,20 @@ def _active(run: Recorded) -> Floats:
     return run.wanted
 
 
+def _rollout(run: Recorded) -> Floats:
+    """Sample after sample, with the steps of the model that the law takes for these dampers."""
+    again = RolloutInNumPy(run.law, run.sample_time, steps=8)
+    n = run.state.shape[1] // 2
+    return np.array(
+        [
+            again.command(state[:n], state[n:], *readings)
+            for state, *readings in zip(
+                run.state, run.deformation, run.rate, run.force, run.ground_acceleration, strict=True
+            )
+        ]
+    )
+
+
 FORMULAS: dict[str, Callable[[Recorded], Floats]] = {
     "passive": _passive,
     "clipped_optimal": _clipped_optimal,
@@ -321,6 +338,7 @@ FORMULAS: dict[str, Callable[[Recorded], Floats]] = {
     "active": _active,
     "acceleration_driven": _acceleration_driven,
     "mixed_skyhook": _mixed_skyhook,
+    "predictive_rollout": _rollout,
 }
 
 

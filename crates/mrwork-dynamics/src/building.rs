@@ -283,6 +283,29 @@ impl Building {
         })
     }
 
+    /// Forces of the stiffness and of the damping on a coordinate [N].
+    #[inline(always)]
+    pub(crate) fn coupling<R: Real>(&self, coordinate: usize, displacement: &[R], velocity: &[R]) -> [R; 2] {
+        let (mut sprung, mut damped) = (R::splat(0.0), R::splat(0.0));
+        if let Some(links) = &self.links {
+            // A neighbour beyond either end of the chain has no stiffness.
+            let link = links[coordinate];
+            let columns = [coordinate.saturating_sub(1), coordinate, (coordinate + 1).min(self.n - 1)];
+            sprung = displacement[columns[0]] * R::splat(link.stiffness[0]);
+            damped = velocity[columns[0]] * R::splat(link.damping[0]);
+            sprung = displacement[columns[1]].mul_add(R::splat(link.stiffness[1]), sprung);
+            damped = velocity[columns[1]].mul_add(R::splat(link.damping[1]), damped);
+            sprung = displacement[columns[2]].mul_add(R::splat(link.stiffness[2]), sprung);
+            damped = velocity[columns[2]].mul_add(R::splat(link.damping[2]), damped);
+        } else {
+            for spring in self.springs.row(coordinate) {
+                sprung = displacement[spring.column].mul_add(R::splat(spring.stiffness), sprung);
+                damped = velocity[spring.column].mul_add(R::splat(spring.damping), damped);
+            }
+        }
+        [sprung, damped]
+    }
+
     /// Number of coordinates.
     #[must_use]
     pub fn n_coordinates(&self) -> usize {

@@ -278,6 +278,7 @@ proptest! {
             tables: &tables,
             shaping: &shaping,
             curve: None,
+            model: None,
             motions: &[motion],
             runs: &runs,
             hardware: &hardware,

@@ -22,6 +22,8 @@ _SEEDS = 2**32
 # Larger numbers are mistakes of unit; the first leaves room for the additional steps of stiff dampers.
 _MOST_STEPS = 10_000
 _LONGEST_DELAY = 1_000_000
+# Settings of the sensors that only the observer reads.
+_OF_OBSERVER = ("measured_floors", "known_ground")
 _ACCELEROMETERS = ("acceleration_noise", "acceleration_resolution")
 _UNREAD = (
     "has no effect with feedback of the state and laws that read no accelerations; leave it out, or set `feedback` to "
@@ -116,6 +118,10 @@ class Hardware(Summarised):
         least=0,
         from_one=True,
     )
+    known_ground: bool = key(
+        "whether the observer takes the acceleration of the ground from its sensor, which it otherwise estimates",
+        default=False,
+    )
     noise_ratio: float = key(
         "intensity of ground over sensor noise, S_ag/S_v, in the design of the observer",
         default=50.0,
@@ -159,12 +165,14 @@ class Hardware(Summarised):
             raise InvalidSettingError(
                 "measured_floors", f"`measured_floors` are {list(floors)}; give each once"
             )
-        if self.feedback == "state" and self.measured_floors:
-            raise InvalidSettingError(
-                "measured_floors",
-                "`measured_floors` has no effect with feedback of the state, which needs no accelerations; leave it "
-                "out, or set `feedback` to 'observer'",
-            )
+        if self.feedback == "state":
+            for name in _OF_OBSERVER:
+                if getattr(self, name):
+                    raise InvalidSettingError(
+                        name,
+                        f"`{name}` has no effect with feedback of the state, which needs no accelerations; leave it "
+                        "out, or set `feedback` to 'observer'",
+                    )
 
     def refuse_unread(self) -> None:
         """Refuse settings of the accelerometers where no law and no observer reads them."""

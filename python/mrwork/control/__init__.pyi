@@ -44,6 +44,7 @@ if True:  # the lower tier
     from .design_problem import Design as Design
     from .design_problem import LawSettings as LawSettings
     from .design_problem import Magnitudes as Magnitudes
+    from .design_problem import ReferencePeaks as ReferencePeaks
     from .design_problem import Span as Span
     from .fuzzy import FuzzySettings as FuzzySettings
     from .fuzzy import FuzzyTable as FuzzyTable
@@ -59,6 +60,7 @@ if True:  # the lower tier
     from .laws import ControlLawSpec as ControlLawSpec
     from .linear_loop import DeviceMargins as DeviceMargins
     from .linear_loop import LoopMargins as LoopMargins
+    from .loop_model import LoopModel as LoopModel
     from .lqr import Observer as Observer
     from .lqr import PublishedRegulator as PublishedRegulator
     from .lqr import Regulator as Regulator
@@ -78,6 +80,7 @@ if True:  # the lower tier
     from .regulator_settings import RegulatorSettings as RegulatorSettings
     from .riccati import RiccatiSolutions as RiccatiSolutions
     from .riccati import RiccatiStatus as RiccatiStatus
+    from .rollout import RolloutSettings as RolloutSettings
     from .sliding import AdaptiveSlidingSettings as AdaptiveSlidingSettings
     from .sliding import SlidingGains as SlidingGains
     from .sliding import SlidingSettings as SlidingSettings

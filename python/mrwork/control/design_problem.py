@@ -32,6 +32,15 @@ from mrwork.summary import Summarised
 from mrwork.values import Floats, array_dataclass
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReferencePeaks:
+    """The best constant command on some motions [A or V]; mean peaks of drift [m] and acceleration [m/s^2] under it."""
+
+    command: float
+    drift: float
+    acceleration: float
+
+
 @checked
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class DesignProblem(Summarised):
@@ -40,6 +49,7 @@ class DesignProblem(Summarised):
     `sample_time` and `delay` [s] are those of the loop. `amplitude` [m] and `velocity` [m/s] are the smallest and the
     largest ones expected of the dampers, if given. `motions` are the ground motions whose strength and spectrum a
     design from limits takes, the training motions of a study; `judged` says that laws are judged on them, too.
+    `reference_peaks` finds the largest motions under a constant command, to which a law may refer.
     """
 
     _made_by: ClassVar[str] = "mr.control.DesignProblem(building=..., devices=..., sample_time=...)"
@@ -53,6 +63,7 @@ class DesignProblem(Summarised):
     delay: NotNegative = 0.0
     motions: Sequence[GroundMotion] = ()
     judged: bool = False
+    reference_peaks: Callable[[], ReferencePeaks] | None = field(default=None, repr=False, compare=False)
     # The plant, once a law has asked for it: it keeps the weights that are designed for it.
     _plant: list[Plant] = field(default_factory=list, init=False, repr=False, compare=False)
     # The grounds of the motions that designs have asked for, by kind and given numbers.
@@ -172,6 +183,8 @@ Magnitude = Literal[
     "rate",
     "ground",
     "command",
+    "constant_drift",
+    "constant_acceleration",
     "cost",
 ]
 NO_CERTIFICATE = "none"
@@ -184,7 +197,8 @@ class Magnitudes(Summarised):
 
     Drift, floor displacement [m], floor velocity [m/s] and acceleration [m/s^2], twice the energy [J], stroke [m] and
     rate [m/s] of a device at i = 0, its force [N] at the largest command, peak of the ground motions [m/s^2], largest
-    command [A or V]. `cost` is what the weights that are not free add up to.
+    command [A or V]. `constant_drift` [m] and `constant_acceleration` [m/s^2] are mean peaks under the best constant
+    command, where a law refers to them. `cost` is what the weights that are not free add up to.
     """
 
     _made_by: ClassVar[str] = "mr.tune(study)"
@@ -199,6 +213,8 @@ class Magnitudes(Summarised):
     rate: float
     ground: float
     command: float
+    constant_drift: float = 0.0
+    constant_acceleration: float = 0.0
     cost: float = 1.0
 
 
@@ -233,13 +249,16 @@ class Span:
 class LawSettings(metaclass=DeclaredTable):
     """Settings of a control law, declared by `key`, with the design of the law.
 
-    `constant` says whether the law sends a constant command, which makes the damper a passive one, `is_regulator`
-    whether its weights are those of a regulator, of which published and convex ones are known. `weighed_by_default` are
-    the weights that a search holds where none is given; only their ratios to the free ones matter.
+    `constant` says whether the law sends a constant command, which makes the damper a passive one, `chooses_levels`
+    whether it chooses among commands up to a largest of its own, so that a search leaves that of the dampers,
+    `is_regulator` whether its weights are those of a regulator, of which published and convex ones are known.
+    `weighed_by_default` are the weights that a search holds where none is given; only their ratios to the free ones
+    matter.
     """
 
     __slots__ = ()
     constant: ClassVar[bool] = False
+    chooses_levels: ClassVar[bool] = False
     is_regulator: ClassVar[bool] = False
     weighed_by_default: ClassVar[Mapping[str, float]] = {}
 

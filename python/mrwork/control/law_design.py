@@ -14,6 +14,7 @@ from mrwork.arguments import checked
 from mrwork.control.design_problem import Design, DesignProblem, LawSettings, Span
 from mrwork.control.fuzzy import FuzzySettings
 from mrwork.control.laws import ControlLaw, ControlLawSpec, control_law
+from mrwork.control.loop_model import LoopModel
 from mrwork.control.lyapunov import LyapunovSettings, ProportionalSettings
 from mrwork.control.regulator_settings import (
     ClippedSettings,
@@ -22,6 +23,7 @@ from mrwork.control.regulator_settings import (
     SignalNetworkSettings,
     SignalPolynomialSettings,
 )
+from mrwork.control.rollout import RolloutSettings
 from mrwork.control.sliding import (
     AdaptiveSlidingSettings,
     SlidingSettings,
@@ -125,6 +127,7 @@ SETTINGS: Mapping[str, type[LawSettings]] = {
     "active": RegulatorSettings,
     "acceleration_driven": NoSettings,
     "mixed_skyhook": MixedSkyhookSettings,
+    "predictive_rollout": RolloutSettings,
 }
 """Settings by name of the law."""
 
@@ -207,10 +210,18 @@ def design_law(
         gains=design.gains,
         tables=design.tables,
         curve=curve,
+        model=_model_of(spec, problem),
         notes=(*settings.notes(problem, design), *(() if margins is None else (margins.in_words,))),
         weights=settings.weights(problem),
         margins=margins,
     )
+
+
+def _model_of(spec: ControlLawSpec, problem: DesignProblem) -> LoopModel | None:
+    """The building with its devices of the problem, for a law that predicts the motion."""
+    if not spec.needs_model:
+        return None
+    return LoopModel(building=problem.building, devices=tuple(problem.devices))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -254,7 +265,9 @@ def design_candidates(
     gains = {
         gain.name: np.stack([np.asarray(each.gains[gain.name]) for each in designs]) for gain in spec.gains
     }
-    law = ControlLaw(name=name, gains=gains, tables=designs[0].tables, curve=curve)
+    law = ControlLaw(
+        name=name, gains=gains, tables=designs[0].tables, curve=curve, model=_model_of(spec, problem)
+    )
     return DesignedCandidates(law=law, designed=tuple(designed), refusals=refusals)
 
 

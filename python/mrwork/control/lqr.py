@@ -363,6 +363,8 @@ PUBLISHED_REGULATORS = (
 class Observer(Summarised):
     """`x_{k+1} = Ad x_k + Bd f_k + L (y_k - C x_k - D f_k)`: x_k is the state predicted before y_k is measured.
 
+    Where the ground acceleration is measured, `Ed a_g` belongs to the state and `G a_g` to the measurements.
+
     Ad and Bd are the transition over a sample with the forces held, shapes (2n, 2n) and (2n, n_devices), `gain` is L,
     shape (2n, n_measurements). `covariance` is that of the error of x_k for noise of the given intensities.
     """
@@ -377,6 +379,8 @@ class Observer(Summarised):
     names: tuple[str, ...]
     sample_time: float
     covariance: Floats
+    Ed: Floats
+    G: Floats
 
 
 @checked
@@ -439,6 +443,8 @@ def observer_of(
         names=measurements.names,
         sample_time=sample_time,
         covariance=covariance,
+        Ed=Ed,
+        G=measurements.G,
     )
 
 

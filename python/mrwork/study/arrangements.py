@@ -8,7 +8,7 @@ from __future__ import annotations
 import inspect
 import math
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import ModuleType
@@ -24,7 +24,7 @@ from mrwork.closed_loop.clairvoyant_search import ClairvoyantSettings
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.simulate import samples_of
 from mrwork.closed_loop.user_law import Undone, UserLaw, in_words, place_of, place_raised
-from mrwork.control.design_problem import DesignProblem, LawSettings
+from mrwork.control.design_problem import DesignProblem, LawSettings, ReferencePeaks
 from mrwork.control.law_design import SETTINGS, design_law
 from mrwork.control.laws import ControlLaw, control_laws
 from mrwork.control.weights import WeightWishes
@@ -216,6 +216,7 @@ def problem_of(
     devices: tuple[Device, ...],
     hardware: Hardware,
     motions: Sequence[MotionOfStudy],
+    reference_peaks: Callable[[], ReferencePeaks] | None = None,
 ) -> DesignProblem:
     """The building with its dampers, for which the laws of a study are designed, and the ground of its motions."""
     first = table.damper[0] if devices else None
@@ -227,6 +228,7 @@ def problem_of(
         delay=hardware.delay,
         motions=training or tuple(motion.ground for motion in motions),
         judged=not training,
+        reference_peaks=reference_peaks,
         amplitude=None if first is None else _range(first, "amplitude", first.amplitude),
         velocity=None if first is None else _range(first, "velocity", first.velocity),
     )

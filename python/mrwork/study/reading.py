@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from mrwork.arguments import Seed, checked
 from mrwork.buildings import Building
 from mrwork.buildings.matrices import Device
 from mrwork.closed_loop.hardware import Hardware
+from mrwork.control.design_problem import ReferencePeaks
 from mrwork.control.laws import control_laws
 from mrwork.errors import SettingError
 from mrwork.fitted_damper import fitted_damper
@@ -52,9 +54,17 @@ from mrwork.study.dampers import (
     chosen_damper,
     equip_building,
 )
-from mrwork.study.passive_labels import present_label
+from mrwork.study.passive_labels import PASSIVE_OFF, present_label
 from mrwork.study.schema import DamperTable, MotionTable, ReportTable, StudyTable, SuiteTable
-from mrwork.study.study import MotionOfStudy, Realisations, Study, StudyFile, realisations_of
+from mrwork.study.study import (
+    MotionOfStudy,
+    Realisations,
+    Row,
+    Study,
+    StudyFile,
+    make_arrangement,
+    realisations_of,
+)
 from mrwork.tested_range import FittedDamper
 from mrwork.units import STANDARD_GRAVITY
 from mrwork.values import Floats
@@ -310,7 +320,17 @@ def read_study(
             'every motion is for training, and none is left to judge the controllers on; give a [[motion]] use = "test"'
         )
     _refuse_same([motion.name for motion in motions], place.within("motion"), "motions", "name")
-    problem = problem_of(table, building, devices, hardware, motions)
+    chosen_on = training or tuple(motion.ground for motion in motions)
+
+    @cache
+    def reference_peaks() -> ReferencePeaks:
+        # Simulated only where a law refers to these peaks and its table leaves them out.
+        from mrwork.study.run import reference_peaks_of
+
+        row = Row(label=PASSIVE_OFF, kind="passive_off")
+        return reference_peaks_of(make_arrangement(bare, row, building, devices, None), chosen_on, hardware)
+
+    problem = problem_of(table, building, devices, hardware, motions, reference_peaks if devices else None)
     compared = arrangements(table, bare, problem, folder)
     tuned = {law for each in table.tune for law in each.laws}
     if not (
@@ -332,7 +352,7 @@ def read_study(
         building=bare,
         arrangements=compared,
         motions=motions,
-        chosen_on=training or tuple(motion.ground for motion in motions),
+        chosen_on=chosen_on,
         hardware=hardware,
         devices=devices,
         command_unit="A" if first is None else first.unit,

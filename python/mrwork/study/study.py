@@ -22,6 +22,7 @@ from mrwork.closed_loop.user_law import UserLaw
 from mrwork.control.design.designed import DesignedWeights
 from mrwork.control.design_problem import DesignProblem
 from mrwork.control.laws import ControlLaw
+from mrwork.control.loop_model import LoopModel
 from mrwork.errors import SettingError
 from mrwork.motions import GroundMotion
 from mrwork.search.unit_cube import Streams, latin_hypercube
@@ -374,6 +375,7 @@ def digest_of_run(arrangement: Arrangement, *motions: GroundMotion) -> str:
         for device in arrangement.devices
     ]
     own = law if isinstance(law, ControlLaw) else None
+    model = None if own is None else own.model
     numbers = {} if own is None else {**own.gains, **own.tables}
     return digest_of(
         building.mass,
@@ -386,10 +388,25 @@ def digest_of_run(arrangement: Arrangement, *motions: GroundMotion) -> str:
         None if law is None else law.name,
         None if own is None or own.curve is None else (own.curve[0], _digest(own.curve[1])),
         sorted((name, _digest(array)) for name, array in numbers.items()),
+        *(() if model is None else (_digest_of_model(model),)),
         *((law.source, law.n_memory) if isinstance(law, UserLaw) else ()),
         *(() if own is None or own.shaping is None else own.shaping),
         *((_digest(each.row), each.numbers) for each in building.elements),
         *(_digest_of_motion(motion) for motion in motions),
+    )
+
+
+def _digest_of_model(model: LoopModel) -> str:
+    building = model.building
+    return digest_of(
+        *(
+            _digest(each)
+            for each in (building.mass, building.damping, building.stiffness, building.influence)
+        ),
+        [
+            (each.spec, _digest(each.draws), _digest(each.row), each.count, each.differential)
+            for each in model.devices
+        ],
     )
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from mrwork.arguments import checked
 from mrwork.closed_loop.evaluation import SCORE, Spread, criteria
 from mrwork.control.design_problem import NO_CERTIFICATE, DesignProblem, Magnitudes
-from mrwork.control.law_design import design_candidates, design_law, settings_of
+from mrwork.control.law_design import SETTINGS, design_candidates, design_law, settings_of
 from mrwork.control.laws import ControlLaw, control_law
 from mrwork.errors import SettingError
 from mrwork.motions import GroundMotion
@@ -276,8 +276,11 @@ def score_candidates(
     return Scores(objective=value, violation=np.where(np.isfinite(value), violation, 0.0))
 
 
-def magnitudes_of(bench: Bench) -> Magnitudes:
-    """Typical peaks of the response, medians over the motions, from i = 0 and the largest command."""
+def magnitudes_of(bench: Bench, laws: Sequence[str] = ()) -> Magnitudes:
+    """Typical peaks of the response, medians over the motions, from i = 0 and the largest command.
+
+    Those under the best constant command are found where one of the `laws` chooses among commands.
+    """
     study = bench.study
     largest = min(device.largest_command for device in study.devices)
     on = bench.run("passive", [LawCandidate(settings={"command": largest}, largest_command=largest)])
@@ -289,7 +292,12 @@ def magnitudes_of(bench: Bench) -> Magnitudes:
 
     displacement = off("peak_displacement")
     velocity = first * displacement
+    constant = None
+    if bench.problem.reference_peaks is not None and any(SETTINGS[law].chooses_levels for law in laws):
+        constant = bench.problem.reference_peaks()
     return Magnitudes(
+        constant_drift=0.0 if constant is None else constant.drift,
+        constant_acceleration=0.0 if constant is None else constant.acceleration,
         drift=off("peak_drift"),
         displacement=displacement,
         velocity=velocity,

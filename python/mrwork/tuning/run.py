@@ -120,7 +120,9 @@ def tune(
     try:
         robust = any(table.robust for table in tables)
         benches = benches_of(study, journal=journal, threads=threads, clock=clock, robust=robust)
-        basis = basis_of(benches.training, magnitudes_of(benches.training))
+        basis = basis_of(
+            benches.training, magnitudes_of(benches.training, [law for table in tables for law in table.laws])
+        )
         plans = _plans(study, tables, objectives, basis.magnitudes)
         for plan in plans:
             check_settings(plan, benches.training)

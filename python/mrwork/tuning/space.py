@@ -413,7 +413,7 @@ def _free_names(
     held: Mapping[str, Any],
 ) -> list[str]:
     """Names of the free settings: those of the table, or those that the law frees by itself."""
-    commands = not control_law(law).commands_force and not kind.constant
+    commands = not (control_law(law).commands_force or kind.constant or kind.chooses_levels)
     if table.free is not None:
         known = [*spans, *([LARGEST] if commands else [])]
         for name in table.free:

@@ -2,7 +2,7 @@
 
 use super::hardware::{Hardware, Observer};
 use crate::building::Building;
-use crate::control::{CurveModel, Law, Mounting};
+use crate::control::{CurveModel, Law, LoopModel, Mounting};
 use crate::current_law::CurrentLaws;
 use crate::ground_motion::GroundMotion;
 
@@ -88,6 +88,8 @@ pub struct Batch<'a> {
     pub shaping: &'a [Shaping],
     /// The controller's own model of the dampers.
     pub curve: Option<CurveModel<'a>>,
+    /// The controller's own model of the loop.
+    pub model: Option<LoopModel<'a>>,
     /// The ground motions.
     pub motions: &'a [GroundMotion],
     /// The runs.

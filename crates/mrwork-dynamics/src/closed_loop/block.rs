@@ -132,7 +132,7 @@ fn integrate_block<M: DamperModel, R: Lanes>(
 
     let mut plant = Plant::<R>::at_rest(building, step);
     let mut dampers = Dampers::<M, R>::new(batch, runs, step);
-    let mut controller = Controller::<R>::new(batch, runs);
+    let mut controller = Controller::<'_, R>::new(batch, runs);
     let mut reductions = Reductions::<R>::new(building, step);
     let mut end = ground.acceleration::<R>(0.0);
     for sample in 0..n_samples {

@@ -3,6 +3,7 @@
 use super::batch::{Batch, Run};
 use super::hardware::{Channel, Observer};
 use crate::building::Building;
+use crate::control::{LoopModel, Timing};
 use crate::error::DynamicsError;
 
 /// Most integration steps per control sample that the hardware may ask for; finer runs multiply them.
@@ -65,6 +66,7 @@ impl Batch<'_> {
         {
             return Err(DynamicsError::Step(self.hardware.sample_time));
         }
+        self.timing()?;
         let limits = [
             ("steps", self.hardware.steps as usize, MOST_STEPS as usize),
             ("delay_steps", self.hardware.delay_steps, LONGEST_DELAY * self.hardware.steps as usize),
@@ -106,6 +108,20 @@ impl Batch<'_> {
     }
 }
 
+impl<'a> Batch<'a> {
+    /// The controller's model of the loop with its instants, of a law that predicts the motion.
+    pub(super) fn timing(&self) -> Result<Option<(LoopModel<'a>, Timing)>, DynamicsError> {
+        let spec = self.law.spec();
+        if !spec.needs_model {
+            return Ok(None);
+        }
+        let model = self.model.ok_or(DynamicsError::NoModel(spec.name))?;
+        model.check(self.building.n, self.mountings.len())?;
+        let timing = Timing::of(self.tables, &model, self.ranges, self.hardware.sample_time)?;
+        Ok(Some((model, timing)))
+    }
+}
+
 impl Observer {
     fn check(&self, building: &Building, n_devices: usize) -> Result<(), DynamicsError> {
         let n_states = 2 * building.n;
@@ -116,6 +132,8 @@ impl Observer {
             ("gain", self.gain.len(), n_states * n_measured),
             ("output", self.output.len(), n_measured * n_states),
             ("direct", self.direct.len(), n_measured * n_devices),
+            ("ground", self.ground.len(), if self.ground.is_empty() { 0 } else { n_states }),
+            ("direct_ground", self.direct_ground.len(), if self.ground.is_empty() { 0 } else { n_measured }),
         ];
         for (name, found, expected) in sizes {
             if found != expected {

@@ -73,7 +73,7 @@ impl Channel {
     }
 }
 
-/// An observer in discrete time: `x+ = Ad x + Bd f + L (y - C x - D f)`, row-major matrices.
+/// An observer in discrete time: `x+ = Ad x + Bd f + Ed a_g + L (y - C x - D f - G a_g)`, row-major matrices.
 ///
 /// y are the accelerations of some floors, then the elongations of some devices; f is the measured force of every device.
 #[derive(Clone, Debug)]
@@ -92,4 +92,8 @@ pub struct Observer {
     pub output: Vec<f64>,
     /// D, shape (measurements, devices).
     pub direct: Vec<f64>,
+    /// Ed, by which the measured ground acceleration moves the state, shape (states,); empty where it is not known.
+    pub ground: Vec<f64>,
+    /// Its part of each measurement, shape (measurements,); empty with `ground`.
+    pub direct_ground: Vec<f64>,
 }

@@ -28,4 +28,5 @@ pub use hardware::{Channel, Fault, Hardware, Observer, Sensor};
 pub use history::{HISTORY_SIGNALS, HistoryRows};
 pub use quantity::{Axis, Quantity, width};
 pub use reductions::RUN_QUANTITIES;
+pub(crate) use resolution::steepest_slopes;
 pub use respond::{RunResult, respond};

@@ -3,7 +3,7 @@
 //! A vehicle's body is in a building the floor above the device, or for a device between floors the upper floor with respect
 //! to the lower one: `x = e (q + r u_g)`, whose rate is that of the device but for the ground.
 
-use super::{ControlLaw, GainSpec, Gains, LawSpec, Measurement, Shape, Unit, where_positive};
+use super::{ControlLaw, GainSpec, Gains, LawSpec, Measurement, Memory, Shape, Unit, where_positive};
 use crate::lanes::Lanes;
 
 /// On or off by the sign of absolute acceleration times damper velocity.
@@ -24,12 +24,18 @@ impl ControlLaw for AccelerationDriven {
         tables: &[],
         memory: 0,
         needs_curve: false,
+        needs_model: false,
         commands_force: false,
         reads_acceleration: true,
     };
 
     #[inline(always)]
-    fn command<R: Lanes>(_: &Gains<'_, R>, measured: &Measurement<'_, R>, _: &mut [R], command: &mut [R]) {
+    fn command<R: Lanes>(
+        _: &Gains<'_, R>,
+        measured: &Measurement<'_, R>,
+        _: &mut Memory<'_, R>,
+        command: &mut [R],
+    ) {
         for (device, command) in command.iter_mut().enumerate() {
             *command = where_positive(
                 measured.absolute_acceleration(device) * measured.rate[device],
@@ -61,6 +67,7 @@ impl ControlLaw for MixedSkyhook {
         tables: &[],
         memory: 0,
         needs_curve: false,
+        needs_model: false,
         commands_force: false,
         reads_acceleration: true,
     };
@@ -69,7 +76,7 @@ impl ControlLaw for MixedSkyhook {
     fn command<R: Lanes>(
         gains: &Gains<'_, R>,
         measured: &Measurement<'_, R>,
-        _: &mut [R],
+        _: &mut Memory<'_, R>,
         command: &mut [R],
     ) {
         for (device, command) in command.iter_mut().enumerate() {

@@ -7,7 +7,7 @@
 use super::clipped_optimal::GAIN;
 use super::lyapunov::WEIGHT;
 use super::{
-    ControlLaw, GainSpec, Gains, LawSpec, Measurement, Shape, Unit, if_known, where_positive, within,
+    ControlLaw, GainSpec, Gains, LawSpec, Measurement, Memory, Shape, Unit, if_known, where_positive, within,
 };
 use crate::lanes::Lanes;
 use crate::real::Real;
@@ -30,6 +30,7 @@ impl ControlLaw for LyapunovDirect {
         tables: &[],
         memory: 0,
         needs_curve: true,
+        needs_model: false,
         commands_force: false,
         reads_acceleration: false,
     };
@@ -38,7 +39,7 @@ impl ControlLaw for LyapunovDirect {
     fn command<R: Lanes>(
         gains: &Gains<'_, R>,
         measured: &Measurement<'_, R>,
-        _: &mut [R],
+        _: &mut Memory<'_, R>,
         command: &mut [R],
     ) {
         for (device, command) in command.iter_mut().enumerate() {
@@ -63,6 +64,7 @@ impl ControlLaw for LyapunovParabola {
         tables: &[],
         memory: 0,
         needs_curve: true,
+        needs_model: false,
         commands_force: false,
         reads_acceleration: false,
     };
@@ -71,7 +73,7 @@ impl ControlLaw for LyapunovParabola {
     fn command<R: Lanes>(
         gains: &Gains<'_, R>,
         measured: &Measurement<'_, R>,
-        _: &mut [R],
+        _: &mut Memory<'_, R>,
         command: &mut [R],
     ) {
         let zero = R::splat(0.0);
@@ -110,6 +112,7 @@ impl ControlLaw for LyapunovDirectBangBang {
         tables: &[],
         memory: 0,
         needs_curve: true,
+        needs_model: false,
         commands_force: false,
         reads_acceleration: false,
     };
@@ -118,7 +121,7 @@ impl ControlLaw for LyapunovDirectBangBang {
     fn command<R: Lanes>(
         gains: &Gains<'_, R>,
         measured: &Measurement<'_, R>,
-        _: &mut [R],
+        _: &mut Memory<'_, R>,
         command: &mut [R],
     ) {
         for (device, command) in command.iter_mut().enumerate() {
@@ -153,6 +156,7 @@ impl ControlLaw for ProportionalDirect {
         tables: &[],
         memory: 0,
         needs_curve: true,
+        needs_model: false,
         commands_force: false,
         reads_acceleration: false,
     };
@@ -161,7 +165,7 @@ impl ControlLaw for ProportionalDirect {
     fn command<R: Lanes>(
         gains: &Gains<'_, R>,
         measured: &Measurement<'_, R>,
-        _: &mut [R],
+        _: &mut Memory<'_, R>,
         command: &mut [R],
     ) {
         for (device, command) in command.iter_mut().enumerate() {
@@ -186,6 +190,7 @@ impl ControlLaw for InverseDirect {
         tables: &[],
         memory: 0,
         needs_curve: true,
+        needs_model: false,
         commands_force: false,
         reads_acceleration: false,
     };
@@ -194,7 +199,7 @@ impl ControlLaw for InverseDirect {
     fn command<R: Lanes>(
         gains: &Gains<'_, R>,
         measured: &Measurement<'_, R>,
-        _: &mut [R],
+        _: &mut Memory<'_, R>,
         command: &mut [R],
     ) {
         for (device, command) in command.iter_mut().enumerate() {
@@ -218,6 +223,7 @@ impl ControlLaw for InverseParabola {
         tables: &[],
         memory: 0,
         needs_curve: true,
+        needs_model: false,
         commands_force: false,
         reads_acceleration: false,
     };
@@ -226,7 +232,7 @@ impl ControlLaw for InverseParabola {
     fn command<R: Lanes>(
         gains: &Gains<'_, R>,
         measured: &Measurement<'_, R>,
-        _: &mut [R],
+        _: &mut Memory<'_, R>,
         command: &mut [R],
     ) {
         let (zero, two) = (R::splat(0.0), R::splat(2.0));

@@ -12,14 +12,18 @@ mod force_curve;
 mod fuzzy;
 mod homogeneous_friction;
 mod inverse_network;
+mod loop_model;
 mod lyapunov;
 mod maximum_energy_dissipation;
 mod passive;
+mod rollout;
 mod signal_feedback;
 mod sliding_mode;
 
 pub(crate) use force_curve::ForceCurve;
 pub use force_curve::{CurveModel, Mounting};
+pub use loop_model::LoopModel;
+pub(crate) use rollout::{Plan, Timing, plan};
 
 use crate::building::SparseRows;
 use crate::error::DynamicsError;
@@ -35,6 +39,8 @@ pub enum Shape {
     State,
     /// That many per device.
     Numbers(usize),
+    /// One for all devices.
+    Loop,
 }
 
 impl Shape {
@@ -45,6 +51,7 @@ impl Shape {
             Self::Device => "device",
             Self::State => "state",
             Self::Numbers(_) => "numbers",
+            Self::Loop => "loop",
         }
     }
 
@@ -55,6 +62,7 @@ impl Shape {
             Self::Device => n_devices,
             Self::State => n_devices * n_states,
             Self::Numbers(count) => n_devices * count,
+            Self::Loop => 1,
         }
     }
 }
@@ -122,6 +130,8 @@ pub struct LawSpec {
     pub memory: usize,
     /// Whether it needs the damper force as a function of the command.
     pub needs_curve: bool,
+    /// Whether it predicts the motion by a model of the loop, from the state and the ground acceleration.
+    pub needs_model: bool,
     /// Whether its command is a force, for a device that exerts it, and not a current or voltage.
     pub commands_force: bool,
     /// Whether it reads the absolute accelerations of floors.
@@ -164,6 +174,16 @@ pub(crate) struct Measurement<'a, R: Real> {
     pub(crate) curves: &'a [ForceCurve<R>],
     /// Sampling interval [s].
     pub(crate) sample_time: f64,
+    /// Commands that were sent at the sample before, after limits and faults.
+    pub(crate) sent: &'a [R],
+}
+
+/// What a law keeps from sample to sample.
+pub(crate) struct Memory<'a, R: Lanes> {
+    /// Numbers of each device.
+    pub(crate) numbers: Vec<R>,
+    /// The rollout of a law that predicts the motion.
+    pub(crate) plan: Option<Box<dyn Plan<R> + 'a>>,
 }
 
 impl<R: Real> Measurement<'_, R> {
@@ -208,6 +228,12 @@ impl<R: Real> Gains<'_, R> {
         self.columns[self.start(gain) + device]
     }
 
+    /// Entry of a gain that all devices share.
+    #[inline(always)]
+    fn of_loop(&self, gain: usize) -> R {
+        self.columns[self.start(gain)]
+    }
+
     /// Entries of a device, of a gain of several numbers for each.
     #[inline(always)]
     fn numbers(&self, gain: usize, device: usize) -> &[R] {
@@ -246,7 +272,7 @@ trait ControlLaw {
     fn command<R: Lanes>(
         gains: &Gains<'_, R>,
         measured: &Measurement<'_, R>,
-        memory: &mut [R],
+        memory: &mut Memory<'_, R>,
         command: &mut [R],
     );
 
@@ -275,7 +301,7 @@ macro_rules! laws {
 
             #[inline(always)]
             pub(crate) fn command<R: Lanes>(
-                self, gains: &Gains<'_, R>, measured: &Measurement<'_, R>, memory: &mut [R], command: &mut [R],
+                self, gains: &Gains<'_, R>, measured: &Measurement<'_, R>, memory: &mut Memory<'_, R>, command: &mut [R],
             ) {
                 match self { $(Self::$law => $module::$law::command(gains, measured, memory, command),)+ }
             }
@@ -312,6 +338,7 @@ laws! {
     active::Active,
     acceleration_driven::AccelerationDriven,
     acceleration_driven::MixedSkyhook,
+    rollout::PredictiveRollout,
 }
 
 impl Law {

@@ -1,7 +1,7 @@
 //! Bounded feedback of measured signals: a small network or a polynomial, with numbers that are given.
 
 use super::clipped_optimal::GAIN;
-use super::{ControlLaw, GainSpec, Gains, LawSpec, Measurement, Shape, Unit, within};
+use super::{ControlLaw, GainSpec, Gains, LawSpec, Measurement, Memory, Shape, Unit, within};
 use crate::elementary::tanh;
 use crate::error::DynamicsError;
 use crate::lanes::Lanes;
@@ -49,6 +49,7 @@ impl ControlLaw for SignalNetwork {
         tables: &[],
         memory: 0,
         needs_curve: false,
+        needs_model: false,
         commands_force: false,
         reads_acceleration: false,
     };
@@ -57,7 +58,7 @@ impl ControlLaw for SignalNetwork {
     fn command<R: Lanes>(
         gains: &Gains<'_, R>,
         measured: &Measurement<'_, R>,
-        _: &mut [R],
+        _: &mut Memory<'_, R>,
         command: &mut [R],
     ) {
         let (half, one) = (R::splat(0.5), R::splat(1.0));
@@ -95,6 +96,7 @@ impl ControlLaw for SignalPolynomial {
         tables: &["terms", "reach"],
         memory: 0,
         needs_curve: false,
+        needs_model: false,
         commands_force: false,
         reads_acceleration: false,
     };
@@ -103,7 +105,7 @@ impl ControlLaw for SignalPolynomial {
     fn command<R: Lanes>(
         gains: &Gains<'_, R>,
         measured: &Measurement<'_, R>,
-        _: &mut [R],
+        _: &mut Memory<'_, R>,
         command: &mut [R],
     ) {
         let [terms, reach] = gains.tables else { return };
