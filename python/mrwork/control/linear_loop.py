@@ -124,7 +124,7 @@ def loop_margins(
     Between samples the command is held and the driver lags, `f' = rate (f_c - f)`; the transition over a sample is
     exact. With the loops of the other devices closed, `L = H_jj - H_jo (1 + H_oo)^-1 H_oj` of `H = K (z - F)^-1 G(z)`
     is the transfer around the break at device j. Where L crosses the negative real axis, -1 / L is a gain margin; where
-    |L| = 1, its angle from -1 is a phase margin, and that angle over the frequency a delay margin (Astrom and Murray,
+    `|L|` = 1, its angle from -1 is a phase margin, and that angle over the frequency a delay margin (Astrom and Murray,
     Feedback Systems, 2008, sect. 9.3). The observer of a study measures the forces, so that, but for their
     sampling, the loop with it has the same margins.
 
