@@ -14,13 +14,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mrwork.values import array_dataclass
+
 if TYPE_CHECKING:
     from pandas import DataFrame as DataFrame
     from xarray import Dataset as Dataset
     from xarray import DataTree as DataTree
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@array_dataclass()
 class NamedArray:
     """Values over named axes, in a unit; `long_name` says in words what they are. Labels along an axis name no axes."""
 

@@ -32,8 +32,12 @@ from studies.common.frame import LARGEST_CURRENT, LEVELS, Bench, Figures, bench,
 OnProgress = Callable[[str], None]
 HERE = Path(__file__).parent
 SEED = 6
-# Functions of measured signals have no settings but learned numbers, which no grid finds.
-_OTHER_LAWS = ("passive", "signal_network", "signal_polynomial", "active")
+# Functions of measured signals have no settings but learned numbers, which no grid finds. Laws of the measured
+# acceleration are not of the thesis, and are compared in `studies/rollout`.
+_OTHER_LAWS = (
+    *("passive", "signal_network", "signal_polynomial", "active"),
+    *("acceleration_driven", "mixed_skyhook", "predictive_rollout"),
+)
 TUNED_LAWS = tuple(spec.name for spec in control_laws() if spec.name not in _OTHER_LAWS)
 ACTIVE = ("active", "active_limited")
 """The ideal force, without and with the limit of what the pair gives at its largest current."""

@@ -64,7 +64,8 @@ class RolloutInNumPy:
         self.hold, _, self.delay, _, _ = law.tables["timing"]
         order, self.forgetting, covariance = law.tables["forecast"]
         self.order = int(order)
-        self.time, self.counted = law.tables["correction"]
+        self.time, mass = law.tables["correction"]
+        self.counted = mass / np.sqrt(g["acceleration_weight"][0])
         self.Ts, self.step, self.hold_steps = sample_time, self.hold / steps, steps
         self.n_steps = round(min(max(g["horizon"][0], self.hold), 1.0) / self.step)
         tails = np.vstack([g["base"], g["tails"].T])

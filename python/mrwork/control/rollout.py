@@ -17,7 +17,7 @@ LEVELS = (0.0, 0.08, 0.213, 0.426, 1.0)
 """Commands that are tried beside the base alone, as shares of the largest."""
 _TAILS = (0.4, 2.0)
 _FORGETTING, _COVARIANCE = 0.998, 100.0
-# Seconds over which forces are compared, and the share of the inertia force at the reference acceleration that counts.
+# Seconds over which forces are compared, and the share of the mass whose inertia force at the reference acceleration counts.
 _COMPARED, _COUNTED = 5.0, 0.04
 # Peak rate of a device over that of a first mode at the reference drift.
 _RATE = 3.0
@@ -47,7 +47,6 @@ class RolloutSettings(LawSettings):
         unit="m",
         default=None,
         above=0.0,
-        span=Span(lower=0.3, upper=3.0, start=1.0, of=(("constant_drift", 1.0),), free=False),
     )
     acceleration: float | None = key(
         "reference acceleration A",
@@ -141,7 +140,7 @@ class RolloutSettings(LawSettings):
             tables={
                 "timing": np.array([self.decision, self.step or 0.0, problem.delay, rate, first * rate]),
                 "forecast": np.array([order, _FORGETTING, _COVARIANCE]),
-                "correction": np.array([_COMPARED, _COUNTED * building.total_mass * acceleration]),
+                "correction": np.array([_COMPARED, _COUNTED * building.total_mass]),
             },
         )
 

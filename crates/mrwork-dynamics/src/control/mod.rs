@@ -111,6 +111,7 @@ pub struct GainSpec {
 
 /// Description of a control law.
 #[derive(Clone, Copy, Debug)]
+#[allow(clippy::struct_excessive_bools)] // properties of which none excludes another
 pub struct LawSpec {
     /// Name in code and on the command line.
     pub name: &'static str,

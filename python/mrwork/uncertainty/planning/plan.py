@@ -139,7 +139,7 @@ class LinearisedPosterior:
         if problem.settings.ties:
             tied = ", ".join(problem.settings.ties)
             raise SettingError(
-                f"the fit has tied {tied}, and a plan of tests knows no ties; plan with a fit without them"
+                f"the fit has tied {tied}, and the choice of the next test knows no ties; plan with a fit without them"
             )
         objective, spec, box = problem.objective, problem.form.spec, problem.form.box
         theta = problem.inside(fit.theta)

@@ -10,6 +10,8 @@ use crate::real::Real;
 
 /// Smallest and largest factor on the force of the model.
 const FACTORS: [f64; 2] = [0.7, 1.3];
+/// Smallest weight of accelerations [s4/m2] from which the force that counts is worked out.
+const SMALLEST_WEIGHT: f64 = 1e-12;
 
 /// A stretch of time with one command, in steps of the model.
 pub(super) struct Stretch<R> {
@@ -55,7 +57,7 @@ pub(super) struct DamperCopy<M: DamperModel, R: Lanes> {
     measured: Vec<R>,
     expected: Vec<R>,
     weight: f64,
-    counted: f64,
+    counted: R,
 }
 
 impl<M: DamperModel, R: Lanes> DamperCopy<M, R> {
@@ -65,7 +67,8 @@ impl<M: DamperModel, R: Lanes> DamperCopy<M, R> {
         prediction: &Prediction<'_, M, R>,
         timing: &Timing,
         current: &[R],
-        [time, force]: [f64; 2],
+        [time, mass]: [f64; 2],
+        acceleration_weight: R,
     ) -> Self {
         let n_devices = prediction.n_devices();
         let zero = vec![R::splat(0.0); n_devices];
@@ -86,7 +89,8 @@ impl<M: DamperModel, R: Lanes> DamperCopy<M, R> {
             measured: zero.clone(),
             expected: zero,
             weight: (sample_time / time).min(1.0),
-            counted: force * force,
+            counted: R::splat(mass * mass)
+                / within(acceleration_weight, R::splat(SMALLEST_WEIGHT), R::splat(f64::MAX)),
         }
     }
 
@@ -197,7 +201,7 @@ impl<M: DamperModel, R: Lanes> DamperCopy<M, R> {
         share: R,
         factors: bool,
     ) {
-        let (weight, counted) = (R::splat(self.weight), R::splat(self.counted));
+        let (weight, counted) = (R::splat(self.weight), self.counted);
         prediction.set_currents(&self.current);
         for device in 0..self.current.len() {
             let motion = Motion { displacement: self.deformation[device], velocity: self.rate[device] };

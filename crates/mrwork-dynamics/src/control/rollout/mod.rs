@@ -138,10 +138,10 @@ impl ControlLaw for PredictiveRollout {
             }
         }
         match tables[2][..] {
-            [time, force] if positive(time) && positive(force) => Ok(()),
+            [time, mass] if positive(time) && positive(mass) => Ok(()),
             _ => refuse(
                 "correction",
-                "2, positive: time [s] over which forces are compared, force [N] that counts",
+                "2, positive: time [s] over which forces are compared, mass [kg] whose inertia force at A counts",
             ),
         }
     }
@@ -185,7 +185,8 @@ impl Timing {
         let bound = largest_rate(model, ranges, Severity { peak_velocity, reversal_acceleration });
         let longest = if given > 0.0 { given } else { LONGEST_STEP.min(STABLE / bound) };
         let steps = (hold / longest * (1.0 - 1e-9)).ceil().max(1.0);
-        if !(steps <= f64::from(MOST_STEPS)) || !(hold / steps * bound <= STABLE) {
+        let is_resolved = steps <= f64::from(MOST_STEPS) && hold / steps * bound <= STABLE;
+        if !is_resolved {
             return Err(DynamicsError::ModelStep {
                 law,
                 step: hold / steps,

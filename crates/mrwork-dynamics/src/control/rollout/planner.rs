@@ -108,7 +108,13 @@ impl<'a, M: DamperModel + 'a, R: Lanes + 'a> OutOfLine for NewPlanner<'a, '_, '_
         let [order, forgetting, covariance] = numbers(&gains.tables[1]);
         let sample_time = timing.sample_time;
         *planner = Some(Box::new(Planner {
-            copy: DamperCopy::new(&prediction, &timing, &tried[..n_devices], numbers(&gains.tables[2])),
+            copy: DamperCopy::new(
+                &prediction,
+                &timing,
+                &tried[..n_devices],
+                numbers(&gains.tables[2]),
+                gains.of_loop(ACCELERATION_WEIGHT),
+            ),
             forecast: Forecast::new(order as usize, forgetting, covariance, n_nodes),
             start: Moment::of(&prediction),
             trial: Moment::of(&prediction),
@@ -303,7 +309,7 @@ impl<M: DamperModel, R: Lanes> Planner<'_, M, R> {
                         prediction: &mut *prediction,
                         scratch: &mut *scratch,
                         moment: &mut *start,
-                        step,
+                        length: step,
                         command,
                         decay: &stretch.decay,
                         ground: &ground,
@@ -363,7 +369,7 @@ impl<M: DamperModel, R: Lanes> Planner<'_, M, R> {
                 prediction: &mut *prediction,
                 scratch: &mut *scratch,
                 moment: &mut *moment,
-                step: timing.step(),
+                length: timing.step(),
                 command: held_at(step),
                 decay: &self.decision.decay,
                 ground: &self.ground[2 * step..2 * step + 3],

@@ -283,21 +283,21 @@ impl<R: Lanes> OutOfLine for Accelerate<'_, R> {
         // Slices of one length: pointers and bounds are read once, not in every product.
         let (displacement, velocity) = (&self.displacement[..n], &self.velocity[..n]);
         let (resisting, acceleration) = (&mut self.resisting[..n], &mut self.acceleration[..n]);
-        for coordinate in 0..n {
+        for (coordinate, resisting) in resisting.iter_mut().enumerate() {
             let [sprung, damped] = building.coupling(coordinate, displacement, velocity);
-            resisting[coordinate] = sprung + damped;
+            *resisting = sprung + damped;
         }
         for (device, &force) in force.iter().enumerate() {
             for &(coordinate, reach) in building.devices.row(device) {
                 resisting[coordinate] = force.mul_add(R::splat(reach), resisting[coordinate]);
             }
         }
-        for coordinate in 0..n {
+        for (coordinate, acceleration) in acceleration.iter_mut().enumerate() {
             let mut carried = ground * R::splat(-building.influence[coordinate]);
             for &(column, mobility) in building.mass_inverse.row(coordinate) {
                 carried = resisting[column].mul_add(R::splat(-mobility), carried);
             }
-            acceleration[coordinate] = carried;
+            *acceleration = carried;
         }
     }
 }
@@ -320,12 +320,12 @@ impl<M: DamperModel, R: Lanes> OutOfLine for Prepare<'_, '_, M, R> {
 /// A step of the model from a moment at which it was evaluated, to the next, where it is evaluated again.
 ///
 /// The ground acceleration is given at the start, the middle and the end of the step; `decay` is the share of the
-/// difference of current and command that is left after half of it.
+/// difference of current and command that is left after half of its `length` [s].
 pub(super) struct Step<'a, 'b, M: DamperModel, R: Lanes> {
     pub(super) prediction: &'a mut Prediction<'b, M, R>,
     pub(super) scratch: &'a mut Scratch<M, R>,
     pub(super) moment: &'a mut Moment<M, R>,
-    pub(super) step: f64,
+    pub(super) length: f64,
     pub(super) command: &'a [R],
     pub(super) decay: &'a [R],
     pub(super) ground: &'a [R],
@@ -336,7 +336,7 @@ pub(super) struct Step<'a, 'b, M: DamperModel, R: Lanes> {
 impl<M: DamperModel, R: Lanes> OutOfLine for Step<'_, '_, M, R> {
     #[inline(always)]
     fn run(self) {
-        let Self { prediction, scratch, moment, step, command, decay, ground, next_command } = self;
+        let Self { prediction, scratch, moment, length: step, command, decay, ground, next_command } = self;
         let Scratch { staged, next } = scratch;
         let n = moment.displacement.len();
         next.states.copy_from_slice(&moment.states);
