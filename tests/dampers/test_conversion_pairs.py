@@ -12,7 +12,7 @@ from mrwork.dampers import (
     normalised_from_bouc_wen,
     normalised_from_modified_bouc_wen,
 )
-from mrwork.simulate import Loading, simulate_force
+from mrwork.simulation import Loading, simulate_force
 
 TIME = np.arange(0.0, 1.0, 1e-3)
 LOADING = Loading(dt=1e-3, displacement=0.01 * np.sin(2.0 * np.pi * 2.0 * TIME) * np.exp(-TIME))

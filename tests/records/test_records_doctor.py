@@ -15,7 +15,7 @@ from mrwork.records.checks import breakaway_overshoot, clipped_share
 from mrwork.records.detectors.cycles import delay_finding, drift_finding, force_delay, loop_drift, moving_mass
 from mrwork.records.motion import SmoothMotion, motion_of, whole_cycles
 from mrwork.records.read import examine
-from mrwork.simulate import Loading, simulate_force
+from mrwork.simulation import Loading, simulate_force
 from mrwork.synthetic import SYNTHETIC_TESTS, synthetic_test
 
 # Models with displacement hysteresis have a corner at motion reversals; the other has none.

@@ -9,6 +9,7 @@ from .law_design import settings_of as settings_of
 from .laws import ControlLaw as ControlLaw
 from .laws import control_law as control_law
 from .laws import control_laws as control_laws
+from .linear_loop import loop_margins as loop_margins
 from .lqr import observer_of as observer_of
 from .lqr import regulator_of_outputs as regulator_of_outputs
 from .lqr import regulator_of_state as regulator_of_state
@@ -43,6 +44,7 @@ if True:  # the lower tier
     from .design_problem import Design as Design
     from .design_problem import LawSettings as LawSettings
     from .design_problem import Magnitudes as Magnitudes
+    from .design_problem import ReferencePeaks as ReferencePeaks
     from .design_problem import Span as Span
     from .fuzzy import FuzzySettings as FuzzySettings
     from .fuzzy import FuzzyTable as FuzzyTable
@@ -51,10 +53,14 @@ if True:  # the lower tier
     from .law_design import SETTINGS as SETTINGS
     from .law_design import DesignedCandidates as DesignedCandidates
     from .law_design import FrictionSettings as FrictionSettings
+    from .law_design import MixedSkyhookSettings as MixedSkyhookSettings
     from .law_design import NoSettings as NoSettings
     from .law_design import PassiveSettings as PassiveSettings
     from .law_design import design_candidates as design_candidates
     from .laws import ControlLawSpec as ControlLawSpec
+    from .linear_loop import DeviceMargins as DeviceMargins
+    from .linear_loop import LoopMargins as LoopMargins
+    from .loop_model import LoopModel as LoopModel
     from .lqr import Observer as Observer
     from .lqr import PublishedRegulator as PublishedRegulator
     from .lqr import Regulator as Regulator
@@ -74,6 +80,7 @@ if True:  # the lower tier
     from .regulator_settings import RegulatorSettings as RegulatorSettings
     from .riccati import RiccatiSolutions as RiccatiSolutions
     from .riccati import RiccatiStatus as RiccatiStatus
+    from .rollout import RolloutSettings as RolloutSettings
     from .sliding import AdaptiveSlidingSettings as AdaptiveSlidingSettings
     from .sliding import SlidingGains as SlidingGains
     from .sliding import SlidingSettings as SlidingSettings

@@ -1,3 +1,5 @@
+from .candidates import CandidateObjective as CandidateObjective
+from .candidates import ForceSensitivities as ForceSensitivities
 from .equivalent import search_box as search_box
 from .fit import Fit as Fit
 from .objective import Objective as Objective
@@ -9,6 +11,7 @@ if True:  # the lower tier
     from .equivalent import identifiable_form as identifiable_form
     from .fit import Estimate as Estimate
     from .fit import FitQuality as FitQuality
+    from .fit import FittedParameter as FittedParameter
     from .fit import SearchTrace as SearchTrace
     from .level_search import LevelFit as LevelFit
     from .level_search import joint_starts as joint_starts

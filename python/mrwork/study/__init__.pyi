@@ -8,5 +8,8 @@ from .study import Study as Study
 
 if True:  # the lower tier
     from .folder import StoredStudy as StoredStudy
+    from .passive_labels import OPTIMAL_PASSIVE as OPTIMAL_PASSIVE
+    from .passive_labels import PASSIVE_OFF as PASSIVE_OFF
+    from .passive_labels import PASSIVE_ON as PASSIVE_ON
     from .schema import TuneTable as TuneTable
     from .study import MotionOfStudy as MotionOfStudy

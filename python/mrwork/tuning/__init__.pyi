@@ -1,10 +1,12 @@
+from .problem import with_tuned_law as with_tuned_law
 from .results import TuningResults as TuningResults
 from .results import read_tuning as read_tuning
 from .run import tune as tune
 
 if True:  # the lower tier
-    from .first_candidates import BEST_CONSTANT as BEST_CONSTANT
     from .law_tuning import TuningProgress as TuningProgress
+    from .results import Front as Front
+    from .results import FrontPoint as FrontPoint
     from .results import Judgement as Judgement
     from .results import LawResult as LawResult
     from .space import PENALTY as PENALTY
