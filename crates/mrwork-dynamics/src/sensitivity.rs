@@ -1,9 +1,9 @@
 //! Force histories of a batch and their derivatives with respect to columns of `theta`, by dual numbers in lanes.
 //!
 //! A lane differentiates one candidate with respect to [`TANGENTS`] inputs on which the states depend; more take more
-//! lanes. Inputs that enter the force only are shared among these lanes. Where the command is constant the inputs are the parameters, however many
-//! coefficients their laws have. A dual number is several vectors, enough to hide each other's latency, so a block has
-//! the lanes of one vector.
+//! lanes. Inputs that enter the force only are shared among these lanes. Where the command is constant the inputs are
+//! the parameters, however many coefficients their laws have. A dual number is several vectors, enough to hide each
+//! other's latency, so a block has the lanes of one vector.
 
 use crate::any_damper::Damper;
 use crate::block::{BatchProgress, Block};
