@@ -6,7 +6,7 @@ use crate::closed_loop::history::HistoryRows;
 use crate::current_law::CurrentLaws;
 use crate::damper::model::{DamperModel, DamperSpec, Motion, Severity, State};
 use crate::dispatch::InstructionSet;
-use crate::dual_block::{self, LaneRows, Seed};
+use crate::dual_block::{self, LaneRows, LaneSeeds};
 use crate::integrate::{stiffness_bound, substeps};
 use crate::loading::LoadingHistory;
 use crate::misfit::{ForceOutput, Target};
@@ -42,7 +42,7 @@ pub trait Damper: Sync {
         &self,
         set: InstructionSet,
         block: &Block<'_>,
-        seeds: &[Seed],
+        seeds: &[LaneSeeds],
         rows: &mut [LaneRows<'_>],
     );
     /// Simulates a block of closed-loop runs with dampers of this model.
@@ -107,7 +107,7 @@ impl<M: DamperModel> Damper for M {
         &self,
         set: InstructionSet,
         block: &Block<'_>,
-        seeds: &[Seed],
+        seeds: &[LaneSeeds],
         rows: &mut [LaneRows<'_>],
     ) {
         dual_block::run::<M>(set, block, seeds, rows);

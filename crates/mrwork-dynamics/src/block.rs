@@ -108,7 +108,8 @@ impl<M: DamperModel> LaneJob for SteadyJob<'_, '_, M> {
     type Output = BlockResult;
     #[inline(always)]
     fn run<R: Lanes>(self) -> BlockResult {
-        let mut steady = steady::<M, R>(self.block, columns(self.block));
+        let values = steady_values(self.block, columns::<R>(self.block));
+        let mut steady = Steady { parameters: M::Parameters::from_slice(&values) };
         run_block::<M, R, _>(self.block, &mut steady, self.output)
     }
 }
@@ -133,12 +134,9 @@ impl<M: DamperModel> LaneJob for FollowingJob<'_, '_, M> {
     }
 }
 
-/// The driver for parameters that are constant in time: those at the constant command, if there is one.
+/// Parameters that are constant in time, from columns: those at the constant command, if there is one.
 #[inline(always)]
-pub(crate) fn steady<M: DamperModel, R: Real>(
-    block: &Block<'_>,
-    mut columns: Vec<R>,
-) -> Steady<M::Parameters<R>> {
+pub(crate) fn steady_values<R: Real>(block: &Block<'_>, mut columns: Vec<R>) -> Vec<R> {
     let Block { laws, loading, .. } = *block;
     if let (false, Command::Held(command)) = (laws.are_constant(), loading.command()) {
         let mut values = vec![R::splat(f64::NAN); laws.n_params()];
@@ -146,7 +144,7 @@ pub(crate) fn steady<M: DamperModel, R: Real>(
         laws.evaluate(&columns, R::splat(*command), &mut values);
         columns = values;
     }
-    Steady { parameters: M::Parameters::from_slice(&columns) }
+    columns
 }
 
 /// The columns of `theta`, one candidate per lane. Excess lanes repeat the last candidate.
@@ -193,7 +191,7 @@ pub(crate) fn integrate_span<M: DamperModel, R: Real, D: Driver<M, R>>(
     block: &Block<'_>,
     driver: &mut D,
     mut state: M::State<R>,
-    sink: &mut impl ForceSink<R>,
+    sink: &mut impl ForceSink<M, R, D>,
 ) -> (M::State<R>, usize) {
     let Block { loading, ref span, substeps, stop, .. } = *block;
     let fraction = 1.0 / f64::from(substeps);
@@ -208,7 +206,7 @@ pub(crate) fn integrate_span<M: DamperModel, R: Real, D: Driver<M, R>>(
         }
         let mut start = interval.motion(0.0);
         driver.begin(sample);
-        sink.take(sample, M::force(driver.parameters(), state, start.splat()));
+        sink.take(sample, driver, state, start.splat());
         if M::SPEC.n_states == 0 {
             driver.step();
         } else {
@@ -224,7 +222,7 @@ pub(crate) fn integrate_span<M: DamperModel, R: Real, D: Driver<M, R>>(
     }
     if span.start + samples == loading.n_time() - 1 && span.end == loading.n_time() {
         driver.begin(loading.n_time() - 1);
-        sink.take(loading.n_time() - 1, M::force(driver.parameters(), state, loading.last().splat()));
+        sink.take(loading.n_time() - 1, driver, state, loading.last().splat());
         samples += 1;
     }
     (state, samples)

@@ -1,6 +1,7 @@
 //! Current laws: each parameter of a model as a function of the coil current.
 
 use crate::damper::model::DamperSpec;
+use crate::dual::Dual;
 use crate::elementary::{exp, ln};
 use crate::error::DynamicsError;
 use crate::parameters::{ParamSpec, Scale};
@@ -133,6 +134,18 @@ impl CurrentLaw {
         // Written once: an exponential is much code, in every model and for every instruction set.
         factor.mul_add(exp(exponent), offset)
     }
+
+    /// The parameter at `u` from prepared coefficients, limited to its range where it depends on the command.
+    #[inline(always)]
+    fn limited_value<R: Real>(&self, prepared: &[R], u: R, parameter: &ParamSpec) -> R {
+        let free = self.value(prepared, u, parameter.scale);
+        if matches!(self, Self::Constant) {
+            return free;
+        }
+        let (lower, upper) = (R::splat(parameter.lower), R::splat(parameter.upper));
+        let from_below = R::select(free.less(lower), lower, free);
+        R::select(upper.less(from_below), upper, from_below)
+    }
 }
 
 /// Commands at which a law has values, and the polynomial through values there.
@@ -264,6 +277,32 @@ impl CurrentLaws {
         self.lagged.then(|| self.n_columns() - 1)
     }
 
+    /// The parameter on which a column acts, and the first column of its law; `None` for the rate of the driver.
+    pub(crate) fn parameter_of(&self, column: usize) -> Option<(usize, usize)> {
+        let mut first = 0;
+        for (parameter, law) in self.laws.iter().enumerate() {
+            let next = first + law.n_coefficients();
+            if column < next {
+                return Some((parameter, first));
+            }
+            first = next;
+        }
+        None
+    }
+
+    /// Derivative of a parameter at the command `u` with respect to a column, from a row of `theta`; zero for the rate of the driver.
+    pub(crate) fn slope(&self, theta: &[f64], column: usize, u: f64) -> f64 {
+        let Some((index, first)) = self.parameter_of(column) else { return 0.0 };
+        let (law, parameter) = (&self.laws[index], &self.parameters[index]);
+        let mut own: Vec<Dual<f64, 1>> = theta[first..][..law.n_coefficients()]
+            .iter()
+            .map(|&coefficient| Dual::constant(coefficient))
+            .collect();
+        own[column - first].tangents = [1.0];
+        law.prepare(&mut own, parameter.scale);
+        law.limited_value(&own, Dual::constant(u), parameter).tangents[0]
+    }
+
     /// Turns columns of `theta` into those that [`Self::evaluate`] takes; the rate of the driver stays.
     #[inline(always)]
     pub(crate) fn prepare<R: Real>(&self, columns: &mut [R]) {
@@ -283,14 +322,7 @@ impl CurrentLaws {
         for ((law, parameter), value) in self.laws.iter().zip(self.parameters).zip(values) {
             let (own, others) = rest.split_at(law.n_coefficients().min(rest.len()));
             rest = others;
-            let free = law.value(own, u, parameter.scale);
-            *value = if matches!(law, CurrentLaw::Constant) {
-                free
-            } else {
-                let (lower, upper) = (R::splat(parameter.lower), R::splat(parameter.upper));
-                let from_below = R::select(free.less(lower), lower, free);
-                R::select(upper.less(from_below), upper, from_below)
-            };
+            *value = law.limited_value(own, u, parameter);
         }
     }
 }

@@ -69,6 +69,13 @@ impl<'a, M: DamperModel, R: Real> Following<'a, M, R> {
         Self { laws, columns, values, command, held: start, u: start, half_step_decay, at }
     }
 
+    /// Parameters at the current in the coil, from other prepared columns; derivatives with respect to its lag are dropped.
+    #[inline(always)]
+    pub(crate) fn parameters_of(&self, columns: &[R], values: &mut [R]) -> M::Parameters<R> {
+        self.laws.evaluate(columns, self.u.without_derivatives(), values);
+        M::Parameters::from_slice(values)
+    }
+
     #[inline(always)]
     fn half_step(&mut self) -> M::Parameters<R> {
         self.u = (self.u - self.held).mul_add(self.half_step_decay, self.held);

@@ -149,6 +149,10 @@ impl<R: Bits, const K: usize> Real for Dual<R, K> {
         Self { value: R::select(mask, yes.value, no.value), tangents }
     }
     #[inline(always)]
+    fn without_derivatives(self) -> Self {
+        Self::constant(self.value)
+    }
+    #[inline(always)]
     fn all(mask: Self::Mask) -> bool {
         R::all(mask)
     }

@@ -1,37 +1,53 @@
 //! One block of lanes that carry derivatives: force histories and their derivatives, by dual numbers.
+//!
+//! What a lane differentiates with respect to are the inputs of its simulation: the parameters, or, where they follow a
+//! varying command, the columns of `theta`. States are integrated with their derivatives; inputs that enter the force
+//! only leave the states alone, so their derivatives are those of the force at the sample.
 
 use core::marker::PhantomData;
 
-use crate::block::{Block, columns, integrate_span, steady};
-use crate::damper::model::{DamperModel, State};
+use crate::block::{Block, columns, integrate_span, steady_values};
+use crate::damper::model::{DamperModel, Motion, State};
 use crate::dispatch::{InstructionSet, LaneJob};
-use crate::driver::{Either, Following};
+use crate::driver::{Driver, Either, Following, Steady};
 use crate::dual::Dual;
 use crate::lanes::Lanes;
 use crate::loading::Command;
 use crate::misfit::ForceSink;
-use crate::real::{Bits, Real};
+use crate::parameters::FromSlice;
+use crate::real::Real;
 
-/// Derivatives per lane.
+/// Derivatives of a dual number.
 pub const TANGENTS: usize = 4;
 
-/// The columns of `theta` with respect to which a lane differentiates.
+/// The inputs along whose directions a dual number has derivatives.
 pub type Seed = [Option<usize>; TANGENTS];
 
-/// Output of a lane: its force [N] and its derivatives [N per unit of the column].
+/// The inputs with respect to which a lane differentiates.
+#[derive(Default)]
+pub struct LaneSeeds {
+    /// Those on which the states depend.
+    pub states: Seed,
+    /// Those that enter the force only, as many as there are; every [`TANGENTS`] of them cost an evaluation of the force.
+    pub force_only: Vec<Seed>,
+}
+
+/// Output of a lane: its force [N] and its derivatives [N per unit of the input].
 #[derive(Default)]
 pub struct LaneRows<'a> {
     /// The force; `None` if another lane of the same candidate writes it.
     pub force: Option<&'a mut [f64]>,
-    /// The derivatives, one row per seed.
-    pub tangents: [Option<&'a mut [f64]>; TANGENTS],
+    /// The derivatives with respect to inputs on which the states depend.
+    pub states: [Option<&'a mut [f64]>; TANGENTS],
+    /// The derivatives with respect to inputs that enter the force only.
+    pub force_only: Vec<[Option<&'a mut [f64]>; TANGENTS]>,
 }
 
 /// Simulates a block whose lanes differentiate with respect to `seeds`.
 pub(crate) fn run<M: DamperModel>(
     set: InstructionSet,
     block: &Block<'_>,
-    seeds: &[Seed],
+    seeds: &[LaneSeeds],
     rows: &mut [LaneRows<'_>],
 ) {
     set.run_vector(SensitivityJob::<M> { block, seeds, rows, model: PhantomData });
@@ -39,38 +55,58 @@ pub(crate) fn run<M: DamperModel>(
 
 struct SensitivityJob<'a, 'b, M> {
     block: &'a Block<'a>,
-    seeds: &'a [Seed],
+    seeds: &'a [LaneSeeds],
     rows: &'a mut [LaneRows<'b>],
     model: PhantomData<M>,
 }
+
+type Numbers<R> = Dual<R, TANGENTS>;
 
 impl<M: DamperModel> LaneJob for SensitivityJob<'_, '_, M> {
     type Output = ();
     #[inline(always)]
     fn run<R: Lanes>(self) {
         let Self { block, seeds, rows, .. } = self;
-        let columns = seeded(columns::<R>(block), seeds);
-        let mut driver: Either<'_, M, Dual<R, TANGENTS>> = match block.loading.command() {
-            Command::Varying(command) if !block.laws.are_constant() => {
-                let step = block.loading.dt() / f64::from(block.substeps);
-                Either::Following(Following::new(block.laws, columns, command, step))
-            }
-            _ => Either::Steady(steady::<M, _>(block, columns)),
+        let Block { laws, loading, substeps, .. } = *block;
+        let columns = columns::<R>(block);
+        let varying = match loading.command() {
+            Command::Varying(command) if !laws.are_constant() => Some(command),
+            _ => None,
         };
+        let inputs = if varying.is_some() { columns } else { steady_values(block, columns) };
+        let of_states = seeded(&inputs, |lane| seeds.get(lane).map(|seeds| seeds.states));
+        let n_force_only = seeds.iter().map(|seeds| seeds.force_only.len()).max().unwrap_or(0);
+        let mut force_only = Vec::with_capacity(n_force_only);
+        for part in 0..n_force_only {
+            let mut columns = seeded(&inputs, |lane| seeds.get(lane)?.force_only.get(part).copied());
+            let parameters = M::Parameters::from_slice(&columns);
+            if varying.is_some() {
+                laws.prepare(&mut columns);
+            }
+            let values = vec![Dual::splat(f64::NAN); laws.n_params()];
+            force_only.push(ForceOnly { parameters, columns, values });
+        }
+        let mut driver = if let Some(command) = varying {
+            let step = loading.dt() / f64::from(substeps);
+            Either::Following(Following::new(laws, of_states, command, step))
+        } else {
+            Either::Steady(Steady { parameters: M::Parameters::from_slice(&of_states) })
+        };
+        let mut writer = RowWriter { rows, force_only };
         let at_rest = M::State::from_fn(|_| Dual::splat(0.0));
-        integrate_span::<M, _, _>(block, &mut driver, at_rest, &mut RowWriter { rows });
+        integrate_span::<M, _, _>(block, &mut driver, at_rest, &mut writer);
     }
 }
 
-/// The columns of `theta` as dual numbers: derivative 1 in the lanes and directions seeded with the column, else 0.
+/// Inputs as dual numbers: derivative 1 in the lanes and directions seeded with the input, else 0.
 #[inline(always)]
-fn seeded<R: Lanes>(columns: Vec<R>, seeds: &[Seed]) -> Vec<Dual<R, TANGENTS>> {
-    let mut duals = Vec::with_capacity(columns.len());
-    for (column, value) in columns.into_iter().enumerate() {
+fn seeded<R: Lanes>(inputs: &[R], seed: impl Fn(usize) -> Option<Seed>) -> Vec<Numbers<R>> {
+    let mut duals = Vec::with_capacity(inputs.len());
+    for (input, &value) in inputs.iter().enumerate() {
         let mut dual = Dual::constant(value);
         for (k, tangent) in dual.tangents.iter_mut().enumerate() {
-            *tangent = R::from_fn(|lane| match seeds.get(lane) {
-                Some(seed) if seed[k] == Some(column) => 1.0,
+            *tangent = R::from_fn(|lane| match seed(lane) {
+                Some(seed) if seed[k] == Some(input) => 1.0,
                 _ => 0.0,
             });
         }
@@ -79,15 +115,33 @@ fn seeded<R: Lanes>(columns: Vec<R>, seeds: &[Seed]) -> Vec<Dual<R, TANGENTS>> {
     duals
 }
 
-/// Writes the force and derivatives of every lane to its rows.
-struct RowWriter<'a, 'b> {
-    rows: &'a mut [LaneRows<'b>],
+/// Parameters with derivatives with respect to inputs that enter the force only.
+struct ForceOnly<M: DamperModel, R: Lanes> {
+    parameters: M::Parameters<Numbers<R>>,
+    /// From which the parameters are evaluated at every sample of a varying command, prepared.
+    columns: Vec<Numbers<R>>,
+    values: Vec<Numbers<R>>,
 }
 
-impl<R: Lanes + Bits> ForceSink<Dual<R, TANGENTS>> for RowWriter<'_, '_> {
+/// Writes the force and derivatives of every lane to its rows.
+struct RowWriter<'a, 'b, M: DamperModel, R: Lanes> {
+    rows: &'a mut [LaneRows<'b>],
+    force_only: Vec<ForceOnly<M, R>>,
+}
+
+impl<M: DamperModel, R: Lanes> ForceSink<M, Numbers<R>, Either<'_, M, Numbers<R>>>
+    for RowWriter<'_, '_, M, R>
+{
     #[inline(always)]
-    fn take(&mut self, sample: usize, force: Dual<R, TANGENTS>) {
+    fn take(
+        &mut self,
+        sample: usize,
+        driver: &Either<'_, M, Numbers<R>>,
+        state: M::State<Numbers<R>>,
+        motion: Motion<Numbers<R>>,
+    ) {
         let rows = &mut *self.rows;
+        let force = M::force(driver.parameters(), state, motion);
         force.value.for_each(|lane, value| {
             if let Some(LaneRows { force: Some(row), .. }) = rows.get_mut(lane) {
                 row[sample] = value;
@@ -95,10 +149,24 @@ impl<R: Lanes + Bits> ForceSink<Dual<R, TANGENTS>> for RowWriter<'_, '_> {
         });
         for (k, tangent) in force.tangents.into_iter().enumerate() {
             tangent.for_each(|lane, value| {
-                if let Some(row) = rows.get_mut(lane).and_then(|rows| rows.tangents[k].as_deref_mut()) {
+                if let Some(row) = rows.get_mut(lane).and_then(|rows| rows.states[k].as_deref_mut()) {
                     row[sample] = value;
                 }
             });
+        }
+        for (part, ForceOnly { parameters, columns, values }) in self.force_only.iter_mut().enumerate() {
+            if let Either::Following(following) = driver {
+                *parameters = following.parameters_of(columns, values);
+            }
+            let force = M::force(parameters, state.without_derivatives(), motion);
+            for (k, tangent) in force.tangents.into_iter().enumerate() {
+                tangent.for_each(|lane, value| {
+                    let rows = rows.get_mut(lane).and_then(|rows| rows.force_only.get_mut(part));
+                    if let Some(row) = rows.and_then(|rows| rows[k].as_deref_mut()) {
+                        row[sample] = value;
+                    }
+                });
+            }
         }
     }
 

@@ -1,11 +1,14 @@
 //! What is recorded of a simulated force: the running sum of squared residuals, or the force history on request.
 
+use crate::damper::model::{DamperModel, Motion};
+use crate::driver::Driver;
 use crate::lanes::Lanes;
+use crate::real::Real;
 
-/// Receives the forces of a block, sample by sample.
-pub(crate) trait ForceSink<R> {
-    /// Takes the force [N] of every lane at `sample`.
-    fn take(&mut self, sample: usize, force: R);
+/// Receives the states of a block, sample by sample, and works out the forces.
+pub(crate) trait ForceSink<M: DamperModel, R: Real, D: Driver<M, R>> {
+    /// Takes the state and motion of every lane at `sample`; the parameters are those of the driver.
+    fn take(&mut self, sample: usize, driver: &D, state: M::State<R>, motion: Motion<R>);
     /// Whether later samples cannot change the result, so that the simulation may stop.
     fn is_settled(&self) -> bool;
 }
@@ -36,9 +39,10 @@ pub(crate) struct ForceAccumulator<'a, 'b, R> {
     pub(crate) limit: R,
 }
 
-impl<R: Lanes> ForceSink<R> for ForceAccumulator<'_, '_, R> {
+impl<M: DamperModel, R: Lanes, D: Driver<M, R>> ForceSink<M, R, D> for ForceAccumulator<'_, '_, R> {
     #[inline(always)]
-    fn take(&mut self, sample: usize, force: R) {
+    fn take(&mut self, sample: usize, driver: &D, state: M::State<R>, motion: Motion<R>) {
+        let force = M::force(driver.parameters(), state, motion);
         if let Some(Target { force: measured, first }) = self.output.target
             && sample >= first
         {

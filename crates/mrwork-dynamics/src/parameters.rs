@@ -40,6 +40,9 @@ pub struct ParamSpec {
     pub nominal: f64,
     /// Meaning.
     pub description: &'static str,
+    /// Whether it enters the force only, not the rate of the states: derivatives with respect to it need no integration.
+    /// Of a model without states it is not said.
+    pub force_only: bool,
 }
 
 /// Parameters that can be filled in spec order.
@@ -50,18 +53,18 @@ pub trait FromSlice<R>: Copy {
 
 /// Declares the parameters of the model in this file: a struct `Parameters<R>` to compute with and a list `PARAMETERS` to
 /// read. Quantities that depend on the parameters alone can be listed after them: they become fields too and are computed
-/// once instead of in every step.
+/// once instead of in every step. `force_only` stands with a parameter on which the rate of the states does not depend.
 ///
 /// ```text
 /// parameters! {
-///     f_c: "N", Log, 1e-3 .. 1e9, nominal 300.0, "yield force";
-///     v_s: "m/s", Log, 1e-6 .. 1.0, nominal 0.01, "velocity over which the force changes side";
-///     => per_v_s: R = R::splat(1.0) / v_s;
+///     k_w: "N", Log, 1e-3 .. 1e9, nominal 300.0, force_only, "yield force";
+///     rho: "1/m", Log, 1e-2 .. 1e7, nominal 3000.0, "initial slope of the loop";
+///     => per_rho: R = R::splat(1.0) / rho;
 /// }
 /// ```
 macro_rules! parameters {
     ($($name:ident: $unit:literal, $scale:ident, $lower:literal .. $upper:literal,
-       nominal $nominal:expr, $description:literal;)+
+       nominal $nominal:expr, $($force_only:ident,)? $description:literal;)+
      $(=> $($derived:ident: $kind:ty = $value:expr;)+)?) => {
         /// The model's parameters, in spec order, and the quantities derived from them.
         #[derive(Clone, Copy)]
@@ -93,8 +96,11 @@ macro_rules! parameters {
                 upper: $upper,
                 nominal: $nominal,
                 description: $description,
+                force_only: $crate::parameters::parameters!(@$($force_only)?),
             }),+
         ];
     };
+    (@) => { false };
+    (@force_only) => { true };
 }
 pub(crate) use parameters;

@@ -42,6 +42,11 @@ pub trait Real:
     fn equal(self, other: Self) -> Self::Mask;
     /// Lanes of `yes` where the mask holds, of `no` elsewhere.
     fn select(mask: Self::Mask, yes: Self, no: Self) -> Self;
+    /// The value alone; it differs for dual numbers, which lose their derivatives.
+    #[inline(always)]
+    fn without_derivatives(self) -> Self {
+        self
+    }
     /// Whether the mask holds in every lane.
     fn all(mask: Self::Mask) -> bool;
     /// Whether the mask holds in at least one lane.

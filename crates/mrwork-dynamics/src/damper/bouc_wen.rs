@@ -7,10 +7,10 @@ use crate::parameters::parameters;
 use crate::real::Real;
 
 parameters! {
-    c0: "N s/m", Log, 1e-3 .. 1e9, nominal 5000.0, "viscous damping";
-    k0: "N/m", Linear, -1e9 .. 1e9, nominal 2500.0, "stiffness in parallel, of the accumulator";
-    x0: "m", Offset, -10.0 .. 10.0, nominal 0.038, "displacement at which the spring k0 is free";
-    alpha: "N/m", Log, 1e-3 .. 1e12, nominal 88e3, "force per hysteretic displacement z";
+    c0: "N s/m", Log, 1e-3 .. 1e9, nominal 5000.0, force_only, "viscous damping";
+    k0: "N/m", Linear, -1e9 .. 1e9, nominal 2500.0, force_only, "stiffness in parallel, of the accumulator";
+    x0: "m", Offset, -10.0 .. 10.0, nominal 0.038, force_only, "displacement at which the spring k0 is free";
+    alpha: "N/m", Log, 1e-3 .. 1e12, nominal 88e3, force_only, "force per hysteretic displacement z";
     gamma: "m^-n", Log, 1e-3 .. 1e15, nominal 1e6, "rounds the loop and dissipates (multiplies |v| z |z|^(n-1))";
     beta: "m^-n", Linear, -1e15 .. 1e15, nominal 1e6, "rounds the loop reversibly (multiplies v |z|^n); above -gamma";
     A: "1", Log, 1e-3 .. 1e6, nominal 120.0, "initial slope of z over x";

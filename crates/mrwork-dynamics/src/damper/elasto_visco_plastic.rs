@@ -11,8 +11,8 @@ parameters! {
     c: "N s/m", Log, 1e-3 .. 1e9, nominal 1800.0, "viscous damping of the core beyond yield";
     rho: "1/m", Log, 1e-2 .. 1e7, nominal 5700.0, "spring in series divided by f_y: the loop yields within about 1/rho of travel";
     r: "1/s", Log, 1e-6 .. 1e4, nominal 5.0, "creep: rate at which the spring force relaxes while the damper is held";
-    k: "N/m", Linear, -1e9 .. 1e9, nominal 1500.0, "stiffness in parallel, of the accumulator";
-    f0: "N", Offset, -1e8 .. 1e8, nominal 40.0, "force offset";
+    k: "N/m", Linear, -1e9 .. 1e9, nominal 1500.0, force_only, "stiffness in parallel, of the accumulator";
+    f0: "N", Offset, -1e8 .. 1e8, nominal 40.0, force_only, "force offset";
     => decay: R = R::splat(-2.0) / v_r;
     spring: R = rho * f_y;
     yielding: R = R::splat(4.0) * f_y / v_r;

@@ -10,7 +10,7 @@ parameters! {
     rho: "1/m", Log, 1e-2 .. 1e7, nominal 4500.0, "spring in series divided by f_c: yield within about 1/rho of travel";
     a: "1", Log, 1e-3 .. 1e3, nominal 1.0, "ratio of that spring to the one of the Kelvin-Voigt element, k2/k1";
     tau: "s", Log, 1e-6 .. 1e3, nominal 0.007, "retardation time of the Kelvin-Voigt element, c1/k1";
-    f0: "N", Offset, -1e8 .. 1e8, nominal -95.0, "force offset";
+    f0: "N", Offset, -1e8 .. 1e8, nominal -95.0, force_only, "force offset";
     => per_c0: R = R::splat(1.0) / c0;
     per_tau: R = R::splat(1.0) / tau;
 }

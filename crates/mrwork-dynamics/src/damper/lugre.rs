@@ -5,11 +5,11 @@ use crate::parameters::parameters;
 use crate::real::Real;
 
 parameters! {
-    sigma_0: "N/m", Log, 1e-3 .. 1e12, nominal 2.1e6, "stiffness of the bristles: the loop lies between +-sigma_0/a0";
-    sigma_1: "N s/m", Log, 1e-3 .. 1e9, nominal 2000.0, "damping of the bristles; it acts just after a reversal only";
-    sigma_2: "N s/m", Log, 1e-3 .. 1e9, nominal 2500.0, "viscous damping";
+    sigma_0: "N/m", Log, 1e-3 .. 1e12, nominal 2.1e6, force_only, "stiffness of the bristles: the loop lies between +-sigma_0/a0";
+    sigma_1: "N s/m", Log, 1e-3 .. 1e9, nominal 2000.0, force_only, "damping of the bristles; it acts just after a reversal only";
+    sigma_2: "N s/m", Log, 1e-3 .. 1e9, nominal 2500.0, force_only, "viscous damping";
     a0: "1/m", Log, 1e-2 .. 1e7, nominal 3000.0, "inverse of the largest deflection of the bristles";
-    f0: "N", Offset, -1e8 .. 1e8, nominal 40.0, "force offset";
+    f0: "N", Offset, -1e8 .. 1e8, nominal 40.0, force_only, "force offset";
 }
 
 /// Friction as the bending of bristles.

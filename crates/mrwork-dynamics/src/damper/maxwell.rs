@@ -5,10 +5,10 @@ use crate::parameters::parameters;
 use crate::real::Real;
 
 parameters! {
-    k: "N/m", Log, 1e-3 .. 1e12, nominal 1e7, "stiffness of the spring in series";
+    k: "N/m", Log, 1e-3 .. 1e12, nominal 1e7, force_only, "stiffness of the spring in series";
     tau: "s", Log, 1e-4 .. 1e3, nominal 5e-4, "relaxation time: the dashpot in series is k tau";
-    c: "N s/m", Log, 1e-3 .. 1e9, nominal 500.0, "viscous damping in parallel";
-    f0: "N", Offset, -1e8 .. 1e8, nominal 20.0, "force offset";
+    c: "N s/m", Log, 1e-3 .. 1e9, nominal 500.0, force_only, "viscous damping in parallel";
+    f0: "N", Offset, -1e8 .. 1e8, nominal 20.0, force_only, "force offset";
     => release: R = R::splat(1.0) / tau;
 }
 

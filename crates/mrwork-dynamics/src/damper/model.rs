@@ -63,6 +63,8 @@ impl Motion<f64> {
 pub trait State<R: Real>: Copy {
     /// `self + step * rate`.
     fn advance(self, step: R, rate: Self) -> Self;
+    /// The values alone, see [`Real::without_derivatives`].
+    fn without_derivatives(self) -> Self;
     /// States from and to plain numbers, entry by entry.
     fn from_fn(value: impl FnMut(usize) -> R) -> Self;
     /// Calls `receive(index, value)` for every entry.
@@ -77,6 +79,14 @@ impl<R: Real, const N: usize> State<R> for [R; N] {
             next[i] = step.mul_add(rate[i], self[i]);
         }
         next
+    }
+    #[inline(always)]
+    fn without_derivatives(self) -> Self {
+        let mut values = self;
+        for value in &mut values {
+            *value = value.without_derivatives();
+        }
+        values
     }
     #[inline(always)]
     fn from_fn(value: impl FnMut(usize) -> R) -> Self {

@@ -13,8 +13,8 @@ parameters! {
     c0: "N s/m", Log, 1e-3 .. 1e9, nominal 2100.0 + 350.0 * VOLTAGE, "viscous damping beside the loop, at large velocities";
     k0: "N/m", Log, 1e-3 .. 1e9, nominal 4690.0, "stiffness beside the loop, at large velocities";
     c1: "N s/m", Log, 1e-3 .. 1e9, nominal 28_300.0 + 295.0 * VOLTAGE, "dashpot in series: reduces the force at small velocities";
-    k1: "N/m", Linear, -1e9 .. 1e9, nominal 500.0, "stiffness in parallel, of the accumulator";
-    x0: "m", Offset, -10.0 .. 10.0, nominal 0.143, "displacement at which the spring k1 is free";
+    k1: "N/m", Linear, -1e9 .. 1e9, nominal 500.0, force_only, "stiffness in parallel, of the accumulator";
+    x0: "m", Offset, -10.0 .. 10.0, nominal 0.143, force_only, "displacement at which the spring k1 is free";
     alpha: "N/m", Log, 1e-3 .. 1e12, nominal 14_000.0 + 69_500.0 * VOLTAGE, "force per hysteretic displacement z";
     gamma: "m^-n", Log, 1e-3 .. 1e15, nominal 3.63e6, "rounds the loop and dissipates";
     beta: "m^-n", Linear, -1e15 .. 1e15, nominal 3.63e6, "rounds the loop reversibly; above -gamma";

@@ -10,15 +10,15 @@ use crate::real::Real;
 const Z_MAX: f64 = 7.745_966_692_414_834e-3;
 
 parameters! {
-    c: "N s/m", Log, 1e-3 .. 1e9, nominal 5000.0, "viscous damping";
-    k: "N/m", Linear, -1e9 .. 1e9, nominal 2500.0, "stiffness in parallel, of the accumulator";
-    x0: "m", Offset, -10.0 .. 10.0, nominal 0.038, "displacement at which the spring k is free";
-    k_w: "N", Log, 1e-3 .. 1e9, nominal 88e3 * Z_MAX, "yield force: the loop lies between +-k_w";
+    c: "N s/m", Log, 1e-3 .. 1e9, nominal 5000.0, force_only, "viscous damping";
+    k: "N/m", Linear, -1e9 .. 1e9, nominal 2500.0, force_only, "stiffness in parallel, of the accumulator";
+    x0: "m", Offset, -10.0 .. 10.0, nominal 0.038, force_only, "displacement at which the spring k is free";
+    k_w: "N", Log, 1e-3 .. 1e9, nominal 88e3 * Z_MAX, force_only, "yield force: the loop lies between +-k_w";
     rho: "1/m", Log, 1e-2 .. 1e7, nominal 120.0 / Z_MAX, "initial slope: the loop yields within about 1/rho of travel";
     sigma: "1", Log, 0.1 .. 1e4, nominal 0.5, "unloading: the slope just after a reversal is 2 sigma rho";
     n: "1", Linear, 1.0 .. 6.0, nominal 2.0, "sharpness of the knee";
     mu: "m/s", Log, 1e-6 .. 1.0, nominal 0.004, "velocity by which the loop is shifted";
-    share: "1", Linear, 0.0 .. 1.0, nominal 0.5, "share of that shift in the dashpot: 1 as in the thesis, 0 none";
+    share: "1", Linear, 0.0 .. 1.0, nominal 0.5, force_only, "share of that shift in the dashpot: 1 as in the thesis, 0 none";
     w_s: "1", Log, 0.01 .. 1.0, nominal 0.1, "state over which the shift changes side";
     => hysteresis: Hysteresis<R> = Hysteresis::of([rho, sigma, n]);
     per_w_s: R = R::splat(1.0) / w_s;

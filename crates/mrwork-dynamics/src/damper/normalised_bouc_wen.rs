@@ -9,10 +9,10 @@ use crate::real::Real;
 const Z_MAX: f64 = 7.745_966_692_414_834e-3;
 
 parameters! {
-    c: "N s/m", Log, 1e-3 .. 1e9, nominal 5000.0, "viscous damping";
-    k: "N/m", Linear, -1e9 .. 1e9, nominal 2500.0, "stiffness in parallel, of the accumulator";
-    x0: "m", Offset, -10.0 .. 10.0, nominal 0.038, "displacement at which the spring k is free";
-    k_w: "N", Log, 1e-3 .. 1e9, nominal 88e3 * Z_MAX, "yield force: the loop lies between +-k_w";
+    c: "N s/m", Log, 1e-3 .. 1e9, nominal 5000.0, force_only, "viscous damping";
+    k: "N/m", Linear, -1e9 .. 1e9, nominal 2500.0, force_only, "stiffness in parallel, of the accumulator";
+    x0: "m", Offset, -10.0 .. 10.0, nominal 0.038, force_only, "displacement at which the spring k is free";
+    k_w: "N", Log, 1e-3 .. 1e9, nominal 88e3 * Z_MAX, force_only, "yield force: the loop lies between +-k_w";
     rho: "1/m", Log, 1e-2 .. 1e7, nominal 120.0 / Z_MAX, "initial slope: the loop yields within about 1/rho of travel";
     sigma: "1", Log, 0.1 .. 1e4, nominal 0.5, "unloading: the slope just after a reversal is 2 sigma rho";
     n: "1", Linear, 1.0 .. 6.0, nominal 2.0, "sharpness of the knee";

@@ -12,8 +12,8 @@ parameters! {
     c0: "N s/m", Log, 1e-3 .. 1e9, nominal 2887.5, "viscous damping beside the loop, at large velocities";
     k0: "N/m", Log, 1e-3 .. 1e9, nominal 4690.0, "stiffness beside the loop, at large velocities";
     c1: "N s/m", Log, 1e-3 .. 1e9, nominal 28_963.75, "dashpot in series: reduces the force at small velocities";
-    k1: "N/m", Linear, -1e9 .. 1e9, nominal 500.0, "stiffness in parallel, of the accumulator";
-    x0: "m", Offset, -10.0 .. 10.0, nominal 0.143, "displacement at which the spring k1 is free";
+    k1: "N/m", Linear, -1e9 .. 1e9, nominal 500.0, force_only, "stiffness in parallel, of the accumulator";
+    x0: "m", Offset, -10.0 .. 10.0, nominal 0.143, force_only, "displacement at which the spring k1 is free";
     k_w: "N", Log, 1e-3 .. 1e9, nominal 170_375.0 * Z_MAX, "yield force of the loop";
     rho: "1/m", Log, 1e-2 .. 1e7, nominal 301.0 / Z_MAX, "initial slope: the loop yields within about 1/rho of x - y";
     sigma: "1", Log, 0.1 .. 1e4, nominal 0.5, "unloading: the slope just after a reversal is 2 sigma rho";

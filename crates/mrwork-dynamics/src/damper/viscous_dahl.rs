@@ -6,10 +6,10 @@ use crate::parameters::parameters;
 use crate::real::Real;
 
 parameters! {
-    k_x: "N s/m", Log, 1e-3 .. 1e9, nominal 2500.0, "viscous damping";
-    k_w: "N", Log, 1e-3 .. 1e9, nominal 700.0, "yield force: the loop lies between +-k_w";
+    k_x: "N s/m", Log, 1e-3 .. 1e9, nominal 2500.0, force_only, "viscous damping";
+    k_w: "N", Log, 1e-3 .. 1e9, nominal 700.0, force_only, "yield force: the loop lies between +-k_w";
     rho: "1/m", Log, 1e-2 .. 1e7, nominal 3000.0, "initial slope: the loop yields within about 1/rho of travel";
-    f0: "N", Offset, -1e8 .. 1e8, nominal 40.0, "force offset";
+    f0: "N", Offset, -1e8 .. 1e8, nominal 40.0, force_only, "force offset";
 }
 
 /// Dahl's friction in parallel with a dashpot.
