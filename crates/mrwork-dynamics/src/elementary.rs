@@ -52,7 +52,10 @@ impl<R: Bits> Elementary for R {
     }
     #[inline(always)]
     fn power(self, exponent: &Exponent<Self>) -> Self {
-        let &Exponent { n, whole, all_whole, any_whole } = exponent;
+        let &Exponent { n, whole, all_two, all_whole, any_whole } = exponent;
+        if all_two {
+            return self * self;
+        }
         if all_whole {
             return whole_power(self, n);
         }
@@ -127,6 +130,7 @@ pub struct Exponent<R: Real> {
     pub(crate) n: R,
     /// Whether n is exactly 1, 2 or 3.
     pub(crate) whole: R::Mask,
+    all_two: bool,
     all_whole: bool,
     any_whole: bool,
 }
@@ -135,9 +139,10 @@ impl<R: Real> Exponent<R> {
     /// Examines n.
     #[inline(always)]
     pub fn of(n: R) -> Self {
-        let near = (n - R::splat(2.0)).abs().less(R::splat(1.5));
+        let two = R::splat(2.0);
+        let near = (n - two).abs().less(R::splat(1.5));
         let whole = R::select(near, n.round_ties_even(), R::splat(f64::NAN)).equal(n);
-        Self { n, whole, all_whole: R::all(whole), any_whole: R::any(whole) }
+        Self { n, whole, all_two: R::all(n.equal(two)), all_whole: R::all(whole), any_whole: R::any(whole) }
     }
 }
 
