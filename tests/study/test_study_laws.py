@@ -15,7 +15,6 @@ from mrwork.control import (
     ControlLaw,
     Design,
     DesignProblem,
-    LawSettings,
     accelerations,
     control_law,
     control_laws,
@@ -23,6 +22,7 @@ from mrwork.control import (
     regulator_as_published,
     regulator_of_outputs,
 )
+from mrwork.control.design_problem import LawSettings
 from mrwork.dampers import damper
 from mrwork.errors import SettingError
 from mrwork.keys import Place, read_table

@@ -19,9 +19,10 @@ from mrwork.errors import Interrupted
 from mrwork.records import OperatingRange
 from mrwork.store.codec import digest_of, plain
 from mrwork.store.journal_file import line_of
-from mrwork.tuning import BEST_CONSTANT, LawCandidate, TuningResults, tune
+from mrwork.tuning import BEST_CONSTANT, TuningResults, tune
 from mrwork.tuning.problem import Clock, benches_of
 from mrwork.tuning.results import chosen_study, tuning_document
+from mrwork.tuning.space import LawCandidate
 
 
 def without_times(results: TuningResults) -> Any:

@@ -7,6 +7,5 @@ from .run import run_study as run_study
 from .study import Study as Study
 
 if True:  # the lower tier
-    from .folder import StoredStudy as StoredStudy
     from .schema import TuneTable as TuneTable
     from .study import MotionOfStudy as MotionOfStudy

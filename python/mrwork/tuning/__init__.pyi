@@ -4,11 +4,4 @@ from .run import tune as tune
 
 if True:  # the lower tier
     from .first_candidates import BEST_CONSTANT as BEST_CONSTANT
-    from .law_tuning import TuningProgress as TuningProgress
-    from .results import Judgement as Judgement
     from .results import LawResult as LawResult
-    from .space import PENALTY as PENALTY
-    from .space import Candidate as Candidate
-    from .space import LawCandidate as LawCandidate
-    from .space import Objective as Objective
-    from .space import SettingSpace as SettingSpace
