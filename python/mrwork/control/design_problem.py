@@ -165,8 +165,6 @@ class Magnitudes(Summarised):
     command [A or V]. `cost` is what the weights that are not free add up to.
     """
 
-    _made_by: ClassVar[str] = "mr.tune(study)"
-
     drift: float
     displacement: float
     velocity: float
