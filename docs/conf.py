@@ -10,7 +10,6 @@ sys.path.insert(0, str(DOCS))
 
 import mrwork as mr  # noqa: E402 - the path comes first
 from generate import pages  # noqa: E402 - the path comes first
-from generate.figures import BUILDING_WORDS, DAMPER_WORDS  # noqa: E402 - the path comes first
 
 pages.write(DOCS)
 
@@ -43,8 +42,6 @@ myst_heading_anchors = 3
 myst_substitutions = {
     "models": len(mr.damper_models()),
     "laws": len(mr.control.control_laws()),
-    "damper_words": DAMPER_WORDS,
-    "building_words": BUILDING_WORDS,
 }
 html_math_renderer = "mathml"
 

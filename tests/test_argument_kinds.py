@@ -16,6 +16,7 @@ from sentences import Refused
 from mrwork.arguments import AnyArray, May, Positive, Rows, Shape, checked
 from mrwork.errors import ArgumentError
 from mrwork.hints import Within
+from mrwork.keys import closest
 
 
 @checked
@@ -166,17 +167,26 @@ def test_dataclasses_are_checked_when_they_are_built_and_replaced(refused: Refus
     refused(replace, Part(), size="x")
 
 
-def test_what_is_missing_or_unknown_is_said_by_python() -> None:
+def test_what_is_missing_unknown_or_by_position_is_said_with_what_was_meant(refused: Refused) -> None:
     @checked
-    def wants(number: float) -> float:
-        return number
+    def search(theta: float, span: float = 1.0, *, rng: int = 0, bounds: float = 0.0) -> float:
+        return theta
 
-    with pytest.raises(TypeError, match="missing 1 required positional argument"):
-        wants()  # type: ignore[call-arg] # wrong on purpose
-    with pytest.raises(TypeError, match="unexpected keyword"):
-        wants(1.0, other=2)  # type: ignore[call-arg] # wrong on purpose
-    with pytest.raises(TypeError, match="takes 1 positional argument"):
-        wants(1.0, 2.0)  # type: ignore[call-arg] # wrong on purpose
+    for arguments, named in (
+        ((), {}),
+        ((1.0,), {"seed": 2}),
+        ((1.0,), {"bound": 2.0}),
+        ((1.0,), {"other": 2}),
+        ((1.0, 2.0, 3), {}),
+        ((1.0,), {"theta": 2.0}),
+    ):
+        assert isinstance(refused(search, *arguments, **named), ArgumentError)
+    refused(Part, 1.0)
+
+
+@pytest.mark.parametrize("name", ["bouc-wen", "BoucWen", "Bouc Wen", "BOUC_WEN", "bouc_wenn"])
+def test_a_name_in_another_style_is_answered_with_the_one_that_was_meant(name: str) -> None:
+    assert closest(name, ["bingham", "modified_bouc_wen", "bouc_wen"]) == "bouc_wen"
 
 
 @checked

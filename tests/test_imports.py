@@ -23,7 +23,7 @@ HOMES = {
         "uncertainty.posterior.nuts",
     ),
     ("emcee",): ("uncertainty.posterior",),
-    ("xarray",): ("uncertainty.posterior", "study.labelled", "study.results"),
+    ("xarray", "pandas"): ("labelled", "uncertainty.posterior"),
     ("h5py",): ("store.child_formats",),
     ("nptdms",): ("files.open_table",),
     ("pyarrow",): ("store.child_formats",),

@@ -38,7 +38,7 @@ NAMESPACES = (
 # Namespaces within a namespace.
 INNER_NAMESPACES = ("dampers.design",)
 # Modules of one public purpose; `twins` needs JAX.
-OWN_PATHS = ("errors", "simulate", "synthetic", "twins")
+OWN_PATHS = ("errors", "simulation", "synthetic", "twins")
 # Studies that measure the simulation itself, below the models of dampers.
 OF_KERNELS = ("studies/speed/", "studies/stiff_stepping/")
 
@@ -52,6 +52,8 @@ SMALL_VALUES = {
     "Envelope",
     "Fault",
     "Finding",
+    "FittedParameter",
+    "FrontPoint",
     "GammaEnvelope",
     "KanaiTajimi",
     "Likeness",
@@ -65,6 +67,7 @@ SMALL_VALUES = {
     "OpenSeesBoucWen",
     "Progress",
     "RecordedMotion",
+    "ReferencePeaks",
     "RmsLimits",
     "SemiActiveCondition",
     "ShakeTable",
@@ -138,6 +141,9 @@ motion: mr.motions.GroundMotion = mr.motions.synthetic_motion
 """
 
 
+# Scripts as users write them, which `users/test_scripts.py` runs.
+USERS = Path(__file__).parent / "users"
+
 # As of an installed package: what it declares is read, its own functions and what they use is not checked once more.
 MYPY = """[mypy]
 strict = True
@@ -148,18 +154,26 @@ follow_imports = skip
 """
 
 
-def test_a_users_script_is_typed(tmp_path: Path) -> None:
+def test_users_scripts_are_typed(tmp_path: Path) -> None:
     (tmp_path / "script.py").write_text(USER_SCRIPT)
+    users = [path for path in USERS.glob("*.py") if not path.name.startswith("test_")]
+    assert users
+    for path in users:
+        (tmp_path / path.name).write_text(path.read_text())
     (tmp_path / "mypy.ini").write_text(MYPY)
     done = subprocess.run(
-        [sys.executable, "-m", "mypy", "--config-file=mypy.ini", "--cache-dir=cache", "script.py"],
+        [
+            *(sys.executable, "-m", "mypy", "--config-file=mypy.ini", "--cache-dir=cache", "script.py"),
+            *(path.name for path in users),
+        ],
         capture_output=True,
         text=True,
         env={"PATH": "/usr/bin:/bin", "MYPYPATH": str(Path(mr.__file__).parents[1])},
         cwd=tmp_path,
     )
-    # The last line is wrong on purpose: names without types would let it pass.
-    assert re.findall(r"script\.py:(\d+): error", done.stdout) == [str(USER_SCRIPT.count("\n"))], done.stdout
+    # The last line of the first script is wrong on purpose: names without types would let it pass.
+    wrong = re.findall(r"(\w+)\.py:(\d+): error", done.stdout)
+    assert wrong == [("script", str(USER_SCRIPT.count("\n")))], done.stdout
 
 
 def sources() -> list[tuple[str, str]]:
@@ -335,7 +349,7 @@ def test_every_public_dataclass_is_summarised_or_a_small_value() -> None:
 
 
 def test_no_public_name_is_that_of_a_module() -> None:
-    # An import of the module would put it in the place of the name.
+    # An import of the module would put it in the place of the name, unless the module is the value itself.
     for name in (None, *NAMESPACES, *INNER_NAMESPACES, "twins"):
         namespace = mr if name is None else importlib.import_module(f"mrwork.{name}")
         folder = Path(str(namespace.__file__)).parent
@@ -345,6 +359,7 @@ def test_no_public_name_is_that_of_a_module() -> None:
         taken = [
             each
             for each in namespace.__all__
-            if each in modules and not isinstance(getattr(namespace, each), ModuleType)
+            if each in modules
+            and importlib.import_module(f"{namespace.__name__}.{each}") is not getattr(namespace, each)
         ]
         assert not taken, f"{namespace.__name__}: {taken}"

@@ -42,6 +42,7 @@ def _needs(spec: ControlLawSpec) -> str:
     """What a law needs beside the state."""
     needs = [
         *(["the damper force as a function of the command"] if spec.needs_curve else []),
+        *(["a model of building and dampers, the ground acceleration"] if spec.needs_model else []),
         *(["actuators of any force"] if spec.commands_force else []),
         *(f"table `{name}`" for name in spec.tables),
     ]
@@ -82,4 +83,5 @@ def _shape(shape: str, numbers: int) -> str:
         "device": "one for each device",
         "state": "one for each device and state",
         "numbers": f"{numbers} for each device",
+        "loop": "one",
     }[shape]

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from generate.api_pages import api_pages
 from generate.damper_pages import model_pages
-from generate.figures import building_figure, damper_figure, loop_figure
+from generate.figures import loop_figure
 from generate.law_pages import law_pages
 from generate.registry_pages import format_page, noise_page, search_page
 from generate.study_keys import schema_page
@@ -43,11 +43,7 @@ def pages() -> dict[Path, str]:
 def pictures() -> dict[Path, Callable[[], bytes]]:
     """What draws each picture, by its path."""
     figures = REFERENCE / "figures"
-    return {
-        figures / "a_damper.svg": damper_figure,
-        figures / "a_building.svg": building_figure,
-        **{figures / f"{spec.name}.svg": partial(loop_figure, spec) for spec in damper_models()},
-    }
+    return {figures / f"{spec.name}.svg": partial(loop_figure, spec) for spec in damper_models()}
 
 
 def write(docs: Path) -> None:

@@ -1,4 +1,4 @@
-"""Draws the picture of README.md: a damper with its prediction band, and a building with its peaks.
+"""Draws the picture of README.md and the first page: a damper with its prediction band, and a building with its peaks.
 
     python docs/images/draw.py
 
@@ -62,13 +62,14 @@ def draw_building(ax: Axes) -> None:
         differential=True,
     )
     plant = mr.control.plant_of(frame, [pair.row])
-    gains = [mr.control.regulator_of_state(plant, plant.energy, w).gain for w in np.geomspace(1e-9, 1e-5, 60)]
+    designs = mr.control.regulators_of_weights(plant, [plant.energy], np.geomspace(1e-9, 1e-5, 60))
+    gains = [each.gain for each in designs]
     motions = [mr.synthetic_motion(rng=seed, peak=0.98) for seed in range(8)]
     hardware = mr.Hardware(sample_time=1e-3, delay=1e-3)
 
     def mean_drifts(law: mr.ControlLaw) -> np.ndarray:
-        peaks = mr.simulate_loop(frame, [pair], law, motions, hardware).peak_drift
-        return peaks.reshape(-1, len(motions), len(frame.storeys)).mean(axis=1)
+        peaks = mr.simulate_loop(frame, [pair], law, motions, hardware).to_xarray()["peak_drift"]
+        return peaks.mean(("motion", "realisation")).values
 
     constants = mean_drifts(
         mr.ControlLaw(name="passive", gains={"command": np.linspace(0.0, 1.88, 20)[:, None]})

@@ -24,6 +24,8 @@ from .dampers.spec import DamperSpec as DamperSpec
 from .dampers.spec import damper as damper
 from .dampers.spec import damper_models as damper_models
 from .errors import MrworkError as MrworkError
+from .identification.candidates import objective as objective
+from .identification.candidates import sensitivities as sensitivities
 from .identification.fit import Fit as Fit
 from .identification.identify import identify as identify
 from .identification.problem import start_from as start_from
@@ -35,8 +37,10 @@ from .motions.synthetic import synthetic_motion as synthetic_motion
 from .records.damper_test import DamperTest as DamperTest
 from .records.read import read_damper_test as read_damper_test
 from .records.read import read_damper_tests as read_damper_tests
-from .simulate import Loading as Loading
-from .simulate import simulate_force as simulate_force
+from .records.read import test_from_arrays as test_from_arrays
+from .simulate import simulate as simulate
+from .simulation import Loading as Loading
+from .simulation import simulate_force as simulate_force
 from .store.journal import Journal as Journal
 from .stored import StoredRun as StoredRun
 from .stored import load as load

@@ -10,6 +10,7 @@ __all__ = [
     "Dampers",
     "ForceCurve",
     "LoadingHistory",
+    "LoopModel",
     "Observer",
     "__version__",
     "control_laws",
@@ -179,6 +180,10 @@ class ForceCurve:
     def __new__(cls, laws: Sequence[str], theta: NDArray[np.float64], lagged: bool = False) -> ForceCurve: ...
 
 @final
+class LoopModel:
+    def __new__(cls, building: Building, dampers: Dampers) -> LoopModel: ...
+
+@final
 class Controller:
     def __new__(
         cls,
@@ -186,6 +191,8 @@ class Controller:
         gains: NDArray[np.float64],
         tables: Sequence[NDArray[np.float64]] = ...,
         curve: ForceCurve | None = None,
+        shaping: NDArray[np.float64] | None = None,
+        model: LoopModel | None = None,
     ) -> Controller: ...
 
 @final
@@ -199,6 +206,8 @@ class Observer:
         gain: NDArray[np.float64],
         output: NDArray[np.float64],
         direct: NDArray[np.float64],
+        ground: NDArray[np.float64] | None = None,
+        direct_ground: NDArray[np.float64] | None = None,
     ) -> Observer: ...
 
 class _SampledFault(Protocol):
@@ -234,6 +243,10 @@ class _Hardware(Protocol):
     def force_noise(self) -> float: ...
     @property
     def force_resolution(self) -> float: ...
+    @property
+    def ground_acceleration_noise(self) -> float: ...
+    @property
+    def ground_acceleration_resolution(self) -> float: ...
     @property
     def sampled_faults(self) -> Sequence[_SampledFault]: ...
 

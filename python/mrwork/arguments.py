@@ -20,7 +20,7 @@ from typing import Annotated, Any, TypeVar, cast, dataclass_transform
 from numpy.typing import ArrayLike
 
 from mrwork.argument_kinds import Kind, Refusal, check_shape, kind_of
-from mrwork.errors import InvalidSettingError, MrworkError, SettingError
+from mrwork.errors import ArgumentError, InvalidSettingError, MrworkError, SettingError
 from mrwork.escaping import escape_text
 from mrwork.hints import (
     May,
@@ -33,6 +33,8 @@ from mrwork.hints import (
     notes_of_default,
     shape_of,
 )
+from mrwork.keys import closest
+from mrwork.summary import list_names
 from mrwork.values import Floats
 
 __all__ = [
@@ -74,6 +76,20 @@ Rows = Annotated[Floats, Shape(("n_batch", "n_time"))]
 AnyArray = Annotated[Any, May.BE_TRACED, May.BE_INFINITE, May.BE_NAN]
 AnyArrayLike = Annotated[ArrayLike, May.BE_INFINITE, May.BE_NAN]
 
+# What this package calls an argument, and what others call it.
+_ELSEWHERE = {
+    "rng": ("seed", "random_state", "random_seed"),
+    "threads": ("n_jobs", "workers", "n_threads", "num_threads"),
+    "theta": ("params", "parameters", "x", "p"),
+    "tests": ("test", "record", "records", "data"),
+    "record": ("test", "tests", "data", "loading"),
+    "model": ("spec", "damper"),
+    "bounds": ("limits", "box", "ranges"),
+    "on_progress": ("callback", "progress"),
+    "seconds": ("timeout", "time_limit", "max_time", "max_seconds"),
+    "until": ("target", "tolerance", "ftol"),
+}
+
 TargetT = TypeVar("TargetT", bound=Callable[..., Any])
 
 
@@ -82,8 +98,9 @@ def checked(target: TargetT) -> TargetT:
     """Check the arguments of a function, or of the constructor of a dataclass, before it runs.
 
     A class becomes a frozen, slotted, keyword-only dataclass, unless it is a dataclass already. The function raises an
-    `ArgumentError` for an argument of another kind than its annotation, and a `SettingError` for a number that is not
-    finite or out of its range, or a name that is none of those to choose from.
+    `ArgumentError` for an argument of another kind than its annotation, of an unknown name, by position where a name is
+    wanted, or left out; and a `SettingError` for a number that is not finite or out of its range, or a name that is
+    none of those to choose from.
     """
     if isinstance(target, type):
         kind: Any = target
@@ -107,6 +124,13 @@ def _checking(function: Any, name: str, owner: type = object) -> Any:
         if each.kind in (each.POSITIONAL_ONLY, each.POSITIONAL_OR_KEYWORD)
     )
     rest = next((each.name for each in signature.parameters.values() if each.kind is each.VAR_POSITIONAL), "")
+    takes_any = any(each.kind is each.VAR_KEYWORD for each in signature.parameters.values())
+    known = frozenset(signature.parameters)
+    required = tuple(
+        each.name
+        for each in signature.parameters.values()
+        if each.default is each.empty and each.kind not in (each.VAR_POSITIONAL, each.VAR_KEYWORD)
+    )
     # Empty until the first call: an annotation may name what is defined after the function.
     kinds: dict[str, Kind] = {}
     shapes: dict[str, Shape] = {}
@@ -117,6 +141,12 @@ def _checking(function: Any, name: str, owner: type = object) -> Any:
             nodes = nodes_of(function, signature, owner)
             kinds.update({name: kind_of(node) for name, node in nodes.items()})
             shapes.update({name: shape for name, node in nodes.items() if (shape := shape_of(node))})
+        if not (takes_any or given.keys() <= known):
+            raise _unknown_argument(name, next(each for each in given if each not in known), signature)
+        if len(args) > len(positional) and not rest:
+            raise _by_position(name, positional, len(args), signature)
+        if twice := given.keys() & positional[: len(args)]:
+            raise ArgumentError(f"`{min(twice)}` of {name} is given by position and by name; give it once")
         values = [
             _accept_value(kinds, name, parameter, value, owner)
             for parameter, value in zip(positional, args, strict=False)
@@ -126,11 +156,35 @@ def _checking(function: Any, name: str, owner: type = object) -> Any:
             parameter: _accept_value(kinds, name, parameter, value, owner)
             for parameter, value in given.items()
         }
+        if missing := [each for each in required[len(args) :] if each not in given]:
+            listed = list_names([f"`{each}`" for each in missing], len(missing))
+            raise ArgumentError(f"{name} lacks {listed}; give {'it' if len(missing) == 1 else 'them'}")
         if shapes:
             _agree(shapes, name, dict(zip(positional, values, strict=False)) | named)
         return function(*values, *more, **named)
 
     return checking
+
+
+def _unknown_argument(function: str, given: str, signature: inspect.Signature) -> ArgumentError:
+    names = [each for each in signature.parameters if each not in ("self", "cls")]
+    meant_here = (each for each in names if given in _ELSEWHERE.get(each, ()))
+    near = next(meant_here, "") or closest(given, names)
+    meant = f", did you mean `{near}`" if near else f"; it takes {list_names(names, 12) or 'none'}"
+    return ArgumentError(escape_text(f"{function} has no argument `{given}`{meant}"))
+
+
+def _by_position(
+    function: str, positional: tuple[str, ...], count: int, signature: inspect.Signature
+) -> ArgumentError:
+    own = [each for each in positional if each not in ("self", "cls")]
+    left_out = len(positional) - len(own)
+    named = [each for each in signature.parameters if each not in positional]
+    taken = f"takes {list_names(own, 12)} by position" if own else "takes no argument by position"
+    rest = ", ".join(f"{each}=..." for each in named[: count - len(positional)])
+    remedy = f"give {'the others' if own else 'them'} by name, as in {rest}" if rest else "give no more"
+    came = count - left_out
+    return ArgumentError(f"{function} {taken} and got {came} value{'' if came == 1 else 's'}; {remedy}")
 
 
 def _accept_value(kinds: Mapping[str, Kind], function: str, parameter: str, value: Any, owner: type) -> Any:

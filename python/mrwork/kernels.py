@@ -1,4 +1,4 @@
-"""Compiled kernels for studies of speed and stepping; other users call `mrwork.simulate`."""
+"""Compiled kernels for studies of speed and stepping; other users call `mr.simulate`."""
 
 from mrwork._rust import (
     LoadingHistory,

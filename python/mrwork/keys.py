@@ -124,10 +124,27 @@ def suggestion(name: object, known: Sequence[str], *, otherwise: str = "choose o
     return f", did you mean {near}" if near else f"; {otherwise} {', '.join(known) or 'none'}"
 
 
+# Characters from which on a name in another style is compared with others that are only similar.
+_LONG = 6
+
+
 def closest(name: object, known: Sequence[str]) -> str:
-    """The known name that is closest to an unknown one; empty if none is close."""
-    near = get_close_matches(name, known, n=1) if isinstance(name, str) else []
-    return near[0] if near else ""
+    """The known name that is closest to an unknown one, whatever its case and separators; empty if none is close."""
+    if not isinstance(name, str):
+        return ""
+    plain = {_without_style(each): each for each in reversed(known)}
+    if same := plain.get(_without_style(name)):
+        return same
+    if near := get_close_matches(name, known, n=1):
+        return near[0]
+    # Short names, as of units, are like too many others then.
+    alike = get_close_matches(_without_style(name), plain, n=1) if len(name) >= _LONG else []
+    return plain[alike[0]] if alike else ""
+
+
+def _without_style(name: str) -> str:
+    """`BoucWen`, `bouc-wen` and `bouc_wen` alike."""
+    return "".join(each for each in name.lower() if each.isalnum())
 
 
 def key(

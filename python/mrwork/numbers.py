@@ -124,6 +124,11 @@ def tests_of(count: int, total: int) -> str:
     return f"all {total} tests" if count == total else f"{count} of {total} tests"
 
 
+def counted(count: int, noun: str) -> str:
+    """A number of things, as "1 motion" or "2 motions"."""
+    return f"{count} {noun}{'' if count == 1 else 's'}"
+
+
 def most_of(share: float) -> str:
     """A share in whole per cent; never 100 where it is less."""
     return "more than 99" if 0.99 < share < 1.0 else format_fixed(100.0 * share, 0)

@@ -47,8 +47,12 @@ class Summary:
     @property
     def shown_table(self) -> Sequence[Sequence[str]]:
         """The header and the shown rows, of the columns that have an entry."""
+        return self.filled_columns(self.shown_rows)
+
+    def filled_columns(self, rows: Sequence[Sequence[str]]) -> Sequence[Sequence[str]]:
+        """The header and these rows, of the columns that have an entry in any row."""
         filled = [number for number in range(len(self.columns)) if any(row[number] for row in self.rows)]
-        return [[row[number] for number in filled] for row in (self.columns, *self.shown_rows)]
+        return [[row[number] for number in filled] for row in (self.columns, *rows)]
 
     @property
     def left_out_in_words(self) -> str:

@@ -11,7 +11,7 @@ from mrwork.dampers.spec import damper
 from mrwork.errors import UnknownNameError
 from mrwork.keys import suggestion
 from mrwork.records import DamperTest, build_damper_test
-from mrwork.simulate import Loading, simulate_force
+from mrwork.simulation import Loading, simulate_force
 
 _DT = 1e-3
 _FORCE_NOISE_N = 8.0

@@ -67,6 +67,11 @@ class Exceedance(Summarised):
         return self.demanded < self.lowest
 
     @property
+    def rank(self) -> tuple[bool, int]:
+        """Place among others: small strokes, which every earthquake has, come last."""
+        return self.quantity == "stroke" and self.below, _ORDER.index(self.quantity)
+
+    @property
     def times(self) -> float:
         """Demand over the highest tested value; infinite where that is zero."""
         return self.demanded / self.highest if self.highest > 0.0 else inf
@@ -84,8 +89,8 @@ class Exceedance(Summarised):
         if self.quantity == "stroke" and self.below:
             (demanded, lowest), unit = _format_values(self.quantity, (self.demanded, self.lowest), self.unit)
             return (
-                f"stroke {demanded} {unit} or less in half cycles that make {100 * _SMALL:.0f} % of the travel or "
-                f"more, tested from {lowest} {unit}"
+                f"small half cycles, {demanded} {unit} or less, make {100 * _SMALL:.0f} % of the travel or more, "
+                f"tested from {lowest} {unit}, so the hysteresis of small strokes is extrapolated"
             )
         (demanded, lowest, highest), unit = _format_values(
             self.quantity, (self.demanded, self.lowest, self.highest), self.unit
@@ -157,7 +162,7 @@ class OperatingRange(Summarised, Related):
             exceedances.append(
                 _exceedance("command", unit, self.command, demand.command, command_noise(0.0, unit))
             )
-        return tuple(sorted(filter(None, exceedances), key=lambda each: _ORDER.index(each.quantity)))
+        return tuple(sorted(filter(None, exceedances), key=lambda each: each.rank))
 
     @property
     def in_words(self) -> str:
@@ -269,7 +274,7 @@ def worst_of(exceedances: Iterable[tuple[str, Exceedance]]) -> list[tuple[Exceed
     for members in groups.values():
         label, exceedance = max(members, key=lambda member: member[1].severity)
         worst.append((exceedance, label, len(members)))
-    return sorted(worst, key=lambda each: _ORDER.index(each[0].quantity))
+    return sorted(worst, key=lambda each: each[0].rank)
 
 
 def _exceedance(

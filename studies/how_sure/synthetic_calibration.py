@@ -15,7 +15,7 @@ from scipy.stats import chisquare
 from mrwork import identify
 from mrwork.dampers import Box, DamperSpec, damper
 from mrwork.records import DamperTest, build_damper_test
-from mrwork.simulate import Loading, simulate_force
+from mrwork.simulation import Loading, simulate_force
 from mrwork.uncertainty import (
     Lognormal,
     Noise,

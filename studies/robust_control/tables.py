@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from mrwork.closed_loop import SCORE
 from mrwork.report import Table
-from mrwork.tuning import BEST_CONSTANT
+from mrwork.study import OPTIMAL_PASSIVE, PASSIVE_OFF, PASSIVE_ON
 from studies.robust_control.findings import CLAIRVOYANT
 
 # A fifth of the test motions, as the risk of the robust law takes.
@@ -84,11 +84,11 @@ def _scores(level: str, laws: Mapping[str, Any]) -> Table:
 
 def _both_peaks(level: str, laws: Mapping[str, Any]) -> Table:
     """Under how many motions each law has lower peaks than the best constant command, and any of the laws."""
-    constant = _peaks(laws[BEST_CONSTANT])
+    constant = _peaks(laws[OPTIMAL_PASSIVE])
     over = {
         label: _peaks(row) / constant
         for label, row in laws.items()
-        if label not in (BEST_CONSTANT, "i = 0", "Largest command")
+        if label not in (OPTIMAL_PASSIVE, PASSIVE_OFF, PASSIVE_ON)
     }
     over[ANY] = np.stack(list(over.values()))[
         np.argmin([each.max(axis=1) for each in over.values()], axis=0), np.arange(len(constant))

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mrwork.dampers import damper
 from mrwork.kernels import LoadingHistory
-from mrwork.simulate import simulate_forces
+from mrwork.simulation import simulate_forces
 from mrwork.twins import simulate
 from studies.stiff_stepping.any_model import twin_force
 from studies.stiff_stepping.batch import PRESET, forces, random_record

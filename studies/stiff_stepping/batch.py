@@ -10,7 +10,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from mrwork.kernels import LoadingHistory
-from mrwork.simulate import Loading
+from mrwork.simulation import Loading
 from studies.stiff_stepping import elementary
 from studies.stiff_stepping.steppers import TIMES, steppers
 

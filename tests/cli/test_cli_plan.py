@@ -65,6 +65,9 @@ def test_bad_input_is_one_sentence(run: Path, refused: Refused) -> None:
         ["--currents", "1e9"],
         ["--frequencies", "1e-9"],
         ["--stroke", "0"],
+        ["--stroke", "10"],
+        ["--amplitudes", "5,10"],
+        ["--peak-velocity", "80"],
         ["--candidates", "a.csv", "--frequencies", "1"],
         ["--seed", "-1"],
     ):

@@ -38,12 +38,13 @@ def test_json_has_laws_and_references_in_one_form(tmp_path: Path) -> None:
         assert {"law", "settings", "train", "test", "candidates", "seconds", "certificate"} <= set(law)
         assert {"score", "criteria", "spread"} <= set(law["test"])
     assert [each["label"] for each in document["references"]] == [
-        "i = 0",
-        "Best constant command",
-        "Largest command",
+        "Passive-off",
+        "Optimal passive",
+        "Passive-on",
         "Equal drift weights, R scanned",
         "Convex weights, R scanned",
         "Weights of dashpots, R scanned",
+        "Semi-active weights, budget scanned",
     ]
     assert "html" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     read = mr.tuning.read_tuning(tmp_path / "out")

@@ -26,11 +26,11 @@ from sentences import Refused
 import mrwork as mr
 from mrwork import Device
 from mrwork.buildings import Building
-from mrwork.closed_loop import Fault, Hardware, History, simulate_loop
+from mrwork.closed_loop import Fault, Hardware, History, LoopSample, UserLaw, simulate_loop
 from mrwork.closed_loop.simulate import loop_observer
 from mrwork.control import ControlLaw
 from mrwork.motions import GroundMotion
-from mrwork.simulate import Outcome
+from mrwork.simulation import Outcome
 
 Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
@@ -39,7 +39,7 @@ N_NOISE = 20_000
 
 def run_of(
     loop: list[Device],
-    law: ControlLaw,
+    law: ControlLaw | UserLaw,
     hardware: Hardware,
     motion: GroundMotion | None = None,
     building: Building | None = None,
@@ -219,6 +219,72 @@ def test_a_force_sensor_of_steps_reads_the_nearest_of_them() -> None:
     assert np.abs(commands(seen) - run.command).max() > 1e-3
 
 
+def ground_readings(hardware: Hardware, motion: GroundMotion) -> Floats:
+    """Accelerations of the ground that a law in Python has read, shape (n_samples,)."""
+    seen: list[Floats] = []
+
+    def command(sample: LoopSample, memory: Floats) -> Floats:
+        seen.append(sample.ground_acceleration)
+        return np.zeros_like(sample.rate)
+
+    run_of(onlookers(), UserLaw(name="reader", command=command), hardware, motion)
+    return np.ravel(seen)
+
+
+@pytest.mark.parametrize("feedback", ["state", "observer"])
+def test_a_law_reads_the_acceleration_of_the_ground_at_its_sample(
+    feedback: Literal["state", "observer"],
+) -> None:
+    motion = sweep(1.0)
+    seen = ground_readings(Hardware(feedback=feedback), motion)
+    times = 1e-3 * np.arange(len(seen))
+    given = np.interp(times, motion.dt * np.arange(len(motion.acceleration)), motion.acceleration)
+    np.testing.assert_allclose(seen, given, atol=1e-12 * np.abs(given).max())
+    assert np.ptp(seen) > 0.1
+
+
+@pytest.mark.parametrize("feedback", ["state", "observer"])
+def test_a_law_in_python_reads_the_absolute_accelerations_of_all_floors(
+    feedback: Literal["state", "observer"],
+) -> None:
+    def readings(hardware: Hardware) -> tuple[Floats, History]:
+        seen: list[Floats] = []
+
+        def command(sample: LoopSample, memory: Floats) -> Floats:
+            seen.append(sample.acceleration[0])
+            return np.zeros_like(sample.rate)
+
+        run = run_of(onlookers(), UserLaw(name="reader", command=command), hardware)
+        return np.array(seen), run
+
+    floors = (0,) if feedback == "observer" else None
+    seen, run = readings(Hardware(feedback=feedback, measured_floors=floors))
+    np.testing.assert_array_equal(seen, run.acceleration)
+    stuck = Fault(channel="acceleration", index=4, start=0.2, end=0.4, value=1.0)
+    broken, _ = readings(Hardware(feedback=feedback, measured_floors=floors, faults=(stuck,)))
+    np.testing.assert_array_equal(broken[BROKEN, 4], 1.0)
+    np.testing.assert_array_equal(broken[:, :4], seen[:, :4])
+
+
+def test_the_sensor_of_the_ground_has_noise_resolution_and_faults() -> None:
+    quiet = still(N_NOISE * 1e-3)
+    seen = ground_readings(Hardware(ground_acceleration_noise=0.02), quiet) / 0.02
+    # Bounds of four standard errors, and noise of its own: not that of the deformations.
+    root = np.sqrt(len(seen))
+    assert abs(seen.mean()) < 4.0 / root
+    assert abs(seen.var() - 1.0) < 4.0 * np.sqrt(2.0) / root
+    other = noisy(Hardware(deformation_noise=1e-3))[: len(seen), 0] / 1e-3
+    assert abs(np.mean(seen[: len(other)] * other)) < 4.0 / root
+    motion = sweep(1.0)
+    exact = ground_readings(Hardware(), motion)
+    stepped = ground_readings(Hardware(ground_acceleration_resolution=0.05), motion)
+    np.testing.assert_allclose(stepped, 0.05 * np.round(exact / 0.05), atol=1e-12)
+    held = Fault(channel="ground_acceleration", start=0.2, end=0.4)
+    expected = exact.copy()
+    expected[BROKEN] = exact[199]
+    np.testing.assert_array_equal(ground_readings(Hardware(faults=(held,)), motion), expected)
+
+
 BROKEN = slice(200, 400)
 
 
@@ -325,13 +391,20 @@ def test_hardware_that_cannot_be_is_refused(refused: Refused) -> None:
         {"deformation_resolution": np.nan},
         {"measured_floors": (0, 1, 0)},
         {"measured_floors": (0,)},
-        {"acceleration_noise": 0.1},
-        {"faults": (Fault(channel="acceleration"),)},
-        {"acceleration_resolution": 0.1},
         {"seed": -1},
         {"seed": 2**32},
     ):
         refused(Hardware, **settings)
+
+
+def test_accelerometers_that_nothing_reads_are_refused(refused: Refused) -> None:
+    for settings in (
+        {"acceleration_noise": 0.1},
+        {"faults": (Fault(channel="acceleration"),)},
+        {"acceleration_resolution": 0.1},
+    ):
+        refused(Hardware(**settings).refuse_unread)
+        Hardware(**settings, feedback="observer").refuse_unread()
 
 
 def test_a_fault_that_cannot_be_is_refused(refused: Refused) -> None:
@@ -341,6 +414,7 @@ def test_a_fault_that_cannot_be_is_refused(refused: Refused) -> None:
         {"channel": "force", "start": 2.0, "end": 1.0},
         {"channel": "force", "start": np.nan},
         {"channel": "force", "value": "holt"},
+        {"channel": "ground_acceleration", "index": 1},
     ):
         refused(Fault, **settings)
 

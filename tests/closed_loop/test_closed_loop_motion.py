@@ -29,7 +29,7 @@ from mrwork.closed_loop import Hardware, History, Responses, simulate_loop
 from mrwork.control import ControlLaw
 from mrwork.dampers import damper_models
 from mrwork.motions import GroundMotion
-from mrwork.simulate import Outcome
+from mrwork.simulation import Outcome
 
 Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 

@@ -13,7 +13,7 @@ from mrwork.buildings import building
 from mrwork.closed_loop import Hardware, Responses, simulate_loop
 from mrwork.control import ControlLaw, accelerations, plant_of, regulator_of_outputs
 from mrwork.motions import GroundMotion, read_motion, time_scaled
-from mrwork.simulate import Outcome
+from mrwork.simulation import Outcome
 
 DATA = measured_data.DATA
 EL_CENTRO = DATA / "records" / "el_centro_1940_ns.csv"

@@ -14,7 +14,7 @@ from mrwork.buildings import Building
 from mrwork.closed_loop import Hardware, Responses, simulate_loop
 from mrwork.control import ControlLaw
 from mrwork.motions import GroundMotion
-from mrwork.simulate import Outcome
+from mrwork.simulation import Outcome
 
 Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 

@@ -15,7 +15,7 @@ import mrwork as mr
 from mrwork.closed_loop import Fault, Hardware, LoopSample, Responses, UserLaw
 from mrwork.control import lyapunov_function, plant_of
 from mrwork.errors import SettingError
-from mrwork.simulate import Outcome
+from mrwork.simulation import Outcome
 
 Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 CASES = {

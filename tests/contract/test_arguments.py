@@ -28,7 +28,7 @@ NAMESPACES: tuple[str, ...] = (
     "mrwork.identification",
     "mrwork.uncertainty",
     "mrwork.search",
-    "mrwork.simulate",
+    "mrwork.simulation",
     "mrwork.synthetic",
     "mrwork.store.journal",
     "mrwork.buildings",

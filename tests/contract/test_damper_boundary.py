@@ -10,7 +10,7 @@ from damper_samples import DT, sine
 
 from mrwork import _rust
 from mrwork.errors import SettingError, SimulationError
-from mrwork.simulate import Loading, simulate_force, simulate_forces, simulate_misfits
+from mrwork.simulation import Loading, simulate_force, simulate_forces, simulate_misfits
 
 N_TIME = 60
 

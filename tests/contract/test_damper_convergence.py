@@ -6,7 +6,7 @@ import numpy as np
 from damper_samples import STROKE, noise, random_theta, sine
 
 from mrwork.records.window import settling_samples
-from mrwork.simulate import Loading, Outcome, simulate_forces
+from mrwork.simulation import Loading, Outcome, simulate_forces
 
 # The reference takes so many times the steps of the finest that is compared with it.
 FINER = 4

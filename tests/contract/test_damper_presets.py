@@ -10,7 +10,7 @@ from damper_samples import DT, sine
 
 from mrwork.dampers import PUBLISHED_SETS, damper, damper_models
 from mrwork.errors import UnknownNameError
-from mrwork.simulate import Loading, simulate_force
+from mrwork.simulation import Loading, simulate_force
 from mrwork.twins.models import parameters_at
 
 

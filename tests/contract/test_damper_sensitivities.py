@@ -14,7 +14,7 @@ from test_damper_twin import rows_to_compare
 
 from mrwork import _rust
 from mrwork.errors import SettingError
-from mrwork.simulate import Loading, Outcome, simulate_forces, simulate_sensitivities
+from mrwork.simulation import Loading, Outcome, simulate_forces, simulate_sensitivities
 from mrwork.twins.models import parameters_at, simulate
 
 MOST_SUBSTEPS = 16

@@ -41,6 +41,7 @@ REFUSED = {
         "load",
         "run_study",
         "tune",
+        "with_tuned_law",
     ),
 }
 

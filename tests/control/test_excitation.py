@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mrwork.control.inverse_network import random_loading
-from mrwork.simulate import Loading
+from mrwork.simulation import Loading
 
 
 def loading(rng: int, velocity: float = 0.2) -> Loading:

@@ -25,6 +25,7 @@ from mrwork.control import (
     kalman_gains,
     lyapunov_solutions,
     regulator_gains,
+    regulator_of_state,
     regulators_of_weights,
 )
 from mrwork.control.design_problem import LawSettings
@@ -252,6 +253,18 @@ def test_many_regulators_are_those_that_are_designed_alone() -> None:
         assert together.riccati.tobytes() == alone.riccati.tobytes()
     none = Weighed(Q=np.zeros((6, 6)), N=np.zeros((6, 1)), S=np.zeros((1, 1)))
     assert isinstance(regulators_of_weights(system, [none], [0.0])[0], SettingError)
+
+
+def test_one_state_weight_goes_with_many_control_weights() -> None:
+    system = plant(1)
+    weights = [1e-7, 1e-6, -1.0, 1e-5]
+    found = regulators_of_weights(system, [system.energy], weights)
+    assert isinstance(found[2], SettingError)
+    for row in (0, 1, 3):
+        alone = regulator_of_state(system, system.energy, weights[row])
+        together = found[row]
+        assert isinstance(together, Regulator)
+        assert together.gain.tobytes() == alone.gain.tobytes()
 
 
 @pytest.mark.parametrize("law", ["clipped_optimal", "modified_clipped_optimal"])

@@ -9,7 +9,7 @@ from sentences import Refused
 from mrwork.control.counterpart import StaticCounterpart, static_counterpart
 from mrwork.dampers import damper
 from mrwork.errors import SettingError
-from mrwork.simulate import Loading, simulate_force
+from mrwork.simulation import Loading, simulate_force
 
 RD1005 = damper("static_hysteretic").preset("kwok2006")
 PROTOTYPE = damper("modified_bouc_wen").preset("dyke1996")

@@ -18,7 +18,6 @@ from mrwork.control import (
     SemiActiveCondition,
     damper_cases,
     design_weights,
-    plant_of,
     soil_cases,
     stiffness_cases,
 )
@@ -197,7 +196,12 @@ def test_the_weights_of_a_record_follow_its_content(tmp_path: Path) -> None:
         swing = np.sin(2.0 * np.pi * frequency * time) + 0.3 * np.sin(7.0 * time)
         rows = [f"{t:.2f},{a:.6f}" for t, a in zip(time, swing, strict=True)]
         record.write_text("\n".join(["time [s],acceleration [m/s2]", *rows]), encoding="utf-8")
-        found.append(wishes.design(plant_of(FRAME, FRAME.storeys[:1])).reachable_ratio)
+        damper = mr.damper("static_hysteretic").preset("kwok2006")
+        pair = mr.Device(
+            name="pair", spec=damper.spec, theta=damper.theta, row=FRAME.storeys[0], largest_command=1.88
+        )
+        problem = mr.control.DesignProblem(building=FRAME, devices=[pair], sample_time=1e-3)
+        found.append(wishes.of_problem(problem).reachable_ratio)
     assert abs(found[0] / found[1] - 1.0) > 0.1
 
 

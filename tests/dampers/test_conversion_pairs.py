@@ -7,7 +7,7 @@ import pytest
 
 from mrwork.dampers import bouc_wen_from_normalised, damper, normalised_from_bouc_wen
 from mrwork.dampers.conversions import modified_bouc_wen_from_normalised, normalised_from_modified_bouc_wen
-from mrwork.simulate import Loading, simulate_force
+from mrwork.simulation import Loading, simulate_force
 
 TIME = np.arange(0.0, 1.0, 1e-3)
 LOADING = Loading(dt=1e-3, displacement=0.01 * np.sin(2.0 * np.pi * 2.0 * TIME) * np.exp(-TIME))

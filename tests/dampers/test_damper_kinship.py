@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mrwork.dampers import damper
-from mrwork.simulate import Loading, simulate_force
+from mrwork.simulation import Loading, simulate_force
 
 DT = 1e-3
 TIME = DT * np.arange(1001)

@@ -10,7 +10,7 @@ import mrwork as mr
 from mrwork.dampers import LawName
 from mrwork.dampers.parameters import current_laws
 from mrwork.dampers.spec import law_limits, worst_laws
-from mrwork.simulate import Loading, simulate_force
+from mrwork.simulation import Loading, simulate_force
 
 DAHL = {"rho": 2000.0, "f0": 0.0}
 

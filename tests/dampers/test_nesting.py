@@ -8,7 +8,7 @@ import pytest
 from mrwork.dampers import damper
 from mrwork.dampers.conversions import NESTINGS, Scales, nesting_of
 from mrwork.errors import SimulationError
-from mrwork.simulate import Loading, simulate_force
+from mrwork.simulation import Loading, simulate_force
 
 TIME = np.linspace(0.0, 2.0, 2001)
 LOADING = Loading(

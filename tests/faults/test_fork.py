@@ -11,7 +11,7 @@ import pytest
 
 import mrwork as mr
 from mrwork.errors import SettingError
-from mrwork.simulate import simulate_forces
+from mrwork.simulation import simulate_forces
 
 PATIENCE = 60.0
 # That of JAX, where another test has loaded it.

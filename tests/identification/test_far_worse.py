@@ -25,5 +25,8 @@ def test_the_sentence_names_the_tests_and_what_to_do() -> None:
     assert "and 2 more" in suspected
     assert "try another seed" in suspected
     limited = far_worse_sentence(tests, worse, joint, alone, found_again=True)
-    assert "these laws cannot follow the tests" in limited
+    assert "these laws of this model cannot follow the tests" in limited
+    for sentence in (suspected, limited):
+        assert "--law auto" in sentence
+        assert "compare other models (--model A,B)" in sentence
     assert "false minimum" not in limited

@@ -16,7 +16,7 @@ from mrwork.identification.residual import nuisance_of, without_nuisance
 from mrwork.records import DamperTest, Observation
 from mrwork.records.window import excerpt
 from mrwork.search import EfficientGA, StopRules
-from mrwork.simulate import Loading, simulate_force
+from mrwork.simulation import Loading, simulate_force
 from mrwork.synthetic import synthetic_test
 
 PRESET = damper("static_hysteretic").preset("kwok2006")

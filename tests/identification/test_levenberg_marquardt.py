@@ -32,7 +32,7 @@ from mrwork.identification.residual import NuisanceName, bounds_without_offsets
 from mrwork.identification.result import Slopes, covariance_at, remark_of, standard_errors
 from mrwork.identification.settings import FitSettings
 from mrwork.records import DamperTest, Observation
-from mrwork.simulate import Loading, simulate_force
+from mrwork.simulation import Loading, simulate_force
 from mrwork.synthetic import synthetic_test
 
 LAWS = damper("static_hysteretic").with_current_laws({"alpha": "linear"}, unit="A")

@@ -12,7 +12,7 @@ from mrwork.identification import FitSettings, Objective
 from mrwork.identification.objective import linearise_residuals
 from mrwork.identification.residual import NuisanceName
 from mrwork.records import DamperTest, Observation, cut
-from mrwork.simulate import Loading, simulate_force
+from mrwork.simulation import Loading, simulate_force
 from mrwork.synthetic import synthetic_test
 
 SPEC = damper("normalised_bouc_wen")

@@ -27,6 +27,7 @@ OTHER = FitSettings(
     search=EfficientGA(population=8, stop=StopRules(max_generations=2, target=None)),
     bounds={"alpha": (10.0, 500.0)},
     starts=({"alpha": 100.0},),
+    ties={"f0": "0.1*alpha"},
     power=4.0,
     force_exponent=0.5,
     engine="twin",

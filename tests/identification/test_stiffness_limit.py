@@ -11,7 +11,7 @@ from mrwork.dampers import damper
 from mrwork.identification import Objective, find_minima, identifiable_form
 from mrwork.identification.levenberg_marquardt import nearest_below_stiffness
 from mrwork.records import DamperTest
-from mrwork.simulate import Loading, simulate_force, stiffness_shares
+from mrwork.simulation import Loading, simulate_force, stiffness_shares
 from mrwork.synthetic import synthetic_test
 
 MODEL = damper("normalised_modified_bouc_wen")

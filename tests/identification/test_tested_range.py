@@ -80,7 +80,7 @@ def test_a_prediction_within_the_tested_ranges_says_nothing(fit: mr.Fit) -> None
     [
         (lambda: a_test(0.0), ("command",)),
         (lambda: a_test(0.5, 0.02, 0.5), ("stroke", "frequency")),
-        (lambda: a_test(0.5, 0.002, 4.99), ("stroke", "frequency")),
+        (lambda: a_test(0.5, 0.002, 4.99), ("frequency", "stroke")),
         (lambda: a_test(1.0, 0.01, 3.0), ("velocity", "frequency", "force", "power")),
     ],
 )

@@ -15,7 +15,7 @@ from mrwork.identification.identify import starting_points
 from mrwork.identification.problem import Problem
 from mrwork.records import DamperTest
 from mrwork.search import EfficientGA, StopRules
-from mrwork.simulate import Loading, simulate_force
+from mrwork.simulation import Loading, simulate_force
 from mrwork.synthetic import synthetic_test
 
 # Too short to find anything by itself.

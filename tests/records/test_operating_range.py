@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from sinusoidal_tests import sinusoidal_test
 
 from mrwork.dampers import damper
-from mrwork.records import DamperTest, OperatingRange
+from mrwork.records import DamperTest, OperatingRange, build_damper_test
 from mrwork.records.damper_test import Exceedance, range_of_test, range_of_tests
 from mrwork.tested_range import covering, outside_of, worst_of
 
@@ -35,6 +35,21 @@ def ranges(**changes: object) -> OperatingRange:
         power=60.0,
     )
     return replace(usual, **changes)
+
+
+@pytest.mark.parametrize("frequency", [0.997, 1.5, 2.5, 3.37])
+def test_the_frequency_of_a_sinusoid_does_not_depend_on_where_its_cycles_are_sampled(
+    frequency: float,
+) -> None:
+    time = 0.005 * np.arange(801)
+    displacement = 0.01 * np.sin(2.0 * np.pi * frequency * time)
+    noise = 5e-6 * np.random.default_rng(1).standard_normal(time.size)
+    test = build_damper_test(
+        name="sine", time=time, displacement=displacement + noise, force=1e3 * displacement, synthetic=True
+    )
+    found = range_of_test(test, None).frequency
+    # Noise moves a crossing by 5e-6 / (0.01 x 2 pi) periods, so a length by 1.1e-4 of itself.
+    assert found == pytest.approx((frequency, frequency), rel=5e-4)
 
 
 def test_ranges_of_a_sinusoid_are_those_of_its_equation() -> None:
@@ -123,7 +138,10 @@ def test_travel_in_half_cycles_below_the_smallest_tested_is_named_above_a_fifth(
     demand = range_of_test(an_earthquake(0.030, 0.002, n_small), None)
     below = [each for each in tested.exceeded_by(demand) if each.below and each.quantity == "stroke"]
     assert [each.in_words for each in below] == (
-        ["stroke 2 mm or less in half cycles that make 20 % of the travel or more, tested from 13 mm"]
+        [
+            "small half cycles, 2 mm or less, make 20 % of the travel or more, tested from 13 mm, so "
+            "the hysteresis of small strokes is extrapolated"
+        ]
         if warned
         else []
     )

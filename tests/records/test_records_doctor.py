@@ -16,7 +16,7 @@ from mrwork.records.detectors.cycles import delay_finding, drift_finding, force_
 from mrwork.records.findings import find_mislabelled
 from mrwork.records.motion import SmoothMotion, motion_of, whole_cycles
 from mrwork.records.read import examine
-from mrwork.simulate import Loading, simulate_force
+from mrwork.simulation import Loading, simulate_force
 from mrwork.synthetic import SYNTHETIC_TESTS, synthetic_test
 
 # Models with displacement hysteresis have a corner at motion reversals; the other has none.

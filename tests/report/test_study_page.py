@@ -96,6 +96,23 @@ def test_a_check_of_the_step_has_its_table(page: str) -> None:
     assert "On/off laws at a coarse step move most" in checked
 
 
+def test_a_count_of_switchings_is_no_measure_of_the_step() -> None:
+    results = study_samples.results()
+    moved = results.runs[4, 1].with_numbers(switching_rate=5.0 * results.runs[4, 1].switching_rate)
+    checked = text_of(halved={**results.runs, (4, 1): moved})
+    assert "no criterion by more than 0 of its value" in checked
+
+
+def test_the_page_shows_travel_and_switchings_and_the_command_sample_by_sample(page: str) -> None:
+    table = value_table(study_samples.results(), (0,), range(5))
+    assert {"Travel (A/s)", "Switchings (1/s)"} <= set(table.columns)
+    place = table.columns.index("Switchings (1/s)")
+    # Without dampers there is no command.
+    assert table.rows[0][place] == "–"
+    assert table.rows[4][place] == "2.00"
+    assert "Command sent to damper 1 under" in page
+
+
 def test_an_interrupted_study_says_how_far_it_came() -> None:
     results = study_samples.results()
     page = text_of(runs={key: run for key, run in results.runs.items() if key[1] == 0})

@@ -6,7 +6,7 @@ import numpy as np
 
 from mrwork.dampers import damper
 from mrwork.records import DamperTest, build_damper_test
-from mrwork.simulate import Loading, simulate_force
+from mrwork.simulation import Loading, simulate_force
 
 DT = 2e-3
 PLAY = 1.5e-3

@@ -116,6 +116,8 @@ def hardware(**changes: Any) -> SimpleNamespace:
         "deformation_resolution": 1e-3,
         "force_noise": 0.0,
         "force_resolution": 0.0,
+        "ground_acceleration_noise": 0.0,
+        "ground_acceleration_resolution": 0.0,
         "sampled_faults": [fault()],
     }
     return SimpleNamespace(**{**settings, **changes})

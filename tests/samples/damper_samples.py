@@ -10,7 +10,7 @@ import numpy as np
 from mrwork.dampers import Box, damper_models
 from mrwork.identification import identifiable_form, search_box
 from mrwork.records import DamperTest
-from mrwork.simulate import Loading, simulate_force
+from mrwork.simulation import Loading, simulate_force
 
 DT = 1e-3
 N_TIME = 801

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from rollout_formula import RolloutInNumPy
 
 from mrwork import Device
 from mrwork.buildings import Building
@@ -27,6 +28,8 @@ class Recorded:
     rate: Floats
     force: Floats
     absolute_rate: Floats
+    absolute_acceleration: Floats
+    ground_acceleration: Floats
     sample_time: float
 
     @classmethod
@@ -45,7 +48,8 @@ class Recorded:
         start, end = motion.acceleration[index], motion.acceleration[index + 1]
         since = fine - index * motion.dt
         ground = motion.velocity[index] + start * since + 0.5 * (end - start) / motion.dt * since**2
-        carried = np.array([device.row for device in devices]) @ building.influence
+        rows = np.array([device.row for device in devices])
+        carried = rows @ building.influence
         return cls(
             law=law,
             devices=devices,
@@ -53,6 +57,8 @@ class Recorded:
             deformation=run.deformation,
             rate=run.rate,
             force=run.force,
+            absolute_acceleration=run.acceleration @ np.linalg.pinv(building.floors).T @ rows.T,
+            ground_acceleration=start + (end - start) * since / motion.dt,
             absolute_rate=run.rate + np.outer(ground, carried),
             sample_time=sample_time,
         )
@@ -279,8 +285,32 @@ def _signal_polynomial(run: Recorded) -> Floats:
     return np.clip(share, 0.0, 1.0) * run.largest
 
 
+def _acceleration_driven(run: Recorded) -> Floats:
+    return _on(run.absolute_acceleration * run.rate, run.largest)
+
+
+def _mixed_skyhook(run: Recorded) -> Floats:
+    a, v = run.absolute_acceleration, run.absolute_rate
+    slow = a**2 - (run.gain("crossover") * v) ** 2 <= 0.0
+    return np.where(slow, _on(v * run.rate, run.largest), _on(a * run.rate, run.largest))
+
+
 def _active(run: Recorded) -> Floats:
     return run.wanted
+
+
+def _rollout(run: Recorded) -> Floats:
+    """Sample after sample, with the steps of the model that the law takes for these dampers."""
+    again = RolloutInNumPy(run.law, run.sample_time, steps=8)
+    n = run.state.shape[1] // 2
+    return np.array(
+        [
+            again.command(state[:n], state[n:], *readings)
+            for state, *readings in zip(
+                run.state, run.deformation, run.rate, run.force, run.ground_acceleration, strict=True
+            )
+        ]
+    )
 
 
 FORMULAS: dict[str, Callable[[Recorded], Floats]] = {
@@ -306,6 +336,9 @@ FORMULAS: dict[str, Callable[[Recorded], Floats]] = {
     "signal_network": _signal_network,
     "signal_polynomial": _signal_polynomial,
     "active": _active,
+    "acceleration_driven": _acceleration_driven,
+    "mixed_skyhook": _mixed_skyhook,
+    "predictive_rollout": _rollout,
 }
 
 

@@ -12,6 +12,7 @@ from mrwork import Device
 from mrwork.buildings import Building, building
 from mrwork.control import (
     ControlLaw,
+    LoopModel,
     Plant,
     control_law,
     lyapunov_function,
@@ -138,14 +139,48 @@ def law_with_gains(name: str, plant: Plant, *, strength: float = 1.0) -> Control
         "signal_network": {"gain": K, "network": strength * _signal_network(plant.n_devices)},
         "signal_polynomial": {"gain": K},
         "active": {"gain": K},
+        "acceleration_driven": {},
+        "mixed_skyhook": {"crossover": 30.0 * each},
+        "predictive_rollout": {
+            "base": 0.4 * strength * each,
+            "tails": strength * np.outer(each, [0.16, 0.8]),
+            "levels": strength * np.outer(each, [0.0, 0.15, 0.4, 0.8, LARGEST]),
+            "drift_weight": np.array([2e-3**-2]),
+            "acceleration_weight": np.array([3.0**-2]),
+            "peak_weight": np.array([1.0]),
+            "energy_weight": np.array([0.05]),
+            "horizon": np.array([0.06]),
+            "force_correction": np.array([0.3]),
+        },
     }
     tables: dict[str, dict[str, Floats]] = {
         "fuzzy": {"shares": strength * _shares()},
         "inverse_network": _network(strength),
         "signal_polynomial": _signal_polynomial(strength),
+        "predictive_rollout": {
+            # A decision of two samples of 4 ms, in eight steps.
+            "timing": np.array([8e-3, 1e-3, 0.0, 0.2, 5.0]),
+            "forecast": np.array([4.0, 0.998, 100.0]),
+            "correction": np.array([1.0, 50.0]),
+        },
     }
     curve = rd1005() if control_law(name).needs_curve else None
-    return ControlLaw(name=name, gains=gains[name], tables=tables.get(name, {}), curve=curve)
+    model = believed(plant) if control_law(name).needs_model else None
+    return ControlLaw(name=name, gains=gains[name], tables=tables.get(name, {}), curve=curve, model=model)
+
+
+def believed(plant: Plant) -> LoopModel:
+    """The loop that a law believes in: stiffer than it is, with weaker dampers."""
+    spec, theta = rd1005()
+    of = plant.building
+    weaker = np.array(theta)
+    weaker[list(spec.names).index("c.0")] *= 0.85
+    rows = plant.attachment
+    pair = Device(
+        name="pair", spec=spec, theta=weaker, row=rows[0], largest_command=LARGEST, differential=True
+    )
+    two = [replace(pair, name="two", row=row, differential=False, count=2.0) for row in rows[1:]]
+    return LoopModel(building=replace(of, stiffness=1.05 * of.stiffness), devices=[pair, *two])
 
 
 @cache

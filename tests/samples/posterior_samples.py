@@ -10,7 +10,7 @@ from mrwork import identify
 from mrwork.dampers import damper
 from mrwork.identification import Fit
 from mrwork.records import DamperTest, build_damper_test
-from mrwork.simulate import Loading, simulate_force
+from mrwork.simulation import Loading, simulate_force
 from mrwork.uncertainty import noise_model
 from mrwork.uncertainty.posterior.sample import SamplingProblem
 

@@ -46,8 +46,8 @@ def add_every_file(
         DRAWS: draws_content(draws, fit),
         PROFILES: addition_content(asdict(mr.profile(fit, test, threads=1)), fit),
         PLAN: addition_content(asdict(_plan(fit, test)), fit),
-        RANKING: json_document(asdict(_ranking(fit.model))).encode(),
-        LAWS: json_document(asdict(_laws(fit.model))).encode(),
+        RANKING: json_document(asdict(ranking_of_two(fit.model))).encode(),
+        LAWS: json_document(asdict(choice_of_laws(fit.model))).encode(),
     }
     write_files(place, contents)
 
@@ -60,7 +60,7 @@ def _plan(fit: Fit, test: mr.DamperTest) -> object:
     return checked_with_draws(ranked, posterior, normal_draws(posterior, 100, rng), rng=rng)
 
 
-def _ranking(model: str) -> Ranking:
+def ranking_of_two(model: str) -> Ranking:
     """A model that is better than another one."""
     evidence = [
         Evidence(
@@ -79,7 +79,7 @@ def _ranking(model: str) -> Ranking:
     )
 
 
-def _laws(model: str) -> LawTable:
+def choice_of_laws(model: str) -> LawTable:
     left_out = [np.array([0.1, 0.2]), np.array([0.3])]
     tried = TriedLaws.of({"c": "linear"}, n_params=5, fit_percent=90.0, left_out=left_out)
     failing = "static_hysteretic"

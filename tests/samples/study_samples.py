@@ -23,7 +23,7 @@ from mrwork.units import STANDARD_GRAVITY
 SHAPE = np.array([0.4, 0.75, 1.0])
 ROWS = (
     Row(label="uncontrolled", kind="uncontrolled"),
-    Row(label="i = 0", kind="passive_off"),
+    Row(label="Passive-off", kind="passive_off"),
     Row(label="Isolation", kind="baseline"),
     Row(label="Clipped-optimal", kind="controller"),
     Row(label="Lyapunov <1 A>", kind="controller"),
@@ -87,6 +87,8 @@ def run(amplitude: float, n_devices: int) -> RunResult:
         "peak_current": peak(found.command),
         "mean_current": found.command.mean(axis=0),
         "rms_current": rms(found.command),
+        "command_travel": np.abs(np.diff(found.command, axis=0)).sum(axis=0) / found.time[-1],
+        "switching_rate": np.full(n_devices, 2.0),
         "input_energy": float(found.energy[-1, 0]),
         "kinetic_energy": float(found.energy[-1, 1]),
         "strain_energy": float(found.energy[-1, 2]),

@@ -14,7 +14,7 @@ from wrong_arguments import Calls, call
 
 import mrwork as mr
 from mrwork import dampers, motions, records, report
-from mrwork.simulate import simulate_forces, simulate_misfits, simulate_sensitivities, stiffness_shares
+from mrwork.simulation import simulate_forces, simulate_misfits, simulate_sensitivities, stiffness_shares
 
 _N_TIME = 60
 _BINGHAM = mr.damper("bingham")
@@ -57,6 +57,7 @@ def damper_calls(_: Path) -> Calls:
         "Box.of": lambda: call(mr.Box.of, spec=_BINGHAM),
         "Box.with_bounds": lambda: call(mr.Box.of(_BINGHAM).with_bounds, bounds={"f_c": (1.0, 2.0)}),
         "Box.theta_from_unit": lambda: call(box.theta_from_unit, unit=np.full((4, len(box.names)), 0.5)),
+        "Box.unit_slope": lambda: call(box.unit_slope, theta=np.array(box.lower)),
         "Box.unit_from_theta": lambda: call(box.unit_from_theta, theta=np.array(box.lower)),
         "Box.theta_from_latent": lambda: call(box.theta_from_latent, latent=np.zeros(len(box.free))),
         "Box.latent_from_theta": lambda: call(
@@ -157,6 +158,14 @@ def record_calls(files: Path) -> Calls:
             sha256="0",
             locate=str,
         ),
+        "test_from_arrays": lambda: call(
+            mr.test_from_arrays,
+            time=test.time,
+            displacement=test.displacement,
+            force=test.force,
+            command=np.full(test.n_time, 0.5),
+            command_unit="A",
+        ),
         "DamperTest": lambda: call(
             mr.DamperTest,
             **{name: getattr(test, name) for name in _FIELDS},
@@ -244,6 +253,9 @@ def motion_calls(files: Path) -> Calls:
             mr.response_spectrum, motion=motion, periods=[0.2, 1.0], damping=0.05
         ),
         "fitted_spectrum": lambda: call(motions.fitted_spectrum, motion=motion, kind="kanai_tajimi"),
+        "stationary_ground": lambda: call(
+            motions.stationary_ground, motions=[motion], kind="kanai_tajimi", frequency=15.0, damping=0.6
+        ),
         "baseline_corrected": lambda: call(motions.baseline_corrected, motion=motion, order=1),
         "resampled": lambda: call(motions.resampled, motion=motion, dt=0.01),
         "resampled_band_limited": lambda: call(motions.resampled_band_limited, motion=motion, dt=0.04),

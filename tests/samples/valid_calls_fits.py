@@ -54,6 +54,10 @@ def _other_test(frequency: float = 2.0) -> mr.DamperTest:
     )
 
 
+def _free(coordinates: Any = "theta") -> identification.CandidateObjective:
+    return mr.objective(_BINGHAM, small_test(), coordinates=coordinates)
+
+
 def identification_calls(_: Path) -> Calls:
     """Fits, objectives and their minimisation."""
     theta = _BINGHAM.nominal
@@ -70,6 +74,7 @@ def identification_calls(_: Path) -> Calls:
             nuisances=("level",),
             observe=("gain=1.1",),
             starts=({"c0": 1000.0},),
+            ties={"f0": "0.01*c0"},
             power=2.0,
             force_exponent=1.0,
             engine="lanes",
@@ -111,6 +116,31 @@ def identification_calls(_: Path) -> Calls:
         "Objective": lambda: call(objective, theta=start[None], thresholds=np.array([9.0])),
         "Objective.misfits": lambda: call(objective.misfits, theta=start[None]),
         "Objective.residuals": lambda: call(objective.residuals, theta=start[None]),
+        "simulate": lambda: call(mr.simulate, model="bingham", theta=theta[None], record=test, threads=1),
+        "sensitivities": lambda: call(mr.sensitivities, model=_BINGHAM, theta=theta, record=test, threads=1),
+        "ForceSensitivities.by": lambda: call(mr.sensitivities(_BINGHAM, theta, test).by, name="c0"),
+        "objective": lambda: call(
+            mr.objective,
+            model=_BINGHAM,
+            tests=(test,),
+            bounds=_FREE,
+            ties={"f0": "0.01*c0"},
+            nuisances=(),
+            observe=("gain=1.1",),
+            power=4.0,
+            force_exponent=0.5,
+            weights=[np.linspace(0.0, 1.0, test.n_time)],
+            masks=[np.arange(test.n_time) > 3],
+            loss="huber",
+            loss_scale=100.0,
+            coordinates="unit",
+            threads=1,
+        ),
+        "CandidateObjective": lambda: call(_free(), points=theta),
+        "CandidateObjective.theta": lambda: call(_free("unit").theta, points=np.full((2, 4), 0.5)),
+        "CandidateObjective.residuals": lambda: call(_free().residuals, points=theta),
+        "CandidateObjective.jacobian": lambda: call(_free("unit").jacobian, points=np.full(4, 0.5)),
+        "CandidateObjective.gradient": lambda: call(_free().gradient, points=theta[None]),
         "search_box": lambda: call(
             identification.search_box, spec=_BINGHAM, bounds=mr.Box.of(_BINGHAM), tests=(test,)
         ),
@@ -210,7 +240,13 @@ def search_calls(_: Path) -> Calls:
     """Optimisers, their states and rules."""
     return {
         "run_search": lambda: call(
-            search.run_search, optimiser=_SPHERE, objective=_sphere, rng=0, n_params=2
+            search.run_search,
+            optimiser=_SPHERE,
+            objective=_sphere,
+            rng=0,
+            n_params=2,
+            seconds=5.0,
+            until=0.1,
         ),
         "StopRules": lambda: call(
             search.StopRules,

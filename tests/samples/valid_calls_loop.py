@@ -274,10 +274,20 @@ def gains_calls(_: Path) -> Calls:
     plant = of.plant_of(frame, frame.storeys[:2])
     acceleration = of.accelerations(plant)
     C, n = acceleration.C, len(plant.A)
-    weighed = of.RegulatorSettings(drifts=1.0, control_weight=1e-7).weigh_outputs(plant)
+    weighed = of.lqr.weighed_state(plant, plant.energy)
     return {
         name: partial(ValidCall, *each)
         for name, each in {
+            "loop_margins": (
+                of.loop_margins,
+                {
+                    "plant": plant,
+                    "gain": of.regulator_of_state(plant, plant.energy, 1e-6).gain,
+                    "sample_time": 1e-3,
+                    "delay": 2e-3,
+                    "driver_rates": [190.0, None],
+                },
+            ),
             "regulator_gains": (
                 of.regulator_gains,
                 {
@@ -336,6 +346,10 @@ def gains_calls(_: Path) -> Calls:
                     "control_weights": [1e-7, 1e-6],
                     "threads": 1,
                 },
+            ),
+            "regulators of one state weight": (
+                of.regulators_of_weights,
+                {"plant": plant, "weighed": [plant.energy], "control_weights": [1e-7, 1e-6]},
             ),
         }.items()
     }
@@ -437,6 +451,7 @@ def laws_calls(_: Path) -> Calls:
             "PassiveSettings": (of.PassiveSettings, {"command": 1.0}),
             "FrictionSettings": (of.FrictionSettings, {"slope": 1e5}),
             "FuzzySettings": (of.FuzzySettings, {"deformation": 0.01, "rate": 0.1}),
+            "MixedSkyhookSettings": (of.MixedSkyhookSettings, {"crossover": 4.0}),
             "RegulatorSettings": (
                 of.RegulatorSettings,
                 {"drifts": np.eye(5), "energy": 1.0, "state_weight": np.ones(10), "control_weight": 1e-7},
@@ -581,6 +596,7 @@ def loop_calls(_: Path) -> Calls:
                 },
             ),
             "demand of a run": (run.demand, {"run": 0, "device": 1}),
+            "a quantity over its axes": (run.over_axes, {"name": "peak_drift"}),
             "outside of a run": (run.outside, {"run": 0}),
         }.items()
     }
@@ -597,6 +613,10 @@ def studies_calls(_: Path) -> Calls:
             "read_tuning": (mr.tuning.read_tuning, {"folder": "missing"}),
             "load": (mr.load, {"run": "missing"}),
             "run_study": (mr.run_study, {"study": None}),
+            "with_tuned_law": (
+                mr.tuning.with_tuned_law,
+                {"study": None, "found": None, "point": None, "label": "a"},
+            ),
             "tune": (mr.tune, {"study": None}),
             "compared": (mr.study.compared, {"results": found}),
             "criteria": (found.criteria, {"row": 3, "motion": 0}),

@@ -34,8 +34,8 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
 
 def test_laws_and_references_stand_beside_each_other(found: dict[str, Any]) -> None:
     laws = found["laws"]
-    assert laws["i = 0"]["test"] == 1.0
-    assert set(laws["i = 0"]["motions"]) == {"B", "C"}
+    assert laws["Passive-off"]["test"] == 1.0
+    assert set(laws["Passive-off"]["motions"]) == {"B", "C"}
     band = laws["Clipped-optimal, tuned"]["bands"]["peak_drift"]
     assert 0.0 < band["lower"] < band["median"] < band["upper"]
 

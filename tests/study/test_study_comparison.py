@@ -55,7 +55,7 @@ def test_what_became_worse_leads_in_words_with_its_motion() -> None:
     assert bare.startswith("Against uncontrolled: peak displacement -60 %, peak drift -60 %")
     assert worse == "peak acceleration +4 % (+68 % under filtered noise)."
     assert "acceleration" not in better.replace("RMS acceleration", "")
-    assert passive.startswith("Against i = 0: ")
+    assert passive.startswith("Against Passive-off: ")
 
 
 def test_changes_are_those_of_the_criteria() -> None:

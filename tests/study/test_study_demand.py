@@ -99,7 +99,7 @@ def test_a_sentence_for_each_quantity_names_the_worst_run(tmp_path: Path) -> Non
         f"velocity {1e3 * velocity:.3g} mm/s, tested to {250 * velocity:.3g} mm/s (4 times): "
     )
     assert first.endswith(
-        "under Kanai-Tajimi with i = 0; outside the tested range in 2 of 2 runs with dampers."
+        "under Kanai-Tajimi with Passive-off; outside the tested range in 2 of 2 runs with dampers."
     )
     assert second.startswith("command 0 A, tested from 0.5 to 1.5 A; the laws of c, k, alpha, delta, f0 are")
     assert second.endswith("in 1 of 2 runs with dampers.")
@@ -125,8 +125,8 @@ def test_unknown_ranges_are_said_once_and_are_no_warning(tmp_path: Path) -> None
 def test_strokes_below_the_tested_ones_are_named_for_every_run_with_dampers(tmp_path: Path) -> None:
     results = studied(tmp_path, ranges(least_stroke=0.1))
     (warning,) = results.warnings()
-    assert warning.startswith("stroke ")
-    assert "in half cycles that make 20 % of the travel or more, tested from 100 mm: " in warning
+    assert warning.startswith("small half cycles, ")
+    assert " make 20 % of the travel or more, tested from 100 mm, so " in warning
     assert warning.endswith("outside the tested range in 2 of 2 runs with dampers.")
     # The uncontrolled building and that with actuators demand nothing.
     assert [run.least_stroke.size for run in results.runs.values()] == [0, 1, 1, 1]
@@ -192,7 +192,7 @@ def test_the_simulation_in_python_knows_small_strokes_from_its_histories() -> No
     without = mr.simulate_loop(building, [device], law, [motion])
     assert (without.demand(0, 0).least_stroke, without.warnings()) == (None, [])
     (warning,) = mr.simulate_loop(building, [device], law, [motion], histories=True).warnings()
-    assert warning.endswith("tested from 100 mm")
+    assert warning.endswith("tested from 100 mm, so the hysteresis of small strokes is extrapolated")
 
 
 def test_the_page_shows_the_demand_beside_the_tested_range() -> None:
@@ -210,7 +210,9 @@ def test_the_page_shows_the_demand_beside_the_tested_range() -> None:
         for name in results.device_names
     )
     results = replace(results, devices=devices)
-    page = study_page(results, study_samples.histories, motion=0, report=ReportTable(controllers=("i = 0",)))
+    page = study_page(
+        results, study_samples.histories, motion=0, report=ReportTable(controllers=("Passive-off",))
+    )
     assert "Demand on the dampers" in page
     assert "outside the tested range in stroke." in page
     assert "tested to 1 mm" in page

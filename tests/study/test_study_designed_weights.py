@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy
 from command_line import mrwork
 from sentences import Refused
 from study_texts import study_text
@@ -20,12 +21,18 @@ from mrwork.control import (
     WeightWishes,
     design_weights,
 )
+from mrwork.control.design_basis import damper_forces
 from mrwork.errors import SettingError
 from mrwork.motions import fitted_spectrum
+from mrwork.motions.spectrum import strong_part
 from mrwork.study.arrangements import laws_text
+from mrwork.study.comparison import findings
+from mrwork.tested_range import OperatingRange
 from mrwork.tuning.results import chosen_study
+from mrwork.tuning.space import space_of
 
-WISHES = "designed = { rms_drift = '4 mm', rms_acceleration = '0.5 g', budget = '0.9 kN' }"
+FIRM = "ground_frequency = 15, ground_damping = 0.6, intensity = 0.01"
+WISHES = f"designed = {{ rms_drift = '4 mm', rms_acceleration = '0.5 g', budget = '0.9 kN', {FIRM} }}"
 
 
 def read(folder: Path, settings: str, damper: str = "differential = true") -> mr.Study:
@@ -55,23 +62,28 @@ def test_the_law_has_the_gain_of_the_design_with_r_scaled(tmp_path: Path, scale:
 
 def test_what_the_design_reaches_is_said_everywhere(tmp_path: Path) -> None:
     study = read(tmp_path, f"{WISHES}\ncontrol_weight = 1e-2")
-    (label, notes), *_ = study.design_notes
-    assert label == "Clipped-optimal"
-    assert "All limits can be met" in notes[0]
+    (heading, notes), (_, loop) = study.design_notes
+    assert heading == "Weights of Clipped-optimal"
+    assert any("All limits can be met" in each for each in notes)
     assert any("scanned in the true loop" in each for each in notes)
+    assert "Margins of the linear loop" in loop[0]
     assert notes[0] in repr(study.arrangements[-1].law)
     shown = mrwork("respond", tmp_path / "study.toml", "--out", tmp_path / "run", "--quiet")
     assert shown.returncode in (0, None)
     assert notes[0] in shown.stdout
     assert "scanned in the true loop" in (tmp_path / "run" / "report.html").read_text()
     ended = mrwork("respond", tmp_path / "study.toml", "--out", tmp_path / "run", "--quiet", "--json")
-    assert json.loads(ended.stdout)["weights"] == [{"controller": label, "notes": list(notes)}]
+    document = json.loads(ended.stdout)
+    (weights,), (own,) = document["weights"], document["loops"]
+    assert (weights["controllers"], weights["notes"]) == (["Clipped-optimal"], list(notes))
+    assert (own["controller"], own["notes"]) == ("Clipped-optimal", list(loop))
+    assert own["margins"]["devices"][0]["phase"] > 0.0
 
 
 def test_limits_out_of_reach_are_said_and_not_refused(tmp_path: Path) -> None:
-    wishes = "designed = { rms_drift = '1 mm', budget = 100 }\ncontrol_weight = 1"
+    wishes = "designed = { rms_drift = '0.01 mm', budget = 10 }\ncontrol_weight = 1"
     (_, notes), *_ = read(tmp_path, wishes).design_notes
-    assert "cannot be met" in notes[0]
+    assert any("cannot be met" in each for each in notes)
 
 
 def test_spectra_of_a_record_and_stiffness_cases_are_keys(tmp_path: Path) -> None:
@@ -139,7 +151,8 @@ def test_a_sampled_design_is_that_of_the_loop_of_the_study(
         semi_active=None if share is None else SemiActiveCondition(share=share),
     )
     np.testing.assert_array_equal(law.gains["gain"], expected.gain_with(scale))
-    assert expected.in_words[0] in law.notes
+    assert law.weights is not None
+    assert expected.in_words[0] in law.weights.in_words
 
 
 def sampled_problem(*lags: float | None, delay: float = 0.0) -> mr.control.DesignProblem:
@@ -230,9 +243,10 @@ def test_what_cannot_be_designed_is_refused_with_its_line(tmp_path: Path, refuse
         f"{SAMPLED}\ncontrol_weight = 1\ndrifts = 1",
         SAMPLED.replace("true", "1"),
         f"{WISHES}\ncontrol_weight = 1\ndrifts = 1",
-        "designed = { rms_drift = 0.004 }\ncontrol_weight = 1",
         "designed = { peak_drift = 0.004, budget = 1 }\ncontrol_weight = 1",
         "designed = { rms_drift = [1, 2], budget = 1 }\ncontrol_weight = 1",
+        "designed = { rms_drift = 0.004, budget = '1e9 kN' }\ncontrol_weight = 1",
+        "drifts = 1\ncontrol_weight = 1\nbudget_scale = 2",
         "designed = { budget = 100 }\ncontrol_weight = 1",
         "designed = { rms_drift = '4 kN', budget = 1 }\ncontrol_weight = 1",
         WISHES,
@@ -243,8 +257,8 @@ def test_what_cannot_be_designed_is_refused_with_its_line(tmp_path: Path, refuse
 def test_a_budget_in_another_unit_is_refused(refused: Refused) -> None:
     frame = mr.building("uts")
     refused(design_weights, frame, frame.storeys[:1], limits={"rms_drift": 1e-3}, budget="1.5 mm")
-    refused(WeightWishes, rms_drift=1e-3)
-    refused(WeightWishes(rms_drift=1e-3, budget=1.0, record="x.csv", intensity=0.1).spectral_density)
+    wishes = WeightWishes(rms_drift=1e-3, budget=1.0, record="x.csv", intensity=0.1)
+    refused(wishes.of_problem, sampled_problem(None))
 
 
 def test_the_key_is_listed_with_the_laws() -> None:
@@ -259,3 +273,215 @@ def test_a_law_of_weights_takes_no_sampled_design(refused: Refused) -> None:
 
 def plain(wishes: WeightWishes) -> dict[str, object]:
     return {"rms_drift": wishes.rms_drift, "budget": wishes.budget, "sampled": wishes.sampled}
+
+
+def motions_of(pga: str) -> str:
+    """Two synthetic training motions and a test motion of this peak."""
+    lines = [
+        f'[[motion]]\nsynthetic = "kanai_tajimi"\nduration = 15\nseed = {seed}\npga = "{pga}"\nname = "{seed}"'
+        for seed in (1, 2)
+    ]
+    return "\n".join(f'{each}\nuse = "training"' for each in lines)
+
+
+@pytest.mark.parametrize("pga", ["0.05 g", "0.5 g"])
+def test_limits_are_judged_under_the_ground_of_the_training_motions(tmp_path: Path, pga: str) -> None:
+    """The rms drift that is stated is that of a Lyapunov equation of SciPy under the stated filtered noise."""
+    file = tmp_path / "study.toml"
+    file.write_text(study_text(f"designed = {{ rms_drift = '1 mm' }}\ncontrol_weight = 1\n{motions_of(pga)}"))
+    study = mr.read_study(file)
+    assert any("2 training motions" in each for each in study.design_notes[0][1])
+    ended = mrwork("respond", file, "--out", tmp_path / "run", "--quiet", "--json")
+    (stated,) = json.loads(ended.stdout)["weights"]
+    (ground,) = stated["ground"]
+    mean_squares = [np.mean(strong_part(each) ** 2) for each in study.chosen_on]
+    assert ground["mean_square"] == pytest.approx(np.mean(mean_squares), rel=1e-9)
+    frame = mr.building("uts")
+    A, B, E = frame.state_matrices(frame.storeys[:1])
+    w, z, n = ground["frequency"], ground["damping"], len(A)
+    output = np.array([-(w**2), -2.0 * z * w])
+    soil = np.array([[0.0, 1.0], output])
+    noise = np.zeros((n + 2, n + 2))
+    noise[-1, -1] = 2.0 * np.pi * ground["intensity"]
+    for name, gain in (("rms_without_control", np.zeros((1, n))), ("rms", np.array(stated["gain"]))):
+        loop = np.block([[A - B @ gain, np.outer(E, output)], [np.zeros((2, n)), soil]])
+        X = scipy.linalg.solve_continuous_lyapunov(loop, -noise)
+        for storey, row in enumerate(frame.storeys):
+            expected = row @ X[: n // 2, : n // 2] @ row
+            assert stated["outputs"][storey][name] ** 2 == pytest.approx(expected, rel=1e-6)
+
+
+def test_the_ground_is_the_only_difference_between_strong_and_weak_motions(tmp_path: Path) -> None:
+    """Ten times the motions and ten times limits and budget give the same gain."""
+    gains = []
+    for pga, limit, budget in (("0.05 g", "0.5 mm", 60), ("0.5 g", "5 mm", 600)):
+        file = tmp_path / "study.toml"
+        wishes = f"designed = {{ rms_drift = '{limit}', budget = {budget} }}\ncontrol_weight = 1"
+        file.write_text(study_text(f"{wishes}\n{motions_of(pga)}"))
+        law = mr.read_study(file).arrangements[-1].law
+        assert law is not None
+        gains.append(np.asarray(law.gains["gain"]))
+    np.testing.assert_allclose(gains[0], gains[1], rtol=1e-5, atol=1e-6 * np.abs(gains[0]).max())
+
+
+def test_motions_that_judge_the_laws_and_give_the_ground_are_said_to_be_seen(tmp_path: Path) -> None:
+    study = read(tmp_path, "designed = { rms_drift = '4 mm', budget = 100 }\ncontrol_weight = 1")
+    assert "on which the laws are judged, too" in study.design_notes[0][1][0]
+    assert any("on which the laws are judged, too" in text for _, text in study.facts)
+
+
+def test_given_numbers_of_the_ground_hold_and_the_others_are_those_of_the_motions(tmp_path: Path) -> None:
+    def ground(keys: str) -> mr.motions.KanaiTajimi:
+        text = f"designed = {{ rms_drift = '4 mm', budget = 100{keys} }}\ncontrol_weight = 1"
+        (_, weights), *_ = read(tmp_path, text).designs
+        (found,) = weights.spectra
+        assert isinstance(found, mr.motions.KanaiTajimi)
+        return found
+
+    free, stiff = ground(""), ground(", ground_frequency = 40")
+    strong = ground(", intensity = 0.5")
+    assert (stiff.frequency, strong.intensity, strong.frequency) == (40.0, 0.5, free.frequency)
+    rms = [mr.motions.mean_square_of(each) for each in (free, stiff)]
+    assert rms[0] == pytest.approx(rms[1], rel=1e-9)
+
+
+def test_one_design_is_one_block_for_all_its_laws(tmp_path: Path) -> None:
+    second = f"[[controller]]\nlaw = 'clipped_optimal'\nlabel = 'second'\n[controller.settings]\n{WISHES}"
+    study = read(tmp_path, f"{WISHES}\ncontrol_weight = 1\n{second}\ncontrol_weight = 1e-2")
+    headings = [heading for heading, _ in study.design_notes]
+    assert headings == ["Weights of Clipped-optimal, second", "Loop of Clipped-optimal", "Loop of second"]
+
+
+@pytest.mark.parametrize("budget", ["", ", budget = 400"])
+def test_the_budget_is_that_of_the_dampers_unless_given(tmp_path: Path, budget: str) -> None:
+    study = read(
+        tmp_path,
+        f"designed = {{ rms_drift = '4 mm', {FIRM}{budget} }}\ncontrol_weight = 1\nbudget_scale = 0.5",
+    )
+    (_, weights), *_ = study.designs
+    assert study.problem is not None
+    forces = damper_forces(study.problem, weights.spectra[0]).largest / 3.0
+    expected = 200.0 if budget else 0.5 * forces[0]
+    assert weights.certificate.budgets == pytest.approx([expected])
+
+
+@pytest.mark.parametrize(("scale", "factor"), [(1e3, 1e3), (1e6, 1e6)])
+def test_a_law_that_asks_for_no_force_is_told_how_much_r_is_too_large(
+    tmp_path: Path, scale: float, factor: float
+) -> None:
+    """R over the stated factor asks for force, and a larger R is too large by as much more."""
+    law = read(tmp_path, "drifts = 1\ncontrol_weight = 1e-8").arrangements[-1].law
+    assert law is not None
+    first = next(each for each in law.notes if "asks for no force" in each.lower())
+    excess = float(first.split("R is about ")[1].split(" too large")[0])
+    sound = read(tmp_path, f"drifts = 1\ncontrol_weight = {1e-8 / excess}").arrangements[-1].law
+    assert sound is not None
+    assert not any("asks for no force" in each.lower() for each in sound.notes)
+    again = read(tmp_path, f"drifts = 1\ncontrol_weight = {1e-8 * scale}").arrangements[-1].law
+    assert again is not None
+    assert f"R is about 1e{round(np.log10(excess * factor))} too large" in " ".join(again.notes)
+
+
+def test_a_tuned_law_with_a_semi_active_condition_scans_its_budget() -> None:
+    table = mr.study.TuneTable(
+        laws=("clipped_optimal",), settings={"designed": {"rms_drift": 4e-3, "semi_active": 0.1}}
+    )
+    magnitudes = mr.control.Magnitudes(
+        drift=1e-2,
+        displacement=3e-2,
+        velocity=0.5,
+        acceleration=5.0,
+        energy=200.0,
+        force=2e3,
+        stroke=1e-2,
+        rate=0.2,
+        ground=3.0,
+        command=1.88,
+    )
+    space = space_of(table, "clipped_optimal", magnitudes)
+    assert [each.name for each in space.free] == ["budget_scale", "largest_command"]
+    assert space.held["control_weight"] == 1.0
+
+
+@pytest.mark.parametrize(
+    ("settings", "says"),
+    [
+        (
+            "drifts = 1\ncontrol_weight = 1",
+            "Clipped-optimal sends no command under any motion: it is passive-off",
+        ),
+        ("gain = [[0, 0, 0, 0, 0, 1e12, 0, 0, 0, 0]]", ""),
+    ],
+)
+def test_a_law_that_is_a_passive_damper_in_effect_is_said_to_be_one(
+    tmp_path: Path, settings: str, says: str
+) -> None:
+    found = findings(mr.run_study(read(tmp_path, settings), threads=1))
+    assert any(says in each for each in found) if says else not found
+
+
+def test_a_law_that_sends_the_largest_command_throughout_is_passive_on_in_effect(tmp_path: Path) -> None:
+    """A law in Python that knows no sensor."""
+    (tmp_path / "law.py").write_text("def on(sample, memory):\n    return [1.88]\n")
+    file = tmp_path / "study.toml"
+    law = "[[controller]]\nuser = { file = 'law.py', function = 'on' }"
+    file.write_text(study_text(f"drifts = 1\ncontrol_weight = 1e-11\n{law}"))
+    found = findings(mr.run_study(mr.read_study(file), threads=1))
+    assert any(
+        each.startswith("on sends the same command") and "passive-on in effect" in each for each in found
+    )
+
+
+def test_a_harmonic_motion_and_one_that_is_too_short_are_said_to_be_so(
+    tmp_path: Path, refused: Refused
+) -> None:
+    def design(samples: int) -> mr.Study:
+        time = 0.01 * np.arange(samples)
+        rows = [f"{t:.2f},{np.sin(20.0 * t):.9f}" for t in time]
+        (tmp_path / "sine.csv").write_text("\n".join(["time [s],acceleration [m/s2]", *rows]))
+        text = study_text("designed = { rms_drift = '1 mm', budget = 100 }\ncontrol_weight = 1")
+        motion = 'synthetic = "kanai_tajimi"\nduration = 2'
+        (tmp_path / "study.toml").write_text(text.replace(motion, 'file = "sine.csv"'))
+        return mr.read_study(tmp_path / "study.toml")
+
+    assert "nearly harmonic" in design(2001).design_notes[0][1][0]
+    refused(design, 41)
+
+
+def test_the_force_of_a_damper_is_that_over_its_tested_range() -> None:
+    """Otherwise over the motion that is expected, or over that of the ground."""
+    (device,) = sampled_problem(None).devices
+    tested = OperatingRange(
+        stroke=0.01, velocity=0.15, frequency=None, command=None, command_unit=None, force=1e3, power=1.0
+    )
+    problem = sampled_problem(None)
+    expected = replace(problem, amplitude=(1e-4, 0.01), velocity=(1e-3, 0.15))
+    ranged = replace(problem, devices=[replace(device, tested=tested)])
+    soft, stiff = mr.motions.KanaiTajimi(intensity=1e-6), mr.motions.KanaiTajimi()
+    found = [damper_forces(each, soil) for each in (expected, ranged) for soil in (soft, stiff)]
+    assert len({float(each.largest[0]) for each in found}) == 1
+    time = np.linspace(0.0, 6.0 * np.pi, 2001)
+    loading = mr.Loading(
+        dt=float(time[1]) / 15.0,
+        displacement=0.01 * np.sin(time),
+        velocity=0.15 * np.cos(time),
+        command=1.88,
+        command_unit="A",
+    )
+    force = mr.simulate_force(device.spec, device.theta, loading)
+    assert found[0].largest[0] == pytest.approx(np.abs(force[700:]).max(), rel=1e-3)
+    free = [float(damper_forces(problem, each).largest[0]) for each in (soft, stiff)]
+    assert free[0] < free[1]
+
+
+def test_a_sampled_design_has_a_solution_with_the_budget_of_the_dampers(tmp_path: Path) -> None:
+    """With weak motions the dampers can give more force than a sampled design has use for."""
+    wishes = "designed = { rms_drift = '0.5 mm', rms_acceleration = 0.3, sampled = true, semi_active = 0.2 }"
+    file = tmp_path / "study.toml"
+    text = study_text(
+        f"{wishes}\ncontrol_weight = 1\n{motions_of('0.05 g')}", damper="differential = true\nlag = 190"
+    )
+    file.write_text(text)
+    (_, weights), *_ = mr.read_study(file).designs
+    assert weights.certificate.violation < 1e-6
+    assert np.all(np.isfinite(weights.gain))

@@ -12,6 +12,7 @@ import pytest
 import study_samples
 from sentences import Refused
 
+from mrwork.closed_loop.evaluation import criterion
 from mrwork.store.codec import json_document
 from mrwork.store.run_folder import MANIFEST, RESULTS
 from mrwork.study import StudyResults, compared, read_results
@@ -92,21 +93,22 @@ def named_otherwise(value: Any, change: Callable[[dict[str, Any]], object]) -> N
         change(value)
 
 
-def test_a_file_that_is_older_than_a_criterion_opens_without_it(tmp_path: Path) -> None:
+@pytest.mark.parametrize("name", ["rms_base_shear", "command_travel", "switching_rate"])
+def test_a_file_that_is_older_than_a_criterion_opens_without_it(name: str, tmp_path: Path) -> None:
     results = study_samples.results()
     results = study_samples.with_runs(results, halved=results.runs)
     document = study_document(results)
-    named_otherwise(document, lambda table: table.pop("rms_base_shear"))
+    named_otherwise(document, lambda table: table.pop(name, None))
     (tmp_path / RESULTS).write_text(json_document(document), encoding="utf-8")
     stored = read_results(tmp_path)
     known, wanted = stored.criteria(3, 0) or {}, results.criteria(3, 0) or {}
-    assert math.isnan(known.pop("rms_base_shear"))
-    assert wanted.pop("rms_base_shear") > 0.0
+    assert math.isnan(known.pop(name))
+    assert wanted.pop(name) > 0.0
     assert known == wanted
     assert [stored.score(row) for row in range(5)] == [results.score(row) for row in range(5)]
     assert largest_step_changes(stored) == largest_step_changes(results)
-    assert "RMS base shear" not in " ".join(compared(stored).in_words(4))
-    said = "results.json is older than rms_base_shear; run `mrwork respond` again for it."
+    assert criterion(name).title not in " ".join(compared(stored).in_words(4))
+    said = f"results.json is older than {name}; run `mrwork respond` again for it."
     assert stored.warnings() == [said, *results.warnings()]
 
 

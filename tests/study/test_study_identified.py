@@ -63,7 +63,7 @@ def test_a_run_without_laws_is_taken_as_a_passive_damper_where_the_study_says_so
     assert found["passive"]["criteria"]["peak_drift"] < found["uncontrolled"]["criteria"]["peak_drift"]
     page = (tmp_path / "out" / "report.html").read_text()
     assert "passive: all its parameters are constant" in page
-    assert "i = 0" not in page
+    assert "Passive-off" not in page
 
 
 @pytest.mark.parametrize(
@@ -120,7 +120,7 @@ def test_a_damper_identified_with_laws_follows_its_command(
     out = tmp_path / "rig" / "run"
     printed(capsys, "identify", *records, "--model", "bingham", "--law", "f_c=linear", *short, "--out", out)
     with_laws = responded(tmp_path, capsys, more="largest_command = 1.0", controller=ON)
-    weak, strong = with_laws["i = 0"]["criteria"], with_laws["on"]["criteria"]
+    weak, strong = with_laws["Passive-off"]["criteria"], with_laws["on"]["criteria"]
     # At 1 A the friction is nine times that at none.
     assert strong["peak_force"] > 2.0 * weak["peak_force"]
     assert strong["rms_drift"] < weak["rms_drift"]

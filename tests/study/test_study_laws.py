@@ -15,6 +15,7 @@ from mrwork.control import (
     ControlLaw,
     Design,
     DesignProblem,
+    LoopModel,
     accelerations,
     control_law,
     control_laws,
@@ -49,6 +50,7 @@ TOLD = {
     + "]",
     "signal_polynomial": "control_weight = 1e-12\ndeformation = 0.005\nrate = 0.1\nforce = 2000",
     "active": "control_weight = 1e-12",
+    "predictive_rollout": "base = 0.5\ndrift = '2 mm'\nacceleration = '0.28 g'",
 }
 
 
@@ -101,8 +103,12 @@ def test_every_law_of_the_registry_has_settings() -> None:
 def test_a_design_has_the_numbers_that_its_law_takes(law: str) -> None:
     found = design(law, TOLD.get(law, ""))
     curve = design_problem().curve if control_law(law).needs_curve else None
-    made = ControlLaw(name=law, gains=found.gains, tables=found.tables, curve=curve)
-    n_gains = sum({"device": 1, "state": 10}.get(gain.shape, gain.numbers) for gain in made.spec.gains)
+    on = design_problem()
+    model = LoopModel(building=on.building, devices=on.devices) if control_law(law).needs_model else None
+    made = ControlLaw(name=law, gains=found.gains, tables=found.tables, curve=curve, model=model)
+    n_gains = sum(
+        {"device": 1, "state": 10, "loop": 1}.get(gain.shape, gain.numbers) for gain in made.spec.gains
+    )
     assert made.gain_rows(1, 10).shape == (1, n_gains)
     assert len(made.table_rows()) == len(made.spec.tables)
 
@@ -111,7 +117,7 @@ def test_a_design_has_the_numbers_that_its_law_takes(law: str) -> None:
 def test_every_law_has_finite_numbers_for_each_device(law: str) -> None:
     found = design(law, TOLD.get(law, ""))
     for gain in found.gains.values():
-        assert gain.shape in ((1,), (1, 10), (1, 25))
+        assert gain.shape in ((1,), (1, 2), (1, 5), (1, 10), (1, 25))
         assert np.isfinite(gain).all()
     for table in found.tables.values():
         assert np.isfinite(table).all()

@@ -15,7 +15,7 @@ from sentences import Refused
 
 from mrwork import Journal
 from mrwork.errors import Interrupted
-from mrwork.simulate import Outcome
+from mrwork.simulation import Outcome
 from mrwork.store.codec import plain
 from mrwork.store.journal_file import line_of, read_lines
 from mrwork.store.unfinished import begin_journal
@@ -87,7 +87,7 @@ def test_every_arrangement_runs_under_every_motion(study: Study, tmp_path: Path)
     results = ran(study, tmp_path / "journal")
     assert results.complete
     assert {run.outcome for run in results.runs.values()} == {"finished"}
-    assert [row.label for row in results.rows[:3]] == ["uncontrolled", "i = 0", "isolated"]
+    assert [row.label for row in results.rows[:3]] == ["uncontrolled", "Passive-off", "isolated"]
     for run in results.runs.values():
         assert run.peak_drift.shape == run.peak_acceleration.shape == (2,)
 
@@ -430,7 +430,7 @@ def test_the_verb_shows_a_table_for_each_motion(
         "noise, 0.051 g",
         "noise, 0.102 g",
         "uncontrolled",
-        "i = 0",
+        "Passive-off",
         "isolated",
         "best, ",
         "Score",

@@ -38,7 +38,7 @@ def dyke(tmp_path_factory: pytest.TempPathFactory) -> StudyResults:
 
 # Peaks of the paper: displacement and drift [cm], acceleration [cm/s2], force [N].
 PUBLISHED = {
-    "i = 0": ((0.211, 0.357, 0.455), (0.211, 0.153, 0.103), (420.0, 480.0, 717.0), 258.0),
+    "Passive-off": ((0.211, 0.357, 0.455), (0.211, 0.153, 0.103), (420.0, 480.0, 717.0), 258.0),
     "passive-on, 2.25 V": ((0.0798, 0.196, 0.306), (0.0798, 0.158, 0.110), (281.0, 494.0, 767.0), 979.0),
     "Clipped-optimal": ((0.114, 0.185, 0.212), (0.114, 0.0902, 0.101), (696.0, 739.0, 703.0), 941.0),
 }

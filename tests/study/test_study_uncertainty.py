@@ -39,7 +39,7 @@ def test_every_row_has_bands_about_its_nominal_values(tmp_path: Path) -> None:
         band = run["bands"]["peak_drift"]
         assert band["lower"] < band["median"] < band["upper"]
         assert 0.5 * run["criteria"]["peak_drift"] < band["median"] < 2.0 * run["criteria"]["peak_drift"]
-    assert document["score_bands"]["i = 0"] == {"lower": 1.0, "median": 1.0, "upper": 1.0}
+    assert document["score_bands"]["Passive-off"] == {"lower": 1.0, "median": 1.0, "upper": 1.0}
     assert document["realisations"] == 4
 
 

@@ -209,3 +209,6 @@ def test_ctrl_c_in_a_law_is_an_interrupt(folder: Path) -> None:
     assert process.returncode == 130, err
     assert json.loads(out)["complete"] is False
     assert "interrupted; what was simulated so far is in run" in err
+    # Matplotlib takes longer to load than anyone waits after Ctrl-C.
+    assert (folder / "run" / "results.json").exists()
+    assert not (folder / "run" / "report.html").exists()

@@ -15,13 +15,15 @@ from sentences import Refused
 
 import mrwork as mr
 from mrwork.closed_loop import SCORE
+from mrwork.closed_loop.evaluation import ties_in_words
 from mrwork.errors import Interrupted
 from mrwork.records import OperatingRange
 from mrwork.store.codec import digest_of, plain
 from mrwork.store.journal_file import line_of
-from mrwork.tuning import BEST_CONSTANT, TuningResults, tune
+from mrwork.study import OPTIMAL_PASSIVE
+from mrwork.tuning import TuningResults, tune
 from mrwork.tuning.problem import Clock, benches_of
-from mrwork.tuning.results import chosen_study, tuning_document
+from mrwork.tuning.results import chosen_study, settings_in_words, tuning_document
 from mrwork.tuning.space import LawCandidate
 
 
@@ -141,7 +143,7 @@ def test_designed_weights_and_numbers_with_units_are_held(tmp_path: Path) -> Non
     settings = found.laws[0].settings
     assert settings["full_force"] == 2000.0
     assert settings["designed"] == {"rms_drift": 0.002, "budget": 500.0}
-    assert "rms_drift 0.002" in str(found)
+    assert "rms_drift 0.002" in settings_in_words(settings, found.command_unit)
     (tmp_path / "chosen.toml").write_text(chosen_study(found, mr.read_study(source).file), encoding="utf-8")
     again = mr.run_study(mr.read_study(tmp_path / "chosen.toml"), threads=1)
     row = [each.label for each in again.rows].index(found.laws[0].label)
@@ -184,7 +186,7 @@ def test_an_interrupted_tuning_keeps_the_laws_so_far(study: mr.Study) -> None:
         tune(study, threads=1, on_progress=interrupt)
     found: TuningResults = caught.value.result
     assert found.status == "interrupted"
-    assert len(found.references) == 6
+    assert len(found.references) == 7
     assert found.laws[0].train.objective > 0.0
     assert found.laws[0].test is None
 
@@ -205,6 +207,17 @@ def test_a_limit_that_holds_is_kept(tmp_path: Path, results: TuningResults) -> N
     assert found.laws[0].train.largest["rms_current"] <= limit
 
 
+@pytest.mark.parametrize(("name", "unit"), [("command_travel", "A/s"), ("switching_rate", "1/s")])
+def test_chatter_is_limited_as_other_criteria_are(
+    name: str, unit: str, tmp_path: Path, results: TuningResults
+) -> None:
+    limit = 0.7 * results.laws[0].train.largest[name]
+    text = tuning_samples.TUNE.replace("16", "96") + f'constraints = {{ {name} = "{limit:.6g} {unit}" }}\n'
+    found = tune(mr.read_study(tuning_samples.study_file(tmp_path, tune=text)), threads=1)
+    assert found.laws[0].train.violation == 0.0
+    assert found.laws[0].train.largest[name] <= limit * (1.0 + 1e-5)
+
+
 def test_laws_are_compared_by_the_score_of_a_study_whatever_they_minimise(tmp_path: Path) -> None:
     text = '[[tune]]\nlaws = ["maximum_energy_dissipation"]\ncriteria = { peak_acceleration = 2, peak_drift = 1 }\n'
     found = tune(mr.read_study(tuning_samples.study_file(tmp_path, tune=text)), threads=1).laws[0].train
@@ -220,7 +233,7 @@ def test_a_law_may_be_tuned_to_be_better_than_the_best_constant_command(tmp_path
     text = '[[tune]]\nlaws = ["maximum_energy_dissipation"]\n' + keys
     found = tune(mr.read_study(tuning_samples.study_file(tmp_path, tune=text)), threads=1)
     law, constant = (
-        each.test for each in (found.laws[0], next(r for r in found.references if r.label == BEST_CONSTANT))
+        each.test for each in (found.laws[0], next(r for r in found.references if r.label == OPTIMAL_PASSIVE))
     )
     assert law is not None
     assert constant is not None
@@ -288,6 +301,7 @@ def test_what_cannot_be_tuned_is_refused(tmp_path: Path, refused: Refused) -> No
         '[[tune]]\nlaws = ["clipped_optimal"]\nsettings = { drifts = 1, energy = 1 }',
         '[[tune]]\nlaws = ["clipped_optimal"]\nfree = { control_weight = [1e-60, 1e60] }',
         '[[tune]]\nlaws = ["lyapunov"]\ncriteria = ["rms_current"]',
+        '[[tune]]\nlaws = ["lyapunov"]\ncriteria = ["switching_rate"]',
         '[[tune]]\nlaws = ["lyapunov"]\nobjectives = ["peak_drift", "mean_current"]',
     ):
         path = tuning_samples.study_file(tmp_path, tune=text)
@@ -327,7 +341,7 @@ def test_strokes_below_the_tested_ones_are_named_for_the_tuned_laws(study: mr.St
     with closing(mr.Journal(tmp_path / "journal.jsonl")) as journal:
         found = tune(limited, threads=1, journal=journal)
     (warning,) = found.damper_warnings
-    assert "in half cycles that make 20 % of the travel or more, tested from 100 mm: " in warning
+    assert " make 20 % of the travel or more, tested from 100 mm, so " in warning
     assert f"with {found.laws[0].label}" in warning
     # Under the training motion and both test motions.
     assert warning.endswith("outside the tested range in 3 of 3 runs with dampers.")
@@ -339,3 +353,28 @@ def test_strokes_below_the_tested_ones_are_named_for_the_tuned_laws(study: mr.St
 
 def test_within_the_tested_ranges_a_tuning_says_nothing_of_the_dampers(results: TuningResults) -> None:
     assert results.damper_warnings == ()
+
+
+def test_semi_active_weights_are_scanned_by_their_budget_and_are_a_reference(results: TuningResults) -> None:
+    """Each law states its margins, and the reference its ground and the budget of the best scale."""
+    (found,) = [each for each in results.references if "budget scanned" in each.label]
+    assert found.settings["designed"]["semi_active"] == 0.1
+    assert found.settings["control_weight"] == 1.0
+    assert found.candidates >= 10
+    assert any(
+        "1 training motion" in each or "of the training motion" in each for each in found.design.weights
+    )
+    assert any("budget_scale" in each for each in found.design.weights)
+    assert "Margins of the linear loop" in results.laws[0].design.loop[-1]
+    assert [labels for labels, _ in results.designs] == [(found.label,)]
+
+
+def test_laws_that_motions_do_not_tell_apart_are_named() -> None:
+    """A difference counts from two standard errors of its mean on; one motion tells nothing."""
+    one, other = [0.5, 0.6, 0.7, 0.8], [0.51, 0.59, 0.72, 0.79]
+    worse = [0.6, 0.71, 0.8, 0.91]
+    (sentence,) = ties_in_words("A", one, {"B": other, "C": worse})
+    assert "B (+0.003)" in sentence
+    assert "C" not in sentence
+    assert ties_in_words("A", one, {"C": worse}) == ()
+    assert ties_in_words("A", one[:1], {"B": other[:1]}) == ()

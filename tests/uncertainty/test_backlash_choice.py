@@ -45,5 +45,6 @@ def test_small_strokes_are_predicted_where_such_were_tested_and_warned_of_where_
     assert fit.outside(tested).names == ()
     (sentence,) = fit.outside(untested).sentences
     assert sentence.startswith(
-        "stroke 2 mm or less in half cycles that make 20 % of the travel or more, tested from 4 mm"
+        "small half cycles, 2 mm or less, make 20 % of the travel or more, tested from 4 mm, so "
+        "the hysteresis of small strokes is extrapolated"
     )

@@ -16,7 +16,7 @@ from sinusoidal_tests import MOTIONS, PER_CYCLE, sinusoidal_test
 
 from mrwork import Journal
 from mrwork.cli.door import parser
-from mrwork.errors import Interrupted
+from mrwork.errors import Interrupted, MrworkWarning
 from mrwork.identification import FitSettings, Multistart
 from mrwork.records import DamperTest
 from mrwork.store.output_folder import Destination
@@ -84,14 +84,15 @@ def test_fits_are_those_of_all_tests_in_the_order_of_the_ranking(choice: Choice)
 
 def test_a_family_that_fails_is_a_row(tests: tuple[DamperTest, ...]) -> None:
     # A bound that one family does not admit, and the other keeps.
-    choice = choose_model(
-        tests[:2], ["dahl", "lugre"], settings=replace(FEW, bounds={"sigma_0": (1e20, 1e21)}), threads=1
-    )
+    with pytest.warns(MrworkWarning, match=r"not compared, as its predictions failed: lugre"):
+        choice = choose_model(
+            tests[:2], ["dahl", "lugre"], settings=replace(FEW, bounds={"sigma_0": (1e20, 1e21)}), threads=1
+        )
     last = choice.ranking.standings[-1]
     assert (last.model, last.verdict, last.status) == ("lugre", "failed", "failed")
     assert "sigma_0" in last.reason
     assert choice.ranking.chosen == "dahl"
-    assert "Failed: " in choice.ranking.sentence
+    assert "Failed, and so not compared: " in choice.ranking.sentence
 
 
 @pytest.mark.parametrize(
@@ -190,6 +191,30 @@ def test_impossible_requests_are_refused_before_anything_is_fitted(
     refused(choose_model, tests, ["dahl"], settings=FitSettings(bounds={"k_q": (0.0, 1.0)}))
     refused(choose_model, tests, ["dahl"], laws={"k_q": "linear"})
     refused(choose_model, tests, ["dull"])
+
+
+def test_laws_that_the_rest_of_a_fold_is_too_few_commands_for_are_refused_before_anything_is_fitted(
+    tests: tuple[DamperTest, ...], refused: Refused
+) -> None:
+    started: list[ChoiceProgress] = []
+
+    def choose(**laws: str) -> Choice:
+        each = zip(tests * 2, (0.0, 0.5, 1.0, 0.0, 0.5, 1.0), strict=False)
+        given = [replace(test, name=f"{test.name} {level:g} A", current=level) for test, level in each]
+        return choose_model(
+            *(given, ["bingham", "viscous_dahl"]),
+            **{
+                "leave_out": "command",
+                "laws": laws,
+                "settings": FEW,
+                "threads": 1,
+                "on_progress": started.append,
+            },
+        )
+
+    refused(choose, k_w="quadratic")
+    refused(choose, k_w="cubic")
+    assert started == []
 
 
 def test_the_command_line_writes_the_best_run_and_all_that_was_compared(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from mrwork import identify
 from mrwork.dampers import DamperSpec, damper
 from mrwork.identification import Fit
 from mrwork.records import DamperTest, cut
-from mrwork.simulate import Loading, simulate_force
+from mrwork.simulation import Loading, simulate_force
 from mrwork.synthetic import synthetic_test
 from mrwork.uncertainty import Candidate, Limits, identifiability_of
 from mrwork.uncertainty.planning.candidates import candidate_grid, excitation_of, motion_of, read_candidates
@@ -97,6 +97,8 @@ def test_a_law_calls_for_the_current_that_was_not_tested(test: DamperTest, refus
     assert order[0] in (0.0, 2.0)
     assert order[-1] == 0.5
     refused(candidate_grid, STATIC, tests, commands=[1.0])
+    # Of milliamperes.
+    refused(candidate_grid, model, tests, commands=[300.0, 600.0])
 
 
 @pytest.mark.parametrize("band", ["force", "energy", "c", "k", "f0"])
@@ -193,7 +195,8 @@ def test_the_rig_sets_limits(test: DamperTest, refused: Refused) -> None:
         assert 2.0 * each.amplitude <= 0.02
         assert each.peak_velocity <= 0.1
     refused(candidate_grid, STATIC, [test], amplitudes=[0.1], limits=limits)
-    refused(Limits, stroke=-1.0)
+    for limits_of_no_rig in ({"stroke": -1.0}, {"stroke": 10.0}, {"peak_velocity": 200.0}):
+        refused(Limits, **limits_of_no_rig)
 
 
 def test_candidates_come_from_a_file(tmp_path: Path, refused: Refused) -> None:

@@ -15,7 +15,7 @@ from mrwork.dampers import Box, damper
 from mrwork.errors import Interrupted
 from mrwork.identification import Fit, Objective, find_minimum
 from mrwork.records import DamperTest, cut
-from mrwork.simulate import Loading, simulate_force
+from mrwork.simulation import Loading, simulate_force
 from mrwork.synthetic import synthetic_test
 from mrwork.uncertainty import Profiles, identifiability_of
 from mrwork.uncertainty.identifiability.curvature import (

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from sentences import Refused
@@ -141,6 +143,7 @@ def test_the_sentence_tells_choice_margin_and_where_criteria_disagree() -> None:
     )
     assert found.chosen == "small"
     for words in (
+        "Failed, and so not compared: Broken",
         "Of 4 families, Small with 4 parameters is chosen",
         "6 tests, each predicted without itself",
         "behind Large, the best, which has 5 parameters more: as good, and simpler",
@@ -148,10 +151,31 @@ def test_the_sentence_tells_choice_margin_and_where_criteria_disagree() -> None:
         "PSIS-LOO prefers Large",
         "Pareto k of 3 blocks is above 0.7",
         "BIC prefers Large",
-        "Failed: Broken",
         "lacks other",
     ):
         assert words in found.sentence
+
+
+def test_families_that_failed_are_said_first() -> None:
+    found = ranking(family("broken", 4, None, reason="it diverged"), family("sound", 5, TESTS))
+    assert found.sentence.startswith("Failed, and so not compared: Broken. Of 2 families, Sound")
+    assert found.doubts == ("not compared, as its predictions failed: broken (it diverged)",)
+    assert ranking(family("sound", 5, TESTS)).doubts == ()
+
+
+def test_a_family_is_not_chosen_because_a_far_better_one_could_not_predict() -> None:
+    poor = replace(family("poor", 4, TESTS + 0.4), fit_percent=57.0)
+    better = replace(family("better", 9, None, reason="too few commands"), fit_percent=97.4)
+    found = ranking(poor, better)
+    assert [(each.model, each.verdict) for each in found.standings] == [
+        ("poor", "provisional"),
+        ("better", "failed"),
+    ]
+    assert "No family is chosen: Better, which failed, fits all tests far better" in found.sentence
+    assert "is chosen" not in found.sentence.replace("No family is chosen", "")
+    assert found.disagreement() == ""
+    # One that fits all tests no better leaves the choice as it is.
+    assert ranking(poor, replace(better, fit_percent=57.5)).standings[0].verdict == "chosen"
 
 
 def test_criteria_that_agree_are_said_to() -> None:

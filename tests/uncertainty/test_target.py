@@ -15,7 +15,7 @@ from mrwork.dampers import Box, damper
 from mrwork.identification import identifiable_form
 from mrwork.identification.result import effective_samples
 from mrwork.records import Observation
-from mrwork.simulate import Loading, simulate_force
+from mrwork.simulation import Loading, simulate_force
 from mrwork.uncertainty import NOISES, Lognormal, Normal, first_walkers, noise_model
 from mrwork.uncertainty.posterior.laplace import mode_near
 from mrwork.uncertainty.posterior.sample import SamplingProblem

@@ -194,6 +194,8 @@ pub struct Building {
     pub(crate) floors: SparseRows,
     pub(crate) storeys: SparseRows,
     pub(crate) devices: SparseRows,
+    /// Weights of the floors' accelerations that add up to `e (q'' + r a_g)` of each device; `None` if floors do not.
+    pub(crate) device_floors: Option<SparseRows>,
     /// Effective mass of each device, 1 / (e M^-1 e') [kg].
     pub(crate) device_mass: Vec<f64>,
     pub(crate) elements: SparseRows,
@@ -272,12 +274,36 @@ impl Building {
             floors: SparseRows::new(matrices.floors, n),
             storeys: SparseRows::new(matrices.storeys, n),
             devices: SparseRows::new(matrices.devices, n),
+            device_floors: weights_of_floors(matrices, n),
             device_mass,
             elements: SparseRows::new(matrices.elements, n),
             element_parameters: matrices.element_parameters.to_vec(),
             element_mass,
             fastest: frequency.max(decay),
         })
+    }
+
+    /// Forces of the stiffness and of the damping on a coordinate [N].
+    #[inline(always)]
+    pub(crate) fn coupling<R: Real>(&self, coordinate: usize, displacement: &[R], velocity: &[R]) -> [R; 2] {
+        let (mut sprung, mut damped) = (R::splat(0.0), R::splat(0.0));
+        if let Some(links) = &self.links {
+            // A neighbour beyond either end of the chain has no stiffness.
+            let link = links[coordinate];
+            let columns = [coordinate.saturating_sub(1), coordinate, (coordinate + 1).min(self.n - 1)];
+            sprung = displacement[columns[0]] * R::splat(link.stiffness[0]);
+            damped = velocity[columns[0]] * R::splat(link.damping[0]);
+            sprung = displacement[columns[1]].mul_add(R::splat(link.stiffness[1]), sprung);
+            damped = velocity[columns[1]].mul_add(R::splat(link.damping[1]), damped);
+            sprung = displacement[columns[2]].mul_add(R::splat(link.stiffness[2]), sprung);
+            damped = velocity[columns[2]].mul_add(R::splat(link.damping[2]), damped);
+        } else {
+            for spring in self.springs.row(coordinate) {
+                sprung = displacement[spring.column].mul_add(R::splat(spring.stiffness), sprung);
+                damped = velocity[spring.column].mul_add(R::splat(spring.damping), damped);
+            }
+        }
+        [sprung, damped]
     }
 
     /// Number of coordinates.
@@ -309,6 +335,18 @@ impl Building {
     pub fn n_storeys(&self) -> usize {
         self.storeys.len()
     }
+}
+
+/// Rows w of the devices with w F = e for the rows F of the floors; `None` if there are none.
+fn weights_of_floors(matrices: &Matrices<'_>, n: usize) -> Option<SparseRows> {
+    let floors = DMatrix::from_row_slice(matrices.floors.len() / n, n, matrices.floors);
+    let devices = DMatrix::from_row_slice(matrices.devices.len() / n, n, matrices.devices);
+    let root = Cholesky::new(&floors * floors.transpose())?;
+    let weights = root.solve(&(&floors * devices.transpose()));
+    // Without rounding a row has few entries: the floors at the ends of the device.
+    let weights = weights.map(|weight| (weight * 1e12).round() / 1e12);
+    let missed = (floors.transpose() * &weights - devices.transpose()).abs().max();
+    (missed <= 1e-9 * devices.abs().max()).then(|| SparseRows::new(weights.as_slice(), floors.nrows()))
 }
 
 /// Sets entries at the level of rounding to zero, so that the inverse of a diagonal or banded mass matrix stays sparse.

@@ -146,6 +146,44 @@ pub enum DynamicsError {
     /// A control law that needs a damper model, without one.
     #[error("the law `{0}` needs a model of the damper: the coefficients of a static_hysteretic")]
     NoCurve(&'static str),
+    /// A law that reads accelerations, for a device that is not between floors or floor and ground.
+    #[error("the law `{0}` reads accelerations at the ends of each device; attach the devices to floors")]
+    NoAcceleration(&'static str),
+    /// A dead zone or a slope that no command can have.
+    #[error(
+        "candidate {0}, counted from 0, has a dead zone that is negative or not finite, or a slope that is not positive"
+    )]
+    Shaping(usize),
+    /// A control law that needs a model of the loop, without one.
+    #[error("the law `{0}` needs a model of the loop: a building and its dampers")]
+    NoModel(&'static str),
+    /// A time of a decision that is not a whole number of control samples.
+    #[error(
+        "`{law}` decides every {hold} s, which is not a whole number of control samples of {sample_time} s; give a multiple of them"
+    )]
+    Decision {
+        /// The law.
+        law: &'static str,
+        /// Time of a decision [s].
+        hold: f64,
+        /// Sampling interval [s].
+        sample_time: f64,
+    },
+    /// A step of the controller's model that its equations do not allow.
+    #[error(
+        "the model of `{law}` is stable with steps of up to {needed:.2e} s, and is to take steps of {step:.2e} s; give a \
+         finer `step`, down to {shortest:.2e} s, or a model of dampers that are less stiff, as their static counterpart"
+    )]
+    ModelStep {
+        /// The law.
+        law: &'static str,
+        /// The step that was to be taken [s].
+        step: f64,
+        /// The longest stable one [s].
+        needed: f64,
+        /// The shortest that is admitted [s].
+        shortest: f64,
+    },
     /// A range of commands that is empty or not finite.
     #[error("the commands of device {0} end below where they begin, or are not finite")]
     CommandRange(usize),

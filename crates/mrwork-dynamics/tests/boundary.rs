@@ -6,7 +6,7 @@
 use mrwork_dynamics::any_damper::Damper;
 use mrwork_dynamics::building::{Building, Element, Matrices};
 use mrwork_dynamics::closed_loop::{
-    Batch, Channel, Fault, Hardware, RUN_QUANTITIES, Run, Sensor, respond, width,
+    Batch, Channel, Fault, Hardware, RUN_QUANTITIES, Run, Sensor, Shaping, respond, width,
 };
 use mrwork_dynamics::control::{Law, Mounting};
 use mrwork_dynamics::current_law::{CurrentLaw, CurrentLaws};
@@ -205,8 +205,9 @@ proptest! {
         (gains, tables) in (vec(plain(), 0..200), vec(vec(number(), 0..20), 0..3)),
         (sample_time, steps, delay_steps, rate) in
             (prop_oneof![6 => Just(0.01), 1 => 0.001..1.0, 1 => select(vec![0.0, -1.0, f64::NAN, f64::INFINITY])], count(1), count(0), number()),
-        sensors in vec([number(), number()], 3),
-        fault in proptest::option::of((select(vec![Channel::Acceleration(0), Channel::Command(0), Channel::Force(usize::MAX)]), count(0), count(2), proptest::option::of(number()))),
+        sensors in vec([number(), number()], 4),
+        fault in proptest::option::of((select(vec![Channel::Acceleration(0), Channel::Command(0), Channel::Force(usize::MAX), Channel::GroundAcceleration]), count(0), count(2), proptest::option::of(number()))),
+        shaping in vec((number(), number()), 0..3),
         runs in vec((0..2_u32, 0..2_u32, 0..2_u32), 0..5),
         (fit, right, set) in (any::<bool>(), 0..8_u8, set()),
     ) {
@@ -251,18 +252,20 @@ proptest! {
             gains.resize(2 * law.spec().n_gains(n_devices, 2 * n), 0.5);
         }
         let motion = GroundMotion::new(0.01, &[0.0, 1.0, -1.0, 0.5]).expect("a motion");
-        let [acceleration, deformation, force] =
-            [0, 1, 2].map(|i| Sensor { noise: sensors[i][0], resolution: sensors[i][1] });
+        let [acceleration, deformation, force, ground_acceleration] =
+            [0, 1, 2, 3].map(|i| Sensor { noise: sensors[i][0], resolution: sensors[i][1] });
         let faults = fault
             .into_iter()
             .map(|(channel, start, end, value)| Fault { channel, start, end, value })
             .collect();
         let steps = if right > 0 { 1 } else { u32::try_from(steps).unwrap_or(u32::MAX) };
-        let hardware = Hardware { sample_time, steps, delay_steps, command_rate: rate, acceleration, deformation, force, faults };
+        let hardware = Hardware { sample_time, steps, delay_steps, command_rate: rate, acceleration, deformation, force, ground_acceleration, faults };
         let runs: Vec<Run> = runs
             .into_iter()
             .map(|(candidate, motion, draw)| Run { candidate, motion: motion * u32::from(right == 1), draw, stream: 3 })
             .collect();
+        let shaping: Vec<Shaping> =
+            shaping.into_iter().map(|(dead_zone, slope)| Shaping { dead_zone, slope }).collect();
         let batch = Batch {
             building: &building,
             laws: &laws,
@@ -273,7 +276,9 @@ proptest! {
             outside: None,
             gains: &gains,
             tables: &tables,
+            shaping: &shaping,
             curve: None,
+            model: None,
             motions: &[motion],
             runs: &runs,
             hardware: &hardware,

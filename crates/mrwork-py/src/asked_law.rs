@@ -14,19 +14,20 @@ use crate::arrays::{array_of, shaped};
 /// The law, and its first error.
 ///
 /// It is called with the number of the sample, the places of the runs in the batch, displacements and velocities, shape
-/// (runs, coordinates), and elongations, their rates and forces of the devices, shape (runs, devices); it returns the
-/// commands, shape (runs, devices).
+/// (runs, coordinates), elongations, their rates and forces of the devices, shape (runs, devices), absolute
+/// accelerations of the floors, shape (runs, floors), and the acceleration of the ground, shape (runs,); it returns the commands, shape (runs, devices).
 pub struct AskedLaw {
     law: Py<PyAny>,
     n_coordinates: usize,
     n_devices: usize,
+    n_floors: usize,
     error: Mutex<Option<PyErr>>,
 }
 
 impl AskedLaw {
     /// The law before the first sample.
-    pub fn new(law: Py<PyAny>, n_coordinates: usize, n_devices: usize) -> Self {
-        Self { law, n_coordinates, n_devices, error: Mutex::new(None) }
+    pub fn new(law: Py<PyAny>, n_coordinates: usize, n_devices: usize, n_floors: usize) -> Self {
+        Self { law, n_coordinates, n_devices, n_floors, error: Mutex::new(None) }
     }
 
     /// Whether the law raised an error: the simulation then ends.
@@ -52,6 +53,8 @@ impl AskedLaw {
             matrix(sample.deformation, self.n_devices)?,
             matrix(sample.rate, self.n_devices)?,
             matrix(sample.force, self.n_devices)?,
+            matrix(sample.acceleration, self.n_floors)?,
+            sample.ground_acceleration.to_vec().into_pyarray(py),
         );
         let answer = self.law.bind(py).call1(arguments)?;
         let answer: PyReadonlyArray2<'_, f64> = answer.extract()?;

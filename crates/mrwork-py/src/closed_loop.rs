@@ -6,7 +6,7 @@ use mrwork_dynamics::closed_loop::{
     self, Batch, Channel, Fault, HISTORY_SIGNALS, Hardware, Observer as DiscreteObserver, OutsideLaw,
     Quantity, RUN_QUANTITIES, Run, Sensor, n_samples,
 };
-use mrwork_dynamics::control::Mounting;
+use mrwork_dynamics::control::{LoopModel, Mounting};
 use mrwork_dynamics::current_law::CurrentLaws;
 use mrwork_dynamics::damper::find_device;
 use mrwork_dynamics::ground_motion::GroundMotion;
@@ -164,6 +164,20 @@ impl Dampers {
     }
 }
 
+impl Dampers {
+    /// A controller's model of a loop with these dampers, of their first draw.
+    pub fn model_of<'a>(&'a self, building: &'a Building) -> LoopModel<'a> {
+        let size = (self.mountings.len() * self.laws.n_columns()).min(self.theta.len());
+        LoopModel {
+            building: &building.dynamics,
+            damper: self.model,
+            laws: &self.laws,
+            theta: &self.theta[..size],
+            mountings: &self.mountings,
+        }
+    }
+}
+
 /// An observer, with the numbers of the floors and devices whose acceleration and elongation are measured.
 #[pyclass(frozen, module = "mrwork._rust")]
 pub struct Observer {
@@ -173,6 +187,9 @@ pub struct Observer {
 #[pymethods]
 impl Observer {
     #[new]
+    #[pyo3(signature = (
+        accelerations, deformations, transition, input, gain, output, direct, ground=None, direct_ground=None
+    ))]
     #[allow(clippy::too_many_arguments)] // the matrices of one equation
     fn new(
         accelerations: Vec<usize>,
@@ -182,7 +199,12 @@ impl Observer {
         gain: PyReadonlyArray2<'_, f64>,
         output: PyReadonlyArray2<'_, f64>,
         direct: PyReadonlyArray2<'_, f64>,
+        ground: Option<PyReadonlyArray1<'_, f64>>,
+        direct_ground: Option<PyReadonlyArray1<'_, f64>>,
     ) -> PyResult<Self> {
+        let column = |name: &str, column: Option<PyReadonlyArray1<'_, f64>>| {
+            column.map_or(Ok(Vec::new()), |column| Ok::<_, PyErr>(contiguous(name, &column)?.to_vec()))
+        };
         let states = ("states", Some(transition.shape()[0]));
         let devices = ("devices", Some(input.shape()[1]));
         let measurements = ("measurements", Some(accelerations.len() + deformations.len()));
@@ -196,6 +218,8 @@ impl Observer {
                 gain: flat("gain", &gain, [states, measurements])?,
                 output: flat("output", &output, [measurements, states])?,
                 direct: flat("direct", &direct, [measurements, devices])?,
+                ground: column("ground", ground)?,
+                direct_ground: column("direct_ground", direct_ground)?,
                 accelerations,
                 deformations,
             },
@@ -216,6 +240,8 @@ pub struct LoopHardware {
     deformation_resolution: f64,
     force_noise: f64,
     force_resolution: f64,
+    ground_acceleration_noise: f64,
+    ground_acceleration_resolution: f64,
     sampled_faults: Vec<SampledFault>,
 }
 
@@ -239,6 +265,10 @@ impl LoopHardware {
             acceleration: Sensor { noise: self.acceleration_noise, resolution: self.acceleration_resolution },
             deformation: Sensor { noise: self.deformation_noise, resolution: self.deformation_resolution },
             force: Sensor { noise: self.force_noise, resolution: self.force_resolution },
+            ground_acceleration: Sensor {
+                noise: self.ground_acceleration_noise,
+                resolution: self.ground_acceleration_resolution,
+            },
             faults: self.sampled_faults.into_iter().map(SampledFault::dynamics).collect::<PyResult<_>>()?,
         })
     }
@@ -252,9 +282,11 @@ impl SampledFault {
             "deformation" => Channel::Deformation(index),
             "force" => Channel::Force(index),
             "command" => Channel::Command(index),
+            "ground_acceleration" if index == 0 => Channel::GroundAcceleration,
             other => {
                 return Err(PyValueError::new_err(format!(
-                    "a fault is in acceleration, deformation, force or command, not in `{other}`"
+                    "a fault is in acceleration, deformation, force, command or the one ground_acceleration, not in \
+                     `{other}` {index}"
                 )));
             }
         };
@@ -311,7 +343,8 @@ pub fn respond<'py>(
         .zip(shaped("streams", &streams, &[("runs", Some(rows.len()))])?)
         .map(|(&[candidate, motion, draw], &stream)| Run { candidate, motion, draw, stream })
         .collect();
-    let outside = outside.map(|law| AskedLaw::new(law, n_coordinates, n_devices));
+    let outside =
+        outside.map(|law| AskedLaw::new(law, n_coordinates, n_devices, building.dynamics.n_floors()));
     let batch = Batch {
         building: &building.dynamics,
         laws: &dampers.laws,
@@ -322,7 +355,9 @@ pub fn respond<'py>(
         outside: outside.as_ref().map(|law| law as &dyn OutsideLaw),
         gains: controller.gains(n_devices, 2 * n_coordinates)?,
         tables: &controller.tables,
+        shaping: &controller.shaping,
         curve: controller.curve()?,
+        model: controller.model(),
         motions: &motions,
         runs: &runs,
         hardware: &hardware,

@@ -1,6 +1,7 @@
 //! Control laws in Python, and a law with its gains.
 
-use mrwork_dynamics::control::{CurveModel, Law, LawSpec, Shape, Unit};
+use mrwork_dynamics::closed_loop::Shaping;
+use mrwork_dynamics::control::{CurveModel, Law, LawSpec, LoopModel as DynamicsModel, Shape, Unit};
 use mrwork_dynamics::current_law::CurrentLaws;
 use mrwork_dynamics::damper::find;
 use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
@@ -9,6 +10,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::arrays::{contiguous, shaped, with_shape};
+use crate::closed_loop::{Building, Dampers};
 use crate::damper::parsed_laws;
 use crate::enter::value_error;
 
@@ -27,7 +29,9 @@ fn law_dict<'py>(py: Python<'py>, spec: &LawSpec) -> PyResult<Bound<'py, PyDict>
     entry.set_item("source", spec.source)?;
     entry.set_item("tables", spec.tables.to_vec())?;
     entry.set_item("needs_curve", spec.needs_curve)?;
+    entry.set_item("needs_model", spec.needs_model)?;
     entry.set_item("commands_force", spec.commands_force)?;
+    entry.set_item("reads_acceleration", spec.reads_acceleration)?;
     let gains = spec.gains.iter().map(|gain| {
         let entry = PyDict::new(py);
         entry.set_item("name", gain.name)?;
@@ -63,35 +67,65 @@ impl ForceCurve {
     }
 }
 
-/// A control law with the gains of its candidates, its tables and its model of the dampers.
+/// The controller's own model of the loop: a building and its dampers, with one draw of their parameters.
+#[pyclass(frozen, module = "mrwork._rust")]
+pub struct LoopModel {
+    building: Py<Building>,
+    dampers: Py<Dampers>,
+}
+
+#[pymethods]
+impl LoopModel {
+    #[new]
+    fn new(building: Py<Building>, dampers: Py<Dampers>) -> Self {
+        Self { building, dampers }
+    }
+}
+
+/// A control law with the gains of its candidates, its tables, its models of the dampers and of the loop, and the dead zone
+/// and slope of the command of each candidate, shape (candidates, 2).
 #[pyclass(frozen, module = "mrwork._rust")]
 pub struct Controller {
     pub(crate) law: Law,
     pub(crate) tables: Vec<Vec<f64>>,
+    pub(crate) shaping: Vec<Shaping>,
     gains: Vec<f64>,
     shape: Vec<usize>,
     curve: Option<Py<ForceCurve>>,
+    model: Option<Py<LoopModel>>,
 }
 
 #[pymethods]
 impl Controller {
     #[new]
-    #[pyo3(signature = (law, gains, tables=Vec::new(), curve=None))]
+    #[pyo3(signature = (law, gains, tables=Vec::new(), curve=None, shaping=None, model=None))]
     fn new(
         law: &str,
         gains: PyReadonlyArray2<'_, f64>,
         tables: Vec<PyReadonlyArray1<'_, f64>>,
         curve: Option<Py<ForceCurve>>,
+        shaping: Option<PyReadonlyArray2<'_, f64>>,
+        model: Option<Py<LoopModel>>,
     ) -> PyResult<Self> {
         let law = Law::find(law)
             .ok_or_else(|| PyLookupError::new_err(format!("no control law is called `{law}`")))?;
         let tables = tables.iter().map(|table| Ok(contiguous("tables", table)?.to_vec()));
+        let shaping = match &shaping {
+            Some(rows) => {
+                let axes = [("candidates", Some(gains.shape()[0])), ("dead zone and slope", Some(2))];
+                let (rows, _) = shaped("shaping", rows, &axes)?.as_chunks::<2>();
+                rows.iter().map(|&[dead_zone, slope]| Shaping { dead_zone, slope }).collect()
+            }
+            None => Vec::new(),
+        };
         Ok(Self {
             law,
+            shaping,
             tables: tables.collect::<PyResult<_>>()?,
             gains: contiguous("gains", &gains)?.to_vec(),
             shape: gains.shape().to_vec(),
             curve,
+            model,
         })
     }
 }
@@ -108,5 +142,11 @@ impl Controller {
     pub fn curve(&self) -> PyResult<Option<CurveModel<'_>>> {
         let curve = self.curve.as_ref().map(Py::get);
         curve.map(|curve| CurveModel::new(&curve.laws, &curve.theta).map_err(value_error)).transpose()
+    }
+
+    /// Its model of the loop.
+    pub fn model(&self) -> Option<DynamicsModel<'_>> {
+        let model = self.model.as_ref().map(Py::get)?;
+        Some(model.dampers.get().model_of(model.building.get()))
     }
 }

@@ -22,7 +22,7 @@ mod _rust {
     #[pymodule_export]
     use crate::closed_loop::{Building, Dampers, Observer, history_signals, respond, run_quantities};
     #[pymodule_export]
-    use crate::control::{Controller, ForceCurve, control_laws};
+    use crate::control::{Controller, ForceCurve, LoopModel, control_laws};
     #[pymodule_export]
     use crate::damper::{
         current_laws, damper_specs, force, force_histories, misfits, rate, sensitivities, stiffness_shares,

@@ -41,7 +41,7 @@ from mrwork.buildings.shear import check_storeys, number_names, shear_building
 from mrwork.errors import RecordError
 from mrwork.files.matlab import read_matlab_matrices
 from mrwork.keys import Place, choose_way, key, keys_of, read_table, refuse_missing
-from mrwork.store.input_file import MATRIX, TOML, is_folder, text_of
+from mrwork.store.input_file import MATRIX, TOML, is_folder, read_array, text_of
 from mrwork.store.parse import toml_lines, toml_table
 from mrwork.store.run_folder import real_place
 from mrwork.values import Floats
@@ -51,13 +51,18 @@ _SUFFIXES: Final = (".csv", ".tsv", ".txt")
 
 
 def read_matrix(path: Path) -> Floats:
-    """Read a matrix from a text file with one row per line, shape (n_rows, n_columns).
+    """Read a matrix from a file, shape (n_rows, n_columns): text with one row per line, .npy, or .mat with one matrix.
 
-    Numbers are separated by commas, semicolons, tabs or spaces; text after a # is a comment.
+    Numbers of a text are separated by commas, semicolons, tabs or spaces; text after a # is a comment.
     """
-    if path.suffix.lower() not in _SUFFIXES:
+    suffix = path.suffix.lower()
+    if suffix == ".mat":
+        return _only_matrix(path)
+    if suffix == ".npy":
+        return _matrix_of_array(path)
+    if suffix not in _SUFFIXES:
         raise RecordError(
-            f"{path}: a matrix is read from a {', '.join(_SUFFIXES)} file; save it as one of these"
+            f"{path}: a matrix is read from a {', '.join(_SUFFIXES)}, .npy or .mat file; save it as one of these"
         )
     text = text_of(path, MATRIX)
     rows: list[list[float]] = []
@@ -78,6 +83,26 @@ def read_matrix(path: Path) -> Floats:
     if not rows:
         raise RecordError(f"{path}: the file holds no numbers; a matrix was expected, a row in each line")
     return np.array(rows)
+
+
+def _only_matrix(path: Path) -> Floats:
+    found = read_matlab_matrices(path)
+    if len(found) != 1:
+        listed = ", ".join(found) or "none"
+        raise RecordError(
+            f"{path}: one matrix was expected, and the file has {listed}; save the matrix alone"
+        )
+    return next(iter(found.values()))
+
+
+def _matrix_of_array(path: Path) -> Floats:
+    array = read_array(path, MATRIX)
+    if array.ndim not in (1, 2) or not array.size or array.dtype.kind not in "fiu":
+        raise RecordError(
+            f"{path}: a matrix of real numbers was expected, and the array has shape {array.shape} and numbers of the "
+            f"kind {array.dtype.name}; save a matrix"
+        )
+    return np.atleast_2d(array.astype(np.float64))
 
 
 def read_matrices(path: Path, names: Collection[str]) -> dict[str, Floats]:

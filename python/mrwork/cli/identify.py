@@ -30,6 +30,7 @@ from mrwork.cli.options import (
     nuisances_of,
     observation_of,
     parse_bounds,
+    parse_ties,
     read_tests,
 )
 from mrwork.cli.output import as_plain
@@ -92,6 +93,14 @@ def add_options(parser: CommandParser) -> None:
         default=[],
         metavar="NAME=VALUE",
         help="hold a parameter fixed; repeat for more",
+    )
+    model.add_argument(
+        "--tie",
+        action="append",
+        default=[],
+        metavar="NAME=EXPRESSION",
+        help="tie a parameter to others, as k=2*c: numbers, parameters, parentheses and + - * / **; for one model "
+        "whose parameters are constant; repeat for more",
     )
     laws.add_argument(
         "--law",
@@ -178,6 +187,7 @@ def settings_of(options: argparse.Namespace) -> FitSettings:
     return FitSettings(
         search=_search(options),
         bounds=parse_bounds(options.bound, options.fix),
+        ties=parse_ties(options.tie),
         engine=options.engine,
         nuisances=nuisances_of(options),
         observe=observation_of(options),
@@ -190,6 +200,8 @@ def run(options: argparse.Namespace) -> int:
     """Identify, write the run folder, print the result."""
     settings = settings_of(options)
     several = is_choice(options)
+    if settings.ties and (several or laws_are_chosen(options)):
+        raise SettingError("--tie goes with one model and without --law auto; leave it out")
     if laws_are_chosen(options):
         return run_choice_of_laws(options, settings, several=several)
     if several:

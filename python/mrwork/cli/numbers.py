@@ -14,7 +14,13 @@ from mrwork.arguments import Threads
 from mrwork.hints import Within, node_of
 from mrwork.keys import LARGEST_SEED
 from mrwork.search.rules import LARGEST_POPULATION
-from mrwork.uncertainty.planning.candidates import AMPLITUDE_RANGE, COMMAND_RANGE, FREQUENCY_RANGE
+from mrwork.uncertainty.planning.candidates import (
+    AMPLITUDE_RANGE,
+    COMMAND_RANGE,
+    FREQUENCY_RANGE,
+    STROKE_RANGE,
+    VELOCITY_RANGE,
+)
 
 # As many digits of a number as a message repeats.
 _SHOWN = 40
@@ -125,8 +131,8 @@ SHARE = Range(lower=0.001, upper=0.999999)
 TEMPERING = OrWord("effective", Range(lower=1e-9, upper=1.0))
 SUBSTEP_FACTOR = Range(lower=1, upper=256, whole=True)
 # What a rig can do, with room.
-STROKE = Range(lower=1e-6, upper=100.0, unit="m")
-VELOCITY = Range(lower=1e-6, upper=1000.0, unit="m/s")
+STROKE = _of(STROKE_RANGE, "m")
+VELOCITY = _of(VELOCITY_RANGE, "m/s")
 AMPLITUDE = _of(AMPLITUDE_RANGE, "m")
 FREQUENCY = _of(FREQUENCY_RANGE, "Hz")
 AMPLITUDES = Listed(AMPLITUDE)

@@ -219,6 +219,19 @@ def parse_bounds(ranges: Sequence[str], fixed: Sequence[str]) -> dict[str, tuple
     return bounds
 
 
+def parse_ties(texts: Sequence[str]) -> dict[str, str]:
+    """Expressions of tied parameters, from NAME=EXPRESSION."""
+    ties: dict[str, str] = {}
+    for text in texts:
+        name, equals, expression = text.partition("=")
+        if not (name and equals and expression):
+            raise SettingError(f"--tie is {text!r}; give NAME=EXPRESSION, as in k=2*c")
+        if name in ties:
+            raise SettingError(f"--tie gives {name} twice; give it once")
+        ties[name] = expression
+    return ties
+
+
 def models_of(options: argparse.Namespace) -> str | list[str]:
     """The model, "all", or the names of several models."""
     model: str = options.model

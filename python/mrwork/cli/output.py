@@ -65,9 +65,9 @@ def table_lines(rows: Sequence[Sequence[str]]) -> list[str]:
 
 
 def result_lines(result: Summarised) -> list[str]:
-    """The table of a result's summary, with all rows."""
+    """The table of a result's summary, with all rows, of the columns that have an entry."""
     summary = result._summary()
-    return table_lines([summary.columns, *summary.rows])
+    return table_lines(summary.filled_columns(summary.rows))
 
 
 def verdicts_elsewhere(fit: Fit, kind: Literal["profile", "posterior"]) -> str:

@@ -79,7 +79,7 @@ def run(options: argparse.Namespace) -> int:
 def _verb(options: argparse.Namespace, study: Study, place: Path) -> StudyVerb[StudyResults]:
     """The responses of a study, with the histories that it stores."""
     from mrwork.cli.study_text import StudyVerb, command_line, study_text
-    from mrwork.study.folder import study_document, write_study
+    from mrwork.study.folder import design_document, study_document, write_study
     from mrwork.study.run_result import Histories
 
     histories = Histories(place, study, resume=options.resume)
@@ -112,13 +112,12 @@ def _verb(options: argparse.Namespace, study: Study, place: Path) -> StudyVerb[S
         )
 
     def document(results: StudyResults) -> dict[str, Any]:
-        notes = [{"controller": label, "notes": list(each)} for label, each in study.design_notes]
-        return study_document(results) | ({"weights": notes} if notes else {})
+        return study_document(results) | design_document(study)
 
     def text(results: StudyResults, drawn: bool, written: bool) -> str:
         notes = [
-            "\n".join([f"Weights of {label}", *(f"  {sentence}" for sentence in each), ""])
-            for label, each in study.design_notes
+            "\n".join([heading, *(f"  {sentence}" for sentence in sentences), ""])
+            for heading, sentences in study.design_notes
         ]
         return "\n".join([*notes, study_text(results, place if drawn or not written else None)])
 

@@ -13,7 +13,7 @@ import numpy as np
 from mrwork.dampers.parameters import LawName
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.records.rig_table import Use
-from mrwork.simulate import Loading, simulate_force
+from mrwork.simulation import Loading, simulate_force
 from mrwork.table import csv_text
 
 # Sampling of a slow rig, and the white noise of its sensors: standard deviations.

@@ -11,6 +11,7 @@ import shlex
 import sys
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from math import isfinite
@@ -43,6 +44,7 @@ from mrwork.study.comparison import (
     StudyComparison,
     chosen_in_words,
     compared,
+    findings,
     judged_in_words,
     motion_groups,
 )
@@ -76,7 +78,7 @@ class StudyVerb(Generic[Results]):
     kind: RunKind
     kept: str
     compute: Callable[[Journal], Results]
-    page: Callable[[Results, float], str | None]
+    page: Callable[[Results, float], str]
     write: Callable[..., None]
     document: Callable[[Results], dict[str, Any]]
     text: Callable[[Results, bool, bool], str]
@@ -101,10 +103,11 @@ class StudyVerb(Generic[Results]):
         if written:
             seconds = time.perf_counter() - began
             manifest = self._manifest(options, study.file, results, seconds)
-            try:
-                page = self.page(results, seconds)
-            except KeyboardInterrupt:
-                page = None
+            page = None
+            # After Ctrl-C nothing that takes long: the page is drawn when the run is resumed.
+            if status == 0:
+                with suppress(KeyboardInterrupt):
+                    page = self.page(results, seconds)
             self.write(
                 destination,
                 results,
@@ -190,6 +193,8 @@ def study_text(results: StudyResults, folder: Path | None) -> str:
         _step_lines(results),
     ):
         lines += [*block, ""] if block else []
+    for finding in findings(results):
+        lines += wrap(finding, width=_WIDTH)
     lines += [f"warning: {warning}" for warning in results.warnings()]
     lines += [] if results.balanced else [OFF_BALANCE]
     return "\n".join([*lines, *([f"Report: {folder / REPORT}"] if folder else [])])

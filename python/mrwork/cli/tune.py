@@ -86,10 +86,7 @@ def _verb(options: argparse.Namespace, study: Study, place: Path) -> StudyVerb[T
                 study, tables, rng=options.seed, journal=journal, threads=options.threads, on_progress=line
             )
 
-    def page(results: TuningResults, _: float) -> str | None:
-        # After Ctrl-C nothing that takes long: the figures are drawn when the tuning is resumed.
-        if results.status != "finished":
-            return None
+    def page(results: TuningResults, _: float) -> str:
         # Matplotlib is slow to load.
         from mrwork.report.study.tuning_page import tuning_page
 
@@ -122,24 +119,27 @@ def _tables(study: Study, options: argparse.Namespace) -> tuple[TuneTable, ...]:
 
 def _text(results: TuningResults, place: Path, *, drawn: bool) -> str:
     """Scores on training and test motions, the settings, warnings, and where everything is."""
-    from mrwork.tuning.results import settings_in_words
+    from mrwork.tuning.results import motions_in_words, settings_in_words, speed_in_words
 
     head = ("", "training", "test", "drift", "acc.", "better", "settings")
     rows = [_row(each, settings_in_words(each.settings, results.command_unit)) for each in results.ranked]
     lines = [
         results.title,
         "",
-        f"Scores over i = 0 on {len(results.training)} training and {len(results.testing)} test motions, lowest first;",
+        f"Scores over i = 0 on {motions_in_words(results)}, lowest first;",
         "drift, acc.: mean ratios of the peaks; better: motions with both peaks below the best constant command",
         *table_lines([head, *rows]),
         "",
     ]
     lines += [f"{each.label}: {each.certificate or 'no certificate'}" for each in results.laws]
+    for labels, sentences in results.designs:
+        lines += ["", f"Weights of {', '.join(labels)}", *(f"  {sentence}" for sentence in sentences)]
+    for each in results.laws:
+        if each.design.loop:
+            lines += ["", f"Loop of {each.label}", *(f"  {sentence}" for sentence in each.design.loop)]
+    lines += ["", *results.findings] if results.findings else []
     lines += ["", *(f"warning: {each}" for each in results.warnings)]
-    lines.append(
-        f"{results.candidates_per_second:.3g} candidates/s, "
-        f"{results.share_outside:.0%} of the time outside the simulation"
-    )
+    lines.append(speed_in_words(results))
     lines.append(f"Settings for mrwork respond: {place / CHOSEN}")
     if drawn:
         lines.append(f"Report: {place / REPORT}")
@@ -148,7 +148,7 @@ def _text(results: TuningResults, place: Path, *, drawn: bool) -> str:
 
 def _row(law: LawResult, settings: str) -> tuple[str, ...]:
     judgement = law.judged
-    better = "" if law.better is None else f"{law.better.both} of {law.better.motions}"
+    better = "" if law.better is None else law.better.in_words
     nan = float("nan")
     return (
         law.label,

@@ -25,7 +25,8 @@ class Criterion:
 
     The value is the maximum of `quantity`, by default the one of its name, over floors, storeys or devices, or the sum
     if `summed`, divided by the weight of the building if `over_weight`. If `ratio`, papers report its ratio to the
-    value without dampers, under these `labels`. `over` names the criterion of the building without dampers in the
+    value without dampers, under these `labels`. A number that is `of_command` is zero at i = 0, one that is `counted`
+    jumps by whole counts. `over` names the criterion of the building without dampers in the
     denominator, if it is another one. `short` is the title in a narrow column.
     """
 
@@ -38,6 +39,8 @@ class Criterion:
     labels: tuple[str, ...] = ()
     over: str = ""
     ratio: bool = True
+    of_command: bool = False
+    counted: bool = False
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "quantity", self.quantity or self.name)
@@ -177,6 +180,36 @@ class Spread:
         )
 
 
+def is_within_spread(differences: Sequence[float]) -> bool:
+    """Whether a mean difference over motions is at most two standard errors, so that the motions do not tell it from 0.
+
+    Of one motion nothing is told; equal numbers are within their spread.
+    """
+    numbers = np.asarray(differences, dtype=np.float64)
+    if numbers.size < 2 or not np.isfinite(numbers).all():
+        return False
+    error = float(np.std(numbers, ddof=1)) / float(np.sqrt(numbers.size))
+    return bool(abs(float(np.mean(numbers))) <= 2.0 * error)
+
+
+def ties_in_words(
+    leading: str, scores: Sequence[float], others: Mapping[str, Sequence[float]]
+) -> tuple[str, ...]:
+    """A sentence on the rows whose scores under single motions the leading one does not beat beyond their spread."""
+    tied = {
+        label: np.subtract(each, scores)
+        for label, each in others.items()
+        if is_within_spread([one - lead for one, lead in zip(each, scores, strict=True)])
+    }
+    if not tied:
+        return ()
+    listed = ", ".join(f"{label} ({float(np.mean(each)):+.3f})" for label, each in tied.items())
+    return (
+        f"On these {len(scores)} motions the score of {leading} is not told apart from that of {listed}: the mean "
+        f"difference{' is' if len(tied) == 1 else 's are'} within two standard errors over the motions.",
+    )
+
+
 _OHTORI = "Ohtori et al. 2004"
 _JANSEN = "Jansen & Dyke 2000"
 
@@ -218,8 +251,23 @@ _CRITERIA = (
         over="peak_drift",
         ratio=False,
     ),
-    Criterion(name="mean_current", title="Mean command", short="Mean command", ratio=False),
-    Criterion(name="rms_current", title="RMS command", short="RMS command", ratio=False),
+    Criterion(name="mean_current", title="Mean command", short="Mean command", ratio=False, of_command=True),
+    Criterion(name="rms_current", title="RMS command", short="RMS command", ratio=False, of_command=True),
+    Criterion(
+        name="command_travel",
+        title="Command travel per second",
+        short="Travel",
+        ratio=False,
+        of_command=True,
+    ),
+    Criterion(
+        name="switching_rate",
+        title="Switchings of the command per second",
+        short="Switchings",
+        ratio=False,
+        of_command=True,
+        counted=True,
+    ),
     Criterion(
         name="device_energy", title="Energy taken up by devices", short="Energy", summed=True, ratio=False
     ),

@@ -14,7 +14,7 @@ from mrwork.errors import InvalidSettingError, SettingError
 from mrwork.keys import key
 from mrwork.summary import Summarised, Summary
 
-LoopSignal = Literal["acceleration", "deformation", "force", "command"]
+LoopSignal = Literal["acceleration", "deformation", "force", "command", "ground_acceleration"]
 Feedback = Literal["state", "observer"]
 
 # The seed is the upper half of the number of a random stream, the motion the lower.
@@ -23,19 +23,20 @@ _SEEDS = 2**32
 _MOST_STEPS = 10_000
 _LONGEST_DELAY = 1_000_000
 # Settings of the sensors that only the observer reads.
-_OF_OBSERVER = ("measured_floors", "acceleration_noise", "acceleration_resolution")
-_NO_EFFECT = (
-    "has no effect with feedback of the state, which needs no accelerations; leave it out, or set `feedback` to "
+_OF_OBSERVER = ("measured_floors", "known_ground")
+_ACCELEROMETERS = ("acceleration_noise", "acceleration_resolution")
+_UNREAD = (
+    "has no effect with feedback of the state and laws that read no accelerations; leave it out, or set `feedback` to "
     "'observer'"
 )
 
 
 @checked
 class Fault:
-    """A temporary fault of a signal: a sensor of a floor or damper, or the command of a damper.
+    """A temporary fault of a signal: a sensor of a floor, damper or the ground, or the command of a damper.
 
-    `index` counts floors for an acceleration and devices otherwise. During the fault the signal has `value`: "hold" for
-    the last value before it, or a number; `math.nan` is a sensor without signal.
+    `index` counts floors for an acceleration and devices otherwise; the ground has one sensor. During the fault the
+    signal has `value`: "hold" for the last value before it, or a number; `math.nan` is a sensor without signal.
 
     Raises
     ------
@@ -66,6 +67,10 @@ class Fault:
             raise SettingError(
                 f"a fault lasts from {self.start} s to {self.end} s; give an end after its start"
             )
+        if self.channel == "ground_acceleration" and self.index:
+            raise InvalidSettingError(
+                "index", "the ground has one sensor of its acceleration; leave its number out"
+            )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,10 +90,10 @@ class Hardware(Summarised):
     """The loop between building and dampers: sampling, delay, feedback, sensors, limit of the command's rate, faults.
 
     The result of an on/off law depends on the sample time. Stiff dampers take more integration steps than `step` asks
-    for. With feedback of the state, laws receive the true displacements and velocities, and deformations and forces
-    from their sensors; with that of the observer, a Kalman filter estimates the state from the accelerations of the
-    measured floors and the deformations and forces of the devices. Noise is white; its seed is the same for all laws
-    and candidates under the same motion.
+    for. With feedback of the state, laws receive the true displacements and velocities, and deformations, forces and
+    the acceleration of the ground from their sensors; with that of the observer, a Kalman filter estimates the state
+    from the accelerations of the measured floors and the deformations and forces of the devices. Noise is white; its
+    seed is the same for all laws and candidates under the same motion.
     """
 
     _made_by: ClassVar[str] = "mr.Hardware(sample_time=...)"
@@ -113,21 +118,32 @@ class Hardware(Summarised):
         least=0,
         from_one=True,
     )
+    known_ground: bool = key(
+        "whether the observer takes the acceleration of the ground from its sensor, which it otherwise estimates",
+        default=False,
+    )
     noise_ratio: float = key(
         "intensity of ground over sensor noise, S_ag/S_v, in the design of the observer",
         default=50.0,
         above=0.0,
     )
     acceleration_noise: float = key(
-        "standard deviation of the noise, for the observer", unit="m/s2", default=0.0, least=0.0
+        "standard deviation of the noise, for the observer and laws that read accelerations",
+        unit="m/s2",
+        default=0.0,
+        least=0.0,
     )
     deformation_noise: float = key("standard deviation of the noise", unit="m", default=0.0, least=0.0)
     force_noise: float = key("standard deviation of the noise", unit="N", default=0.0, least=0.0)
-    acceleration_resolution: float = key(
-        "quantisation, for the observer", unit="m/s2", default=0.0, least=0.0
-    )
+    acceleration_resolution: float = key("quantisation, for the same", unit="m/s2", default=0.0, least=0.0)
     deformation_resolution: float = key("quantisation", unit="m", default=0.0, least=0.0)
     force_resolution: float = key("quantisation", unit="N", default=0.0, least=0.0)
+    ground_acceleration_noise: float = key(
+        "standard deviation of the noise, for laws that read it", unit="m/s2", default=0.0, least=0.0
+    )
+    ground_acceleration_resolution: float = key(
+        "quantisation, for laws that read it", unit="m/s2", default=0.0, least=0.0
+    )
     seed: int = 0
     faults: tuple[Fault, ...] = key("faults", default=(), named="fault")
 
@@ -152,9 +168,21 @@ class Hardware(Summarised):
         if self.feedback == "state":
             for name in _OF_OBSERVER:
                 if getattr(self, name):
-                    raise InvalidSettingError(name, f"`{name}` {_NO_EFFECT}")
-            if any(fault.channel == "acceleration" for fault in self.faults):
-                raise SettingError(f"a fault of the accelerations {_NO_EFFECT}")
+                    raise InvalidSettingError(
+                        name,
+                        f"`{name}` has no effect with feedback of the state, which needs no accelerations; leave it "
+                        "out, or set `feedback` to 'observer'",
+                    )
+
+    def refuse_unread(self) -> None:
+        """Refuse settings of the accelerometers where no law and no observer reads them."""
+        if self.feedback == "observer":
+            return
+        for name in _ACCELEROMETERS:
+            if getattr(self, name):
+                raise InvalidSettingError(name, f"`{name}` {_UNREAD}")
+        if any(fault.channel == "acceleration" for fault in self.faults):
+            raise SettingError(f"a fault of the accelerations {_UNREAD}")
 
     @property
     def steps(self) -> int:
@@ -168,11 +196,12 @@ class Hardware(Summarised):
 
     @property
     def sensors(self) -> list[list[float]]:
-        """Noise and resolution of accelerations, deformations and forces."""
+        """Noise and resolution of accelerations, deformations, forces and the ground's acceleration."""
         return [
             [self.acceleration_noise, self.acceleration_resolution],
             [self.deformation_noise, self.deformation_resolution],
             [self.force_noise, self.force_resolution],
+            [self.ground_acceleration_noise, self.ground_acceleration_resolution],
         ]
 
     @property

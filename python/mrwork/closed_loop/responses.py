@@ -14,8 +14,10 @@ from mrwork import _rust
 from mrwork.arguments import checked
 from mrwork.buildings.matrices import Building, Device
 from mrwork.dampers.spec import LawLimit, worst_laws
-from mrwork.errors import SettingError
-from mrwork.numbers import format_rounded
+from mrwork.errors import SettingError, UnknownNameError
+from mrwork.keys import suggestion
+from mrwork.labelled import NamedArray, NamedArrays, WithAxes, labels_of, number_labels
+from mrwork.numbers import counted, format_rounded
 from mrwork.summary import Summarised, Summary
 from mrwork.tested_range import Exceedance, OperatingRange, Outside, least_stroke, worst_of
 from mrwork.values import Floats, array_dataclass
@@ -26,6 +28,7 @@ ENERGY_TOLERANCE = 1e-6
 
 COMMAND_UNIT = "A or V"
 """Unit of quantities of the command, whatever the dampers."""
+_COMMAND_RATE_UNIT = "A/s or V/s"
 
 Axis = Literal["run", "floor", "storey", "device", "element", "state"]
 
@@ -68,13 +71,18 @@ def unit_of(name: str) -> str:
 
 
 def in_command_unit(unit: str, command_unit: str) -> str:
-    """A unit, in place of that of commands in general the one of the dampers at hand, A or V."""
-    return command_unit if unit == COMMAND_UNIT else unit
+    """A unit, in place of that of commands in general or of their rate the one of the dampers at hand, A or V."""
+    return {COMMAND_UNIT: command_unit, _COMMAND_RATE_UNIT: f"{command_unit}/s"}.get(unit, unit)
 
 
 def axis_of(name: str) -> Axis:
     """Axis of a quantity of a run or a signal of its history."""
     return _by_name()[name].axis
+
+
+def description_of(name: str) -> str:
+    """What a quantity of a run or a signal of its history is, in words."""
+    return _by_name()[name].description
 
 
 @cache
@@ -119,13 +127,38 @@ class Labelled:
         return replace(self, numbers={**self.numbers, **numbers})  # type: ignore[type-var] # a dataclass
 
 
+def own_axis(name: str) -> tuple[str, ...]:
+    """The axis of a quantity beside those of runs or of time; empty where it has none."""
+    axis = axis_of(name)
+    # The signal `state` has entries of its own name.
+    return () if axis == "run" else ("entry",) if axis == "state" else (axis,)
+
+
+def command_unit_of(devices: Sequence[Device]) -> str:
+    """Unit of the commands of these devices; that of commands in general where none follows a command."""
+    units = (device.spec.current.unit for device in devices if device.spec.current is not None)
+    return next(units, COMMAND_UNIT)
+
+
+def _labels_of_axes(numbers: Mapping[str, Floats], devices: Sequence[Device]) -> dict[str, NamedArray]:
+    """Labels along the second axes of quantities: names of the devices, numbers from 1 for storeys and floors."""
+    sizes = {axis: values.shape[1] for name, values in numbers.items() for axis in own_axis(name)}
+    named = {"device": [device.name for device in devices]}
+    return {
+        axis: labels_of(
+            named[axis] if len(set(named.get(axis, ()))) == size and size else np.arange(1, size + 1)
+        )
+        for axis, size in sizes.items()
+    }
+
+
 # Quantities in the summary.
 _SHOWN = ("peak_drift", "peak_acceleration", "peak_force", "peak_current", "energy_error")
 _SHOWN_SIGNALS = ("drift", "acceleration", "force", "current")
 
 
 @array_dataclass(repr=False)
-class History(Labelled, Summarised):
+class History(Labelled, WithAxes, Summarised):
     """One run over time, at the control samples; first axis n_time.
 
     The signals and their units are declared by the core, see `history_signals`. Energies are accumulated from the start
@@ -146,6 +179,22 @@ class History(Labelled, Summarised):
         """Strain energy of the building [J], shape (n_time,)."""
         displacement = self._of(building)[:, : len(building.mass)]
         return np.asarray(0.5 * np.einsum("ti,ij,tj->t", displacement, building.stiffness, displacement))
+
+    def _named_arrays(self) -> NamedArrays:
+        return NamedArrays(
+            title="History of a closed loop",
+            rows=("time",),
+            labels={
+                "time": labels_of(self.time, unit="s", long_name="time"),
+                **_labels_of_axes(self.numbers, ()),
+            },
+            arrays={
+                name: NamedArray.of(
+                    values, *("time", *own_axis(name)), unit=unit_of(name), long_name=description_of(name)
+                )
+                for name, values in self.numbers.items()
+            },
+        )
 
     def _of(self, building: Building) -> Floats:
         if self.state.shape[1] != 2 * len(building.mass):
@@ -171,8 +220,11 @@ class History(Labelled, Summarised):
 
 
 @array_dataclass(repr=False)
-class Responses(Labelled, Summarised):
+class Responses(Labelled, WithAxes, Summarised):
     """Runs in the order candidate, motion, draw, the last varying fastest; infinite for a run that did not finish.
+
+    `to_xarray` and `over_axes` have the quantities over candidate, motion and realisation, which is a draw of the
+    dampers, and then floor, storey, device or element.
 
     The quantities and their units are declared by the core, see `run_quantities`. Each is an attribute; those of
     floors, storeys, devices and passive elements have a second axis. Peaks and mean squares are taken over all
@@ -189,6 +241,49 @@ class Responses(Labelled, Summarised):
     histories: tuple[History, ...] | None = None
     devices: tuple[Device, ...] = ()
     seconds: tuple[float, ...] = ()
+    motions: tuple[str, ...] = ()
+
+    @checked
+    def over_axes(self, name: str) -> Floats:
+        """A quantity over its axes, shape (n_candidates, n_motions, n_draws) and its own axis, if it has one."""
+        if name not in self.numbers:
+            raise UnknownNameError(f"a run has no quantity {name!r}{suggestion(name, [*self.numbers])}")
+        return np.asarray(self._over_axes(self.numbers[name]))
+
+    def _over_axes(self, values: NDArray[Any]) -> NDArray[Any]:
+        return values.reshape(*self.shape, *values.shape[1:])
+
+    def _named_arrays(self) -> NamedArrays:
+        first = ("candidate", "motion", "realisation")
+        candidates, motions, draws = map(number_labels, self.shape)
+        ends: dict[str, tuple[NDArray[Any], str]] = {
+            "outcome": (self.outcome, "how the run ended"),
+            "steps": (self.steps, "integration steps per sample"),
+        }
+        return NamedArrays(
+            title="Responses of closed loops",
+            rows=first,
+            labels={
+                "candidate": candidates,
+                # Names that two motions have would be ambiguous labels.
+                "motion": labels_of(self.motions) if len(set(self.motions)) == self.shape[1] else motions,
+                "realisation": draws,
+                **_labels_of_axes(self.numbers, self.devices),
+            },
+            arrays={
+                name: NamedArray.of(
+                    self._over_axes(values),
+                    *(*first, *own_axis(name)),
+                    unit=in_command_unit(unit_of(name), command_unit_of(self.devices)),
+                    long_name=description_of(name),
+                )
+                for name, values in self.numbers.items()
+            }
+            | {
+                name: NamedArray.of(self._over_axes(values), *first, long_name=words)
+                for name, (values, words) in ends.items()
+            },
+        )
 
     @checked
     def demand(self, run: int, device: int) -> OperatingRange:
@@ -259,10 +354,11 @@ class Responses(Labelled, Summarised):
     def _summary(self) -> Summary:
         candidates, motions, draws = self.shape
         return Summary(
-            title=f"Responses of {len(self.outcome)} runs: {candidates} candidates x {motions} motions x {draws} draws",
+            title=f"Responses of {counted(len(self.outcome), 'run')}: {counted(candidates, 'candidate')} x "
+            f"{counted(motions, 'motion')} x {counted(draws, 'draw')}",
             facts=(
                 ("finished", f"{int(np.isfinite(self.energy_error).sum())} of {len(self.outcome)}"),
-                ("histories", "none" if self.histories is None else f"{len(self.histories)} runs"),
+                ("histories", "none" if self.histories is None else counted(len(self.histories), "run")),
             ),
             columns=("largest of a run", "least", "median", "largest", "unit"),
             rows=[

@@ -32,7 +32,7 @@ from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import MrworkWarning, SettingError
 from mrwork.hints import Within
 from mrwork.motions.ground_motion import GroundMotion
-from mrwork.simulate import core_refusals
+from mrwork.simulation import core_refusals
 from mrwork.summary import Summarised
 from mrwork.values import Floats, array_dataclass
 
@@ -148,6 +148,22 @@ def _core_curve(law: ControlLaw) -> _rust.ForceCurve | None:
     )
 
 
+def _core_model(law: ControlLaw) -> _rust.LoopModel | None:
+    """The model of the loop in the law, if it has one; strokes of additions are no drifts."""
+    if law.model is None:
+        return None
+    building, devices = law.model.building, law.model.devices
+    linear = replace(
+        building,
+        storeys=building.drifts,
+        storey_names=building.storey_names[: len(building.drifts)],
+        n_strokes=0,
+        elements=(),
+    )
+    first_draws = np.stack([device.draws[0] for device in devices])[None]
+    return _rust.LoopModel(_core_building(linear, devices), _core_dampers(devices, first_draws))
+
+
 def _core_observer(
     building: Building, devices: Sequence[Device], hardware: Hardware
 ) -> _rust.Observer | None:
@@ -168,6 +184,8 @@ def _core_observer(
         gain=np.ascontiguousarray(observer.gain),
         output=np.ascontiguousarray(observer.C),
         direct=np.ascontiguousarray(observer.D),
+        ground=np.ascontiguousarray(observer.Ed) if hardware.known_ground else None,
+        direct_ground=np.ascontiguousarray(observer.G) if hardware.known_ground else None,
     )
 
 
@@ -185,16 +203,23 @@ def loop_observer(
     plant = plant_of(building, elongation_rows(building, devices), [device.name for device in devices])
     measured = accelerations(plant)
     chosen = measured.select([measured.names[floor] for floor in floors])
+    noise = np.full(len(floors) + len(devices), 1.0 / hardware.noise_ratio)
+    if hardware.known_ground:
+        # What is left to the filter is the error of the sensors: of an elongation that of the acceleration which goes
+        # with it in the first mode.
+        noise[len(floors) :] /= (2.0 * np.pi * float(building.frequencies[0])) ** 4
     return observer_of(
         plant,
         stack_outputs(chosen, deformations(plant)),
         hardware.sample_time,
-        noise_intensity=1.0 / hardware.noise_ratio,
+        noise_intensity=noise,
     )
 
 
 _RUNS_AT_A_TIME = 4096
 _MOST_SAMPLES = 100_000_000
+# Quantities in proportion to the command.
+_COMMANDS = ("peak_current", "mean_current", "rms_current", "command_travel")
 # Largest commands that are worked out as shares of others are rounded.
 _ROUNDED = 1.0 + 1e-9
 
@@ -301,7 +326,10 @@ def simulate_loop(
     matrices = _core_building(building, devices)
     with core_refusals():
         dampers = _ideal_actuators(len(devices)) if actuators else _core_dampers(devices, theta)
-        controller = _rust.Controller(law.name, gains, law.table_rows(), _core_curve(law))
+        shaping = None if law.shaping is None else np.tile(law.shaping, (len(gains), 1))
+        controller = _rust.Controller(
+            law.name, gains, law.table_rows(), _core_curve(law), shaping, _core_model(law)
+        )
         observer = _core_observer(nominal or building, devices, hardware)
     waves = [(motion.dt, np.ascontiguousarray(motion.acceleration)) for motion in motions]
     runs = np.indices(shape, dtype=np.uint32).reshape(3, -1).T
@@ -337,9 +365,7 @@ def simulate_loop(
     if largest_commands is None:
         return responses
     scale = factors[candidate]
-    return responses.with_numbers(
-        **{name: responses.numbers[name] * scale for name in ("peak_current", "mean_current", "rms_current")}
-    )
+    return responses.with_numbers(**{name: responses.numbers[name] * scale for name in _COMMANDS})
 
 
 def _check_commands(law: ControlLaw, devices: Sequence[Device]) -> None:
@@ -347,8 +373,9 @@ def _check_commands(law: ControlLaw, devices: Sequence[Device]) -> None:
     for gain in law.spec.gains:
         if not gain.is_command:
             continue
-        commands = np.asarray(law.gains[gain.name], dtype=np.float64).reshape(-1, len(devices))
-        for device, column in zip(devices, commands.T, strict=True):
+        shape = gain.shape_for(len(devices), 0)
+        commands = np.asarray(law.gains[gain.name], dtype=np.float64).reshape(-1, *shape)
+        for device, column in zip(devices, np.moveaxis(commands, 1, 0), strict=True):
             wrong = (column < 0.0) | (column > device.largest_command * _ROUNDED)
             if wrong.any():
                 warnings.warn(
@@ -374,7 +401,8 @@ def _command_factors(
             f"{law.name} sends commands that are no share of the largest one; simulate devices of that largest command"
         )
     faulty = any(fault.channel == "command" for fault in hardware.faults)
-    if histories or faulty or np.isfinite(hardware.command_rate):
+    limited = np.isfinite(min(hardware.command_rate, law.command_slope))
+    if histories or faulty or limited:
         raise SettingError(
             "largest commands of candidates go with neither histories nor a rate limit or faults of the command; "
             "simulate devices of that largest command"
@@ -419,6 +447,7 @@ def _responses(
         histories=histories,
         devices=devices,
         seconds=tuple(motion.duration for motion in motions),
+        motions=tuple(motion.name for motion in motions),
         numbers=quantities,
     )
 

@@ -124,7 +124,7 @@ _COMMANDS = kind_of(node_of(AnyNumbers))
 # A run with larger readings [m, m/s, N] diverges, and a law may overflow on them.
 _LARGEST_READING = 1e30
 
-Ask = Callable[[int, NDArray[np.uintp], Floats, Floats, Floats, Floats, Floats], Floats]
+Ask = Callable[[int, NDArray[np.uintp], Floats, Floats, Floats, Floats, Floats, Floats, Floats], Floats]
 """The form in which the core asks: number of the sample, places of the runs, and what is measured."""
 
 
@@ -142,6 +142,10 @@ class LoopSample(Summarised):
         Of the coordinates relative to the ground, true or estimated by the observer, shape (n_runs, n) [m, m/s].
     deformation, rate, force
         Elongation of each device, its rate, and the force with which it resists, shape (n_runs, n_devices) [m, m/s, N].
+    acceleration
+        Absolute accelerations of the floors as their sensors read them, shape (n_runs, n_floors) [m/s^2].
+    ground_acceleration
+        Acceleration of the ground as its sensor reads it, shape (n_runs,) [m/s^2].
     largest
         Largest command of each device, shape (n_devices,) [A or V].
     """
@@ -154,6 +158,8 @@ class LoopSample(Summarised):
             "deformation": "m",
             "rate": "m/s",
             "force": "N",
+            "acceleration": "m/s^2",
+            "ground_acceleration": "m/s^2",
         },
         "largest": "A or V",
     }
@@ -166,6 +172,8 @@ class LoopSample(Summarised):
     deformation: Floats
     rate: Floats
     force: Floats
+    acceleration: Floats
+    ground_acceleration: Floats
     largest: Floats
 
     @property
@@ -176,7 +184,16 @@ class LoopSample(Summarised):
     @property
     def is_physical(self) -> NDArray[np.bool_]:
         """Whether every reading of a run is a number that a building can have, shape (n_runs,)."""
-        readings = np.hstack([self.state, self.deformation, self.rate, self.force])
+        readings = np.hstack(
+            [
+                self.state,
+                self.deformation,
+                self.rate,
+                self.force,
+                self.acceleration,
+                self.ground_acceleration[:, None],
+            ]
+        )
         return np.asarray((np.abs(readings) < _LARGEST_READING).all(axis=1))
 
 
@@ -277,6 +294,8 @@ class UserLaw(Summarised):
             deformation: Floats,
             rate: Floats,
             force: Floats,
+            acceleration: Floats,
+            ground_acceleration: Floats,
         ) -> Floats:
             kept = np.zeros((len(places), self.n_memory)) if number == 0 else memory[places]
             sample = LoopSample(
@@ -288,6 +307,8 @@ class UserLaw(Summarised):
                 deformation=deformation,
                 rate=rate,
                 force=force,
+                acceleration=acceleration,
+                ground_acceleration=ground_acceleration,
                 largest=largest,
             )
             try:

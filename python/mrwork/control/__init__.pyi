@@ -9,6 +9,7 @@ from .law_design import settings_of as settings_of
 from .laws import ControlLaw as ControlLaw
 from .laws import control_law as control_law
 from .laws import control_laws as control_laws
+from .linear_loop import loop_margins as loop_margins
 from .lqr import observer_of as observer_of
 from .lqr import regulator_of_outputs as regulator_of_outputs
 from .lqr import regulator_of_state as regulator_of_state
@@ -36,13 +37,18 @@ if True:  # the lower tier
     from .design.limits import soil_cases as soil_cases
     from .design.limits import stiffness_cases as stiffness_cases
     from .design_problem import Design as Design
+    from .design_problem import ReferencePeaks as ReferencePeaks
     from .fuzzy import FuzzySettings as FuzzySettings
     from .law_design import SETTINGS as SETTINGS
     from .law_design import FrictionSettings as FrictionSettings
+    from .law_design import MixedSkyhookSettings as MixedSkyhookSettings
     from .law_design import NoSettings as NoSettings
     from .law_design import PassiveSettings as PassiveSettings
     from .law_design import design_candidates as design_candidates
     from .laws import ControlLawSpec as ControlLawSpec
+    from .linear_loop import DeviceMargins as DeviceMargins
+    from .linear_loop import LoopMargins as LoopMargins
+    from .loop_model import LoopModel as LoopModel
     from .lqr import published_regulator as published_regulator
     from .lqr import regulator_as_published as regulator_as_published
     from .lyapunov import LyapunovSettings as LyapunovSettings
@@ -53,6 +59,7 @@ if True:  # the lower tier
     from .regulator_settings import ClippedSettings as ClippedSettings
     from .regulator_settings import NetworkSettings as NetworkSettings
     from .regulator_settings import RegulatorSettings as RegulatorSettings
+    from .rollout import RolloutSettings as RolloutSettings
     from .sliding import AdaptiveSlidingSettings as AdaptiveSlidingSettings
     from .sliding import SlidingSettings as SlidingSettings
     from .sliding import SuperTwistingSettings as SuperTwistingSettings

@@ -13,7 +13,7 @@ from mrwork.arguments import Positive
 from mrwork.dampers.parameters import LawName
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import SettingError
-from mrwork.simulate import Loading, simulate_force
+from mrwork.simulation import Loading, simulate_force
 from mrwork.summary import Summarised
 from mrwork.values import Floats, array_dataclass
 

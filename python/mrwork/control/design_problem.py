@@ -7,10 +7,10 @@ it fits any building and damper.
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import exp, log
-from typing import ClassVar, Literal, Self, TypeVar
+from typing import ClassVar, Literal, Self
 
 import numpy as np
 
@@ -18,13 +18,27 @@ from mrwork.arguments import NotNegative, Positive, checked
 from mrwork.buildings import Building
 from mrwork.buildings.matrices import Device, elongation_rows
 from mrwork.control.counterpart import is_curve, static_counterpart
+from mrwork.control.design.designed import DesignedWeights
 from mrwork.control.design.limits import LoopTiming
+from mrwork.control.linear_loop import LoopMargins
 from mrwork.control.plant import Plant, plant_of
+from mrwork.control.riccati import attempt_each
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
 from mrwork.keys import DeclaredTable, plain_values, refuse_repeated
+from mrwork.motions import GroundMotion
+from mrwork.motions.stationary import StationaryGround
 from mrwork.summary import Summarised
 from mrwork.values import Floats, array_dataclass
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReferencePeaks:
+    """The best constant command on some motions [A or V]; mean peaks of drift [m] and acceleration [m/s^2] under it."""
+
+    command: float
+    drift: float
+    acceleration: float
 
 
 @checked
@@ -33,7 +47,9 @@ class DesignProblem(Summarised):
     """The building with its devices for which a law is designed.
 
     `sample_time` and `delay` [s] are those of the loop. `amplitude` [m] and `velocity` [m/s] are the smallest and the
-    largest ones expected of the dampers, if given.
+    largest ones expected of the dampers, if given. `motions` are the ground motions whose strength and spectrum a
+    design from limits takes, the training motions of a study; `judged` says that laws are judged on them, too.
+    `reference_peaks` finds the largest motions under a constant command, to which a law may refer.
     """
 
     _made_by: ClassVar[str] = "mr.control.DesignProblem(building=..., devices=..., sample_time=...)"
@@ -45,8 +61,17 @@ class DesignProblem(Summarised):
     amplitude: tuple[Positive, Positive] | None = None
     velocity: tuple[Positive, Positive] | None = None
     delay: NotNegative = 0.0
+    motions: Sequence[GroundMotion] = ()
+    judged: bool = False
+    reference_peaks: Callable[[], ReferencePeaks] | None = field(default=None, repr=False, compare=False)
     # The plant, once a law has asked for it: it keeps the weights that are designed for it.
     _plant: list[Plant] = field(default_factory=list, init=False, repr=False, compare=False)
+    # The grounds of the motions that designs have asked for, by kind and given numbers.
+    _grounds: dict[object, StationaryGround] = field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
+    # The problem that this one was limited from.
+    _whole: list[DesignProblem] = field(default_factory=list, init=False, repr=False, compare=False)
 
     @property
     def curve(self) -> tuple[DamperSpec, Floats]:
@@ -82,10 +107,16 @@ class DesignProblem(Summarised):
     @property
     def plant(self) -> Plant:
         """The linear system of the building with its devices."""
-        if not self._plant:
+        known = self.whole._plant
+        if not known:
             rows = elongation_rows(self.building, self.devices)
-            self._plant.append(plant_of(self.building, rows, [device.name for device in self.devices]))
-        return self._plant[0]
+            known.append(plant_of(self.building, rows, [device.name for device in self.devices]))
+        return known[0]
+
+    @property
+    def whole(self) -> DesignProblem:
+        """The problem with the largest commands of the dampers themselves, which a law may not send."""
+        return self._whole[0] if self._whole else self
 
     @checked
     def limited_to(self, command: float) -> DesignProblem:
@@ -94,8 +125,19 @@ class DesignProblem(Summarised):
             replace(device, largest_command=min(command, device.largest_command)) for device in self.devices
         )
         problem = replace(self, devices=devices)
-        object.__setattr__(problem, "_plant", self._plant)
+        problem._whole.append(self.whole)
         return problem
+
+    @property
+    def driver_rates(self) -> tuple[float | None, ...]:
+        """Rate of the lag of the driver of each device [1/s]; `None` without one."""
+        # It is the last parameter of a model that has one.
+        return tuple(
+            float(device.draws[0, -1])
+            if device.spec.current is not None and device.spec.current.lagged
+            else None
+            for device in self.devices
+        )
 
     @property
     def timing(self) -> LoopTiming:
@@ -106,13 +148,7 @@ class DesignProblem(Summarised):
         SettingError
             If the drivers of the devices differ, or the delay is not a whole number of samples or has too many.
         """
-        # The rate of the driver is the last parameter of a model that has one.
-        rates = dict.fromkeys(
-            float(device.draws[0, -1])
-            if device.spec.current is not None and device.spec.current.lagged
-            else None
-            for device in self.devices
-        )
+        rates = dict.fromkeys(self.driver_rates)
         if len(rates) > 1:
             shown = ", ".join("none" if rate is None else f"{rate:g} 1/s" for rate in rates)
             raise SettingError(
@@ -136,9 +172,6 @@ class Design(Summarised):
     tables: Mapping[str, Floats] = field(default_factory=dict)
 
 
-T = TypeVar("T")
-U = TypeVar("U")
-
 Magnitude = Literal[
     "drift",
     "displacement",
@@ -150,6 +183,8 @@ Magnitude = Literal[
     "rate",
     "ground",
     "command",
+    "constant_drift",
+    "constant_acceleration",
     "cost",
 ]
 NO_CERTIFICATE = "none"
@@ -162,7 +197,8 @@ class Magnitudes(Summarised):
 
     Drift, floor displacement [m], floor velocity [m/s] and acceleration [m/s^2], twice the energy [J], stroke [m] and
     rate [m/s] of a device at i = 0, its force [N] at the largest command, peak of the ground motions [m/s^2], largest
-    command [A or V]. `cost` is what the weights that are not free add up to.
+    command [A or V]. `constant_drift` [m] and `constant_acceleration` [m/s^2] are mean peaks under the best constant
+    command, where a law refers to them. `cost` is what the weights that are not free add up to.
     """
 
     drift: float
@@ -175,6 +211,8 @@ class Magnitudes(Summarised):
     rate: float
     ground: float
     command: float
+    constant_drift: float = 0.0
+    constant_acceleration: float = 0.0
     cost: float = 1.0
 
 
@@ -209,13 +247,16 @@ class Span:
 class LawSettings(metaclass=DeclaredTable):
     """Settings of a control law, declared by `key`, with the design of the law.
 
-    `constant` says whether the law sends a constant command, which makes the damper a passive one, `is_regulator`
-    whether its weights are those of a regulator, of which published and convex ones are known. `weighed_by_default` are
-    the weights that a search holds where none is given; only their ratios to the free ones matter.
+    `constant` says whether the law sends a constant command, which makes the damper a passive one, `chooses_levels`
+    whether it chooses among commands up to a largest of its own, so that a search leaves that of the dampers,
+    `is_regulator` whether its weights are those of a regulator, of which published and convex ones are known.
+    `weighed_by_default` are the weights that a search holds where none is given; only their ratios to the free ones
+    matter.
     """
 
     __slots__ = ()
     constant: ClassVar[bool] = False
+    chooses_levels: ClassVar[bool] = False
     is_regulator: ClassVar[bool] = False
     weighed_by_default: ClassVar[Mapping[str, float]] = {}
 
@@ -247,30 +288,20 @@ class LawSettings(metaclass=DeclaredTable):
         """Whether the law has the gain of a design in discrete time."""
         return False
 
-    def notes(self, problem: DesignProblem) -> tuple[str, ...]:
+    def weights(self, problem: DesignProblem) -> DesignedWeights | None:
+        """The designed weights; `None` for a law with others or without."""
+        return None
+
+    def margins(
+        self, problem: DesignProblem, design: Design, rates: Sequence[float | None]
+    ) -> LoopMargins | None:
+        """Stability margins of the linear loop with drivers of these rates; `None` for a law that has none."""
+        return None
+
+    def notes(self, problem: DesignProblem, design: Design) -> tuple[str, ...]:
         """Sentences on the design that a user should read; none for most laws."""
         return ()
 
     def certificate(self, problem: DesignProblem) -> str:
         """Stability certificate of the law on this building, in words; `NO_CERTIFICATE` without one."""
         return NO_CERTIFICATE
-
-
-def attempt_each(make: Callable[[T], U], many: Iterable[T]) -> list[U | SettingError]:
-    """Result of a function for each item, or the error that it raised."""
-    outcomes: list[U | SettingError] = []
-    for each in many:
-        try:
-            outcomes.append(make(each))
-        except SettingError as reason:
-            outcomes.append(reason)
-    return outcomes
-
-
-def solve_together(
-    solve: Callable[[list[T]], Iterable[U | SettingError]], many: Sequence[T | SettingError]
-) -> list[U | SettingError]:
-    """Results of one call for all items that are not errors; errors keep their places."""
-    sound = [each for each in many if not isinstance(each, SettingError)]
-    solved = iter(solve(sound) if sound else ())
-    return [each if isinstance(each, SettingError) else next(solved) for each in many]

@@ -16,7 +16,7 @@ from mrwork.arguments import Positive, Seed, checked
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import SettingError
 from mrwork.hints import Within
-from mrwork.simulate import Loading, simulate_force
+from mrwork.simulation import Loading, simulate_force
 from mrwork.summary import Summarised
 from mrwork.units import CommandUnit
 from mrwork.values import Floats, array_dataclass

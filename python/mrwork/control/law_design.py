@@ -14,6 +14,7 @@ from mrwork.arguments import checked
 from mrwork.control.design_problem import Design, DesignProblem, LawSettings, Span
 from mrwork.control.fuzzy import FuzzySettings
 from mrwork.control.laws import ControlLaw, ControlLawSpec, control_law
+from mrwork.control.loop_model import LoopModel
 from mrwork.control.lyapunov import LyapunovSettings, ProportionalSettings
 from mrwork.control.regulator_settings import (
     ClippedSettings,
@@ -22,6 +23,7 @@ from mrwork.control.regulator_settings import (
     SignalNetworkSettings,
     SignalPolynomialSettings,
 )
+from mrwork.control.rollout import RolloutSettings
 from mrwork.control.sliding import (
     AdaptiveSlidingSettings,
     SlidingSettings,
@@ -81,6 +83,25 @@ class FrictionSettings(LawSettings):
         return Design(gains={"slope": problem.each(self.slope)})
 
 
+@checked
+class MixedSkyhookSettings(LawSettings):
+    """Skyhook below a crossover frequency, acceleration-driven damping above it."""
+
+    crossover: float | None = key(
+        "frequency below which the law is skyhook; by default the square root of two times the first natural one, "
+        "where a building of one storey transmits as much with little damping as with much",
+        unit="Hz",
+        default=None,
+        above=0.0,
+        span=Span(lower=0.05, upper=1.0, of=(("acceleration", 1.0), ("velocity", -1.0))),
+    )
+
+    def design(self, problem: DesignProblem) -> Design:
+        """The crossover of each device [rad/s]."""
+        crossover = self.crossover or math.sqrt(2.0) * float(problem.building.frequencies[0])
+        return Design(gains={"crossover": problem.each(2.0 * math.pi * crossover)})
+
+
 SETTINGS: Mapping[str, type[LawSettings]] = {
     "passive": PassiveSettings,
     "clipped_optimal": RegulatorSettings,
@@ -104,6 +125,9 @@ SETTINGS: Mapping[str, type[LawSettings]] = {
     "signal_network": SignalNetworkSettings,
     "signal_polynomial": SignalPolynomialSettings,
     "active": RegulatorSettings,
+    "acceleration_driven": NoSettings,
+    "mixed_skyhook": MixedSkyhookSettings,
+    "predictive_rollout": RolloutSettings,
 }
 """Settings by name of the law."""
 
@@ -179,9 +203,25 @@ def design_law(
     _check_loop(spec, settings)
     design = settings.design(problem)
     curve = problem.curve if spec.needs_curve else None
+    rates = () if spec.commands_force else problem.driver_rates
+    margins = settings.margins(problem, design, rates)
     return ControlLaw(
-        name=name, gains=design.gains, tables=design.tables, curve=curve, notes=settings.notes(problem)
+        name=name,
+        gains=design.gains,
+        tables=design.tables,
+        curve=curve,
+        model=_model_of(spec, problem),
+        notes=(*settings.notes(problem, design), *(() if margins is None else (margins.in_words,))),
+        weights=settings.weights(problem),
+        margins=margins,
     )
+
+
+def _model_of(spec: ControlLawSpec, problem: DesignProblem) -> LoopModel | None:
+    """The building with its devices of the problem, for a law that predicts the motion."""
+    if not spec.needs_model:
+        return None
+    return LoopModel(building=problem.building, devices=tuple(problem.devices))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -225,7 +265,9 @@ def design_candidates(
     gains = {
         gain.name: np.stack([np.asarray(each.gains[gain.name]) for each in designs]) for gain in spec.gains
     }
-    law = ControlLaw(name=name, gains=gains, tables=designs[0].tables, curve=curve)
+    law = ControlLaw(
+        name=name, gains=gains, tables=designs[0].tables, curve=curve, model=_model_of(spec, problem)
+    )
     return DesignedCandidates(law=law, designed=tuple(designed), refusals=refusals)
 
 

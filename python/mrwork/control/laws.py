@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
@@ -11,20 +12,24 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mrwork import _rust
-from mrwork.arguments import May, checked
+from mrwork.arguments import May, NotNegative, checked
+from mrwork.control.design.designed import DesignedWeights
+from mrwork.control.linear_loop import LoopMargins
+from mrwork.control.loop_model import LoopModel
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError, UnknownNameError
+from mrwork.hints import Within
 from mrwork.keys import suggestion
 from mrwork.numbers import format_rounded
 from mrwork.summary import Summarised, Summary
 from mrwork.values import Floats, array_dataclass
 
-Shape = Literal["device", "state", "numbers"]
+Shape = Literal["device", "state", "numbers", "loop"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GainSpec:
-    """A gain of a law: for each device one number, one for each state [q; q'], or `numbers` of them.
+    """A gain of a law: for each device one number, one for each state [q; q'] or `numbers`, or one for the loop.
 
     A gain that `is_command` is itself the command of each device; one that `scales_with_command` has the unit of the
     command, or that unit per another.
@@ -45,6 +50,8 @@ class GainSpec:
 
     def shape_for(self, n_devices: int, n_states: int) -> tuple[int, ...]:
         """Shape of the gain of one candidate."""
+        if self.shape == "loop":
+            return (1,)
         if self.shape == "device":
             return (n_devices,)
         return (n_devices, n_states if self.shape == "state" else self.numbers)
@@ -55,7 +62,9 @@ class ControlLawSpec:
     """A law: its formula, source, gains and tables.
 
     `tables` are arrays that all candidates share. A law that `needs_curve` evaluates the damper force as a function of
-    the command, by a static hysteretic model of the damper. A law that `commands_force` drives ideal actuators.
+    the command, by a static hysteretic model of the damper. A law that `needs_model` predicts the motion by a model of
+    building and dampers. A law that `commands_force` drives ideal actuators, one that `reads_acceleration` needs
+    accelerometers on the floors to which devices are attached.
     """
 
     name: str
@@ -66,13 +75,15 @@ class ControlLawSpec:
     gains: tuple[GainSpec, ...]
     tables: tuple[str, ...]
     needs_curve: bool
+    needs_model: bool
     commands_force: bool
+    reads_acceleration: bool
 
     @property
     def sends_share(self) -> bool:
         """Whether the command scales with the largest command."""
         absolute = any(gain.scales_with_command for gain in self.gains)
-        return not (absolute or self.tables or self.needs_curve or self.commands_force)
+        return not (absolute or self.tables or self.needs_curve or self.needs_model or self.commands_force)
 
 
 @checked
@@ -90,15 +101,27 @@ class ControlLaw(Summarised):
         By name, shape (n,).
     curve
         Model of the damper in the law: static hysteretic with current laws, and its parameters.
+    notes
+        Sentences on the law that a user should read.
+    weights
+        The designed weights of its gain, if it has any.
+    margins
+        Stability margins of its linear loop, if it has one.
+    dead_zone
+        Damper velocity below which the command is zero [m/s], by the velocity that the law receives. Near rest a damper
+        dissipates next to nothing, and the sign of its velocity, on which laws switch, is that of the noise.
+    command_slope
+        Largest change of the command per time [A/s or V/s], from control sample to control sample, after the dead zone.
+    model
+        Building and dampers by which the law predicts the motion; they may differ from those of the loop.
 
     Raises
     ------
     UnknownNameError
         If there is no such law.
     SettingError
-        If a gain or table is unknown or missing, is not an array of numbers or has NaN, the law has no `curve` and
-        needs one, or
-        the gains differ in their number of candidates.
+        If a gain or table is unknown or missing, is not an array of numbers or has NaN, the law has no `curve` or
+        `model` and needs one, or the gains differ in their number of candidates.
     """
 
     _made_by: ClassVar[str] = "mr.control.design_law(name, problem)"
@@ -108,7 +131,12 @@ class ControlLaw(Summarised):
     gains: Mapping[str, Annotated[ArrayLike, May.BE_INFINITE]] = field(default_factory=dict)
     tables: Mapping[str, ArrayLike] = field(default_factory=dict)
     curve: tuple[DamperSpec, ArrayLike] | None = None
+    dead_zone: NotNegative = 0.0
+    command_slope: Annotated[float, Within(above=0.0), May.BE_INFINITE] = math.inf
+    model: LoopModel | None = None
     notes: tuple[str, ...] = ()
+    weights: DesignedWeights | None = None
+    margins: LoopMargins | None = None
 
     def __post_init__(self) -> None:
         spec = self.spec
@@ -127,11 +155,24 @@ class ControlLaw(Summarised):
                 f"{spec.name} needs the force as a function of the command; give it a `curve`: a static_hysteretic "
                 "with current laws, of the damper itself or of its static counterpart"
             )
+        if self.model is not None and not spec.needs_model:
+            raise SettingError(f"{spec.name} does not predict the motion; leave `model` out")
+        if spec.needs_model and self.model is None:
+            raise SettingError(
+                f"{spec.name} predicts the motion by its own model of the loop; give it a `model`, a building with its "
+                "devices"
+            )
 
     @property
     def spec(self) -> ControlLawSpec:
         """The declaration of the law."""
         return control_law(self.name)
+
+    @property
+    def shaping(self) -> tuple[float, float] | None:
+        """Dead zone and slope of the command; `None` where it is sent as it is."""
+        plain = self.dead_zone == 0.0 and math.isinf(self.command_slope)
+        return None if plain else (float(self.dead_zone), float(self.command_slope))
 
     @checked
     def gain_rows(self, n_devices: int, n_states: int) -> Floats:
@@ -182,7 +223,7 @@ class ControlLaw(Summarised):
                 )
                 for name, value in (*self.gains.items(), *self.tables.items())
             ],
-            notes=self.notes,
+            notes=(*(() if self.weights is None else self.weights.in_words), *self.notes),
         )
 
 

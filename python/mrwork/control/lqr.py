@@ -11,9 +11,14 @@ import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from mrwork.arguments import NotNegative, Positive, Threads, checked
-from mrwork.control.design_problem import attempt_each, solve_together
 from mrwork.control.plant import Outputs, Plant, accelerations, check_outputs
-from mrwork.control.riccati import RiccatiStatus, kalman_gains, regulator_gains
+from mrwork.control.riccati import (
+    RiccatiStatus,
+    attempt_each,
+    kalman_gains,
+    regulator_gains,
+    solve_together,
+)
 from mrwork.errors import InvalidSettingError, SettingError, UnknownNameError
 from mrwork.hints import Within
 from mrwork.summary import Summarised
@@ -193,17 +198,20 @@ def regulator_of_weights(plant: Plant, weighed: Weighed, control_weight: ArrayLi
 @checked
 def regulators_of_weights(
     plant: Plant,
-    weighed: Sequence[Weighed],
-    control_weights: Sequence[ArrayLike],
+    weighed: Sequence[Weighed | ArrayLike],
+    control_weights: Sequence[ArrayLike] | Floats,
     *,
     threads: Threads = 0,
 ) -> tuple[Regulator | SettingError, ...]:
-    """The regulators of many weights, by one call of the compiled solver; see `regulator_of_weights`.
+    """The regulators of many weights, by one call of the compiled solver; see `regulator_of_state`.
 
     Parameters
     ----------
-    weighed, control_weights
-        What the weights of each regulator add up to, and its R [1/N^2].
+    weighed
+        For each regulator its state weight, as in `regulator_of_state`, or what the weights of its outputs and state
+        add up to. A single one is that of all.
+    control_weights
+        R [1/N^2] of each regulator.
     threads
         Number of threads, 0 for all processors.
 
@@ -211,15 +219,29 @@ def regulators_of_weights(
     -------
     tuple
         A regulator for each, or the error that says why there is none; the others do not depend on it.
+
+    Examples
+    --------
+    >>> import numpy as np, mrwork as mr
+    >>> frame = mr.building("uts")
+    >>> plant = mr.control.plant_of(frame, [frame.storeys[0]])
+    >>> designs = mr.control.regulators_of_weights(plant, [plant.energy], np.geomspace(1e-9, 1e-5, 200))
+    >>> len(designs), designs[0].gain.shape
+    (200, (1, 10))
     """
+    if len(weighed) == 1:
+        weighed = [*weighed] * len(control_weights)
     if not weighed or len(weighed) != len(control_weights):
         raise SettingError(
             f"there are {len(weighed)} weights of outputs and state, and {len(control_weights)} control weights; give "
             "both for each of one or more regulators"
         )
 
-    def cost(pair: tuple[Weighed, ArrayLike]) -> tuple[Floats, Floats, Floats]:
+    def cost(pair: tuple[Weighed | ArrayLike, ArrayLike]) -> tuple[Floats, Floats, Floats]:
         each, control_weight = pair
+        if not isinstance(each, Weighed):
+            Q = weight_matrix("state_weight", each, 2 * plant.n_coordinates, "states")
+            each = weighed_state(plant, Q)
         R = weight_matrix("control_weight", control_weight, plant.n_devices, "devices") + each.S
         return each.Q, R, each.N
 
@@ -341,6 +363,8 @@ PUBLISHED_REGULATORS = (
 class Observer(Summarised):
     """`x_{k+1} = Ad x_k + Bd f_k + L (y_k - C x_k - D f_k)`: x_k is the state predicted before y_k is measured.
 
+    Where the ground acceleration is measured, `Ed a_g` belongs to the state and `G a_g` to the measurements.
+
     Ad and Bd are the transition over a sample with the forces held, shapes (2n, 2n) and (2n, n_devices), `gain` is L,
     shape (2n, n_measurements). `covariance` is that of the error of x_k for noise of the given intensities.
     """
@@ -355,6 +379,8 @@ class Observer(Summarised):
     names: tuple[str, ...]
     sample_time: float
     covariance: Floats
+    Ed: Floats
+    G: Floats
 
 
 @checked
@@ -417,6 +443,8 @@ def observer_of(
         names=measurements.names,
         sample_time=sample_time,
         covariance=covariance,
+        Ed=Ed,
+        G=measurements.G,
     )
 
 

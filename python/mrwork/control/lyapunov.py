@@ -14,12 +14,10 @@ from mrwork.control.design_problem import (
     DesignProblem,
     LawSettings,
     Span,
-    attempt_each,
-    solve_together,
 )
 from mrwork.control.lqr import Weighed, Weights, regulators_of_costs
 from mrwork.control.plant import Plant
-from mrwork.control.riccati import lyapunov_solutions
+from mrwork.control.riccati import attempt_each, lyapunov_solutions, solve_together
 from mrwork.control.weights import CostWeights
 from mrwork.errors import SettingError
 from mrwork.keys import key
@@ -143,13 +141,13 @@ class LyapunovSettings(CostWeights, LawSettings):
         """The designs of many settings, all their equations by one call of the compiled solver."""
         return [
             vectors if isinstance(vectors, SettingError) else settings.of_vectors(problem, vectors)
-            for settings, vectors in zip(many, cls.weight_vectors(problem.plant, many), strict=True)
+            for settings, vectors in zip(many, cls.weight_vectors(problem, many), strict=True)
         ]
 
     @classmethod
-    def weight_vectors(cls, plant: Plant, many: Sequence[Self]) -> list[Floats | SettingError]:
+    def weight_vectors(cls, problem: DesignProblem, many: Sequence[Self]) -> list[Floats | SettingError]:
         """Weight of the state of each, shape (n_devices, 2n): B'P of the Lyapunov function."""
-        return _lyapunov_vectors(plant, many)
+        return _lyapunov_vectors(problem, many)
 
     def of_vectors(self, problem: DesignProblem, vectors: Floats) -> Design:
         """The design that follows from this weight of the state."""
@@ -186,12 +184,12 @@ class ProportionalSettings(LyapunovSettings):
     )
 
     @classmethod
-    def weight_vectors(cls, plant: Plant, many: Sequence[Self]) -> list[Floats | SettingError]:
+    def weight_vectors(cls, problem: DesignProblem, many: Sequence[Self]) -> list[Floats | SettingError]:
         """Weight of the state of each: of the regulator with a control weight, of the Lyapunov function without."""
         regulated = iter(
-            _regulator_vectors(plant, [each for each in many if each.control_weight is not None])
+            _regulator_vectors(problem, [each for each in many if each.control_weight is not None])
         )
-        free = iter(_lyapunov_vectors(plant, [each for each in many if each.control_weight is None]))
+        free = iter(_lyapunov_vectors(problem, [each for each in many if each.control_weight is None]))
         return [next(free if each.control_weight is None else regulated) for each in many]
 
     def of_vectors(self, problem: DesignProblem, vectors: Floats) -> Design:
@@ -199,18 +197,22 @@ class ProportionalSettings(LyapunovSettings):
         return Design(gains={"weight": vectors, "slope": problem.each(self.slope)})
 
 
-def _lyapunov_vectors(plant: Plant, many: Sequence[LyapunovSettings]) -> list[Floats | SettingError]:
+def _lyapunov_vectors(
+    problem: DesignProblem, many: Sequence[LyapunovSettings]
+) -> list[Floats | SettingError]:
     functions = solve_together(
-        lambda weights: _lyapunov_functions(plant, weights),
-        attempt_each(lambda each: each.weigh_outputs(plant).Q, many),
+        lambda weights: _lyapunov_functions(problem.plant, weights),
+        attempt_each(lambda each: each.weigh_outputs(problem).Q, many),
     )
     return [each if isinstance(each, SettingError) else each.vectors for each in functions]
 
 
-def _regulator_vectors(plant: Plant, many: Sequence[ProportionalSettings]) -> list[Floats | SettingError]:
+def _regulator_vectors(
+    problem: DesignProblem, many: Sequence[ProportionalSettings]
+) -> list[Floats | SettingError]:
     def cost(each: ProportionalSettings) -> tuple[Weighed, ArrayLike]:
         assert each.control_weight is not None
-        return each.weigh_outputs(plant), each.control_weight
+        return each.weigh_outputs(problem), each.control_weight
 
-    regulators = regulators_of_costs(plant, attempt_each(cost, many))
+    regulators = regulators_of_costs(problem.plant, attempt_each(cost, many))
     return [each if isinstance(each, SettingError) else each.vectors for each in regulators]

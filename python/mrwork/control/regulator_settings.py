@@ -3,29 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import ClassVar, Self
 
 import numpy as np
 
 from mrwork.arguments import checked
-from mrwork.control.design_problem import (
-    NO_CERTIFICATE,
-    Design,
-    DesignProblem,
-    LawSettings,
-    Magnitude,
-    Span,
-    attempt_each,
-)
+from mrwork.control.design_basis import AskedForce, asked_forces
+from mrwork.control.design_problem import NO_CERTIFICATE, Design, DesignProblem, LawSettings, Magnitude, Span
 from mrwork.control.inverse_network import InverseNetwork, train_inverse_network
 from mrwork.control.laws import control_law
+from mrwork.control.linear_loop import LoopMargins, loop_margins
 from mrwork.control.lqr import MatrixRows, Regulator, Weights, regulator_of_weights, regulators_of_costs
-from mrwork.control.plant import Plant
+from mrwork.control.riccati import attempt_each
 from mrwork.control.weights import CostWeights
 from mrwork.errors import InvalidSettingError, SettingError
-from mrwork.keys import key
+from mrwork.keys import describe_key, key, keys_of
 from mrwork.values import Floats
 
 
@@ -35,18 +29,57 @@ class RegulatorSettings(CostWeights, LawSettings):
 
     is_regulator: ClassVar[bool] = True
     weighed_by_default: ClassVar[Mapping[str, float]] = {"drifts": 1.0}
-    control_weight: Weights = key(
-        "R of the forces, each the force of a device with all its dampers; with designed weights, 1 is R as designed",
+    control_weight: Weights | None = key(
+        "R of the forces, each the force of a device with all its dampers; with designed weights, 1 is R as designed; "
+        "required without a gain",
         unit="1/N2",
+        default=None,
         above=0.0,
         matrix=True,
         span=Span(lower=1e-6, upper=10.0, of=(("cost", 1.0), ("force", -2.0))),
     )
+    gain: MatrixRows | None = key(
+        "finished gain K of the desired force f_c = -K s instead of any weights: a row for each device, a column for "
+        "each displacement [N/m] of the coordinates and then for each velocity [N s/m]; rows of numbers, or the name "
+        "of a .csv, .tsv, .txt, .npy or .mat file with them",
+        default=None,
+        matrix=True,
+    )
+
+    def __post_init__(self) -> None:
+        LawSettings.__post_init__(self)
+        if self.gain is None and self.control_weight is None:
+            entry = next(each for each in keys_of(type(self)) if each.name == "control_weight")
+            raise SettingError(f"the law has no control_weight; give {describe_key(entry)}")
 
     def design(self, problem: DesignProblem) -> Design:
-        """The gain of the regulator, or that of a sampled design."""
+        """The gain as given, of the regulator, or of a sampled design."""
+        if self.gain is not None:
+            return self.of_gain(problem, self.given_gain(problem))
         gain = self.sampled_gain(problem) if self.sampled else self.regulator(problem).gain
         return self.of_gain(problem, gain)
+
+    def given_gain(self, problem: DesignProblem) -> Floats:
+        """The finished gain, shape (n_devices, 2n).
+
+        Raises
+        ------
+        InvalidSettingError
+            If it has another shape, or weights are given, too.
+        """
+        assert self.gain is not None
+        for name in (*sorted(self.weight_names()), "control_weight"):
+            if getattr(self, name) is not None:
+                raise InvalidSettingError("gain", f"the law has a finished gain, and {name}; keep one")
+        m, n = problem.plant.n_devices, problem.plant.n_coordinates
+        if {len(row) for row in self.gain} != {2 * n} or len(self.gain) != m:
+            columns = " and ".join(map(str, sorted({len(row) for row in self.gain})))
+            raise InvalidSettingError(
+                "gain",
+                f"gain is {len(self.gain)} x {columns}, and the law takes {m} x {2 * n}: a row for each device, and "
+                f"{n} columns of displacements [N/m], then {n} of velocities [N s/m] of the coordinates",
+            )
+        return np.array(self.gain)
 
     def of_gain(self, problem: DesignProblem, gain: Floats) -> Design:
         """The design that follows from the gain of the desired forces."""
@@ -61,44 +94,117 @@ class RegulatorSettings(CostWeights, LawSettings):
                 "control_weight",
                 "control_weight of a sampled design is one number, the size of R over R as designed; give one",
             )
-        return self.designed.of_problem(problem).gain_with(self.control_weight)
+        return self.designed.of_problem(problem, self.budget_scale).gain_with(self.control_weight)
 
     def regulator(self, problem: DesignProblem) -> Regulator:
         """The regulator with these weights."""
-        plant = problem.plant
-        return regulator_of_weights(plant, self.weigh_outputs(plant), self.control_weight_of(plant))
+        return regulator_of_weights(
+            problem.plant, self.weigh_outputs(problem), self.control_weight_of(problem)
+        )
 
-    def control_weight_of(self, plant: Plant) -> Weights:
+    def control_weight_of(self, problem: DesignProblem) -> Weights:
         """R of the devices; one number with designed weights keeps the ratios of the design."""
-        if self.designed is None or not isinstance(self.control_weight, float | int):
+        if self.control_weight is None:
+            raise InvalidSettingError("gain", "the law has a finished gain, and no weights; ask for its gain")
+        designed = self.weights(problem)
+        if designed is None or not isinstance(self.control_weight, float | int):
             return self.control_weight
-        return tuple(self.control_weight * each for each in self.designed.relative_control_weight(plant))
+        R = designed.control_weight
+        return tuple((self.control_weight * R / R.mean()).tolist())
 
     @classmethod
     def designs(cls, problem: DesignProblem, many: Sequence[Self]) -> list[Design | SettingError]:
         """The designs of many settings, all their regulators by one call of the compiled solver."""
-        plant = problem.plant
-        sampled = iter(
-            attempt_each(lambda each: each.sampled_gain(problem), [each for each in many if each.sampled])
+        alone = iter(
+            attempt_each(lambda each: each.design(problem), [each for each in many if each._is_alone])
         )
         regulators = iter(
             regulators_of_costs(
-                plant,
+                problem.plant,
                 attempt_each(
-                    lambda each: (each.weigh_outputs(plant), each.control_weight_of(plant)),
-                    [each for each in many if not each.sampled],
+                    lambda each: (each.weigh_outputs(problem), each.control_weight_of(problem)),
+                    [each for each in many if not each._is_alone],
                 ),
             )
         )
         outcomes: list[Design | SettingError] = []
         for settings in many:
-            known = next(sampled if settings.sampled else regulators)
-            gain = known.gain if isinstance(known, Regulator) else known
-            outcomes.append(gain if isinstance(gain, SettingError) else settings.of_gain(problem, gain))
+            known = next(alone if settings._is_alone else regulators)
+            outcomes.append(settings.of_gain(problem, known.gain) if isinstance(known, Regulator) else known)
         return outcomes
 
+    @property
+    def _is_alone(self) -> bool:
+        """Whether the gain is that of no Riccati equation of a batch."""
+        return self.gain is not None or self.sampled
+
+    def margins(
+        self, problem: DesignProblem, design: Design, rates: Sequence[float | None]
+    ) -> LoopMargins | None:
+        """Those of the gain; `None` for a loop that is too large for them."""
+        try:
+            return loop_margins(
+                problem.plant,
+                design.gains["gain"],
+                sample_time=problem.sample_time,
+                delay=problem.delay,
+                driver_rates=rates,
+            )
+        except SettingError:
+            return None
+
+    def notes(self, problem: DesignProblem, design: Design) -> tuple[str, ...]:
+        """A sentence on a finished gain, and one on a gain that asks for no force."""
+        given = (
+            () if self.gain is None else (f"The gain, {len(self.gain)} x {len(self.gain[0])}, is as given.",)
+        )
+        (asked,) = asked_forces(problem, [design.gains["gain"]])
+        if asked is None or not asked.asks_for_none:
+            return given
+        return (*given, f"Asks for no force: {asked.in_words}; {self._too_small(problem, asked)}.")
+
+    def _too_small(self, problem: DesignProblem, asked: AskedForce) -> str:
+        """What is too large or too small in a law that asks for no force, and by which factor."""
+        if self.gain is not None:
+            return f"the gain is about {_power(1.0 / max(asked.share, 1e-300))} too small"
+        designed = self.weights(problem)
+        as_designed = isinstance(self.control_weight, float | int) and self.control_weight <= 1.0
+        if designed is not None and (designed.semi_active or as_designed):
+            return f"the budget is about {_power(1.0 / max(asked.share, 1e-300))} too small"
+        return f"R is about {_power(self._excess_of_control_weight(problem))} too large"
+
+    def _excess_of_control_weight(self, problem: DesignProblem) -> float:
+        """Factor by which R is to be divided for the law to act, from decade to decade.
+
+        With R going to zero the desired force of some weights stays below that of the dampers; half of its largest
+        value counts then.
+        """
+        factors = 10.0 ** np.arange(1.0, _DECADES)
+        designs = type(self).designs(
+            problem,
+            [replace(self, control_weight=_divide(self.control_weight, float(each))) for each in factors],
+        )
+        sound = [
+            (float(factor), each.gains["gain"])
+            for factor, each in zip(factors, designs, strict=True)
+            if isinstance(each, Design)
+        ]
+        asked = asked_forces(problem, [gain for _, gain in sound])
+        shares = {
+            factor: each.share for (factor, _), each in zip(sound, asked, strict=True) if each is not None
+        }
+        enough = min(1.0, 0.5 * max(shares.values(), default=1.0))
+        return next((factor for factor, share in shares.items() if share >= enough), float(factors[-1]))
+
     def certificate(self, problem: DesignProblem) -> str:
-        """Stability of the linear loop of the regulator, or of a sampled design."""
+        """Stability of the linear loop of the regulator, of a sampled design, or of a finished gain."""
+        if self.gain is not None:
+            margins = self.margins(problem, self.design(problem), problem.driver_rates)
+            stable = "is stable" if margins is not None and margins.stable else "is not shown to be stable"
+            return (
+                f"the linear loop of the given gain {stable} with the hardware of the study; the damper, which only "
+                "resists motion and saturates, is not covered"
+            )
         if self.sampled:
             return self._sampled_certificate(problem)
         regulator = self.regulator(problem)
@@ -111,7 +217,7 @@ class RegulatorSettings(CostWeights, LawSettings):
 
     def _sampled_certificate(self, problem: DesignProblem) -> str:
         assert self.designed is not None
-        system = self.designed.of_problem(problem).system
+        system = self.designed.of_problem(problem, self.budget_scale).system
         closed = np.eye(system.n_states) + system.step * (
             system.A - system.B @ self.sampled_gain(problem) @ system.state
         )
@@ -122,6 +228,24 @@ class RegulatorSettings(CostWeights, LawSettings):
             "has a lower cost of the designed weights; the damper, which only resists motion and saturates, is not "
             "covered"
         )
+
+
+_DECADES = 31
+
+
+def _power(factor: float) -> str:
+    """A factor to the nearest power of ten."""
+    return f"1e{max(1, round(float(np.log10(factor))))}"
+
+
+def _divide(weight: Weights | None, factor: float) -> Weights | None:
+    """A control weight over a factor, in its form."""
+    numbers = np.asarray(weight, dtype=np.float64) / factor
+    return float(numbers) if numbers.ndim == 0 else _as_rows(numbers)
+
+
+def _as_rows(numbers: Floats) -> Weights:
+    return tuple(numbers.tolist()) if numbers.ndim == 1 else tuple(map(tuple, numbers.tolist()))
 
 
 @checked
@@ -212,6 +336,12 @@ class SignalSettings(RegulatorSettings):
         above=0.0,
         span=_about("force"),
     )
+
+    def margins(
+        self, problem: DesignProblem, design: Design, rates: Sequence[float | None]
+    ) -> LoopMargins | None:
+        """None: the law is no linear one, also without saturation."""
+        return None
 
     def certificate(self, problem: DesignProblem) -> str:
         """The range of the command."""

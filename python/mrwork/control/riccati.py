@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Sequence
 from enum import IntEnum
-from typing import Literal
+from typing import Literal, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,6 +14,9 @@ from mrwork.arguments import Threads, checked
 from mrwork.errors import SettingError
 from mrwork.summary import Summarised, Summary
 from mrwork.values import Floats, array_dataclass
+
+T = TypeVar("T")
+U = TypeVar("U")
 
 Time = Literal["continuous", "discrete"]
 """Whether a plant is a differential equation or goes from sample to sample."""
@@ -321,3 +325,23 @@ def _scaling(given: ArrayLike, n: int) -> Floats:
 def _dual(scaling: Floats) -> Floats:
     """The scaling of A' that goes with the scaling of A."""
     return _transpose(np.asarray(np.linalg.inv(scaling), dtype=np.float64))
+
+
+def attempt_each(make: Callable[[T], U], many: Iterable[T]) -> list[U | SettingError]:
+    """Result of a function for each item, or the error that it raised."""
+    outcomes: list[U | SettingError] = []
+    for each in many:
+        try:
+            outcomes.append(make(each))
+        except SettingError as reason:
+            outcomes.append(reason)
+    return outcomes
+
+
+def solve_together(
+    solve: Callable[[list[T]], Iterable[U | SettingError]], many: Sequence[T | SettingError]
+) -> list[U | SettingError]:
+    """Results of one call for all items that are not errors; errors keep their places."""
+    sound = [each for each in many if not isinstance(each, SettingError)]
+    solved = iter(solve(sound) if sound else ())
+    return [each if isinstance(each, SettingError) else next(solved) for each in many]

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mrwork.arguments import Positive, checked
-from mrwork.control.design_problem import Design, DesignProblem, LawSettings, Span, attempt_each
+from mrwork.control.design_problem import Design, DesignProblem, LawSettings, Span
 from mrwork.control.plant import Plant
-from mrwork.control.riccati import solve_riccati
+from mrwork.control.riccati import attempt_each, solve_riccati
 from mrwork.errors import MrworkWarning, SettingError
 from mrwork.hints import Within
 from mrwork.keys import key, keys_of

@@ -6,21 +6,29 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any, Literal
 
 import numpy as np
 import scipy
 
 from mrwork.arguments import checked
-from mrwork.control.design.designed import SCAN, DesignedWeights
+from mrwork.control.design.designed import DesignedWeights
 from mrwork.control.design.designer import design_weights
-from mrwork.control.design.limits import LoopTiming, RmsLimits, SemiActiveCondition, stiffness_cases
+from mrwork.control.design.limits import (
+    Limit,
+    LoopTiming,
+    RmsLimits,
+    SemiActiveCondition,
+    as_forces,
+    stiffness_cases,
+)
+from mrwork.control.design.system import useful_force
+from mrwork.control.design_basis import damper_forces, forces_in_words, ground_of, source_in_words
 from mrwork.control.design_problem import DesignProblem, Magnitude, Magnitudes, Span
 from mrwork.control.lqr import Weighed, Weights, weighed_outputs, weighed_state, weight_matrix
 from mrwork.control.plant import (
     Outputs,
-    Plant,
     accelerations,
     deformation_rates,
     displacements,
@@ -29,34 +37,55 @@ from mrwork.control.plant import (
     stack_outputs,
     velocities,
 )
-from mrwork.errors import InvalidSettingError
-from mrwork.keys import DeclaredTable, key
+from mrwork.errors import InvalidSettingError, SettingError
+from mrwork.keys import DeclaredTable, key, keys_of
 from mrwork.motions.spectral_density import CloughPenzien, KanaiTajimi, SpectralDensity
+from mrwork.motions.stationary import ground_in_words, with_intensity
+from mrwork.numbers import of_unit
 from mrwork.values import Floats
 
 _FIRM = KanaiTajimi()
-_LIMITS = ("rms_drift", "rms_acceleration", "rms_displacement", "rms_force")
+# Shares of the budget of the dampers that are tried until a design has a solution.
+_SHARES = (1.0, 0.5, 0.25, 0.125)
 
 
 @checked
 class WeightWishes(RmsLimits, metaclass=DeclaredTable):
     """Weights of a law from limits on rms responses and a budget of force, see `design_weights`.
 
-    They are scaled such that control_weight = 1 is R as designed; its size is to be scanned in the true loop.
+    They are scaled such that control_weight = 1 is R as designed; its size is to be scanned in the true loop, or with
+    semi_active that of the budget by budget_scale. Ground and budget are by default those of the study: strength and
+    spectrum of its training motions, see `stationary_ground`, and the force of its dampers; the output states both.
     """
 
-    budget: float | tuple[float, ...] = key(
-        "largest rms desired force of each device with all its dampers", unit="N", above=0.0
+    budget: float | tuple[float, ...] | None = key(
+        "largest rms desired force of each device with all its dampers; by default a third of their largest force at "
+        "their largest command, over their tested range, and at most a fifth of the inertia of the building",
+        unit="N",
+        default=None,
+        above=0.0,
     )
     spectrum: Literal["kanai_tajimi", "clough_penzien"] = key(
         "spectrum of the ground acceleration", default="kanai_tajimi"
     )
-    ground_frequency: float = key("frequency of the ground", unit="rad/s", default=_FIRM.frequency, above=0.0)
-    ground_damping: float = key("damping ratio of the ground", default=_FIRM.damping, above=0.0)
-    intensity: float = key(
-        "two-sided spectral density of the bedrock; only the budget over its root matters",
+    ground_frequency: float | None = key(
+        "frequency of the ground, by default that of the training motions",
+        unit="rad/s",
+        default=None,
+        least=1e-3,
+        most=1e4,
+    )
+    ground_damping: float | None = key(
+        "damping ratio of the ground, by default that of the training motions",
+        default=None,
+        least=1e-4,
+        most=1e3,
+    )
+    intensity: float | None = key(
+        "two-sided spectral density of the bedrock, by default that with the mean square of the training motions; only "
+        "the budget over its root matters",
         unit="m2/s3",
-        default=_FIRM.intensity,
+        default=None,
         above=0.0,
     )
     record: str | None = key(
@@ -68,7 +97,8 @@ class WeightWishes(RmsLimits, metaclass=DeclaredTable):
         above=0.0,
     )
     semi_active: float | None = key(
-        "share b of the condition that the desired force be that of a damper, between 0 and 1",
+        "share b of the condition that the desired force be that of a damper, between 0 and 1; the budget decides the "
+        "law then, R hardly matters",
         default=None,
         above=0.0,
     )
@@ -79,59 +109,130 @@ class WeightWishes(RmsLimits, metaclass=DeclaredTable):
         default=False,
     )
 
-    def of_problem(self, problem: DesignProblem) -> DesignedWeights:
-        """The weights for a building with its devices, and its loop if the design is sampled."""
-        return self.design(problem.plant, problem.timing if self.sampled else None)
+    def of_problem(self, problem: DesignProblem, budget_scale: float = 1.0) -> DesignedWeights:
+        """The weights for a building with its devices, and its loop if the design is sampled.
 
-    def design(self, plant: Plant, timing: LoopTiming | None = None) -> DesignedWeights:
-        """The weights for the building and devices of a plant, which keeps them: a search tries many sizes of R."""
+        The plant keeps them, because a search tries many sizes of R. The budget is multiplied by `budget_scale`.
+        """
+        plant, timing = problem.plant, problem.timing if self.sampled else None
         known: dict[object, DesignedWeights] = plant._designs
-        if (self, timing) not in known:
-            known[self, timing] = self._design(plant, timing)
-        return known[self, timing]
+        if (self, timing, budget_scale) not in known:
+            known[self, timing, budget_scale] = self._design(problem, timing, budget_scale)
+        return known[self, timing, budget_scale]
 
-    def _design(self, plant: Plant, timing: LoopTiming | None) -> DesignedWeights:
-        spectrum = self.spectral_density()
-        limits = {name: value for name in _LIMITS if (value := getattr(self, name)) is not None}
-        return design_weights(
-            plant.building,
-            plant.attachment,
-            limits=limits,
-            budget=self.budget if isinstance(self.budget, float | int) else list(self.budget),
-            spectrum=None if self.stiffness else spectrum,
-            cases=stiffness_cases(plant.building, self.stiffness, spectrum) if self.stiffness else (),
-            timing=timing,
-            semi_active=None if self.semi_active is None else SemiActiveCondition(share=self.semi_active),
-        )
+    def _design(
+        self, problem: DesignProblem, timing: LoopTiming | None, budget_scale: float
+    ) -> DesignedWeights:
+        plant = problem.plant
+        spectrum, ground = self.spectral_density(problem)
+        forces, budget = self._budgets(problem, spectrum)
+        if budget_scale != 1.0:
+            budget = f"{budget} Times the budget_scale, {budget_scale:g}."
+        limits = {name: value for name, value in self._limits().items() if value is not None}
 
-    def spectral_density(self) -> SpectralDensity:
-        """The spectrum by its numbers, or fitted to the record."""
+        def design(share: float) -> DesignedWeights:
+            return design_weights(
+                plant.building,
+                plant.attachment,
+                limits=limits,
+                budget=(share * budget_scale * forces).tolist(),
+                spectrum=None if self.stiffness else spectrum,
+                cases=stiffness_cases(plant.building, self.stiffness, spectrum) if self.stiffness else (),
+                timing=timing,
+                semi_active=None if self.semi_active is None else SemiActiveCondition(share=self.semi_active),
+            )
+
+        # A budget that nobody has stated may be more than a sampled design has use for.
+        shares = (1.0,) if self.budget is not None else _SHARES
+        for share in shares:
+            try:
+                designed = design(share)
+            except SettingError:
+                if share == shares[-1]:
+                    raise
+                continue
+            if share < 1.0:
+                budget = f"{budget} Times {share:g}, since the design has no solution with more."
+            break
+        return replace(designed, origin=(ground, budget))
+
+    def _limits(self) -> dict[str, Limit | None]:
+        return {entry.name: getattr(self, entry.name) for entry in keys_of(RmsLimits)}
+
+    def _budgets(self, problem: DesignProblem, spectrum: SpectralDensity) -> tuple[Floats, str]:
+        """The budget of each device [N], and a sentence on it."""
+        if self.budget is not None:
+            forces = as_forces(self.budget, problem.plant)
+            return forces, f"Budget: {_newtons(forces)} rms, as given."
+        found = damper_forces(problem, spectrum)
+        if not (found.budgets > 0.0).all():
+            raise InvalidSettingError(
+                "budget",
+                "the dampers have no force at their largest command, which would be the budget; give one",
+            )
+        source = f"a third of {forces_in_words(problem.whole.devices, found)}; a peak counts as three times the rms"
+        useful = useful_force(problem.plant, spectrum)
+        if useful < found.budgets.max():
+            budgets = np.minimum(found.budgets, useful)
+            return budgets, (
+                f"Budget: {_newtons(budgets)} rms, a fifth of the inertia of the building under this ground, for more "
+                f"is of no use; the dampers give {_newtons(found.budgets)}, {source}."
+            )
+        return found.budgets, f"Budget: {_newtons(found.budgets)} rms, {source}."
+
+    def spectral_density(self, problem: DesignProblem) -> tuple[SpectralDensity, str]:
+        """The spectrum as given, fitted to the record, or that of the motions of a problem; and a sentence on it."""
+        spectrum, source = self._find_ground(problem)
+        return spectrum, f"Ground: {ground_in_words(spectrum)}; {source}."
+
+    def _find_ground(self, problem: DesignProblem) -> tuple[SpectralDensity, str]:
+        numbers = {
+            name: getattr(self, name)
+            for name in ("ground_frequency", "ground_damping", "intensity")
+            if getattr(self, name) is not None
+        }
         if self.record is not None:
-            if (self.ground_frequency, self.ground_damping, self.intensity) != (
-                _FIRM.frequency,
-                _FIRM.damping,
-                _FIRM.intensity,
-            ):
+            if numbers:
                 raise InvalidSettingError(
                     "record", "the spectrum is fitted to the record, or given by its numbers; keep one"
                 )
             from mrwork.motions.read import read_motion
             from mrwork.motions.spectrum import fitted_spectrum
 
-            return fitted_spectrum(read_motion(self.record), self.spectrum)
-        soil = KanaiTajimi(
-            frequency=self.ground_frequency, damping=self.ground_damping, intensity=self.intensity
-        )
-        return soil if self.spectrum == "kanai_tajimi" else CloughPenzien(soil=soil)
+            motion = read_motion(self.record)
+            return fitted_spectrum(motion, self.spectrum), f"fitted to the record {motion.name}, as asked"
+        if len(numbers) == 3 or not problem.motions:
+            soil = replace(
+                _FIRM,
+                **{name.removeprefix("ground_"): value for name, value in numbers.items()},
+            )
+            firm = "firm soil of about 0.3 g, since no motion of a study is known"
+            given = f"with {', '.join(numbers)} as given" if numbers else ""
+            source = "as given" if len(numbers) == 3 else ", ".join(filter(None, (firm, given)))
+            return soil if self.spectrum == "kanai_tajimi" else CloughPenzien(soil=soil), source
+        try:
+            found = ground_of(problem, self.spectrum, self.ground_frequency, self.ground_damping)
+        except SettingError as error:
+            raise SettingError(
+                f"{error}; or give designed its ground_frequency, ground_damping and intensity"
+            ) from error
+        spectrum, source = found.spectrum, source_in_words(problem)
+        if self.intensity is not None:
+            spectrum = with_intensity(spectrum, self.intensity)
+        if numbers:
+            source += f", with {', '.join(numbers)} as given"
+        if found.narrow:
+            source += (
+                "; the motions are nearly harmonic, and the noise has their strength, not their shape: judge limits by "
+                "the responses of the study"
+            )
+        return spectrum, source
 
-    def in_words(self, problem: DesignProblem) -> tuple[str, ...]:
-        """Sentences on what the design reaches, which limits bind, and how to use the weights."""
-        return (*self.of_problem(problem).in_words, SCAN)
 
-    def relative_control_weight(self, plant: Plant) -> tuple[float, ...]:
-        """R of each device as designed, over their mean."""
-        designed_weight = self.design(plant).control_weight
-        return tuple((designed_weight / designed_weight.mean()).tolist())
+def _newtons(forces: Floats) -> str:
+    """Forces with their unit, one where all are equal."""
+    shown = dict.fromkeys(of_unit(float(each), "N") for each in forces)
+    return ", ".join(shown)
 
 
 def _declare_weight(says: str, unit: str = "", of: Magnitude | None = None, *, free: bool = False) -> Any:
@@ -181,11 +282,23 @@ class CostWeights:
         "weights designed from limits on rms responses and a budget of force, instead of any others",
         default=None,
     )
+    budget_scale: float = key(
+        "factor of the budget of designed weights; with semi_active it is searched instead of R",
+        default=1.0,
+        above=0.0,
+        span=Span(lower=0.1, upper=10.0, free=False),
+    )
 
-    def weigh_outputs(self, plant: Plant) -> Weighed:
+    def weigh_outputs(self, problem: DesignProblem) -> Weighed:
         """The sum of what the weights add to the cost."""
         if self.designed is not None:
-            return self._weigh_designed(self.designed, plant)
+            return self._weigh_designed(self.designed, problem)
+        if self.budget_scale != 1.0:
+            raise InvalidSettingError(
+                "budget_scale",
+                "budget_scale is a factor of the budget of designed weights; give designed, or leave it out",
+            )
+        plant = problem.plant
         given: list[tuple[Outputs, Floats]] = []
         for name, make, each in _OUTPUTS:
             weights = getattr(self, name)
@@ -212,7 +325,7 @@ class CostWeights:
             S=_sum([part.S for part in parts]),
         )
 
-    def _weigh_designed(self, wishes: WeightWishes, plant: Plant) -> Weighed:
+    def _weigh_designed(self, wishes: WeightWishes, problem: DesignProblem) -> Weighed:
         """Cost of designed weights, scaled such that the mean control weight is 1 as designed."""
         self.check_designed_alone()
         if wishes.sampled:
@@ -220,7 +333,7 @@ class CostWeights:
                 "designed",
                 "a sampled design gives the gain of a desired force, and this law takes weights; leave sampled out",
             )
-        designed = wishes.design(plant)
+        designed = wishes.of_problem(problem, self.budget_scale)
         scale = 1.0 / float(designed.control_weight.mean())
         S = designed.R - np.diag(designed.control_weight)
         return Weighed(Q=scale * designed.Q, N=scale * designed.N, S=scale * S)
@@ -236,14 +349,14 @@ class CostWeights:
             if getattr(self, name) is not None:
                 raise InvalidSettingError("designed", f"the law has designed weights, and {name}; keep one")
 
-    def notes(self, problem: DesignProblem) -> tuple[str, ...]:
-        """Sentences on what designed weights reach, and how to use them."""
-        return () if self.designed is None else self.designed.in_words(problem)
+    def weights(self, problem: DesignProblem) -> DesignedWeights | None:
+        """The designed weights, if the law has any."""
+        return None if self.designed is None else self.designed.of_problem(problem, self.budget_scale)
 
     @classmethod
     def weight_names(cls) -> frozenset[str]:
         """Names of the settings that are weights of outputs or states."""
-        return frozenset(each.name for each in fields(CostWeights))
+        return frozenset(each.name for each in fields(CostWeights)) - {"budget_scale"}
 
     @classmethod
     def cost(cls, held: Mapping[str, float], magnitudes: Magnitudes) -> float:

@@ -138,6 +138,14 @@ class Box:
         return xp.stack(columns, axis=-1)
 
     @checked
+    def unit_slope(self, theta: AnyArray) -> Array:
+        """Derivative of each free parameter by its unit coordinate, (..., n_free), at `theta`, (..., n_params)."""
+        self._check("theta", theta, len(self.names))
+        xp = theta.__array_namespace__()
+        _, span, log = self._spread(xp)
+        return span * xp.where(log, theta[..., np.array(self.free, dtype=int)], 1.0)
+
+    @checked
     def unit_from_theta(self, theta: AnyArray) -> Array:
         """Unit coordinates, shape (..., n_free), from physical parameters, shape (..., n_params).
 

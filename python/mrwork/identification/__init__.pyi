@@ -1,3 +1,5 @@
+from .candidates import CandidateObjective as CandidateObjective
+from .candidates import ForceSensitivities as ForceSensitivities
 from .equivalent import search_box as search_box
 from .fit import Fit as Fit
 from .objective import Objective as Objective
@@ -7,6 +9,7 @@ from .settings import Multistart as Multistart
 
 if True:  # the lower tier
     from .equivalent import identifiable_form as identifiable_form
+    from .fit import FittedParameter as FittedParameter
     from .level_search import LevelFit as LevelFit
     from .level_search import joint_starts as joint_starts
     from .level_search import levels_of as levels_of

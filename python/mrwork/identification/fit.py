@@ -13,10 +13,12 @@ from mrwork.errors import UnknownNameError
 from mrwork.identification.residual import NONE, Nuisance, NuisanceName
 from mrwork.identification.settings import FitSettings, Reading
 from mrwork.keys import suggestion
+from mrwork.labelled import NamedArray, NamedArrays, WithAxes, columns_of, labels_of, number_labels
 from mrwork.numbers import format_rounded, of_unit
 from mrwork.records import AS_IT_IS, DamperTest, Observation, observed
 from mrwork.records.damper_test import OperatingRange, Outside, range_of_test
 from mrwork.records.likeness import Likeness, RecordedMotion, likest_of_other_force, likest_of_same_force
+from mrwork.search.rules import ended_in_words
 from mrwork.store.codec import LowerBound, OrInfinite, Related, UpperBound, digest_of
 from mrwork.summary import Summarised, Summary, list_names
 from mrwork.tested_range import outside_of
@@ -188,21 +190,6 @@ _ROUNDING = 1e-6
 NEGLIGIBLE = 0.1
 """Negligible difference in fit [percentage points]: the cycles of a real test repeat to 97-99 %."""
 
-# Why a search ended, in words.
-_ENDED = {
-    "found_again": "once enough local minimisations had reached the best minimum",
-    "max_rounds": "at the limit of local minimisations",
-    "hypothesis_test": "by the hypothesis test on its decay",
-    "stall": "when the best no longer improved",
-    "spread": "when the population had drawn together",
-    "max_generations": "at the limit of generations",
-    "max_evaluations": "at the limit of simulations",
-    "max_seconds": "at the limit of time",
-    "target": "at the target misfit",
-    "callback": "on request",
-    "interrupted": "by an interrupt",
-}
-
 FitStatus = Literal["converged", "not_converged", "interrupted", "stopped"]
 Remark = Literal["", "fixed", "at lower bound", "at upper bound", "not identifiable"]
 
@@ -236,6 +223,40 @@ class Estimate:
             self,
             standard_error=verdict.standard_error,
             remark="not identifiable" if undetermined else kept,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FittedParameter:
+    """One parameter of a fit, in SI, as a script asks for it.
+
+    `error` is the standard error, `None` where there is none, see `Estimate`; `verdict` and `reason` are those of
+    `Fit.verdict_on`. `tie` is the expression that the parameter is tied to, empty where it is not.
+    """
+
+    _made_by: ClassVar[str] = "fit.parameters"
+
+    name: str
+    value: float
+    error: float | None
+    unit: str
+    lower: float
+    upper: float
+    verdict: str
+    reason: str = ""
+    tie: str = ""
+
+
+class _Parameters(dict[str, FittedParameter]):
+    """Parameters by name, which answer another name with what was meant."""
+
+    def __init__(self, model: str) -> None:
+        super().__init__()
+        self.model = model
+
+    def __missing__(self, name: str) -> FittedParameter:
+        raise UnknownNameError(
+            f"{self.model} has no parameter {name!r}{suggestion(name, [*self], otherwise='it has')}"
         )
 
 
@@ -292,7 +313,7 @@ class SearchTrace(Summarised, Related):
     @property
     def ended(self) -> str:
         """Why the search ended, in words."""
-        return _ENDED.get(self.stop_reason, self.stop_reason)
+        return ended_in_words(self.stop_reason)
 
     def disagreement(self) -> str:
         """First contradiction: an array without one entry per generation."""
@@ -319,7 +340,7 @@ class Provenance:
 
 
 @array_dataclass(repr=False)
-class Fit(Summarised, Related):
+class Fit(WithAxes, Summarised, Related):
     """An identified damper: estimates in the order of the model's spec, quality per test, provenance.
 
     `n_effective` is the effective number of samples that the standard errors assume, see `effective_samples`; `None`
@@ -465,6 +486,40 @@ class Fit(Summarised, Related):
         return replace(self, provenance=replace(self.provenance, settings=settings))
 
     @property
+    def ties(self) -> Mapping[str, str]:
+        """The expressions of the parameters that are tied to others, by name."""
+        recorded = self.provenance.settings.get("ties", {})
+        return recorded if isinstance(recorded, Mapping) else {}
+
+    @property
+    def parameters(self) -> Mapping[str, FittedParameter]:
+        """The parameters by name, each with value, error, unit, bounds and verdict.
+
+        Examples
+        --------
+        >>> import mrwork as mr
+        >>> fit = mr.identify("bingham", mr.synthetic_test("spencer1997"))
+        >>> fit.parameters["c0"].unit, fit.parameters["c0"].value > 0.0
+        ('N s/m', True)
+        """
+        ties = self.ties
+        found = _Parameters(self.model)
+        for each in self.estimates:
+            verdict, reason = self.verdict_on(each.name)
+            found[each.name] = FittedParameter(
+                name=each.name,
+                value=each.value,
+                error=each.standard_error,
+                unit=each.unit,
+                lower=each.lower,
+                upper=each.upper,
+                verdict=verdict,
+                reason=reason,
+                tie=ties.get(each.name, ""),
+            )
+        return found
+
+    @property
     def theta(self) -> tuple[float, ...]:
         """Parameter values in spec order."""
         return tuple(estimate.value for estimate in self.estimates)
@@ -513,7 +568,7 @@ class Fit(Summarised, Related):
     def verdict_on(self, name: str) -> tuple[str, str]:
         """Verdict on a parameter with its reason, from its interval or else from the derivatives at the fit.
 
-        Instead of a verdict "fixed", and empty where none is known.
+        Instead of a verdict "fixed" or "tied", and empty where none is known.
 
         Raises
         ------
@@ -527,6 +582,8 @@ class Fit(Summarised, Related):
         (estimate,) = named
         if estimate.remark == "fixed":
             return "fixed", ""
+        if name in self.ties:
+            return "tied", f"it is {self.ties[name]}"
         verdict = None if self.identifiability is None else self.identifiability.verdict_on(name)
         interval = None if self.intervals is None else self.intervals.of(name)
         if verdict is not None:
@@ -540,6 +597,66 @@ class Fit(Summarised, Related):
             return format_rounded(estimate.standard_error, 2)
         interval = self.intervals.of(estimate.name)
         return "-" if interval is None else interval.in_words(format_rounded)
+
+    def _named_arrays(self) -> NamedArrays:
+        parameters = columns_of(
+            self.estimates,
+            "parameter",
+            {
+                "value": ("", "value of the fit"),
+                "standard_error": ("", self.uncertainty_heading),
+                "lower": ("", "lower bound"),
+                "upper": ("", "upper bound"),
+            },
+        )
+        verdicts = [self.verdict_on(each.name)[0] for each in self.estimates]
+        intervals = [
+            None if self.intervals is None else self.intervals.of(each.name) for each in self.estimates
+        ]
+        ends = {
+            f"interval_{end}": NamedArray.of(
+                [None if each is None else getattr(each, end) for each in intervals],
+                "parameter",
+                long_name=f"{end} end of the interval",
+            )
+            for end in (() if self.intervals is None else ("lower", "upper"))
+        }
+        tests = columns_of(
+            self.quality,
+            "test",
+            {
+                "fit_percent": ("%", "fit"),
+                "nrmse": ("1", "error over the standard deviation of the force"),
+                "rmse_n": ("N", "root mean square error"),
+                "residual_autocorrelation": ("1", "autocorrelation of the residual"),
+                "n_time": ("1", "samples that are compared"),
+            },
+        )
+        search = {
+            f"search_{name}": NamedArray.of(getattr(self.trace, name), "generation", long_name=words)
+            for name, words in (
+                ("evaluations", "simulations so far"),
+                ("best", "least misfit so far"),
+                ("median", "median misfit of the population"),
+            )
+        }
+        return NamedArrays(
+            title=f"Fit of {self.model}",
+            rows=("parameter",),
+            labels={
+                "parameter": labels_of([each.name for each in self.estimates]),
+                "test": labels_of([each.test for each in self.quality]),
+                "generation": number_labels(len(self.trace.best)),
+            },
+            along=columns_of(self.estimates, "parameter", {"unit": ("", "unit of the parameter")}),
+            arrays={
+                **parameters,
+                **ends,
+                "verdict": NamedArray.of(verdicts, "parameter", long_name="identifiability"),
+                **tests,
+                **search,
+            },
+        )
 
     def as_dict(self) -> dict[str, Any]:
         """Nested dictionaries and lists for JSON, without the forces and the live settings."""

@@ -75,6 +75,9 @@ def nested_fit(
         return None
     simpler = damper(nesting.model)
     names = objective.spec.names
+    if objective.settings.ties:
+        # Without the ties the simpler model would be contained no more.
+        return None
     form = identifiable_form(simpler, bounds_of(box, nesting.shared))
     rough = objective.on(simpler, objective.tests)
     search = replace(

@@ -43,6 +43,7 @@ def identify(
     nuisances: Sequence[NuisanceName] = (),
     observe: str | Sequence[str] = DETECT,
     starts: Sequence[Start] = (),
+    ties: Mapping[str, str] | None = None,
     power: float = 2.0,
     force_exponent: float = 1.0,
     engine: Engine = "lanes",
@@ -82,6 +83,10 @@ def identify(
         Starts of the final fit, by parameter name, in addition to those of the search; `start_from` takes them from an
         earlier fit. A parameter that is not named has the value of the best point found; a value outside the bounds is
         moved inside.
+    ties
+        Parameter name to an expression of others, such as {"k": "2*c"}: numbers, parameters, parentheses and
+        + - * / **. A tied parameter is none of the search; it stays inside its bounds, and its standard error follows
+        from those of the others.
     power
         The objective is (mean NRMSE^power)^(1/power) over the tests: 2 is the root mean square, a higher power gives
         more weight to the worst test.
@@ -111,10 +116,10 @@ def identify(
     Raises
     ------
     SettingError
-        Where a bound or a power is impossible, a start cannot be used, the search was read from a file and is not
-        registered, or the engine is the twin and a test has an observation model.
+        Where a bound, a tie or a power is impossible, a start cannot be used, the search was read from a file and is
+        not registered, or the engine is the twin and there are ties or a test has an observation model.
     UnknownNameError
-        Where a start names a parameter that the model does not have, or there is no such search.
+        Where a start or a tie names a parameter that the model does not have, or there is no such search.
     SimulationError
         Where no candidate could be simulated.
     JournalError
@@ -138,6 +143,7 @@ def identify(
         search=search,
         bounds=dict(bounds or {}),
         starts=tuple(dict(start) for start in starts),
+        ties=dict(ties or {}),
         power=power,
         force_exponent=force_exponent,
         engine=engine,
@@ -324,7 +330,7 @@ class _Ending:
             if model.n_states:
                 continue
             bounds = {name: ends for name, ends in settings.bounds.items() if name in model.names}
-            own = replace(settings, bounds=bounds, starts=(), search=None, engine="lanes")
+            own = replace(settings, bounds=bounds, starts=(), ties={}, search=None, engine="lanes")
             try:
                 fits.append(
                     identify_with(

@@ -361,6 +361,13 @@ def levels_of(spec: DamperSpec, tests: Sequence[DamperTest]) -> dict[float, tupl
     return levels
 
 
+def count_levels(spec: DamperSpec, tests: Sequence[DamperTest]) -> int:
+    """Number of commands at which a search of these tests knows the laws."""
+    if has_levels(spec, tests):
+        return len(_by_level(spec, [test for test in tests if command_is_constant(test, spec)]))
+    return len(tested_commands(spec, tests))
+
+
 def refuse_few_levels(spec: DamperSpec, n_levels: int) -> None:
     """Refuse laws with more coefficients than there are commands."""
     if n_levels < levels_needed(spec):

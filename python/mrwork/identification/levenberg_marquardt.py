@@ -23,7 +23,7 @@ from mrwork.dampers.coordinates import Box
 from mrwork.errors import JournalError
 from mrwork.identification.objective import Objective, linearise_residuals
 from mrwork.identification.residual import ObservedTest
-from mrwork.simulate import stiffness_shares
+from mrwork.simulation import stiffness_shares
 from mrwork.values import Floats, array_dataclass
 
 # Distance from the limit that a step along it keeps, in the logarithm of the stiffness: the limit is curved.
@@ -96,7 +96,7 @@ def _stiffness_and_slope(tests: Sequence[ObservedTest], box: Box, latent: Floats
 def _log_stiffness(tests: Sequence[ObservedTest], theta: Floats) -> Floats:
     """Logarithm of the stiffness as a share of the limit, shape (n_batch, n_tests); infinite where it has none."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        shares = [stiffness_shares(each.spec, theta, each.history) for each in tests]
+        shares = [stiffness_shares(each.spec, each.tie(theta), each.history) for each in tests]
         stiffness = np.log(np.stack(shares, axis=1))
     return np.where(np.isnan(stiffness), np.inf, stiffness)
 

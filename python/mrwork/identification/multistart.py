@@ -108,13 +108,14 @@ def far_worse_sentence(
         for index in worse
     ]
     shown = list_names(both, _SHOWN)
+    other = "compare other models (--model A,B)"
     tests_shown = f"{len(worse)} of {len(tests)} tests are described far worse together than alone: {shown}"
     if found_again:
         return (
-            f"{tests_shown}; several starts end in this minimum, so these laws cannot follow the tests: let more "
-            "parameters follow the command, or give laws of a higher degree"
+            f"{tests_shown}; several starts end in this minimum, so these laws of this model cannot follow the tests: "
+            f"let more parameters follow the command, give laws of a higher degree (--law auto tries both), or {other}"
         )
-    return f"false minimum suspected: {tests_shown}; try another seed, or other laws"
+    return f"false minimum suspected: {tests_shown}; try another seed, other laws (--law auto), or {other}"
 
 
 # A second minimum is fitted too if its misfit is larger by this share at most, and a unit coordinate differs by more

@@ -10,13 +10,15 @@ import numpy as np
 
 from mrwork import _rust
 from mrwork.arguments import AnyNumbers, Shape, Threads, checked
+from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import RecordError, SettingError
 from mrwork.identification.progress import Tally, on_every_test
 from mrwork.identification.residual import ObservedTest
 from mrwork.identification.settings import EQUAL_SHARES, ROOT_MEAN_SQUARE, FitSettings
+from mrwork.identification.ties import Ties
 from mrwork.records import AS_IT_IS, DamperTest
-from mrwork.simulate import Misfits, Outcome, simulate_misfits
+from mrwork.simulation import Misfits, Outcome, simulate_misfits
 from mrwork.store.codec import digest_of
 from mrwork.store.journal import Journal
 from mrwork.summary import Summarised
@@ -54,7 +56,15 @@ def _observe_tests(
         raise RecordError("no test was given to identify from; name at least one file")
     compared = [ObservedTest.of(spec, test, settings.nuisances) for test in tests]
     shares = shares_of(compared, settings)
-    return tuple(replace(each, share=share) for each, share in zip(compared, shares, strict=True))
+    ties = ties_of(spec, settings)
+    return tuple(replace(each, share=share, ties=ties) for each, share in zip(compared, shares, strict=True))
+
+
+def ties_of(spec: DamperSpec, settings: FitSettings) -> Ties | None:
+    """The ties of the settings for a model; `None` where there are none."""
+    if not settings.ties:
+        return None
+    return Ties.of(spec, settings.ties, Box.of(spec).with_bounds(settings.bounds))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
@@ -137,14 +147,17 @@ class Objective(Summarised):
     def is_direct(self) -> bool:
         """Whether the simulated force is compared directly, from a sample on.
 
-        There are no observation models, nuisance parameters or spans that are not compared.
+        There are no observation models, nuisance parameters, weights, losses or spans that are not compared.
         """
         return not self.settings.nuisances and all(
-            test.observation == AS_IT_IS and not test.uncompared for test in self.tests
+            each.is_plain and each.test.observation == AS_IT_IS and not each.test.uncompared
+            for each in self.compared
         )
 
     def refuse_observation(self) -> None:
-        """Refuse tests with an observation model, which the twin does not have."""
+        """Refuse tests with an observation model, and ties, which the twin does not have."""
+        if self.settings.ties:
+            raise SettingError("the twin has no ties; sample in lanes, or leave the engine to `lanes`")
         for test in self.tests:
             if test.observation != AS_IT_IS:
                 raise SettingError(
@@ -286,7 +299,7 @@ class Objective(Summarised):
         each = self.compared[index]
         return simulate_misfits(
             self.spec,
-            theta,
+            each.tie(theta),
             each.history,
             each.test.force,
             first=each.test.n_settle,

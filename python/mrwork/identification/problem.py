@@ -15,12 +15,13 @@ from numpy.typing import ArrayLike
 from mrwork import _rust
 from mrwork.arguments import checked
 from mrwork.command_signal import Command, command_in_words, command_level
+from mrwork.dampers.conversions import Conversion
 from mrwork.dampers.parameters import CurrentLaw, LawName, ParamSpec, law_named
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.identification.equivalent import Form, identifiable_form
 from mrwork.identification.fit import Fit, Provenance
-from mrwork.identification.objective import Objective
+from mrwork.identification.objective import Objective, ties_of
 from mrwork.identification.residual import bounds_without_offsets, offset_warning
 from mrwork.identification.settings import (
     ROOT_MEAN_SQUARE,
@@ -94,7 +95,7 @@ class Problem:
         threads: int,
         journal: Journal | None = None,
     ) -> Problem:
-        form = identifiable_form(spec, settings.bounds)
+        form = tied_form(identifiable_form(spec, settings.bounds), spec, settings)
         objective = Objective.of(
             form.spec,
             tuple(observed(test, settings.observe) for test in tests),
@@ -125,6 +126,35 @@ class Problem:
         box = self.form.box
         converted = np.asarray(self.form.from_model(np.asarray(theta, dtype=np.float64)))
         return np.asarray(box.inside(np.clip(converted, box.lower, box.upper)))
+
+
+def tied_form(form: Form, spec: DamperSpec, settings: FitSettings) -> Form:
+    """The form in which the tied parameters do not vary, and follow in the parameters of the model."""
+    if not settings.ties:
+        return form
+    if spec.current is not None:
+        raise SettingError(
+            f"the parameters of {spec.name} follow the command, and ties are between constant parameters; leave out "
+            "the laws or the ties"
+        )
+    if form.spec.name != spec.name:
+        raise SettingError(
+            f"{spec.name} is identified as {form.spec.name}, since the data do not settle all of its parameters; tie "
+            f"those of {form.spec.name}"
+        )
+    if settings.engine != "lanes":
+        raise SettingError("the twin has no ties; leave the engine to `lanes`")
+    ties = ties_of(spec, settings)
+    assert ties is not None
+    # Values that nothing depends on.
+    somewhere = np.clip(spec.nominal, form.box.lower, form.box.upper)
+    held = {spec.names[index]: (float(somewhere[index]),) * 2 for index in ties.indices}
+    return replace(
+        form,
+        box=form.box.with_bounds(held),
+        to_model=Conversion(convert=ties.apply, jacobian=ties.jacobian),
+        mirrored=() if set(form.mirrored) & set(ties.indices) else form.mirrored,
+    )
 
 
 def _search_of(settings: FitSettings) -> Search:

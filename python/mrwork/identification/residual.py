@@ -17,11 +17,13 @@ from mrwork import _rust
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import RecordError, SettingError, SimulationError
 from mrwork.hints import SMALLEST
+from mrwork.identification.loss import Loss
+from mrwork.identification.ties import Ties
 from mrwork.records import AS_IT_IS, DamperTest
 from mrwork.records.checks import FORCE_OFFSET
 from mrwork.records.damper_test import delay_signal, loading_of
 from mrwork.records.detectors.velocity import refuse_velocity
-from mrwork.simulate import Outcome, simulate_forces, simulate_sensitivities
+from mrwork.simulation import Outcome, simulate_forces, simulate_sensitivities
 from mrwork.summary import list_names
 from mrwork.values import Floats, array_dataclass
 
@@ -213,8 +215,10 @@ class ObservedTest:
 
     `share` is the weight of its squared NRMSE among other tests. Residuals are the model's force minus the measured one
     [N], over the samples that are compared, with the nuisance parameters at their least-squares values for each
-    candidate. `counted` are these samples, `measured` is the force there [N], shape (n_counted,), and `variance` its
-    variance [N^2]: found once, because every simulation needs them.
+    candidate. They are multiplied by the `weights`, shape (n_counted,), and then transformed by the `loss`, if any.
+    Candidates have their tied parameters by the `ties`, whatever they had for them.
+    `counted` are these samples, `measured` is the force there [N], shape (n_counted,), and `variance` its variance
+    [N^2]: found once, because every simulation needs them.
     """
 
     spec: DamperSpec
@@ -222,6 +226,9 @@ class ObservedTest:
     history: _rust.LoadingHistory
     nuisances: tuple[NuisanceName, ...] = ()
     share: float = 1.0
+    weights: Floats | None = None
+    loss: Loss | None = None
+    ties: Ties | None = None
     counted: slice | NDArray[np.intp] = field(init=False)
     measured: Floats = field(init=False)
     variance: float = field(init=False)
@@ -256,6 +263,11 @@ class ObservedTest:
         return replace(ObservedTest.of(self.spec, test, self.nuisances), share=self.share)
 
     @property
+    def is_plain(self) -> bool:
+        """Whether the residuals are the differences of force, without weights or a loss."""
+        return self.weights is None and self.loss is None
+
+    @property
     def deviation(self) -> float:
         """Standard deviation of the measured force that is compared [N]."""
         return float(np.sqrt(self.variance))
@@ -269,7 +281,7 @@ class ObservedTest:
 
         For a row that failed, the observation model is applied to a force of zero.
         """
-        run = simulate_forces(self.spec, theta, self.history, threads=threads)
+        run = simulate_forces(self.spec, self.tie(theta), self.history, threads=threads)
         failed = run.outcome != Outcome.FINISHED
         run.force[failed] = 0.0
         return self.test.observation.observe(run.force, self.test.dt), failed
@@ -277,7 +289,8 @@ class ObservedTest:
     def residuals(self, theta: Floats, *, threads: int = 0) -> tuple[Floats, NDArray[np.bool_]]:
         """Residuals of each row of `theta` [N], shape (n_batch, n_counted), and which rows failed."""
         force, failed = self.forces(theta, threads=threads)
-        return without_nuisance(force[:, self.counted], self.measured, self.nuisances), failed
+        residuals = without_nuisance(force[:, self.counted], self.measured, self.nuisances)
+        return residuals if self.is_plain else self._emphasise(residuals)[0], failed
 
     def linearise_residuals(
         self, theta: Floats, columns: Sequence[int], *, threads: int = 0
@@ -286,19 +299,41 @@ class ObservedTest:
 
         Derivatives with respect to columns of `theta`, shape (n_batch, n_columns, n_counted), zero where a row failed.
         """
-        run = simulate_sensitivities(self.spec, theta, self.history, columns=columns, threads=threads)
+        tied = () if self.ties is None else self.ties.indices
+        every = [*columns, *(each for each in tied if each not in columns)]
+        run = simulate_sensitivities(self.spec, self.tie(theta), self.history, columns=every, threads=threads)
         failed = run.outcome != Outcome.FINISHED
         run.force[failed] = 0.0
         run.jacobian[failed] = 0.0
         observation, dt, counted = self.test.observation, self.test.dt, self.counted
         force, slope = run.force, run.jacobian
+        if self.ties is not None:
+            chain = self.ties.jacobian(theta)[:, every][:, :, list(columns)]
+            chain[failed] = 0.0
+            slope = np.einsum("bet,bep->bpt", slope, chain)
         if observation != AS_IT_IS:
             force = observation.observe(force, dt)
             slope = replace(observation, offset=0.0).observe(slope, dt)
         residuals, derivative = _linearised_without_nuisance(
             force[:, counted], slope[..., counted], self.measured, self.nuisances
         )
+        if not self.is_plain:
+            residuals, factor = self._emphasise(residuals)
+            derivative = derivative * factor[:, None]
         return residuals, derivative, failed
+
+    def tie(self, theta: Floats) -> Floats:
+        """Candidates as they are simulated, with their tied parameters."""
+        return theta if self.ties is None else self.ties.feasible(theta)
+
+    def _emphasise(self, residuals: Floats) -> tuple[Floats, Floats]:
+        """Residuals with weights and loss, and their derivatives by those without, both (n_batch, n_counted)."""
+        weights = np.ones(self.measured.size) if self.weights is None else self.weights
+        weighted = residuals * weights
+        if self.loss is None:
+            return weighted, np.broadcast_to(weights, weighted.shape)
+        transformed, factor = self.loss.transform(weighted)
+        return transformed, factor * weights
 
     def with_nuisance(self, force: Floats) -> tuple[Floats, Nuisance]:
         """Apply the least-squares nuisance parameters to a recorded `force` [N], shape (n_time,); return them too."""

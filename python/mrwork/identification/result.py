@@ -36,7 +36,7 @@ from mrwork.identification.problem import Problem, provenance_of
 from mrwork.identification.residual import NONE, Nuisance, NuisanceName, ObservedTest
 from mrwork.records import DamperTest, RecordedMotion
 from mrwork.records.damper_test import loading_of, range_of_tests
-from mrwork.simulate import stiffness_shares
+from mrwork.simulation import stiffness_shares
 from mrwork.summary import list_names
 from mrwork.tested_range import OperatingRange
 from mrwork.values import Floats, array_dataclass

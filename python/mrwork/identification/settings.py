@@ -282,6 +282,7 @@ class FitSettings:
     search: Search | str | None = None
     bounds: Mapping[str, tuple[LowerBound, UpperBound]] = field(default_factory=dict)
     starts: tuple[Start, ...] = ()
+    ties: Mapping[str, str] = field(default_factory=dict)
     power: float = _number_option(
         "minimise (mean NRMSE^P)^(1/P) over the files: 2, the default, is the root mean square; a higher power gives "
         "more weight to the worst file",
@@ -325,6 +326,9 @@ class FitSettings:
         record = {
             each.name: _plain(getattr(self, each.name)) for each in fields(self) if each.name != "search"
         }
+        # Records and journals of fits without ties are as they were before there were any.
+        if not self.ties:
+            del record["ties"]
         return {"search": None if search is None else _plain(_record_of_search(search))} | record
 
     @classmethod

@@ -123,3 +123,18 @@ class CloughPenzien:
 
 
 SpectralDensity = KanaiTajimi | CloughPenzien
+
+
+def mean_square_of(spectrum: SpectralDensity) -> float:
+    """Mean square of the ground acceleration [m^2/s^4].
+
+    Of Kanai-Tajimi `pi S0 w_g (1 + 4 zeta_g^2) / (2 zeta_g)`, of Clough-Penzien by the Lyapunov equation of its filter.
+    """
+    if isinstance(spectrum, KanaiTajimi):
+        zeta = spectrum.damping
+        return math.pi * spectrum.intensity * spectrum.frequency * (1.0 + 4.0 * zeta**2) / (2.0 * zeta)
+    filters = spectrum.filter_matrices()
+    A, one = filters.state, np.eye(len(filters.state))
+    noise = 2.0 * math.pi * spectrum.intensity * np.outer(filters.noise, filters.noise)
+    X = np.linalg.solve(np.kron(A, one) + np.kron(one, A), -noise.ravel()).reshape(A.shape)
+    return float(filters.output @ X @ filters.output)

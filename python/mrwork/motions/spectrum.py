@@ -204,7 +204,7 @@ def fitted_spectrum(motion: GroundMotion, kind: SpectrumKind = "kanai_tajimi") -
     """
     from scipy.optimize import minimize  # takes a quarter of a second to load
 
-    strong = _strong_part(motion)
+    strong = strong_part(motion)
     n = len(strong)
     w = np.asarray(2.0 * np.pi * np.fft.rfftfreq(n, motion.dt))
     periodogram = motion.dt / (2.0 * np.pi * n) * np.abs(np.fft.rfft(strong - strong.mean())) ** 2
@@ -235,7 +235,8 @@ def fitted_spectrum(motion: GroundMotion, kind: SpectrumKind = "kanai_tajimi") -
     return make_density(best.x, float(np.mean(periodogram / make_density(best.x).density(w))))
 
 
-def _strong_part(motion: GroundMotion) -> Floats:
+def strong_part(motion: GroundMotion) -> Floats:
+    """Samples from 5 to 95 % of the Arias intensity [m/s^2]; a motion that is zero or has too few is refused."""
     energy = np.cumsum(motion.acceleration**2)
     if not energy[-1] > 0.0:
         raise RecordError(f"ground motion {motion.name} is zero; a spectrum needs a motion")

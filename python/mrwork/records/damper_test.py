@@ -19,8 +19,9 @@ from mrwork.command_signal import Command, command_in_words, part_of_command, sa
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import RecordError, SettingError
 from mrwork.hints import Within
-from mrwork.records.motion import whole_cycles
-from mrwork.simulate import Loading
+from mrwork.labelled import NamedArray, NamedArrays, WithAxes, labels_of
+from mrwork.records.motion import cycle_lengths
+from mrwork.simulation import Loading
 from mrwork.summary import Summarised, Summary
 from mrwork.tested_range import Exceedance as Exceedance
 from mrwork.tested_range import OperatingRange as OperatingRange
@@ -214,7 +215,7 @@ class Smoothing:
 
 @checked
 @array_dataclass(repr=False)
-class DamperTest(Summarised):
+class DamperTest(WithAxes, Summarised):
     """A force-motion record of one damper, uniformly sampled, in SI.
 
     Arrays have shape (n_time,): `displacement` [m] and `velocity` [m/s] of elongation, and the resisting `force` [N],
@@ -369,6 +370,38 @@ class DamperTest(Summarised):
         """Sample times [s], shape (n_time,)."""
         return self.start_time + self.dt * np.arange(self.n_time, dtype=np.float64)
 
+    def _named_arrays(self) -> NamedArrays:
+        compared = np.zeros(self.n_time, dtype=np.bool_)
+        compared[self.counted] = True
+        channels = {
+            "displacement": (self.displacement, "m", "damper displacement"),
+            "velocity": (self.velocity, "m/s", f"damper velocity, {self.velocity_source}"),
+            "force": (self.force, "N", "damper force, as recorded"),
+            "compared": (compared, "", "whether the sample is compared with a model"),
+        }
+        commands = {
+            name: (
+                np.broadcast_to(command, self.force.shape),
+                unit or "",
+                "command, held until the next sample",
+            )
+            for name, command, unit in (
+                ("current", self.current, "A"),
+                ("voltage", self.voltage, "V"),
+                ("command", self.command, self.command_unit),
+            )
+            if command is not None
+        }
+        return NamedArrays(
+            title=f"Damper test {self.name}",
+            rows=("time",),
+            labels={"time": labels_of(self.time, unit="s", long_name="time")},
+            arrays={
+                name: NamedArray.of(values, "time", unit=unit, long_name=words)
+                for name, (values, unit, words) in (channels | commands).items()
+            },
+        )
+
     def _summary(self) -> Summary:
         return Summary(
             title=f"Damper test {self.name}",
@@ -489,8 +522,8 @@ def range_of_tests(tests: Sequence[DamperTest], unit: CommandUnit | None = None)
 
 def _frequencies(test: DamperTest) -> tuple[float, float] | None:
     """Frequencies of the cycles [Hz], without the slowest and the fastest tenth; `None` without a whole cycle."""
-    seconds = [test.dt * (cycle.stop - cycle.start) for cycle in whole_cycles(test.displacement)]
-    if not seconds:
+    seconds = test.dt * cycle_lengths(test.displacement)
+    if not seconds.size:
         return None
-    lowest, highest = np.quantile(1.0 / np.array(seconds), [_RARE, 1.0 - _RARE])
+    lowest, highest = np.quantile(1.0 / seconds, [_RARE, 1.0 - _RARE])
     return float(lowest), float(highest)

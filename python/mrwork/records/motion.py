@@ -209,6 +209,14 @@ def upward_crossings(displacement: Floats) -> NDArray[np.intp]:
     return upward[nearest[nearest >= 0]]
 
 
+def cycle_lengths(displacement: Floats) -> Floats:
+    """Lengths of the complete cycles, shape (n_cycles,), in samples: crossings are interpolated between two of them."""
+    crossings = upward_crossings(displacement)
+    centred = displacement - np.mean(displacement)
+    after = centred[crossings]
+    return np.diff(crossings - after / (after - centred[crossings - 1]))
+
+
 def whole_cycles(displacement: Floats) -> tuple[slice, ...]:
     """Samples of each complete cycle, from one upward crossing to the next."""
     crossings = upward_crossings(displacement)

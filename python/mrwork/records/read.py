@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 
 from mrwork.arguments import AnyArrayLike, NotNegative, checked
 from mrwork.command_signal import Command, ringing_samples, without_ringing
-from mrwork.errors import MrworkError, RecordError
+from mrwork.errors import MrworkError, RecordError, SettingError
 from mrwork.files.named_columns import ColumnTable, TestQuantity
 from mrwork.files.open_table import open_table
 from mrwork.records import checks
@@ -77,12 +77,12 @@ _DERIVED: Final[VelocitySource] = "derived"
 
 
 @checked
-def build_damper_test(
-    *,
-    name: str,
+def test_from_arrays(
     time: AnyArrayLike,
     displacement: AnyArrayLike,
     force: AnyArrayLike,
+    *,
+    name: str = "test",
     velocity: AnyArrayLike | None = None,
     current: AnyArrayLike | None = None,
     voltage: AnyArrayLike | None = None,
@@ -95,21 +95,23 @@ def build_damper_test(
     sha256: str | None = None,
     locate: Callable[[int], str] | None = None,
 ) -> DamperTest:
-    """Check the channels of one test, put them on a uniform step, and run all detectors.
+    """Build a damper test from arrays, with the checks, the uniform step and the findings of a test from a file.
 
     Parameters
     ----------
+    time, displacement, force
+        Shape (n_time,) [s, m, N]; at least 10 samples, time increasing. Displacement and force have the sign with which
+        force times velocity is dissipated power.
     name
         Name of the test in reports and messages.
-    time, displacement, force
-        Shape (n_time,) [s, m, N]; at least 10 samples, time increasing.
     velocity
         Shape (n_time,) [m/s]; derived from the displacement when absent.
     current, voltage
         Command [A, V], one number or shape (n_time,). The test has its median if it is constant within noise; else
         each sample is held until the next.
     command, command_unit
-        Likewise the command of a damper that follows another scalar, in its own unit, such as "mm" or "%".
+        Likewise a command in the unit given: "A" is the current, "V" the voltage, and another one, such as "mm" or "%",
+        that of a damper which follows another scalar.
     amplitude, frequency
         Nominal values [m, Hz], compared with half the peak to peak of the motion and its dominant frequency.
     synthetic
@@ -123,16 +125,27 @@ def build_damper_test(
     ------
     RecordError
         The channels are not a valid test; the message names the first invalid row.
+    SettingError
+        A command has no unit, or is given twice.
 
     Examples
     --------
-    >>> import numpy as np
+    >>> import numpy as np, mrwork as mr
     >>> time = np.linspace(0.0, 2.0, 401)
-    >>> test = build_damper_test(name="sine", time=time, displacement=0.01 * np.sin(6.28 * time),
-    ...                          force=-500.0 * np.cos(6.28 * time))
+    >>> test = mr.test_from_arrays(time, 0.01 * np.sin(6.28 * time), -500.0 * np.cos(6.28 * time), name="sine")
     >>> [finding.code for finding in test.findings]
     ['velocity_derived', 'force_sign_flipped']
     """
+    if command is not None and command_unit is None:
+        raise SettingError(
+            '`command` has no unit; give `command_unit`, "A" for a current or "V" for a voltage'
+        )
+    if command is not None and command_unit in ("A", "V"):
+        twice = current if command_unit == "A" else voltage
+        if twice is not None:
+            raise SettingError(f"a command in {command_unit} is given twice; give it once")
+        current, voltage = (command, voltage) if command_unit == "A" else (current, command)
+        command, command_unit = None, None
     source = path or name
     where = locate or (lambda row: f"sample {row + 1}")
     raw = Signals(
@@ -220,6 +233,10 @@ def build_damper_test(
     )
     test = replace(test, smoothing=smoothing_of(test, motion.frequency))
     return replace(test, findings=(*findings, *examine(test, motion)))
+
+
+build_damper_test = test_from_arrays
+"""Its former name."""
 
 
 def examine(test: DamperTest, motion: SmoothMotion) -> tuple[Finding, ...]:

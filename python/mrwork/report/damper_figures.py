@@ -23,7 +23,7 @@ from mrwork.records import Branches, DamperTest, branches
 from mrwork.records.loop_branches import Abscissa
 from mrwork.report import canvas, style
 from mrwork.report.canvas import axes_between
-from mrwork.simulate import Loading, Outcome, simulate_forces
+from mrwork.simulation import Loading, Outcome, simulate_forces
 from mrwork.values import Floats
 
 _STEEL, _ROD, _COIL, _FLUID = "#b9c2c9", "#e3e7ea", "#e3a66a", "#bcd6ea"

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Generic, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.arguments import Seed, checked
+from mrwork.arguments import NotNegative, Seed, checked
 from mrwork.errors import Interrupted, SettingError
 from mrwork.numbers import format_rounded
 from mrwork.search.course import Dimension, Proposal, Replicate, SearchState, StateT, select
-from mrwork.search.rules import EliteRule, StopRules
+from mrwork.search.rules import EliteRule, StopRules, ended_in_words
 from mrwork.store.codec import array_of, digest_of, plain
 from mrwork.store.journal import Journal
 from mrwork.summary import Summarised, Summary
@@ -57,7 +57,8 @@ class SearchResult(Summarised, Generic[StateT]):
             facts=(
                 (
                     "ended",
-                    f"{self.stop_reason} after {self.generations} generations, {self.evaluations} simulations",
+                    f"{ended_in_words(self.stop_reason)}, after {self.generations} generations and "
+                    f"{self.evaluations} simulations",
                 ),
                 ("seconds", format_rounded(self.seconds, 3)),
                 ("elite", str(len(self.elite))),
@@ -194,8 +195,31 @@ def run_search(
     state: StateT | None = None,
     on_generation: OnGeneration[StateT] | None = None,
     journal: Journal | None = None,
+    seconds: NotNegative | None = None,
+    until: NotNegative | None = None,
 ) -> SearchResult[StateT]:
     """Minimise a batch objective over the unit cube, once: replicate 0 of `run_replicates`.
+
+    Parameters
+    ----------
+    optimiser
+        Settings of a search, such as `EfficientGA()`.
+    objective
+        Maps points (m, n_params) to misfits (m,) >= 0, infinite for a failure: a function of yours, or one of
+        `mr.objective` with the coordinates "unit".
+    rng
+        Seed; the same seed gives the same bits.
+    n_params
+        Number of coordinates.
+    state
+        Where an earlier search ended, to go on from.
+    on_generation
+        Called after every generation; where it returns true the search ends.
+    journal
+        Records every generation, and recalls those of a search that was interrupted.
+    seconds, until
+        Time after which no generation begins, and misfit at which the search ends: `max_seconds` and `target` of the
+        optimiser's `StopRules`, in whose place they are used.
 
     Raises
     ------
@@ -210,7 +234,23 @@ def run_search(
     >>> result = run_search(EfficientGA(), sphere, rng=0, n_params=3)
     >>> bool(np.all(np.abs(result.best_unit - 0.3) < 0.05))
     True
+
+    Ask and tell, for a loop of your own:
+
+    >>> search = EfficientGA()
+    >>> state = search.start(n_params=3, rng=0)
+    >>> while state.course.running.size:
+    ...     proposal = search.ask(state)
+    ...     state = search.tell(state, proposal, sphere(proposal.unit))
+    >>> bool(np.all(state.course.best_unit[0] == result.best_unit))
+    True
     """
+    budget = {"max_seconds": seconds, "target": until}
+    given = {name: value for name, value in budget.items() if value is not None}
+    if given:
+        # Every optimiser is a dataclass with these settings, which its protocol does not declare.
+        settings: Any = optimiser
+        optimiser = replace(settings, stop=replace(settings.stop, **given))
     try:
         run = run_replicates(
             optimiser,

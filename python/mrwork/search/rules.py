@@ -36,6 +36,26 @@ from mrwork.arguments import AnyNumbers, Shape, checked
 from mrwork.errors import SettingError
 from mrwork.values import Floats
 
+# Why a search ended, in words; a search of another library has reasons of its own.
+_ENDED = {
+    "found_again": "once enough local minimisations had reached the best minimum",
+    "max_rounds": "at the limit of local minimisations",
+    "hypothesis_test": "by the hypothesis test on its decay",
+    "stall": "when the best no longer improved",
+    "spread": "when the population had drawn together",
+    "max_generations": "at the limit of generations",
+    "max_evaluations": "at the limit of simulations",
+    "max_seconds": "at the limit of time",
+    "target": "at the target misfit",
+    "callback": "on request",
+    "interrupted": "by an interrupt",
+}
+
+
+def ended_in_words(stop_reason: str) -> str:
+    """Why a search ended, in words."""
+    return _ENDED.get(stop_reason, stop_reason)
+
 
 class ExpectedTermination(NamedTuple):
     """Generation at which the test is expected to stop, and the probability of this generation."""

@@ -16,7 +16,8 @@ import os
 import stat
 import warnings
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, NoReturn
@@ -227,15 +228,27 @@ _LAST: Final = 0x10FFFF
 _LARGEST: Final = 256 << 20
 
 
+def read_array(path: Path, kind: FileKind) -> NDArray[Any]:
+    """The array of a .npy file; one of Python objects is refused."""
+    data = bytes_of(path, kind)
+    with _refuse_damage(path, kind):
+        return _array(data)
+
+
 def read_arrays(path: Path, kind: FileKind) -> dict[str, NDArray[Any]]:
     """The arrays of a file by name."""
     data = bytes_of(path, kind)
+    with _refuse_damage(path, kind), zipfile.ZipFile(io.BytesIO(data)) as archive:
+        members = archive.infolist()
+        if sum(each.file_size for each in members) > max(_LARGEST, len(data)):
+            raise ValueError("it claims more numbers than such a file has")
+        return {each.filename.removesuffix(".npy"): _array(archive.read(each)) for each in members}
+
+
+@contextmanager
+def _refuse_damage(path: Path, kind: FileKind) -> Iterator[None]:
     try:
-        with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            members = archive.infolist()
-            if sum(each.file_size for each in members) > max(_LARGEST, len(data)):
-                raise ValueError("it claims more numbers than such a file has")
-            return {each.filename.removesuffix(".npy"): _array(archive.read(each)) for each in members}
+        yield
     except Exception as reason:  # the libraries raise whatever a damaged file leads them to
         raise RecordError(escape_text(f"{path} is damaged ({reason_of(reason)}); {kind.remedy}")) from None
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import inspect
 import math
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import ModuleType
@@ -24,7 +24,7 @@ from mrwork.closed_loop.clairvoyant_search import ClairvoyantSettings
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.simulate import samples_of
 from mrwork.closed_loop.user_law import Undone, UserLaw, in_words, place_of, place_raised
-from mrwork.control.design_problem import DesignProblem, LawSettings
+from mrwork.control.design_problem import DesignProblem, LawSettings, ReferencePeaks
 from mrwork.control.law_design import SETTINGS, design_law
 from mrwork.control.laws import ControlLaw, control_laws
 from mrwork.control.weights import WeightWishes
@@ -32,6 +32,7 @@ from mrwork.errors import SettingError
 from mrwork.keys import Place, given_values, heading_lines, key_lines, keys_of, read_table, suggestion
 from mrwork.store.codec import digest_of
 from mrwork.store.input_file import FileKind, text_of
+from mrwork.study.passive_labels import OPTIMAL_PASSIVE, PASSIVE_OFF, PASSIVE_ON
 from mrwork.study.schema import (
     BaselineTable,
     ClairvoyantTable,
@@ -41,7 +42,15 @@ from mrwork.study.schema import (
     StudyTable,
     TuneTable,
 )
-from mrwork.study.study import Arrangement, ClairvoyantRow, Kind, Row, StudyLaw, make_arrangement
+from mrwork.study.study import (
+    Arrangement,
+    ClairvoyantRow,
+    Kind,
+    MotionOfStudy,
+    Row,
+    StudyLaw,
+    make_arrangement,
+)
 from mrwork.units import number_in
 
 _PYTHON = FileKind(name="the Python file of a law", largest=1 << 20, remedy="give the Python file of the law")
@@ -130,10 +139,10 @@ class ConstantLaw:
 
 
 CONSTANT_LAWS: Mapping[str, ConstantLaw] = {
-    "passive_off": ConstantLaw(title="i = 0", description="no command", share=0.0),
-    "passive_on": ConstantLaw(title="Largest command", description="the largest command", share=1.0),
+    "passive_off": ConstantLaw(title=PASSIVE_OFF, description="no command", share=0.0),
+    "passive_on": ConstantLaw(title=PASSIVE_ON, description="the largest command", share=1.0),
     "best_passive": ConstantLaw(
-        title="Best constant command",
+        title=OPTIMAL_PASSIVE,
         description="the constant command of the lowest score over all motions",
         share=None,
     ),
@@ -169,7 +178,7 @@ def arrangements(
     arrangements_of_study = [make_arrangement(bare, none, bare, (), constant_command((), 0.0))]
     controllable = any(device.spec.follows_command for device in devices)
     if devices:
-        off = Row(label="i = 0", kind="passive_off", description="the dampers without a command")
+        off = Row(label=PASSIVE_OFF, kind="passive_off", description="the dampers without a command")
         if not controllable:
             off = Row(label="passive", kind="passive_off", description="the dampers, which follow no command")
         arrangements_of_study.append(
@@ -183,6 +192,7 @@ def arrangements(
             _refuse_command(controller)
         limited = _limit_command(controller, problem)
         title, law = _choose_law(controller, limited, folder)
+        law = _shape_command(controller, law)
         constant = CONSTANT_LAWS.get(controller.law)
         if constant is not None and constant.share == 0.0:
             # This arrangement exists already; only its label may differ.
@@ -201,15 +211,24 @@ def arrangements(
 
 
 def problem_of(
-    table: StudyTable, building: Building, devices: tuple[Device, ...], hardware: Hardware
+    table: StudyTable,
+    building: Building,
+    devices: tuple[Device, ...],
+    hardware: Hardware,
+    motions: Sequence[MotionOfStudy],
+    reference_peaks: Callable[[], ReferencePeaks] | None = None,
 ) -> DesignProblem:
-    """The building with its dampers, for which the laws of a study are designed."""
+    """The building with its dampers, for which the laws of a study are designed, and the ground of its motions."""
     first = table.damper[0] if devices else None
+    training = tuple(motion.ground for motion in motions if motion.use == "training")
     return DesignProblem(
         building=building,
         devices=devices,
         sample_time=hardware.sample_time,
         delay=hardware.delay,
+        motions=training or tuple(motion.ground for motion in motions),
+        judged=not training,
+        reference_peaks=reference_peaks,
         amplitude=None if first is None else _range(first, "amplitude", first.amplitude),
         velocity=None if first is None else _range(first, "velocity", first.velocity),
     )
@@ -226,6 +245,23 @@ def _limit_command(controller: ControllerTable, problem: DesignProblem) -> Desig
             f"largest_command is {largest:g}, and the driver of the dampers gives {available:g} at most"
         )
     return problem.limited_to(largest)
+
+
+def _shape_command(controller: ControllerTable, law: StudyLaw | None) -> StudyLaw | None:
+    """The law of a table with its dead zone and slope."""
+    given = [
+        name
+        for name, off in (("dead_zone", 0.0), ("command_slope", math.inf))
+        if getattr(controller, name) != off
+    ]
+    if not given:
+        return law
+    if not isinstance(law, ControlLaw):
+        controller.place.within(given[0]).refuse(
+            f"{given[0]} is for a law of the registry; a law in Python shapes its own command, and the best constant "
+            "command has none to shape"
+        )
+    return replace(law, dead_zone=controller.dead_zone, command_slope=controller.command_slope)
 
 
 def _refuse_command(controller: ControllerTable) -> None:
@@ -285,7 +321,7 @@ def _choose_law(
     """
     place = table.place
     if table.user is not None:
-        for name in ("law", "settings"):
+        for name in ("law", "settings", "gain"):
             if getattr(table, name):
                 place.within(name).refuse(f"a law in Python has no {name}; leave it out, or user")
         return table.user.function, _load_law(table.user, folder)
@@ -295,6 +331,8 @@ def _choose_law(
     if constant is not None:
         for name in table.settings or {}:
             place.within("settings", name).refuse(f"{table.law} has no settings; leave {name} out")
+        if table.gain is not None:
+            place.within("gain").refuse(f"{table.law} has no gain; leave it out")
         largest = min(device.largest_command for device in problem.devices)
         if constant.share is None:
             return constant.title, None
@@ -305,10 +343,29 @@ def _choose_law(
         near = suggestion(table.law, known)
         place.within("law").refuse(f"no control law is called {table.law!r}{near}")
     kind = SETTINGS[table.law]
-    given = _with_matrices(kind, table.settings or {}, place.within("settings"), folder)
-    with place.within("settings").prefix_errors(SettingError):
-        settings: LawSettings = read_table(kind, given, place.within("settings"))
+    given, where = dict(table.settings or {}), place.within("settings")
+    if table.gain is not None:
+        _check_takes_gain(table, kind)
+        given["gain"] = table.gain if isinstance(table.gain, str) else [list(row) for row in table.gain]
+        where = place if table.settings is None else where
+    given = _with_matrices(kind, given, where, folder)
+    with where.prefix_errors(SettingError):
+        settings: LawSettings = read_table(kind, given, where)
         return specs[table.law].title, design_law(table.law, problem, settings)
+
+
+def _check_takes_gain(table: ControllerTable, kind: type[LawSettings]) -> None:
+    """Refuse a finished gain of a law that has none, or one that stands among the settings, too."""
+    where = table.place.within("gain")
+    if "gain" not in [entry.name for entry in keys_of(kind)]:
+        taking = [
+            name for name, each in SETTINGS.items() if "gain" in [entry.name for entry in keys_of(each)]
+        ]
+        where.refuse(
+            f"{table.law} has no gain of a desired force; leave it out, or choose one of {', '.join(taking)}"
+        )
+    if "gain" in (table.settings or {}):
+        where.refuse("the gain stands here and among the settings; keep one")
 
 
 def resolve_settings(table: TuneTable, folder: Path) -> TuneTable:
@@ -351,7 +408,8 @@ def _with_matrices(
         if entry.metadata["matrix"] and isinstance(name, str) and isinstance(number_in(name, unit), str):
             with place.within(entry.name).prefix_errors(SettingError):
                 matrix = read_matrix(folder / name)
-            resolved[entry.name] = (matrix.ravel() if 1 in matrix.shape else matrix).tolist()
+            diagonal = 1 in matrix.shape and entry.name != "gain"
+            resolved[entry.name] = (matrix.ravel() if diagonal else matrix).tolist()
     wishes = resolved.get("designed")
     if isinstance(wishes, dict) and isinstance(wishes.get("record"), str):
         resolved["designed"] = {**wishes, "record": str(folder / wishes["record"])}

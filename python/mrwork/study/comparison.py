@@ -8,14 +8,16 @@ the test motions of a study; training motions are shown beside them where they w
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from mrwork.arguments import checked
-from mrwork.closed_loop.evaluation import Criterion, criteria
+from mrwork.closed_loop.evaluation import Criterion, criteria, ties_in_words
 from mrwork.errors import SettingError
 from mrwork.store.codec import OrNan
-from mrwork.study.results import StudyCriteria
+from mrwork.study.results import StudyCriteria, StudyResults
 from mrwork.study.study import Kind, uses_in_words
 from mrwork.summary import Summarised, Summary
 
@@ -268,6 +270,65 @@ class StudyComparison(Summarised):
 
 Comparison = StudyComparison
 """Its public name."""
+
+# Share of the time, and of the command, up to which a command counts as constant.
+_CONSTANT = 0.01
+
+
+def findings(results: StudyResults) -> tuple[str, ...]:
+    """Sentences on laws that send a constant command throughout, and on scores that the motions do not tell apart."""
+    return (*_constant_in_effect(results), *_ties(compared(results)))
+
+
+def _constant_in_effect(results: StudyResults) -> Iterator[str]:
+    """A sentence for each law whose command is constant under all motions: mean square and squared mean agree."""
+    for number, row in enumerate(results.rows):
+        runs = [results.runs.get((number, motion)) for motion in range(len(results.motions))]
+        if (
+            row.kind != "controller"
+            or not results.devices
+            or not all(run is not None and run.finished for run in runs)
+        ):
+            continue
+        means, rms = (
+            np.array([np.atleast_1d(getattr(run, name)) for run in runs])
+            for name in ("mean_current", "rms_current")
+        )
+        largest = np.array([device.largest_command for device in results.devices])
+        command = means.mean(axis=0)
+        if (rms <= _CONSTANT * largest).all():
+            yield (
+                f"{row.label} sends no command under any motion: it is passive-off (i = 0) in effect, for it "
+                "asks for no force beyond that of the dampers."
+            )
+        elif (np.square(rms) - np.square(means) <= _CONSTANT * np.square(rms)).all() and (
+            np.abs(means - command) <= _CONSTANT * largest
+        ).all():
+            on = (command >= (1.0 - _CONSTANT) * largest).all()
+            shown = ", ".join(
+                f"{each:.3g} {results.command_unit}" for each in dict.fromkeys(command.tolist())
+            )
+            yield (
+                f"{row.label} sends the same command throughout, under every motion: it is passive-on in effect."
+                if on
+                else f"{row.label} sends the same command throughout, {shown}: it is a passive damper in effect."
+            )
+
+
+def _ties(comparison: StudyComparison) -> tuple[str, ...]:
+    """The rows of laws and passive dampers that the first law is not told apart from."""
+    results = comparison.results
+    laws = next((rows for rank, rows in comparison.ranks if rank is LAWS), ())
+    if not laws or len(results.judged_motions) < 2:
+        return ()
+
+    def scores(row: int) -> list[float]:
+        return [results.score_under(row, (motion,)) for motion in results.judged_motions]
+
+    others = (*laws[1:], *([] if comparison.passive is None else [comparison.passive]))
+    return ties_in_words(
+        results.rows[laws[0]].label, scores(laws[0]), {results.rows[row].label: scores(row) for row in others}
+    )
 
 
 @checked

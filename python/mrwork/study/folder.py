@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +12,7 @@ from mrwork import arguments
 from mrwork.arguments import Count, NotNegative, Positive, Whole
 from mrwork.closed_loop.clairvoyant_search import Clairvoyant
 from mrwork.closed_loop.evaluation import Spread, criteria
+from mrwork.control.laws import ControlLaw
 from mrwork.errors import RecordError
 from mrwork.store.codec import OrInfinite, OrNan, Related, finite, json_document, read_document
 from mrwork.store.output_folder import Destination, write_folder
@@ -32,10 +33,12 @@ from mrwork.study.comparison import (
     QuantityChange,
     StudyComparison,
     compared,
+    findings,
     judged_in_words,
     motion_groups,
 )
 from mrwork.study.labelled import NOMINAL, criteria_of_runs
+from mrwork.study.passive_labels import present_label, present_sentence
 from mrwork.study.results import (
     Key,
     MotionFacts,
@@ -53,7 +56,7 @@ from mrwork.study.run_result import (
     names_outside,
     worst_by_quantity,
 )
-from mrwork.study.study import Kind, Row, StudyFile
+from mrwork.study.study import Kind, Row, Study, StudyFile
 from mrwork.summary import list_names
 from mrwork.table import csv_text
 from mrwork.tested_range import Exceedance, OperatingRange
@@ -249,6 +252,7 @@ class _Document(Related):
     clairvoyant: tuple[StoredClairvoyant, ...] = ()
     realisations: Whole = 0
     score_bands: dict[str, RealisationBand] = field(default_factory=dict)
+    findings: tuple[str, ...] = ()
 
     def disagreement(self) -> str:
         """First contradiction: duplicate motion, unknown row or motion, or duplicate run."""
@@ -284,7 +288,7 @@ class _Document(Related):
         return ""
 
 
-_OF_DOCUMENT = ("title", "motions", "command_unit", "building_warnings", "damper_warnings", "chosen_on")
+_OF_DOCUMENT = ("title", "motions", "command_unit", "building_warnings", "chosen_on")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -357,12 +361,14 @@ def read_results(folder: str | Path) -> StoredStudy:
     }
     stated = read_manifest(Path(folder), verb="respond")
     check_manifest(Path(folder), stated or {}, facts, file=RESULTS, verb="respond")
-    rows = {label: Row(label=label, kind="controller") for label in document.scores}
+    rows = {label: Row(label=present_label(label), kind="controller") for label in document.scores}
     for run in document.results:
-        rows[run.controller] = Row(label=run.controller, kind=run.kind)
+        rows[run.controller] = replace(rows[run.controller], kind=run.kind)
     labels, names = list(rows), [motion.name for motion in document.motions]
     runs = {(labels.index(run.controller), names.index(run.motion)): run for run in document.results}
-    labelled = criteria_of_runs({"row": tuple(labels), "motion": tuple(names), "realisation": (NOMINAL,)})
+    labelled = criteria_of_runs(
+        {"row": tuple(row.label for row in rows.values()), "motion": tuple(names), "realisation": (NOMINAL,)}
+    )
     for key, run in runs.items():
         for name, value in {**_every_criterion(run.criteria), "energy_error": run.energy_error}.items():
             labelled.numbers[name][key] = value
@@ -370,6 +376,7 @@ def read_results(folder: str | Path) -> StoredStudy:
         rows=tuple(rows.values()),
         labelled=labelled,
         runs=runs,
+        damper_warnings=tuple(map(present_sentence, document.damper_warnings)),
         **{name: getattr(document, name) for name in _OF_DOCUMENT},
     )
 
@@ -430,9 +437,29 @@ def study_document(results: StudyResults) -> dict[str, Any]:
             for number, row in enumerate(results.rows)
             if (band := score_band(results, number))
         },
+        findings=findings(results),
     )
     content: dict[str, Any] = finite(asdict(document))
     return content
+
+
+def design_document(study: Study) -> dict[str, Any]:
+    """Designs of weights and the linear loops of laws as a JSON object; empty where the study has neither."""
+    weights = [
+        {"controllers": labels, "notes": (*each.in_words, each.advice), **each.document()}
+        for labels, each in study.designs
+    ]
+    loops = [
+        {
+            "controller": each.row.label,
+            "notes": each.law.notes,
+            "margins": None if each.law.margins is None else asdict(each.law.margins),
+        }
+        for each in study.arrangements
+        if isinstance(each.law, ControlLaw) and each.law.notes
+    ]
+    found: dict[str, Any] = finite({"weights": weights, "loops": loops})
+    return {name: value for name, value in found.items() if value}
 
 
 def _criteria_csv(results: StudyResults) -> str:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.closed_loop.evaluation import criteria, values
-from mrwork.closed_loop.responses import Labelled, axis_of, in_command_unit, unit_of
+from mrwork.closed_loop.responses import Labelled, axis_of, description_of, in_command_unit, unit_of
+from mrwork.labelled import NamedArray, NamedArrays, WithAxes, labels_of
 from mrwork.motions import GroundMotion
 from mrwork.store.codec import array_of, plain
 from mrwork.store.journal import Journal
@@ -18,9 +19,6 @@ from mrwork.study.run_result import RunResult, kept_quantities
 from mrwork.study.study import Realisations
 from mrwork.summary import Summarised, Summary, list_names
 from mrwork.values import array_dataclass
-
-if TYPE_CHECKING:
-    from xarray import Dataset
 
 NOMINAL = "nominal"
 """The realisation without anything uncertain."""
@@ -37,10 +35,15 @@ Axes = Mapping[str, tuple[str, ...]]
 _N_FIRST = 3
 # How a run ended, beside its quantities.
 _ENDS = {"outcome": "", "steps": "1", "least_stroke": "m"}
+_END_WORDS = {
+    "outcome": "how the run ended",
+    "steps": "integration steps per sample",
+    "least_stroke": "least stroke of a cycle",
+}
 
 
 @array_dataclass(repr=False)
-class LabelledRuns(Labelled, Summarised):
+class LabelledRuns(Labelled, WithAxes, Summarised):
     """Quantities or criteria of runs, each an array over named axes and an attribute; NaN where there is no such run.
 
     `axes` are rows of a study or candidates of a tuning, motions and realisations, with the labels along each. Criteria
@@ -81,16 +84,19 @@ class LabelledRuns(Labelled, Summarised):
         places = np.argwhere(self.outcome[:, :, realisation] != "").tolist()
         return {(row, motion): self._run((row, motion, realisation)) for row, motion in places}
 
-    def to_xarray(self) -> Dataset:
-        """A variable for each number over the named axes, with its unit as the attribute "units"."""
-        # xarray is slow to load.
-        from xarray import Dataset
-
-        variables = {
-            name: (self.axes_of(name), array, {"units": self.units[name]})
-            for name, array in self.numbers.items()
-        }
-        return Dataset(variables, coords={name: list(labels) for name, labels in self.axes.items()})
+    def _named_arrays(self) -> NamedArrays:
+        first = tuple(self.axes)[:_N_FIRST]
+        return NamedArrays(
+            title=f"Runs by {list_names(first)}",
+            rows=first,
+            labels={axis: labels_of(list(labels)) for axis, labels in self.axes.items()},
+            arrays={
+                name: NamedArray.of(
+                    array, *self.axes_of(name), unit=self.units[name], long_name=_in_words(name, array.ndim)
+                )
+                for name, array in self.numbers.items()
+            },
+        )
 
     def _run(self, place: Place) -> RunResult:
         own = {name: _without_end(array[place]) for name, array in self.numbers.items() if name not in _ENDS}
@@ -106,6 +112,12 @@ class LabelledRuns(Labelled, Summarised):
             title=f"Runs by {list_names(list(self.axes))}",
             facts=[(name, list_names(labels)) for name, labels in self.axes.items()],
         )
+
+
+def _in_words(name: str, n_axes: int) -> str:
+    """Words for a criterion, which is one number of a run, or for a quantity."""
+    titles = {entry.name: entry.title for entry in criteria()} if n_axes <= _N_FIRST else {}
+    return titles.get(name) or _END_WORDS.get(name) or description_of(name)
 
 
 def _without_end(numbers: NDArray[Any]) -> Any:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,8 @@ from mrwork.arguments import Seed, checked
 from mrwork.buildings import Building
 from mrwork.buildings.matrices import Device
 from mrwork.closed_loop.hardware import Hardware
+from mrwork.control.design_problem import ReferencePeaks
+from mrwork.control.laws import control_laws
 from mrwork.errors import SettingError
 from mrwork.fitted_damper import fitted_damper
 from mrwork.keys import KeyPath, Place, read_table, suggestion
@@ -51,8 +54,17 @@ from mrwork.study.dampers import (
     chosen_damper,
     equip_building,
 )
+from mrwork.study.passive_labels import PASSIVE_OFF, present_label
 from mrwork.study.schema import DamperTable, MotionTable, ReportTable, StudyTable, SuiteTable
-from mrwork.study.study import MotionOfStudy, Realisations, Study, StudyFile, realisations_of
+from mrwork.study.study import (
+    MotionOfStudy,
+    Realisations,
+    Row,
+    Study,
+    StudyFile,
+    make_arrangement,
+    realisations_of,
+)
 from mrwork.tested_range import FittedDamper
 from mrwork.units import STANDARD_GRAVITY
 from mrwork.values import Floats
@@ -308,8 +320,25 @@ def read_study(
             'every motion is for training, and none is left to judge the controllers on; give a [[motion]] use = "test"'
         )
     _refuse_same([motion.name for motion in motions], place.within("motion"), "motions", "name")
-    problem = problem_of(table, building, devices, hardware)
+    chosen_on = training or tuple(motion.ground for motion in motions)
+
+    @cache
+    def reference_peaks() -> ReferencePeaks:
+        # Simulated only where a law refers to these peaks and its table leaves them out.
+        from mrwork.study.run import reference_peaks_of
+
+        row = Row(label=PASSIVE_OFF, kind="passive_off")
+        return reference_peaks_of(make_arrangement(bare, row, building, devices, None), chosen_on, hardware)
+
+    problem = problem_of(table, building, devices, hardware, motions, reference_peaks if devices else None)
     compared = arrangements(table, bare, problem, folder)
+    tuned = {law for each in table.tune for law in each.laws}
+    if not (
+        any(each.reads_acceleration for each in compared)
+        or any(spec.reads_acceleration for spec in control_laws() if spec.name in tuned)
+    ):
+        with place.within("hardware").prefix_errors(SettingError):
+            hardware.refuse_unread()
     clairvoyant = (
         None if table.clairvoyant is None else clairvoyant_row(table.clairvoyant, devices, hardware, seed)
     )
@@ -317,24 +346,17 @@ def read_study(
     _refuse_same(labels, place.within("controller"), "arrangements", "label")
     first = chosen[0].spec.current if chosen else None
     detailed = _choose_detailed(table.report, motions, labels, place)
-    return Study(
+    study = Study(
         title=table.title or bare.name,
         file=file,
         building=bare,
         arrangements=compared,
         motions=motions,
-        chosen_on=training or tuple(motion.ground for motion in motions),
+        chosen_on=chosen_on,
         hardware=hardware,
         devices=devices,
         command_unit="A" if first is None else first.unit,
-        facts=(
-            *_facts(bare, devices, chosen, hardware),
-            *(
-                (f"Weights of {each.row.label}", " ".join(each.law.notes))
-                for each in compared
-                if each.law is not None and each.law.notes
-            ),
-        ),
+        facts=_facts(bare, devices, chosen, hardware),
         detailed=detailed,
         histories={"detailed": (detailed,), "all": tuple(range(len(motions))), "none": ()}[
             table.report.histories
@@ -345,6 +367,8 @@ def read_study(
         realisations=_realisations(table, place, devices, folder, identified),
         clairvoyant=clairvoyant,
     )
+    notes = tuple((heading, " ".join(sentences)) for heading, sentences in study.design_notes)
+    return replace(study, facts=(*study.facts, *notes))
 
 
 def _realisations(
@@ -414,7 +438,7 @@ def _choose_detailed(
         near = suggestion(table.motion, names)
         where.within("motion").refuse(f"no motion is called {table.motion!r}{near}")
     for label in table.controllers:
-        if label not in labels:
+        if label not in labels and present_label(label) not in labels:
             near = suggestion(label, labels)
             where.within("controllers").refuse(f"no arrangement is called {label!r}{near}")
     largest = int(np.argmax([motion.ground.peak * (motion.use == "test") for motion in motions]))

@@ -6,7 +6,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal, get_args
 
 import numpy as np
 
@@ -17,7 +17,8 @@ from mrwork.closed_loop.clairvoyant_search import Clairvoyant
 from mrwork.closed_loop.evaluation import SCORE, Spread, criteria, criterion, ratio, score
 from mrwork.closed_loop.responses import ENERGY_TOLERANCE
 from mrwork.errors import SettingError
-from mrwork.numbers import format_rounded
+from mrwork.labelled import tree_of
+from mrwork.numbers import counted, format_rounded
 from mrwork.store.codec import OrInfinite, OrNan
 from mrwork.study.labelled import HALF_STEP, LabelledRuns
 from mrwork.study.run_result import DeviceDemand, RunEnd, RunResult, damper_warnings, demands_of
@@ -27,7 +28,7 @@ from mrwork.summary import Summarised, Summary, list_names
 from mrwork.values import Floats
 
 if TYPE_CHECKING:
-    from xarray import DataTree
+    from mrwork.labelled import DataFrame, DataTree
 
 Key = tuple[int, int]
 """Indices of the row and the motion of a run."""
@@ -127,6 +128,30 @@ class StudyCriteria(Summarised, ABC):
     @abstractmethod
     def step_changes(self, row: int, motion: int) -> dict[str, float] | None:
         """Relative change of every criterion with half the step; `None` unless both runs finished."""
+
+    def _groups(self) -> dict[str, LabelledRuns]:
+        return {"criteria": self.labelled}
+
+    def to_xarray(self) -> DataTree:
+        """Criteria and quantities as two data sets "criteria" and "quantities" over named axes, with units.
+
+        Results that were read from their folder have the criteria alone.
+
+        Examples
+        --------
+        >>> import mrwork as mr
+        >>> results = mr.run_study(mr.read_study("study.toml"))  # doctest: +SKIP
+        >>> drift = results.to_xarray()["criteria/peak_drift"]  # doctest: +SKIP
+        >>> drift.sel(realisation="nominal").max("motion")  # doctest: +SKIP
+        """
+        return tree_of(self.title, {name: each._named_arrays() for name, each in self._groups().items()})
+
+    def to_pandas(self) -> DataFrame:
+        """Criteria as a table: a row for each row of the study, motion and realisation; units are in `attrs`.
+
+        `quantities.to_pandas()` is the table of the quantities, with storeys, floors and devices as columns.
+        """
+        return self.labelled.to_pandas()
 
     @property
     def file_warnings(self) -> tuple[str, ...]:
@@ -248,10 +273,13 @@ class StudyCriteria(Summarised, ABC):
     def _summary(self) -> Summary:
         shown = range(min(len(self.motions), _MOTIONS_SHOWN))
         return Summary(
-            title=f"{self.title}: {self.done} of {self.total} runs",
+            title=f"{self.title}: {self.done} of {counted(self.total, 'run')}",
             facts=(
                 *([("dampers", list_names(self.device_names))] if self.device_names else []),
-                ("motions", list_names([motion.name for motion in self.motions])),
+                *(
+                    (f"{use} motions", list_names([each.name for each in self.motions if each.use == use]))
+                    for use in get_args(Use)
+                ),
             ),
             columns=("peak drift [m]", *(motion.name for motion in self.motions[:_MOTIONS_SHOWN])),
             rows=[
@@ -338,21 +366,8 @@ class StudyResults(StudyCriteria):
         other = self.labelled.criteria((row, motion, 1))
         return {name: _relative_change(value, other[name]) for name, value in whole.items()}
 
-    def to_xarray(self) -> DataTree:
-        """Criteria and quantities as two data sets "criteria" and "quantities" over named axes, with units.
-
-        Examples
-        --------
-        >>> import mrwork as mr
-        >>> results = mr.run_study(mr.read_study("study.toml"))  # doctest: +SKIP
-        >>> drift = results.to_xarray()["criteria/peak_drift"]  # doctest: +SKIP
-        >>> drift.sel(realisation="nominal").max("motion")  # doctest: +SKIP
-        """
-        # xarray is slow to load.
-        from xarray import DataTree
-
-        named = {"criteria": self.labelled, "quantities": self.quantities}
-        return DataTree.from_dict({name: each.to_xarray() for name, each in named.items()}, name=self.title)
+    def _groups(self) -> dict[str, LabelledRuns]:
+        return {"criteria": self.labelled, "quantities": self.quantities}
 
 
 def _relative_change(value: float, other: float) -> float:
@@ -438,8 +453,9 @@ def _largest(results: StudyCriteria, row: int, motions: list[int]) -> StepChange
         if changes is None:
             unfinished.append(motion)
             continue
-        # A criterion that the file does not have is not compared.
-        name = max(changes, key=lambda each: -1.0 if math.isnan(changes[each]) else changes[each])
+        # A criterion that the file does not have is not compared, nor a count, which jumps by more than the step does.
+        compared = [each for each in changes if not criterion(each).counted]
+        name = max(compared, key=lambda each: -1.0 if math.isnan(changes[each]) else changes[each])
         if largest is None or changes[name] > largest[0]:
             largest = (changes[name], name, motion)
     if largest is None:

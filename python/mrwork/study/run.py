@@ -22,6 +22,7 @@ from mrwork.closed_loop.evaluation import score, values
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.responses import Responses, history_signals
 from mrwork.closed_loop.simulate import PrescribedCommands, simulate_loop, simulate_prescribed
+from mrwork.control.design_problem import ReferencePeaks
 from mrwork.control.laws import ControlLaw
 from mrwork.dampers.spec import damper
 from mrwork.errors import Interrupted, JournalError, SettingError, SimulationError
@@ -337,23 +338,9 @@ def _choose_best_constant(
     known: dict[int, RunResult] = {}
 
     def search() -> BestConstant:
-        tried = replace(arrangement, law=constant_commands(devices, commands))
-        responses = _simulate(tried, study.chosen_on, study, threads=threads)
-        n_motions = len(study.chosen_on)
-        results_of_runs = results_of(responses, arrangement)
-        levels = [
-            results_of_runs[start : start + n_motions] for start in range(0, len(results_of_runs), n_motions)
-        ]
+        levels = _constant_levels(arrangement, commands, study.chosen_on, study.hardware, threads)
         criteria = [[_criteria(result, weight) for result in level] for level in levels]
-        # The first level is i = 0. A command has no score if one of its runs failed.
-        scores = [float(score(each, criteria[0])) for each in criteria]
-        if np.isnan(scores).all():
-            raise SimulationError(
-                f"{arrangement.row.label}: no constant command has a score, because under "
-                f"{list_names([ground.name for ground in study.chosen_on])} the run at i = 0, or at every command, "
-                "did not finish or has no response; check the dampers and the step, or leave best_passive out"
-            )
-        best = int(np.nanargmin(scores))
+        scores, best = _scores_of_levels(arrangement, criteria, study.chosen_on)
         if not _knows_least_strokes(arrangement):
             known.update(
                 (motion, run)
@@ -380,6 +367,60 @@ def _choose_best_constant(
         law=constant_command(devices, best.command),
     )
     return with_command, known
+
+
+def _constant_levels(
+    arrangement: Arrangement,
+    commands: Floats,
+    motions: Sequence[GroundMotion],
+    hardware: Hardware,
+    threads: int,
+) -> list[list[RunResult]]:
+    """The runs of each constant command, one for each motion."""
+    devices, law = with_devices(arrangement, constant_commands(arrangement.devices, commands))
+    responses = simulate_loop(arrangement.building, devices, law, motions, hardware, threads=threads)
+    runs = results_of(responses, arrangement)
+    return [list(runs[start : start + len(motions)]) for start in range(0, len(runs), len(motions))]
+
+
+def _scores_of_levels(
+    arrangement: Arrangement,
+    criteria: Sequence[Sequence[Mapping[str, Floats]]],
+    motions: Sequence[GroundMotion],
+) -> tuple[list[float], int]:
+    """The score of each constant command, of which the first is i = 0, and the place of the best.
+
+    A command has no score if one of its runs failed.
+    """
+    scores = [float(score(each, criteria[0])) for each in criteria]
+    if np.isnan(scores).all():
+        raise SimulationError(
+            f"{arrangement.row.label}: no constant command has a score, because under "
+            f"{list_names([ground.name for ground in motions])} the run at i = 0, or at every command, "
+            "did not finish or has no response; check the dampers and the step, or leave best_passive out"
+        )
+    return scores, int(np.nanargmin(scores))
+
+
+def reference_peaks_of(
+    arrangement: Arrangement, motions: Sequence[GroundMotion], hardware: Hardware
+) -> ReferencePeaks:
+    """The best constant command of an arrangement on these motions, and the mean peaks under it, to four digits."""
+    largest = min(device.largest_command for device in arrangement.devices)
+    commands = np.linspace(0.0, largest, LEVELS)
+    weight = arrangement.building.total_mass * STANDARD_GRAVITY
+    levels = _constant_levels(arrangement, commands, motions, hardware, 0)
+    criteria = [[_criteria(result, weight) for result in level] for level in levels]
+    _, best = _scores_of_levels(arrangement, criteria, motions)
+
+    def mean(name: str) -> float:
+        return float(f"{np.mean([each[name] for each in criteria[best]]):.4g}")
+
+    return ReferencePeaks(
+        command=float(f"{commands[best]:.4g}"),
+        drift=mean("peak_drift"),
+        acceleration=mean("peak_acceleration"),
+    )
 
 
 def _criteria(result: RunResult, weight: float) -> dict[str, Floats]:

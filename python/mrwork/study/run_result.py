@@ -22,7 +22,7 @@ from mrwork.closed_loop.responses import (
 )
 from mrwork.dampers.spec import worst_laws
 from mrwork.errors import RecordError
-from mrwork.simulate import Outcome
+from mrwork.simulation import Outcome
 from mrwork.store.codec import OneOf, array_of, plain, rebuilt
 from mrwork.store.input_file import finite_numbers, is_there, make_stored_kind, read_arrays
 from mrwork.store.output_file import refuse_link, replacing
@@ -75,7 +75,7 @@ _OF_ELEMENTS = {
     "peak_stroke": "peak_element_stroke",
     "device_energy": "element_energy",
 }
-_COMMANDS = ("peak_current", "mean_current", "rms_current")
+_COMMANDS = ("peak_current", "mean_current", "rms_current", "command_travel", "switching_rate")
 _LEFT_OUT = {"rms_force", *_OF_ELEMENTS.values()}
 # Signals of no use to pages, and energies, which a history has in one array.
 _SIGNALS_LEFT_OUT = {"input_energy", "damping_energy", "device_energy"}

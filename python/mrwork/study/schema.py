@@ -5,6 +5,7 @@ Numbers are in SI units. A number with a unit may also be given as a text with a
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
@@ -19,6 +20,7 @@ from mrwork.keys import LARGEST_SEED, Place, heading_lines, key, key_lines, refu
 from mrwork.motions.ground_motion import HIGHEST_ORDER
 from mrwork.motions.synthetic import MOST_OF_A_SUITE, USUAL_SOILS, Pulses, Soil
 from mrwork.search.rules import LARGEST_POPULATION
+from mrwork.study.passive_labels import present_label
 from mrwork.units import DriverUnit
 
 Risk = Literal["mean", "max", "cvar"]
@@ -241,10 +243,25 @@ class ControllerTable:
     user: LawFileTable | None = key("law in Python instead", default=None)
     label: str = key("label in tables; by default the title of the law", default="", label=True)
     settings: Mapping[str, Any] | None = key("settings of the law", default=None)
+    gain: tuple[tuple[float, ...], ...] | str | None = key(
+        "finished gain K of the desired force f_c = -K s, for laws of a desired force, instead of weights among the "
+        "settings: a row for each device, a column for each displacement [N/m] and then each velocity [N s/m] of the "
+        "coordinates; rows of numbers, or a .csv, .tsv, .txt, .npy or .mat file relative to the study file",
+        default=None,
+    )
     largest_command: float | None = key(
         "largest command that this law may send, by default that of the dampers",
         unit="A or V",
         default=None,
+        above=0.0,
+    )
+    dead_zone: float = key(
+        "damper velocity below which the command is zero", unit="m/s", default=0.0, least=0.0
+    )
+    command_slope: float = key(
+        "largest change of the command of this law per time, from sample to sample",
+        unit="A/s or V/s",
+        default=math.inf,
         above=0.0,
     )
     place: Place
@@ -378,7 +395,9 @@ class ReportTable:
     def select_drawn(self, labels: Sequence[str]) -> list[int]:
         """Indices of the arrangements that are drawn, of all their labels."""
         return [
-            number for number, label in enumerate(labels) if not self.controllers or label in self.controllers
+            number
+            for number, label in enumerate(labels)
+            if not self.controllers or label in {*self.controllers, *map(present_label, self.controllers)}
         ]
 
 

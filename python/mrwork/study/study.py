@@ -5,7 +5,7 @@ What is not known exactly has realisations: damper parameters, stiffness and dam
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import ClassVar, Literal, get_args
@@ -19,12 +19,15 @@ from mrwork.buildings.matrices import Device
 from mrwork.closed_loop.clairvoyant_search import ClairvoyantSettings
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.user_law import UserLaw
+from mrwork.control.design.designed import DesignedWeights
 from mrwork.control.design_problem import DesignProblem
 from mrwork.control.laws import ControlLaw
+from mrwork.control.loop_model import LoopModel
 from mrwork.errors import SettingError
 from mrwork.motions import GroundMotion
 from mrwork.search.unit_cube import Streams, latin_hypercube
 from mrwork.store.codec import digest_of, package_version
+from mrwork.study.passive_labels import recorded_label
 from mrwork.study.schema import ReportTable, TuneTable, UncertaintyTable, Use
 from mrwork.summary import Summarised, Summary, list_names
 from mrwork.values import Floats, array_dataclass
@@ -165,6 +168,11 @@ class Arrangement:
         """Whether ideal actuators replace the dampers."""
         return commands_force(self.law)
 
+    @property
+    def reads_acceleration(self) -> bool:
+        """Whether its law may read accelerations of floors."""
+        return isinstance(self.law, UserLaw) or (self.law is not None and self.law.spec.reads_acceleration)
+
 
 def commands_force(law: StudyLaw | None) -> bool:
     """Whether a law commands forces, which ideal actuators exert."""
@@ -275,13 +283,28 @@ class Study(Summarised):
         )
 
     @property
+    def designs(self) -> tuple[tuple[tuple[str, ...], DesignedWeights], ...]:
+        """Designed weights, each with the labels of the rows that have them."""
+        found: dict[int, tuple[list[str], DesignedWeights]] = {}
+        for label, law in self._laws:
+            if law.weights is not None:
+                found.setdefault(id(law.weights), ([], law.weights))[0].append(label)
+        return tuple((tuple(labels), weights) for labels, weights in found.values())
+
+    @property
     def design_notes(self) -> tuple[tuple[str, tuple[str, ...]], ...]:
-        """Label of each row with designed weights, and the notes of its design."""
-        return tuple(
-            (each.row.label, each.law.notes)
-            for each in self.arrangements
-            if each.law is not None and each.law.notes
+        """Headings and sentences: of each design of weights once, then of each law on its own gain."""
+        designs = (
+            (f"Weights of {', '.join(labels)}", (*weights.in_words, weights.advice))
+            for labels, weights in self.designs
         )
+        return (*designs, *((f"Loop of {label}", law.notes) for label, law in self._laws if law.notes))
+
+    @property
+    def _laws(self) -> Iterator[tuple[str, ControlLaw]]:
+        for each in self.arrangements:
+            if isinstance(each.law, ControlLaw):
+                yield each.row.label, each.law
 
     def _summary(self) -> Summary:
         return Summary(
@@ -322,7 +345,7 @@ def fingerprint_of(study: Study) -> dict[str, object]:
     """Fingerprint of the inputs of a study, which must be equal for a journal to resume."""
     return {
         "arrangement": [
-            {"label": each.row.label, "kind": each.row.kind, "content": digest_of_run(each)}
+            {"label": recorded_label(each.row.label), "kind": each.row.kind, "content": digest_of_run(each)}
             for each in study.arrangements
         ],
         "motion": [
@@ -352,6 +375,7 @@ def digest_of_run(arrangement: Arrangement, *motions: GroundMotion) -> str:
         for device in arrangement.devices
     ]
     own = law if isinstance(law, ControlLaw) else None
+    model = None if own is None else own.model
     numbers = {} if own is None else {**own.gains, **own.tables}
     return digest_of(
         building.mass,
@@ -364,9 +388,25 @@ def digest_of_run(arrangement: Arrangement, *motions: GroundMotion) -> str:
         None if law is None else law.name,
         None if own is None or own.curve is None else (own.curve[0], _digest(own.curve[1])),
         sorted((name, _digest(array)) for name, array in numbers.items()),
+        *(() if model is None else (_digest_of_model(model),)),
         *((law.source, law.n_memory) if isinstance(law, UserLaw) else ()),
+        *(() if own is None or own.shaping is None else own.shaping),
         *((_digest(each.row), each.numbers) for each in building.elements),
         *(_digest_of_motion(motion) for motion in motions),
+    )
+
+
+def _digest_of_model(model: LoopModel) -> str:
+    building = model.building
+    return digest_of(
+        *(
+            _digest(each)
+            for each in (building.mass, building.damping, building.stiffness, building.influence)
+        ),
+        [
+            (each.spec, _digest(each.draws), _digest(each.row), each.count, each.differential)
+            for each in model.devices
+        ],
     )
 
 

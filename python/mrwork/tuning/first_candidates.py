@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -11,25 +10,38 @@ from typing import Any
 import numpy as np
 
 from mrwork.control.design.designer import design_weights
+from mrwork.control.design_basis import PEAK_FACTOR, ground_of
 from mrwork.control.design_problem import LawSettings, Magnitudes
 from mrwork.control.law_design import SETTINGS
 from mrwork.control.lqr import PUBLISHED_REGULATORS, PublishedRegulator
 from mrwork.errors import SettingError
-from mrwork.motions.spectral_density import KanaiTajimi
 from mrwork.store.codec import digest_of
+from mrwork.study.passive_labels import OPTIMAL_PASSIVE, PASSIVE_OFF, PASSIVE_ON
 from mrwork.study.run import LEVELS
 from mrwork.study.schema import TuneTable
 from mrwork.summary import Summarised
 from mrwork.tuning.problem import Bench, Benches, describe
 from mrwork.tuning.results import LawResult
-from mrwork.tuning.space import FreeSetting, LawCandidate, SettingSpace, TuningObjective, space_of
+from mrwork.tuning.space import (
+    BUDGET_SCALE,
+    FreeSetting,
+    LawCandidate,
+    SettingSpace,
+    TuningObjective,
+    is_semi_active,
+    space_of,
+)
 from mrwork.values import Floats
 
 _STEPS = 12
 _WEIGHT = "control_weight"
-_PEAK = 3.0
 EQUAL, CONVEX, DASHPOTS = "equal drift weights", "convex weights", "weights of dashpots"
 """Origins of weights whose size of R is scanned."""
+SEMI_ACTIVE = "semi-active weights"
+"""Origin of weights whose budget of force is scanned."""
+# Share b of the semi-active condition, and factors of the budget that the dampers have.
+_SHARE = 0.1
+_SCALES = (0.2, 0.4, 0.8, 1.6, 3.2)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,9 +54,13 @@ class FirstCandidate:
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Basis(Summarised):
-    """Inputs of the first candidates: magnitudes of the response, convex and published weights of the building."""
+    """Inputs of the first candidates: magnitudes of the response, convex and published weights of the building.
+
+    `limits` are those on rms responses by name, of drifts, and of drifts and accelerations.
+    """
 
     magnitudes: Magnitudes
+    limits: tuple[Mapping[str, float], ...]
     convex: tuple[Mapping[str, Any], ...]
     published: tuple[PublishedRegulator, ...]
 
@@ -52,35 +68,35 @@ class Basis(Summarised):
 def basis_of(bench: Bench, magnitudes: Magnitudes) -> Basis:
     """The basis of the first candidates of a study.
 
-    Convex weights reduce rms drifts, or rms drifts and accelerations in proportion to their peaks at i = 0, under firm
-    soil with the peak of the motions, a peak counting as three times the rms, with the damper's force as budget.
+    Convex weights reduce rms drifts, or rms drifts and accelerations in proportion to their peaks at i = 0, under the
+    stationary ground of the training motions, with the damper's force as budget; a peak counts as three times the rms.
     """
     floors = len(bench.study.building.floor_names)
+    drift = {"rms_drift": _round(magnitudes.drift / PEAK_FACTOR)}
+    limits = (drift, {**drift, "rms_acceleration": _round(magnitudes.acceleration / PEAK_FACTOR)})
     return Basis(
         magnitudes=magnitudes,
-        convex=tuple(_convex(bench, magnitudes)),
+        limits=limits,
+        convex=tuple(_convex(bench, magnitudes, limits)),
         published=tuple(each for each in PUBLISHED_REGULATORS if each.n_floors == floors),
     )
 
 
-def _convex(bench: Bench, magnitudes: Magnitudes) -> Iterator[Mapping[str, Any]]:
-    soil = KanaiTajimi()
-    # The variance of the spectrum is pi S_0 omega (1 + 4 zeta^2) / (2 zeta).
-    shape = math.pi * soil.frequency * (1.0 + 4.0 * soil.damping**2) / (2.0 * soil.damping)
-    spectrum = replace(soil, intensity=(magnitudes.ground / _PEAK) ** 2 / shape)
-    drift = {"rms_drift": magnitudes.drift / _PEAK}
-    for limits in (drift, {**drift, "rms_acceleration": magnitudes.acceleration / _PEAK}):
+def _convex(
+    bench: Bench, magnitudes: Magnitudes, limits: Sequence[Mapping[str, float]]
+) -> Iterator[Mapping[str, Any]]:
+    for each in limits:
         try:
             designed = design_weights(
                 bench.problem.building,
                 bench.problem.devices,
-                limits=limits,
-                budget=magnitudes.force / _PEAK,
-                spectrum=spectrum,
+                limits=each,
+                budget=magnitudes.force / PEAK_FACTOR,
+                spectrum=ground_of(bench.problem).spectrum,
             )
             yield {name: _round_all(value) for name, value in designed.settings().items()}
         except SettingError:
-            # A building with an undamped mode has no such weights.
+            # A building with an undamped mode has no such weights, motions that are too short no ground.
             continue
 
 
@@ -133,6 +149,9 @@ def _shapes(space: SettingSpace, basis: Basis) -> Iterator[tuple[dict[str, Any],
     yield {**others, "rates": 1.0}, DASHPOTS
     for convex in basis.convex:
         yield {**others, **convex}, CONVEX
+    # Where the weights of limits exist, their semi-active form does, too.
+    for limits in basis.limits if basis.convex else ():
+        yield {**others, "designed": {**limits, "semi_active": _SHARE}}, SEMI_ACTIVE
     for published in basis.published:
         yield (
             {**others, "accelerations": published.weights, _WEIGHT: published.control_weight},
@@ -143,8 +162,14 @@ def _shapes(space: SettingSpace, basis: Basis) -> Iterator[tuple[dict[str, Any],
 def _sizes(
     scanned: FreeSetting | None, shape: Mapping[str, Any], space: SettingSpace, magnitudes: Magnitudes
 ) -> list[dict[str, float]]:
-    """Sizes of R of a shape of weights, logarithmically over its range; about that of the shape where it has one."""
+    """Sizes of R of a shape of weights, logarithmically over its range; about that of the shape where it has one.
+
+    Of weights with a semi-active condition the budget is scanned, for it decides the law, and R hardly matters.
+    """
     kind = SETTINGS[space.law]
+    if is_semi_active(shape):
+        R = {} if _WEIGHT in shape else {_WEIGHT: 1.0}
+        return [R] if BUDGET_SCALE in shape else [{**R, BUDGET_SCALE: scale} for scale in _SCALES]
     if scanned is None or not kind.weight_names():
         return [{}]
     if _WEIGHT in shape:
@@ -173,10 +198,6 @@ def _part_weights(
 
 def _round(value: float) -> float:
     return float(f"{value:.4g}")
-
-
-BEST_CONSTANT = "Best constant command"
-"""Label of the best constant command among the references."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -213,12 +234,13 @@ def references_of(benches: Benches, objective: TuningObjective, basis: Basis) ->
             candidates=len(each.candidates),
             seconds=time.perf_counter() - began,
             certificate=benches.training.certificate(each.law, best),
+            design=benches.training.design_notes(each.law, best),
         )
 
 
 def best_constant(references: Sequence[LawResult]) -> LawCandidate:
     """The best constant command among references."""
-    return next(each.chosen_candidate for each in references if each.label == BEST_CONSTANT)
+    return next(each.chosen_candidate for each in references if each.label == OPTIMAL_PASSIVE)
 
 
 def _declare_references(basis: Basis) -> Iterator[_Reference]:
@@ -227,16 +249,14 @@ def _declare_references(basis: Basis) -> Iterator[_Reference]:
     def constant(share: float) -> LawCandidate:
         return LawCandidate(settings={"command": float(f"{share * largest:.4g}")}, largest_command=largest)
 
-    yield _Reference(label="i = 0", law="passive", candidates=(constant(0.0),), origin="no command")
+    yield _Reference(label=PASSIVE_OFF, law="passive", candidates=(constant(0.0),), origin="no command")
     yield _Reference(
-        label=BEST_CONSTANT,
+        label=OPTIMAL_PASSIVE,
         law="passive",
         candidates=tuple(constant(share) for share in np.linspace(0.0, 1.0, LEVELS)),
         origin=f"best of {LEVELS} on the training motions",
     )
-    yield _Reference(
-        label="Largest command", law="passive", candidates=(constant(1.0),), origin="largest command"
-    )
+    yield _Reference(label=PASSIVE_ON, law="passive", candidates=(constant(1.0),), origin="largest command")
     space = space_of(TuneTable(laws=("clipped_optimal",)), "clipped_optimal", basis.magnitudes)
     shapes: dict[str, list[LawCandidate]] = {}
     for first in first_candidates(space, basis):
@@ -249,6 +269,13 @@ def _declare_references(basis: Basis) -> Iterator[_Reference]:
                 candidates=distinct(shapes[origin]),
                 origin=f"{origin}, best of {len(shapes[origin])} sizes of R on the training motions",
             )
+    if SEMI_ACTIVE in shapes:
+        yield _Reference(
+            label=f"{SEMI_ACTIVE[:1].upper()}{SEMI_ACTIVE[1:]}, budget scanned",
+            law="clipped_optimal",
+            candidates=distinct(shapes[SEMI_ACTIVE]),
+            origin=f"{SEMI_ACTIVE}, best of {len(shapes[SEMI_ACTIVE])} limits and budgets on the training motions",
+        )
 
 
 def distinct(candidates: Sequence[LawCandidate]) -> tuple[LawCandidate, ...]:

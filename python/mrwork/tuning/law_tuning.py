@@ -29,6 +29,7 @@ from mrwork.study.study import Study
 from mrwork.tuning.first_candidates import Basis, FirstCandidate, distinct, first_candidates
 from mrwork.tuning.problem import Bench, Benches, Scores, describe, recall_or_compute, score_candidates
 from mrwork.tuning.results import (
+    DesignNotes,
     Front,
     FrontPoint,
     LawResult,
@@ -309,7 +310,12 @@ def tune_law(plan: LawPlan, benches: Benches, basis: Basis, *, rng: int, report:
     trace = [TracePoint(candidates=len(candidates), least=least)]
     report(len(candidates), least)
 
-    def result(train: TuningJudgement, test: TuningJudgement | None, certificate: str) -> LawResult:
+    def result(
+        train: TuningJudgement,
+        test: TuningJudgement | None,
+        certificate: str = "",
+        design: DesignNotes | None = None,
+    ) -> LawResult:
         return LawResult(
             law=plan.law,
             label=plan.label,
@@ -325,6 +331,7 @@ def tune_law(plan: LawPlan, benches: Benches, basis: Basis, *, rng: int, report:
             objective=plan.objective.in_words(robust=table.robust),
             free=plan.space.free,
             trace=tuple(trace),
+            design=design or DesignNotes(),
         )
 
     if plan.space.continuous:
@@ -343,9 +350,7 @@ def tune_law(plan: LawPlan, benches: Benches, basis: Basis, *, rng: int, report:
         except Interrupted as interrupt:
             if interrupt.result.best_misfit < least:
                 chosen, origin = plan.space.candidate(interrupt.result.best_unit), "search, interrupted"
-            raise Interrupted(
-                result(judgement_of_objective(trace[-1].least), None, ""), "tuning"
-            ) from interrupt
+            raise Interrupted(result(judgement_of_objective(trace[-1].least), None), "tuning") from interrupt
         if found.best_misfit < least:
             chosen, origin = plan.space.candidate(found.best_unit), _ENDS.get(found.stop_reason, "search")
         if table.gradient_steps:
@@ -356,7 +361,7 @@ def tune_law(plan: LawPlan, benches: Benches, basis: Basis, *, rng: int, report:
             if last.misfit < min(least, found.best_misfit):
                 chosen, origin = last.candidate, f"search, then {last.gradients} gradients on the twin"
     train, test = benches.judgements(plan.law, chosen, plan.objective, robust=table.robust)
-    return result(train, test, bench.certificate(plan.law, chosen))
+    return result(train, test, bench.certificate(plan.law, chosen), bench.design_notes(plan.law, chosen))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

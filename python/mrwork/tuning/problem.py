@@ -10,10 +10,11 @@ from typing import Protocol, TypeVar
 
 import numpy as np
 
+from mrwork.arguments import checked
 from mrwork.closed_loop.evaluation import SCORE, Spread, criteria
 from mrwork.control.design_problem import NO_CERTIFICATE, DesignProblem, Magnitudes
-from mrwork.control.law_design import design_candidates, design_law, settings_of
-from mrwork.control.laws import control_law
+from mrwork.control.law_design import SETTINGS, design_candidates, design_law, settings_of
+from mrwork.control.laws import ControlLaw, control_law
 from mrwork.errors import SettingError
 from mrwork.motions import GroundMotion
 from mrwork.store.codec import digest_of
@@ -24,7 +25,15 @@ from mrwork.study.run import runs_of, simulate_criteria
 from mrwork.study.run_result import DeviceDemand, demands_of
 from mrwork.study.study import Arrangement, Realisations, Row, Study, nominal
 from mrwork.summary import Summarised
-from mrwork.tuning.results import Better, MotionScore, TuningJudgement
+from mrwork.tuning.results import (
+    Better,
+    DesignNotes,
+    Front,
+    FrontPoint,
+    LawResult,
+    MotionScore,
+    TuningJudgement,
+)
 from mrwork.tuning.space import PENALTY, LawCandidate, TuningObjective, over
 from mrwork.values import Floats, array_dataclass
 
@@ -140,13 +149,7 @@ class Bench(Summarised):
 
     def arrangement_with(self, law: str, candidate: LawCandidate, label: str) -> Arrangement:
         """The dampers of the study under a law with these settings, as `mrwork respond` simulates it."""
-        problem = self.problem.limited_to(candidate.largest_command)
-        return replace(
-            self.arrangement,
-            row=Row(label=label, kind="controller"),
-            devices=tuple(problem.devices),
-            law=design_law(law, problem, settings_of(law, candidate.settings)),
-        )
+        return arrange_law(self.problem, self.arrangement, law, candidate, label)
 
     def certificate(self, law: str, candidate: LawCandidate) -> str:
         """Stability certificate of a law with these settings, in words."""
@@ -156,6 +159,29 @@ class Bench(Summarised):
             )
         except SettingError:
             return NO_CERTIFICATE
+
+    def design_notes(self, law: str, candidate: LawCandidate) -> DesignNotes:
+        """Sentences on the designed weights of a law with these settings, and on its gain; none if it has no design."""
+        try:
+            made = self.arrangement_with(law, candidate, law).law
+        except SettingError:
+            return DesignNotes()
+        assert isinstance(made, ControlLaw)
+        weights = () if made.weights is None else (*made.weights.in_words, made.weights.advice)
+        return DesignNotes(weights=weights, loop=made.notes)
+
+
+def arrange_law(
+    problem: DesignProblem, at_zero: Arrangement, law: str, candidate: LawCandidate, label: str
+) -> Arrangement:
+    """The dampers of an arrangement at i = 0 under a law with these settings."""
+    limited = problem.limited_to(candidate.largest_command)
+    return replace(
+        at_zero,
+        row=Row(label=label, kind="controller"),
+        devices=tuple(limited.devices),
+        law=design_law(law, limited, settings_of(law, candidate.settings)),
+    )
 
 
 def check_controllable(study: Study) -> None:
@@ -167,6 +193,48 @@ def check_controllable(study: Study) -> None:
             f"study {study.title!r}: no parameter of the dampers depends on the command, so no law can be tuned; "
             "give a damper with laws"
         )
+
+
+@checked
+def with_tuned_law(
+    study: Study, found: LawResult | Front, point: FrontPoint | None = None, *, label: str = ""
+) -> Study:
+    """The study with a law that `tune` has found as one more row, for `run_study`.
+
+    Parameters
+    ----------
+    found
+        A law of `TuningResults.laws`, or a front of `TuningResults.fronts`.
+    point
+        A point of the front; by default that of `Front.pick()`.
+    label
+        Name of the row; by default that of the law.
+
+    Raises
+    ------
+    SettingError
+        If the study has a row of this name or no damper that follows a command, or a point goes with no front.
+
+    Examples
+    --------
+    >>> import mrwork as mr
+    >>> front = mr.tune(study).fronts[0]  # doctest: +SKIP
+    >>> picked = mr.tuning.with_tuned_law(study, front, front.pick({"peak_drift": 1.0}))  # doctest: +SKIP
+    >>> mr.run_study(picked).to_pandas().loc[front.label]  # doctest: +SKIP
+    """
+    check_controllable(study)
+    assert study.problem is not None
+    if isinstance(found, LawResult):
+        if point is not None:
+            raise SettingError(f"`point` is of a front, and `found` is the law {found.label}; leave it out")
+        candidate = found.chosen_candidate
+    else:
+        candidate = (found.pick() if point is None else point).candidate
+    name = label or found.label
+    if name in (row.label for row in study.rows):
+        raise SettingError(f"the study has a row called {name!r} already; give another `label`")
+    arrangement = arrange_law(study.problem, study.at_zero, found.law, candidate, name)
+    return replace(study, arrangements=(*study.arrangements, arrangement))
 
 
 @array_dataclass(repr=False)
@@ -208,8 +276,11 @@ def score_candidates(
     return Scores(objective=value, violation=np.where(np.isfinite(value), violation, 0.0))
 
 
-def magnitudes_of(bench: Bench) -> Magnitudes:
-    """Typical peaks of the response, medians over the motions, from i = 0 and the largest command."""
+def magnitudes_of(bench: Bench, laws: Sequence[str] = ()) -> Magnitudes:
+    """Typical peaks of the response, medians over the motions, from i = 0 and the largest command.
+
+    Those under the best constant command are found where one of the `laws` chooses among commands.
+    """
     study = bench.study
     largest = min(device.largest_command for device in study.devices)
     on = bench.run("passive", [LawCandidate(settings={"command": largest}, largest_command=largest)])
@@ -221,7 +292,12 @@ def magnitudes_of(bench: Bench) -> Magnitudes:
 
     displacement = off("peak_displacement")
     velocity = first * displacement
+    constant = None
+    if bench.problem.reference_peaks is not None and any(SETTINGS[law].chooses_levels for law in laws):
+        constant = bench.problem.reference_peaks()
     return Magnitudes(
+        constant_drift=0.0 if constant is None else constant.drift,
+        constant_acceleration=0.0 if constant is None else constant.acceleration,
         drift=off("peak_drift"),
         displacement=displacement,
         velocity=velocity,

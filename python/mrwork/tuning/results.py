@@ -6,14 +6,19 @@ import json
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
+
+import numpy as np
 
 from mrwork.arguments import NotNegative, Whole, checked
-from mrwork.closed_loop.evaluation import Spread
-from mrwork.errors import RecordError
-from mrwork.numbers import format_rounded, with_decimals
+from mrwork.closed_loop.evaluation import Spread, criterion, ties_in_words
+from mrwork.control.law_design import SETTINGS
+from mrwork.errors import RecordError, SettingError, UnknownNameError
+from mrwork.keys import suggestion
+from mrwork.labelled import NamedArray, NamedArrays, WithAxes, labels_of, number_labels
+from mrwork.numbers import counted, format_rounded, percent, with_decimals
 from mrwork.store.codec import OrInfinite, OrNan, Related, finite, json_document, read_document
 from mrwork.store.output_folder import Destination, write_folder
 from mrwork.store.parse import toml_table
@@ -28,6 +33,7 @@ from mrwork.store.run_folder import (
     check_manifest,
     read_manifest,
 )
+from mrwork.study.passive_labels import present_label
 from mrwork.study.results import RealisationBand
 from mrwork.study.study import StudyFile
 from mrwork.summary import Summarised, Summary, list_names
@@ -35,6 +41,7 @@ from mrwork.table import csv_text
 from mrwork.tuning.space import LARGEST, FreeSetting, LawCandidate
 
 _MARGIN = 0.01
+_SAME = 5e-4
 # Longest array whose numbers are shown in a line.
 _MOST_IN_WORDS = 8
 TRAINING_ONLY = (
@@ -97,6 +104,13 @@ class Better:
     both: Whole
     motions: Whole
 
+    @property
+    def in_words(self) -> str:
+        """Cell of a table: "2 of 3" motions, of a single one yes or no."""
+        if self.motions == 1:
+            return "yes" if self.both else "no"
+        return f"{self.both} of {self.motions}"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TracePoint:
@@ -106,13 +120,22 @@ class TracePoint:
     least: OrInfinite
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DesignNotes:
+    """Sentences on the designed weights of a law, and on its gain: stability margins, a law that asks for no force."""
+
+    weights: tuple[str, ...] = ()
+    loop: tuple[str, ...] = ()
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class LawResult(Summarised, Related):
     """A law with the settings that were chosen for it, or a reference.
 
     `settings` include the largest command. `origin` says where the settings are from. `test` is `None` where the study
     has no test motions or the tuning was interrupted before. `free` are the free settings with their ranges.
-    `certificate` says what is proved of the law, `limited` whether the largest command is one of its settings.
+    `certificate` says what is proved of the law, `limited` whether the largest command is one of its settings,
+    `design` what its weights and its gain are.
     """
 
     law: str
@@ -130,6 +153,7 @@ class LawResult(Summarised, Related):
     better: Better | None = None
     free: tuple[FreeSetting, ...] = ()
     trace: tuple[TracePoint, ...] = ()
+    design: DesignNotes = field(default_factory=DesignNotes)
 
     @property
     def judged(self) -> TuningJudgement:
@@ -139,8 +163,7 @@ class LawResult(Summarised, Related):
     @property
     def chosen_candidate(self) -> LawCandidate:
         """The settings as a candidate."""
-        settings = dict(self.settings)
-        return LawCandidate(largest_command=settings.pop(LARGEST), settings=settings)
+        return _candidate_of(self.settings)
 
     def disagreement(self) -> str:
         """Whether the largest command is a number, and is there where it is one of the settings."""
@@ -149,6 +172,11 @@ class LawResult(Summarised, Related):
         value = self.settings[LARGEST]
         is_number = isinstance(value, int | float) and not isinstance(value, bool)
         return "" if is_number else f"{LARGEST} of {self.label} is not a number"
+
+
+def _candidate_of(settings: Mapping[str, Any]) -> LawCandidate:
+    others = {name: value for name, value in settings.items() if name != LARGEST}
+    return LawCandidate(largest_command=settings[LARGEST], settings=others)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -160,10 +188,20 @@ class FrontPoint:
     test: dict[str, OrInfinite] | None
     certificate: str
 
+    @property
+    def candidate(self) -> LawCandidate:
+        """The settings as a candidate."""
+        return _candidate_of(self.settings)
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Front:
-    """The Pareto front of a law over several objectives."""
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Front(WithAxes, Summarised):
+    """The Pareto front of a law over several objectives.
+
+    Its arrays are `train` and `test` over point and objective, and the settings that are numbers over point.
+    """
+
+    _made_by: ClassVar[str] = "mr.tune(study).fronts"
 
     law: str
     label: str
@@ -171,11 +209,65 @@ class Front:
     points: tuple[FrontPoint, ...]
     candidates: Whole
 
+    @checked
+    def pick(self, weights: Mapping[str, NotNegative] | None = None) -> FrontPoint:
+        """The point with the least weighted sum of the objectives on the training motions; equal weights by default.
+
+        `weights` are by objective, 0 for those that are not named; one alone picks the end of the front.
+        """
+        given = dict.fromkeys(self.objectives, 1.0) if weights is None else dict(weights)
+        for name in given:
+            if name not in self.objectives:
+                near = suggestion(name, self.objectives, otherwise="it has")
+                raise UnknownNameError(f"the front of {self.label} has no objective {name!r}{near}")
+        if not self.points:
+            raise SettingError(f"the front of {self.label} has no points; tune with a larger budget")
+        return min(
+            self.points,
+            key=lambda point: sum(weight * point.train[name] for name, weight in given.items()),
+        )
+
+    def _named_arrays(self) -> NamedArrays:
+        arrays = {}
+        for use in ("train", "test"):
+            found = [getattr(point, use) or {} for point in self.points]
+            arrays[use] = NamedArray.of(
+                np.array([[each.get(name, math.nan) for name in self.objectives] for each in found]).reshape(
+                    len(self.points), len(self.objectives)
+                ),
+                *("point", "objective"),
+                unit="1",
+                long_name=f"objective on the {use}ing motions over its reference",
+            )
+        return NamedArrays(
+            title=f"Front of {self.label}",
+            rows=("point",),
+            labels={"point": number_labels(len(self.points)), "objective": labels_of(self.objectives)},
+            arrays=arrays,
+            along=_setting_arrays([point.settings for point in self.points], "point"),
+        )
+
+
+def _setting_arrays(settings: Sequence[Mapping[str, Any]], axis: str) -> dict[str, NamedArray]:
+    """The settings that are numbers wherever they are given, NaN elsewhere."""
+    names = dict.fromkeys(name for each in settings for name in each)
+    columns = {name: [each.get(name) for each in settings] for name in names}
+    return {
+        name: NamedArray.of(values, axis, long_name="setting")
+        for name, values in columns.items()
+        if all(
+            each is None or (isinstance(each, int | float) and not isinstance(each, bool)) for each in values
+        )
+    }
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class TuningResults(Summarised):
+class TuningResults(WithAxes, Summarised):
     """What `tune` found.
 
+    Its arrays are `score` and the ratio of every criterion to that at i = 0 over law and motion, laws before
+    references, training before test motions, NaN where a law was not judged; with the use of each motion, and the
+    settings of each law that are numbers.
     `share_outside` is the share of the time outside the simulation: design of gains, search, scores.
     `building_warnings` are sentences on modes of the building without damping or stiffness, `damper_warnings` on
     demand of the tuned laws outside the tested ranges of the dampers.
@@ -210,12 +302,12 @@ class TuningResults(Summarised):
             if each.train.violation > 0.0:
                 found.append(
                     f"{each.label}: no candidate keeps all limits; the chosen one exceeds them by "
-                    f"{each.train.violation:.0%} of the limits in all, on the training motions."
+                    f"{percent(each.train.violation, 0)} % of the limits in all, on the training motions."
                 )
             elif each.test is not None and each.test.violation > 0.0:
                 found.append(
                     f"{each.label} keeps its limits on the training motions and exceeds them by "
-                    f"{each.test.violation:.0%} of the limits in all on the test motions."
+                    f"{percent(each.test.violation, 0)} % of the limits in all on the test motions."
                 )
             found += self._overtaken(each)
             found += [
@@ -223,6 +315,72 @@ class TuningResults(Summarised):
                 for name, place in _at_ends(each)
             ]
         return tuple(found)
+
+    @property
+    def designs(self) -> tuple[tuple[tuple[str, ...], tuple[str, ...]], ...]:
+        """Sentences of each design of weights once, with the labels of the laws and references that have it."""
+        found: dict[tuple[str, ...], list[str]] = {}
+        for each in self.ranked:
+            if each.design.weights:
+                found.setdefault(each.design.weights, []).append(each.label)
+        return tuple((tuple(labels), sentences) for sentences, labels in found.items())
+
+    @property
+    def findings(self) -> tuple[str, ...]:
+        """Sentences on laws that are a constant command in effect, and on scores that motions do not tell apart."""
+        constants = [each for each in self.references if SETTINGS[each.law].constant]
+        in_effect = tuple(
+            f"{each.label} has the response of {constant.label} under every motion: it is that in effect."
+            for each in self.ranked
+            if not SETTINGS[each.law].constant
+            for constant in constants
+            if _same_response(each.judged, constant.judged)
+        )
+        finished = [each for each in self.ranked if each.judged.motions]
+        if not finished or len(finished[0].judged.motions) < 2:
+            return in_effect
+        scores = {each.label: [motion.score for motion in each.judged.motions] for each in finished}
+        first = finished[0].label
+        return (*in_effect, *ties_in_words(first, scores.pop(first), scores))
+
+    def _named_arrays(self) -> NamedArrays:
+        judged = (*self.laws, *self.references)
+        runs: dict[tuple[str, str], dict[int, MotionScore]] = {}
+        for number, law in enumerate(judged):
+            for use, found in (("training", law.train), ("test", law.test)):
+                for each in () if found is None else found.motions:
+                    runs.setdefault((use, each.motion), {})[number] = each
+        # A study without test motions has each of its motions once.
+        criteria = list(
+            dict.fromkeys(
+                name for by_law in runs.values() for each in by_law.values() for name in each.criteria
+            )
+        )
+        score = np.full((len(judged), len(runs)), np.nan)
+        ratios = {name: score.copy() for name in criteria}
+        for column, by_law in enumerate(runs.values()):
+            for row, each in by_law.items():
+                score[row, column] = each.score
+                for name, value in each.criteria.items():
+                    ratios[name][row, column] = value
+        axes = ("law", "motion")
+        return NamedArrays(
+            title=f"Tuning of {self.title}",
+            rows=axes,
+            labels={
+                "law": labels_of([each.label for each in judged]),
+                "motion": labels_of([motion for _, motion in runs]),
+            },
+            along={"use": NamedArray.of([use for use, _ in runs], "motion", long_name="use of the motion")}
+            | _setting_arrays([each.settings for each in judged], "law"),
+            arrays={"score": NamedArray.of(score, *axes, unit="1", long_name="score, over that at i = 0")}
+            | {
+                name: NamedArray.of(
+                    values, *axes, unit="1", long_name=f"{criterion(name).title}, over that at i = 0"
+                )
+                for name, values in ratios.items()
+            },
+        )
 
     def _overtaken(self, law: LawResult) -> list[str]:
         best = min((each for each in self.references), key=lambda each: each.judged.score, default=None)
@@ -254,6 +412,31 @@ class TuningResults(Summarised):
             ],
             notes=[f"warning: {each}" for each in self.warnings],
         )
+
+
+def motions_in_words(results: TuningResults) -> str:
+    """The motions of a tuning, such as "1 training motion and 2 test motions"."""
+    training = counted(len(results.training), "training motion")
+    return f"{training} and {counted(len(results.testing), 'test motion')}" if results.testing else training
+
+
+def speed_in_words(results: TuningResults) -> str:
+    """Candidates per second, and what the time went into."""
+    share = percent(results.share_outside, 0)
+    return (
+        f"{results.candidates_per_second:.3g} candidates a second; design of gains, search and scores took {share} % "
+        "of the time, simulations the rest"
+    )
+
+
+def _same_response(one: TuningJudgement, other: TuningJudgement) -> bool:
+    """Whether two rows have the same ratios under every motion, to three decimals as tables show them."""
+    pairs = list(zip(one.motions, other.motions, strict=False))
+    return bool(pairs) and all(
+        abs(first.criteria[name] - second.criteria.get(name, math.inf)) <= _SAME
+        for first, second in pairs
+        for name in first.criteria
+    )
 
 
 def _at_ends(law: LawResult) -> list[tuple[str, str]]:
@@ -338,12 +521,15 @@ def read_tuning(folder: str | Path) -> TuningResults:
         raise RecordError(f"{place} is not the folder of a tuning; give one that `mrwork tune` has written")
     facts = {"title": (found.title,), "status": (found.status,)}
     check_manifest(place, manifest, facts, file=RESULTS, verb="tune")
-    return found
+    references = tuple(replace(each, label=present_label(each.label)) for each in found.references)
+    return replace(found, references=references)
 
 
 def tuning_document(results: TuningResults) -> dict[str, Any]:
     """The results as a JSON object; numbers that are not finite are `null`."""
-    found: dict[str, Any] = finite({**asdict(results), "warnings": results.warnings})
+    found: dict[str, Any] = finite(
+        {**asdict(results), "warnings": results.warnings, "findings": results.findings}
+    )
     return found
 
 

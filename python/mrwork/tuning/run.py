@@ -15,10 +15,11 @@ from mrwork.keys import suggestion
 from mrwork.search.peers import library
 from mrwork.search.registry import ALL_OPTIMISERS
 from mrwork.store.journal import Journal
+from mrwork.study.passive_labels import OPTIMAL_PASSIVE
 from mrwork.study.run_result import DeviceDemand, damper_warnings
 from mrwork.study.schema import Risk, TuneTable
 from mrwork.study.study import Study, fingerprint_of
-from mrwork.tuning.first_candidates import BEST_CONSTANT, basis_of, best_constant, references_of
+from mrwork.tuning.first_candidates import basis_of, best_constant, references_of
 from mrwork.tuning.law_tuning import (
     LawPlan,
     TuningProgress,
@@ -95,7 +96,7 @@ def tune(
     demands: dict[tuple[str, str], tuple[DeviceDemand, ...]] = {}
 
     def results(status: Literal["finished", "interrupted"]) -> TuningResults:
-        constant = next((each for each in references if each.label == BEST_CONSTANT), None)
+        constant = next((each for each in references if each.label == OPTIMAL_PASSIVE), None)
         seconds = time.perf_counter() - clock.began
         separate = any(each.use == "training" for each in study.motions)
         return TuningResults(
@@ -119,7 +120,9 @@ def tune(
     try:
         robust = any(table.robust for table in tables)
         benches = benches_of(study, journal=journal, threads=threads, clock=clock, robust=robust)
-        basis = basis_of(benches.training, magnitudes_of(benches.training))
+        basis = basis_of(
+            benches.training, magnitudes_of(benches.training, [law for table in tables for law in table.laws])
+        )
         plans = _plans(study, tables, objectives, basis.magnitudes)
         for plan in plans:
             check_settings(plan, benches.training)

@@ -11,7 +11,7 @@ import numpy as np
 
 from mrwork.arguments import Share, Whole
 from mrwork.closed_loop.evaluation import SCORE, criteria, criterion
-from mrwork.closed_loop.responses import COMMAND_UNIT, in_command_unit
+from mrwork.closed_loop.responses import in_command_unit
 from mrwork.control.design_problem import LawSettings, Magnitudes, Span
 from mrwork.control.law_design import SETTINGS
 from mrwork.control.laws import control_law, control_laws
@@ -87,7 +87,7 @@ class TuningObjective(Summarised):
         risk = {
             "mean": f"mean over all {motions}",
             "max": f"largest over all {motions}",
-            "cvar": f"mean of the worst {self.tail:.0%} of all {motions}",
+            "cvar": f"mean of the worst {100.0 * self.tail:.0f} % of all {motions}",
         }[self.risk]
         taken = "mean" if self.combine == "mean" else "largest"
         under = "at i = 0" if self.relative_to == "passive_off" else "under the best constant command"
@@ -165,7 +165,7 @@ def _check_criterion(table: TuneTable, key: str, name: str) -> None:
 def check_scored_criterion(table: TuneTable, key: str, name: str) -> None:
     """Refuse a name that is no criterion, or one that is zero at i = 0 and so has no ratio to it."""
     _check_criterion(table, key, name)
-    if criterion(name).unit == COMMAND_UNIT:
+    if criterion(name).of_command:
         refuse_within(
             table, f"{name} is 0 at i = 0, so no ratio to it exists; limit it among the constraints", key
         )
@@ -194,6 +194,8 @@ def refuse_within(table: TuneTable, sentence: str, *keys: str) -> NoReturn:
 
 LARGEST = "largest_command"
 """Name of the largest command of a law among its settings."""
+BUDGET_SCALE = "budget_scale"
+"""Name of the factor of the budget of designed weights among the settings of a law."""
 _SHARES = 10
 # What a study file states of a setting.
 _DIGITS = 4
@@ -352,11 +354,17 @@ def space_of(table: TuneTable, law: str, magnitudes: Magnitudes) -> SettingSpace
         free += _free(table, name, given, spans.get(name), magnitudes)
         held.pop(name, None)
     chosen = {each.name for each in free}
+    if is_semi_active(held) and "control_weight" in spans and "control_weight" not in chosen:
+        held.setdefault("control_weight", 1.0)
     for name, span in spans.items():
         if name not in chosen and name not in held and span.start is not None:
             held[name] = float(f"{span.start * span.unit(magnitudes):.{_DIGITS}g}")
+    # A regulator has its control weight or a finished gain.
+    regulated = {"control_weight"} if kind.is_regulator and held.get("gain") is None else set()
     missing = [
-        entry.name for entry in keys_of(kind) if is_required(entry) and entry.name not in {*held, *chosen}
+        entry.name
+        for entry in keys_of(kind)
+        if (is_required(entry) or entry.name in regulated) and entry.name not in {*held, *chosen}
     ]
     if missing:
         refuse_within(
@@ -367,6 +375,12 @@ def space_of(table: TuneTable, law: str, magnitudes: Magnitudes) -> SettingSpace
     if not free:
         refuse_within(table, f"no setting of {law} is free; leave some out of its settings", "free")
     return SettingSpace(law=law, held=held, free=tuple(free), largest_command=magnitudes.command)
+
+
+def is_semi_active(settings: Mapping[str, Any]) -> bool:
+    """Whether settings have designed weights with a semi-active condition, whose budget decides the law."""
+    designed = settings.get("designed")
+    return isinstance(designed, Mapping) and designed.get("semi_active") is not None
 
 
 def _check_law(table: TuneTable, law: str) -> None:
@@ -399,7 +413,7 @@ def _free_names(
     held: Mapping[str, Any],
 ) -> list[str]:
     """Names of the free settings: those of the table, or those that the law frees by itself."""
-    commands = not control_law(law).commands_force and not kind.constant
+    commands = not (control_law(law).commands_force or kind.constant or kind.chooses_levels)
     if table.free is not None:
         known = [*spans, *([LARGEST] if commands else [])]
         for name in table.free:
@@ -413,6 +427,11 @@ def _free_names(
             if name in (table.settings or {}):
                 refuse_within(table, f"{name} is held among the settings and free; keep one", "free", name)
         return list(table.free)
+    if is_semi_active(held):
+        spans = {
+            name: replace(span, free=name == BUDGET_SCALE or (span.free and name != "control_weight"))
+            for name, span in spans.items()
+        }
     # A weight of the energy and designed weights exclude other weights.
     alone = "energy" in held or "designed" in held
     names = [

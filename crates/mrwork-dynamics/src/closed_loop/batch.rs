@@ -2,7 +2,7 @@
 
 use super::hardware::{Hardware, Observer};
 use crate::building::Building;
-use crate::control::{CurveModel, Law, Mounting};
+use crate::control::{CurveModel, Law, LoopModel, Mounting};
 use crate::current_law::CurrentLaws;
 use crate::ground_motion::GroundMotion;
 
@@ -17,6 +17,20 @@ pub struct Run {
     pub draw: u32,
     /// Stream of the sensor noise; runs with the same stream have the same noise.
     pub stream: u64,
+}
+
+/// What is done to the command of any law before it is sent.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Shaping {
+    /// Damper velocity below which the command is zero [m/s].
+    pub dead_zone: f64,
+    /// Largest change of the command per time [A/s or V/s].
+    pub slope: f64,
+}
+
+impl Shaping {
+    /// A command that is sent as it is.
+    pub const NONE: Self = Self { dead_zone: 0.0, slope: f64::INFINITY };
 }
 
 /// What a law outside of the core receives at a control sample: a row for each run of a block.
@@ -35,6 +49,10 @@ pub struct BlockSample<'a> {
     pub rate: &'a [f64],
     /// Force with which each device resists [N].
     pub force: &'a [f64],
+    /// Absolute acceleration of each floor [m/s^2], shape (runs, floors).
+    pub acceleration: &'a [f64],
+    /// Acceleration of the ground [m/s^2], one per run.
+    pub ground_acceleration: &'a [f64],
 }
 
 /// A control law outside of the core, in place of one of the registry.
@@ -66,8 +84,12 @@ pub struct Batch<'a> {
     pub gains: &'a [f64],
     /// Its tables.
     pub tables: &'a [Vec<f64>],
+    /// Dead zone and slope of each candidate; empty if none has any.
+    pub shaping: &'a [Shaping],
     /// The controller's own model of the dampers.
     pub curve: Option<CurveModel<'a>>,
+    /// The controller's own model of the loop.
+    pub model: Option<LoopModel<'a>>,
     /// The ground motions.
     pub motions: &'a [GroundMotion],
     /// The runs.
@@ -79,6 +101,11 @@ pub struct Batch<'a> {
 }
 
 impl<'a> Batch<'a> {
+    /// Dead zone and slope of a candidate.
+    pub(super) fn shaping_of(&self, candidate: usize) -> Shaping {
+        self.shaping.get(candidate).copied().unwrap_or(Shaping::NONE)
+    }
+
     /// Number of rows of damper parameters; 1 without devices.
     pub(super) fn n_draws(&self) -> usize {
         self.theta.len().checked_div(self.mountings.len() * self.laws.n_columns()).unwrap_or(1)

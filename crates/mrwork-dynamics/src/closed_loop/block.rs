@@ -132,8 +132,8 @@ fn integrate_block<M: DamperModel, R: Lanes>(
 
     let mut plant = Plant::<R>::at_rest(building, step);
     let mut dampers = Dampers::<M, R>::new(batch, runs, step);
-    let mut controller = Controller::<R>::new(batch, runs);
-    let mut reductions = Reductions::<R>::new(building);
+    let mut controller = Controller::<'_, R>::new(batch, runs);
+    let mut reductions = Reductions::<R>::new(building, step);
     let mut end = ground.acceleration::<R>(0.0);
     for sample in 0..n_samples {
         if sample % (STEPS_PER_CHECK / steps).max(1) as usize == 0 {
@@ -166,6 +166,7 @@ fn integrate_block<M: DamperModel, R: Lanes>(
                     ground_velocity: ground.velocity(time(sample, hardware.sample_time)),
                     controller: &mut controller,
                 });
+                reductions.take_commands(sample, controller.sent_at(sample), batch.ranges);
             }
             // The first command is in force from the start, without delay.
             let arrived = index == 0 || (index >= delay && (index - delay).is_multiple_of(steps as usize));

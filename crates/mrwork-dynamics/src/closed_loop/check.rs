@@ -3,6 +3,7 @@
 use super::batch::{Batch, Run};
 use super::hardware::{Channel, Observer};
 use crate::building::Building;
+use crate::control::{LoopModel, Timing};
 use crate::error::DynamicsError;
 
 /// Most integration steps per control sample that the hardware may ask for; finer runs multiply them.
@@ -45,6 +46,16 @@ impl Batch<'_> {
         if spec.needs_curve && self.curve.is_none() {
             return Err(DynamicsError::NoCurve(spec.name));
         }
+        if spec.reads_acceleration && self.building.device_floors.is_none() {
+            return Err(DynamicsError::NoAcceleration(spec.name));
+        }
+        if let Some(candidate) = self
+            .shaping
+            .iter()
+            .position(|each| !(each.dead_zone >= 0.0 && each.dead_zone.is_finite() && each.slope > 0.0))
+        {
+            return Err(DynamicsError::Shaping(candidate));
+        }
         if let Some(device) =
             self.ranges.iter().position(|&[from, to]| !(from <= to && (to - from).is_finite()))
         {
@@ -55,6 +66,7 @@ impl Batch<'_> {
         {
             return Err(DynamicsError::Step(self.hardware.sample_time));
         }
+        self.timing()?;
         let limits = [
             ("steps", self.hardware.steps as usize, MOST_STEPS as usize),
             ("delay_steps", self.hardware.delay_steps, LONGEST_DELAY * self.hardware.steps as usize),
@@ -66,11 +78,13 @@ impl Batch<'_> {
         }
         let n_candidates = self.gains.len().checked_div(n_gains).unwrap_or(usize::MAX);
         let n_draws = self.n_draws();
+        let n_shaped = if self.shaping.is_empty() { usize::MAX } else { self.shaping.len() };
         for (run, &Run { candidate, motion, draw, .. }) in self.runs.iter().enumerate() {
             let asked = [
                 ("candidate", candidate as usize, n_candidates),
                 ("motion", motion as usize, self.motions.len()),
                 ("draw", draw as usize, n_draws),
+                ("the dead zone of candidate", candidate as usize, n_shaped),
             ];
             for (what, index, count) in asked {
                 if index >= count {
@@ -84,12 +98,27 @@ impl Batch<'_> {
                 Channel::Deformation(device) | Channel::Force(device) | Channel::Command(device) => {
                     (device, n_devices)
                 }
+                Channel::GroundAcceleration => (0, 1),
             };
             if index >= count {
                 return Err(DynamicsError::NoSuchEntry { run: 0, what: "the faulty channel", index, count });
             }
         }
         self.observer.map_or(Ok(()), |observer| observer.check(self.building, n_devices))
+    }
+}
+
+impl<'a> Batch<'a> {
+    /// The controller's model of the loop with its instants, of a law that predicts the motion.
+    pub(super) fn timing(&self) -> Result<Option<(LoopModel<'a>, Timing)>, DynamicsError> {
+        let spec = self.law.spec();
+        if !spec.needs_model {
+            return Ok(None);
+        }
+        let model = self.model.ok_or(DynamicsError::NoModel(spec.name))?;
+        model.check(self.building.n, self.mountings.len())?;
+        let timing = Timing::of(self.tables, &model, self.ranges, self.hardware.sample_time)?;
+        Ok(Some((model, timing)))
     }
 }
 
@@ -103,6 +132,8 @@ impl Observer {
             ("gain", self.gain.len(), n_states * n_measured),
             ("output", self.output.len(), n_measured * n_states),
             ("direct", self.direct.len(), n_measured * n_devices),
+            ("ground", self.ground.len(), if self.ground.is_empty() { 0 } else { n_states }),
+            ("direct_ground", self.direct_ground.len(), if self.ground.is_empty() { 0 } else { n_measured }),
         ];
         for (name, found, expected) in sizes {
             if found != expected {

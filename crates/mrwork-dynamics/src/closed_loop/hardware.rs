@@ -17,6 +17,8 @@ pub struct Hardware {
     pub deformation: Sensor,
     /// Sensors of the devices' force [N].
     pub force: Sensor,
+    /// Sensor of ground acceleration [m/s^2].
+    pub ground_acceleration: Sensor,
     /// Faults of channels.
     pub faults: Vec<Fault>,
 }
@@ -54,6 +56,8 @@ pub enum Channel {
     Force(usize),
     /// Command of a device.
     Command(usize),
+    /// Acceleration of the ground.
+    GroundAcceleration,
 }
 
 impl Channel {
@@ -64,11 +68,12 @@ impl Channel {
             Self::Deformation(device) => 0x1_0000 + device as u64,
             Self::Force(device) => 0x2_0000 + device as u64,
             Self::Command(device) => 0x3_0000 + device as u64,
+            Self::GroundAcceleration => 0x4_0000,
         }
     }
 }
 
-/// An observer in discrete time: `x+ = Ad x + Bd f + L (y - C x - D f)`, row-major matrices.
+/// An observer in discrete time: `x+ = Ad x + Bd f + Ed a_g + L (y - C x - D f - G a_g)`, row-major matrices.
 ///
 /// y are the accelerations of some floors, then the elongations of some devices; f is the measured force of every device.
 #[derive(Clone, Debug)]
@@ -87,4 +92,8 @@ pub struct Observer {
     pub output: Vec<f64>,
     /// D, shape (measurements, devices).
     pub direct: Vec<f64>,
+    /// Ed, by which the measured ground acceleration moves the state, shape (states,); empty where it is not known.
+    pub ground: Vec<f64>,
+    /// Its part of each measurement, shape (measurements,); empty with `ground`.
+    pub direct_ground: Vec<f64>,
 }

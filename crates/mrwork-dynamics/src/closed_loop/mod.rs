@@ -22,10 +22,11 @@ mod respond;
 mod round;
 mod sample;
 
-pub use batch::{Batch, BlockSample, OutsideLaw, Run, n_samples};
+pub use batch::{Batch, BlockSample, OutsideLaw, Run, Shaping, n_samples};
 pub use block::{Block, LaneResult};
 pub use hardware::{Channel, Fault, Hardware, Observer, Sensor};
 pub use history::{HISTORY_SIGNALS, HistoryRows};
 pub use quantity::{Axis, Quantity, width};
 pub use reductions::RUN_QUANTITIES;
+pub(crate) use resolution::steepest_slopes;
 pub use respond::{RunResult, respond};

@@ -111,23 +111,7 @@ impl<R: Lanes> OutOfLine for Accelerate<'_, '_, R> {
         let resisting = &mut plant.resisting[..n];
         let (mut damping, mut momentum) = (R::splat(0.0), R::splat(0.0));
         for coordinate in 0..n {
-            let (mut damped, mut sprung) = (R::splat(0.0), R::splat(0.0));
-            if let Some(links) = &building.links {
-                // A neighbour beyond either end of the chain has no stiffness.
-                let link = links[coordinate];
-                let columns = [coordinate.saturating_sub(1), coordinate, (coordinate + 1).min(n - 1)];
-                sprung = displacement[columns[0]] * R::splat(link.stiffness[0]);
-                damped = velocity[columns[0]] * R::splat(link.damping[0]);
-                sprung = displacement[columns[1]].mul_add(R::splat(link.stiffness[1]), sprung);
-                damped = velocity[columns[1]].mul_add(R::splat(link.damping[1]), damped);
-                sprung = displacement[columns[2]].mul_add(R::splat(link.stiffness[2]), sprung);
-                damped = velocity[columns[2]].mul_add(R::splat(link.damping[2]), damped);
-            } else {
-                for spring in building.springs.row(coordinate) {
-                    sprung = displacement[spring.column].mul_add(R::splat(spring.stiffness), sprung);
-                    damped = velocity[spring.column].mul_add(R::splat(spring.damping), damped);
-                }
-            }
+            let [sprung, damped] = building.coupling(coordinate, displacement, velocity);
             let own = velocity[coordinate];
             damping = damped.mul_add(own, damping);
             momentum = own.mul_add(R::splat(building.pushed_mass[coordinate]), momentum);

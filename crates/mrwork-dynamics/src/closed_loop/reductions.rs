@@ -42,6 +42,9 @@ run_quantities! {
     peak_current: Device, "A or V", "peak current", last(r.current.peak);
     mean_current: Device, "A or V", "mean current", mean(r.current_sum);
     rms_current: Device, "A or V", "root mean square current", root_mean(r.current.squares);
+    command_travel: Device, "A/s or V/s", "total variation of the command per second", last(r.per_second(&r.command.distance));
+    switching_rate: Device, "1/s", "changes of the command by more than 10 % of the largest per second; a change ends where \
+        the command turns back by as much", last(r.per_second(&r.command.changes));
     device_energy: Device, "J", "energy dissipated by the device", last(r.device_work);
     peak_element_force: Element, "N", "peak force of the passive element with its spring and dashpot", last(r.element_force);
     peak_element_stroke: Element, "m", "its peak displacement", last(r.element_stroke);
@@ -149,6 +152,56 @@ impl<R: Lanes> Reversal<R> {
     }
 }
 
+/// Share of the largest command that a change exceeds to be counted.
+const CHANGE: f64 = 0.1;
+
+/// Travel of commands from sample to sample, and the number of their changes of more than `CHANGE`.
+struct Travel<R> {
+    distance: Vec<R>,
+    changes: Vec<R>,
+    /// Command at the preceding sample.
+    last: Vec<R>,
+    /// Smallest and largest command since the last change.
+    low: Vec<R>,
+    high: Vec<R>,
+    /// 1 after a rise, -1 after a fall, 0 before the first change.
+    direction: Vec<R>,
+}
+
+impl<R: Real> Travel<R> {
+    fn new(count: usize) -> Self {
+        let zero = || vec![R::splat(0.0); count];
+        Self { distance: zero(), changes: zero(), last: zero(), low: zero(), high: zero(), direction: zero() }
+    }
+
+    /// Takes the first command of a device.
+    #[inline(always)]
+    fn begin(&mut self, index: usize, command: R) {
+        (self.last[index], self.low[index], self.high[index]) = (command, command, command);
+    }
+
+    /// Takes a further command; `least` is the change that is not counted yet.
+    #[inline(always)]
+    fn take(&mut self, index: usize, command: R, least: R) {
+        let (zero, one) = (R::splat(0.0), R::splat(1.0));
+        self.distance[index] = self.distance[index] + (command - self.last[index]).abs();
+        self.last[index] = command;
+        let low = self.low[index].min(command);
+        let high = -(-self.high[index]).min(-command);
+        let direction = self.direction[index];
+        let may_rise = R::select(direction.less(R::splat(0.5)), one, zero);
+        let may_fall = R::select(R::splat(-0.5).less(direction), one, zero);
+        let rise = R::select(least.less(command - low), may_rise, zero);
+        let fall = R::select(least.less(high - command), may_fall, zero);
+        self.changes[index] = self.changes[index] + (rise + fall);
+        // A change begins the search for the next one, in the other direction.
+        let (rose, fell) = (zero.less(rise), zero.less(fall));
+        self.direction[index] = R::select(rose, one, R::select(fell, -one, direction));
+        self.low[index] = R::select(fell, command, low);
+        self.high[index] = R::select(rose, command, high);
+    }
+}
+
 /// Running reductions of a block of lanes.
 pub(super) struct Reductions<R> {
     displacement: Extent<R>,
@@ -160,6 +213,7 @@ pub(super) struct Reductions<R> {
     rate: Reversal<R>,
     current: Extent<R>,
     current_sum: Vec<R>,
+    command: Travel<R>,
     /// Work of each device [J].
     pub(super) device_work: Vec<R>,
     element_force: Vec<R>,
@@ -177,10 +231,12 @@ pub(super) struct Reductions<R> {
     imbalance: R,
     turnover: R,
     steps: usize,
+    /// Duration of a step [s].
+    step: f64,
 }
 
 impl<R: Lanes> Reductions<R> {
-    pub(super) fn new(building: &Building) -> Self {
+    pub(super) fn new(building: &Building, step: f64) -> Self {
         let (floors, storeys) = (building.n_floors(), building.n_storeys());
         let (devices, elements) = (building.n_devices(), building.n_elements());
         let zero = R::splat(0.0);
@@ -194,6 +250,7 @@ impl<R: Lanes> Reductions<R> {
             rate: Reversal::new(devices),
             current: Extent::new(devices),
             current_sum: vec![zero; devices],
+            command: Travel::new(devices),
             device_work: vec![zero; devices],
             element_force: vec![zero; elements],
             element_stroke: vec![zero; elements],
@@ -206,6 +263,7 @@ impl<R: Lanes> Reductions<R> {
             imbalance: zero,
             turnover: zero,
             steps: 0,
+            step,
         }
     }
 
@@ -213,6 +271,19 @@ impl<R: Lanes> Reductions<R> {
     fn energy_error(&self) -> R {
         let at_rest = self.turnover.equal(R::splat(0.0));
         R::select(at_rest, R::splat(0.0), self.imbalance / self.turnover)
+    }
+
+    /// Adds the commands of a control sample; `ranges` are the smallest and largest command of each device.
+    #[inline(always)]
+    pub(super) fn take_commands(&mut self, sample: usize, command: &[R], ranges: &[[f64; 2]]) {
+        R::out_of_line(ReduceCommand { sample, command, ranges, into: &mut self.command });
+    }
+
+    /// Sums over the run, per second of it.
+    fn per_second(&self, sums: &[R]) -> Vec<R> {
+        #[allow(clippy::cast_precision_loss)] // steps are far below 2^53
+        let seconds = self.steps as f64 * self.step;
+        sums.iter().map(|&sum| sum / R::splat(seconds)).collect()
     }
 
     /// Of each device in a lane: largest rate, and largest change of it in a step in which it changed sign [m/s].
@@ -289,6 +360,28 @@ impl<R: Lanes> OutOfLine for ReduceStep<'_, R> {
             into.element_reversal.take(element, v);
         }
         into.steps += 1;
+    }
+}
+
+/// Adds the commands of a control sample to their travel.
+struct ReduceCommand<'a, R> {
+    sample: usize,
+    command: &'a [R],
+    ranges: &'a [[f64; 2]],
+    into: &'a mut Travel<R>,
+}
+
+impl<R: Lanes> OutOfLine for ReduceCommand<'_, R> {
+    #[inline(always)]
+    fn run(self) {
+        for (device, (&command, &[smallest, largest])) in self.command.iter().zip(self.ranges).enumerate() {
+            if self.sample == 0 {
+                self.into.begin(device, command);
+            } else {
+                let least = CHANGE * largest.abs().max(smallest.abs());
+                self.into.take(device, command, R::splat(least));
+            }
+        }
     }
 }
 

@@ -6,6 +6,7 @@ use super::elements::UNLOADING;
 use super::hardware::Hardware;
 use crate::any_damper::Damper;
 use crate::building::Building;
+use crate::current_law::CurrentLaws;
 use crate::damper::fastest_relaxation;
 use crate::damper::model::{Motion, Severity};
 use crate::integrate::{MAX_SUBSTEPS, RESOLUTION};
@@ -34,7 +35,8 @@ pub(super) fn steps_for(hardware: &Hardware, bound: f64) -> Option<u32> {
 pub(super) fn building_bound(damper: &dyn Damper, batch: &Batch<'_>, draw: usize) -> f64 {
     let (mut decay, mut stiffening) = (0.0, 0.0);
     for (device, &mass) in batch.building.device_mass.iter().enumerate() {
-        let [over_velocity, over_displacement] = steepest_slopes(damper, batch, draw, device);
+        let [over_velocity, over_displacement] =
+            steepest_slopes(damper, batch.laws, batch.theta_of(draw, device), &commands(batch, device));
         let mounting = batch.mountings[device];
         let dampers = mounting.count * if mounting.differential { 2.0 } else { 1.0 };
         decay += dampers * over_velocity / mass;
@@ -46,15 +48,20 @@ pub(super) fn building_bound(damper: &dyn Damper, batch: &Batch<'_>, draw: usize
     batch.building.fastest.hypot(stiffening.sqrt()) + decay
 }
 
-/// Largest slopes of the force of one damper of a device, over velocity [N s/m] and over displacement [N/m].
-fn steepest_slopes(damper: &dyn Damper, batch: &Batch<'_>, draw: usize, device: usize) -> [f64; 2] {
-    let mut values = vec![f64::NAN; batch.laws.n_params()];
+/// Largest slopes of the force of one damper at these commands, over velocity [N s/m] and over displacement [N/m].
+pub(crate) fn steepest_slopes(
+    damper: &dyn Damper,
+    laws: &CurrentLaws,
+    theta: &[f64],
+    commands: &[f64],
+) -> [f64; 2] {
+    let mut values = vec![f64::NAN; laws.n_params()];
     let state = vec![0.0; damper.spec().n_states];
-    let mut columns = batch.theta_of(draw, device).to_vec();
-    batch.laws.prepare(&mut columns);
+    let mut columns = theta.to_vec();
+    laws.prepare(&mut columns);
     let mut found = [0.0_f64; 2];
-    for command in commands(batch, device) {
-        batch.laws.evaluate(&columns, command, &mut values);
+    for &command in commands {
+        laws.evaluate(&columns, command, &mut values);
         for velocity in VELOCITIES {
             for displacement in DISPLACEMENTS {
                 let at =

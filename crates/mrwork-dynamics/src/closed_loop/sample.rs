@@ -3,19 +3,22 @@
 use super::batch::{Batch, BlockSample, OutsideLaw};
 use super::hardware::{Channel, Observer, Sensor};
 use super::noise::normal;
-use crate::control::{ForceCurve, Gains, Measurement, ground_reach, within};
+use crate::control::{ForceCurve, Gains, Measurement, Memory, ground_reach, plan, within};
 use crate::lanes::{Lanes, OutOfLine};
-use crate::real::Real;
 
 /// State of the controller between two samples, for a block of lanes.
-pub(super) struct Controller<R: Real> {
+pub(super) struct Controller<'a, R: Lanes> {
     columns: Vec<R>,
     /// Zero; not a number in lanes where a gain is not a number.
     unknown: R,
     curves: Vec<ForceCurve<R>>,
     ground_reach: Vec<f64>,
     largest: Vec<f64>,
-    memory: Vec<R>,
+    /// Damper velocity below which the command is zero [m/s].
+    dead_zone: R,
+    /// Largest change of the command from sample to sample.
+    furthest: R,
+    memory: Memory<'a, R>,
     /// State estimate of the observer.
     state: Vec<R>,
     next_state: Vec<R>,
@@ -24,6 +27,7 @@ pub(super) struct Controller<R: Real> {
     deformation: Vec<R>,
     rate: Vec<R>,
     force: Vec<R>,
+    ground_acceleration: R,
     /// Commands of the last `depth` samples, a ring buffer.
     sent: Vec<R>,
     /// Number of samples in `sent`.
@@ -33,10 +37,10 @@ pub(super) struct Controller<R: Real> {
     pub(super) command_invalid: R,
 }
 
-impl<R: Lanes> Controller<R> {
+impl<'a, R: Lanes + 'a> Controller<'a, R> {
     /// The controller before the first sample.
-    pub(super) fn new(batch: &Batch<'_>, runs: &[usize]) -> Self {
-        let Batch { building, gains, mountings, ranges, hardware, law, .. } = *batch;
+    pub(super) fn new(batch: &Batch<'a>, runs: &[usize]) -> Self {
+        let Batch { building, gains, tables, mountings, ranges, hardware, law, .. } = *batch;
         let (n_states, n_devices) = (2 * building.n, mountings.len());
         let n_gains = law.spec().n_gains(n_devices, n_states);
         let last = runs.len() - 1;
@@ -58,6 +62,12 @@ impl<R: Lanes> Controller<R> {
             }
             _ => Vec::new(),
         };
+        let shaping = |lane: usize| batch.shaping_of(batch.runs[runs[lane.min(last)]].candidate as usize);
+        // The batch was checked: a law that predicts the motion has its model.
+        let plan = batch.timing().ok().flatten().and_then(|(model, timing)| {
+            let gains = Gains { spec: law.spec(), columns: &columns, tables, n_devices, n_states };
+            plan(model, timing, &gains, ranges)
+        });
         let depth = hardware.delay_steps / hardware.steps as usize + 2;
         let zero = R::splat(0.0);
         let n_measured =
@@ -68,7 +78,11 @@ impl<R: Lanes> Controller<R> {
             curves,
             ground_reach: ground_reach(&building.devices, &building.influence),
             largest,
-            memory: vec![zero; law.spec().memory * n_devices],
+            dead_zone: R::from_fn(|lane| shaping(lane).dead_zone),
+            furthest: R::from_fn(|lane| {
+                hardware.command_rate.min(shaping(lane).slope) * hardware.sample_time
+            }),
+            memory: Memory { numbers: vec![zero; law.spec().memory * n_devices], plan },
             state: vec![zero; n_states],
             next_state: vec![zero; n_states],
             acceleration: vec![zero; building.n_floors()],
@@ -76,6 +90,7 @@ impl<R: Lanes> Controller<R> {
             deformation: vec![zero; n_devices],
             rate: vec![zero; n_devices],
             force: vec![zero; n_devices],
+            ground_acceleration: zero,
             sent: vec![zero; depth * n_devices],
             depth,
             raw: vec![zero; n_devices],
@@ -125,6 +140,8 @@ fn ask<R: Lanes>(
             deformation: &by_run(measured.deformation, runs.len()),
             rate: &by_run(measured.rate, runs.len()),
             force: &by_run(measured.force, runs.len()),
+            acceleration: &by_run(measured.acceleration, runs.len()),
+            ground_acceleration: &by_run(&[measured.ground_acceleration], runs.len()),
         },
         &mut raw,
     );
@@ -149,8 +166,8 @@ fn by_run<R: Lanes>(signals: &[R], n_runs: usize) -> Vec<f64> {
 }
 
 /// Motion and forces of the building at a sample, and the controller that measures them.
-pub(super) struct Sample<'a, R: Real> {
-    pub(super) batch: &'a Batch<'a>,
+pub(super) struct Sample<'a, 'b, R: Lanes> {
+    pub(super) batch: &'a Batch<'b>,
     pub(super) runs: &'a [usize],
     pub(super) streams: &'a [u64],
     pub(super) number: usize,
@@ -160,10 +177,10 @@ pub(super) struct Sample<'a, R: Real> {
     pub(super) force: &'a [R],
     pub(super) ground_acceleration: R,
     pub(super) ground_velocity: R,
-    pub(super) controller: &'a mut Controller<R>,
+    pub(super) controller: &'a mut Controller<'b, R>,
 }
 
-impl<R: Lanes> OutOfLine for Sample<'_, R> {
+impl<R: Lanes> OutOfLine for Sample<'_, '_, R> {
     #[inline(always)]
     fn run(mut self) {
         self.measure();
@@ -174,18 +191,26 @@ impl<R: Lanes> OutOfLine for Sample<'_, R> {
     }
 }
 
-impl<R: Lanes> Sample<'_, R> {
+impl<R: Lanes> Sample<'_, '_, R> {
     #[inline(always)]
     fn measure(&mut self) {
-        let Batch { building, hardware, observer, .. } = *self.batch;
-        if let Some(observer) = observer {
-            for &floor in &observer.accelerations {
+        let Batch { building, hardware, observer, law, outside, .. } = *self.batch;
+        let every = law.spec().reads_acceleration || outside.is_some();
+        for floor in 0..building.n_floors() {
+            if every || observer.is_some_and(|observer| observer.accelerations.contains(&floor)) {
                 let value = building.floors.add_dot(floor, self.acceleration, self.ground_acceleration);
                 let before = self.controller.acceleration[floor];
                 self.controller.acceleration[floor] =
                     self.reading(Channel::Acceleration(floor), hardware.acceleration, value, before);
             }
         }
+        let before = self.controller.ground_acceleration;
+        self.controller.ground_acceleration = self.reading(
+            Channel::GroundAcceleration,
+            hardware.ground_acceleration,
+            self.ground_acceleration,
+            before,
+        );
         for device in 0..self.force.len() {
             let value = building.devices.dot(device, self.displacement);
             let before = self.controller.deformation[device];
@@ -236,6 +261,7 @@ impl<R: Lanes> Sample<'_, R> {
         let Batch { law, outside, tables, hardware, ranges, building, observer, .. } = *self.batch;
         let n_devices = self.force.len();
         let controller = &mut *self.controller;
+        let earlier = (self.number.wrapping_sub(1) % controller.depth) * n_devices;
         let gains = Gains {
             spec: law.spec(),
             columns: &controller.columns,
@@ -251,19 +277,21 @@ impl<R: Lanes> Sample<'_, R> {
             deformation: &controller.deformation,
             rate: &controller.rate,
             force: &controller.force,
+            acceleration: &controller.acceleration,
+            device_floors: building.device_floors.as_ref(),
+            ground_acceleration: controller.ground_acceleration,
             ground_velocity: self.ground_velocity,
             ground_reach: &controller.ground_reach,
             largest: &controller.largest,
             curves: &controller.curves,
             sample_time: hardware.sample_time,
+            sent: &controller.sent[earlier..earlier + n_devices],
         };
         match outside {
             None => law.command(&gains, &measured, &mut controller.memory, &mut controller.raw),
             Some(outside) => ask(outside, self.runs, self.number, &measured, &mut controller.raw),
         }
-        let furthest = R::splat(hardware.command_rate * hardware.sample_time);
         let position = (self.number % self.controller.depth) * n_devices;
-        let earlier = (self.number.wrapping_sub(1) % self.controller.depth) * n_devices;
         for (device, &[smallest, largest]) in ranges.iter().enumerate() {
             let raw = self.controller.raw[device];
             let checked = raw + self.controller.unknown;
@@ -272,12 +300,14 @@ impl<R: Lanes> Sample<'_, R> {
             self.controller.command_invalid = invalid;
             let mut command =
                 within(R::select(known, raw, R::splat(0.0)), R::splat(smallest), R::splat(largest));
+            let slow = self.controller.rate[device].abs().less(self.controller.dead_zone);
+            let none = within(R::splat(0.0), R::splat(smallest), R::splat(largest));
+            command = R::select(slow, none, command);
             let mut before = command;
             if self.number > 0 {
                 before = self.controller.sent[earlier + device];
-                if hardware.command_rate < f64::INFINITY {
-                    command = within(command, before - furthest, before + furthest);
-                }
+                let furthest = self.controller.furthest;
+                command = within(command, before - furthest, before + furthest);
             }
             self.controller.sent[position + device] =
                 self.with_faults(Channel::Command(device), command, before);
@@ -287,9 +317,19 @@ impl<R: Lanes> Sample<'_, R> {
     /// The state estimate for the next sample.
     #[inline(always)]
     fn estimate(&mut self, observer: &Observer) {
-        let Controller { state, next_state, acceleration, innovation, deformation, force, .. } =
-            &mut *self.controller;
+        let Controller {
+            state,
+            next_state,
+            acceleration,
+            innovation,
+            deformation,
+            force,
+            ground_acceleration,
+            ..
+        } = &mut *self.controller;
         let (n_states, n_devices) = (state.len(), force.len());
+        let finite = ground_acceleration.abs().less(R::splat(f64::INFINITY));
+        let shaking = R::select(finite, *ground_acceleration, R::splat(0.0));
         let n_accelerations = observer.accelerations.len();
         for (row, innovation) in innovation.iter_mut().enumerate() {
             let measured = if row < n_accelerations {
@@ -303,6 +343,9 @@ impl<R: Lanes> Sample<'_, R> {
             }
             for (&d, &f) in observer.direct[row * n_devices..][..n_devices].iter().zip(force.iter()) {
                 expected = f.mul_add(R::splat(d), expected);
+            }
+            if let Some(&direct) = observer.direct_ground.get(row) {
+                expected = shaking.mul_add(R::splat(direct), expected);
             }
             let error = measured - expected;
             // A reading that is not finite is ignored.
@@ -318,6 +361,9 @@ impl<R: Lanes> Sample<'_, R> {
             for (&b, &f) in observer.input[row * n_devices..][..n_devices].iter().zip(force.iter()) {
                 let finite = f.abs().less(R::splat(f64::INFINITY));
                 sum = R::select(finite, f, R::splat(0.0)).mul_add(R::splat(b), sum);
+            }
+            if let Some(&moved) = observer.ground.get(row) {
+                sum = shaking.mul_add(R::splat(moved), sum);
             }
             for (&l, &y) in observer.gain[row * n_measured..][..n_measured].iter().zip(innovation.iter()) {
                 sum = y.mul_add(R::splat(l), sum);

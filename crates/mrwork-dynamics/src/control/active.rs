@@ -1,7 +1,7 @@
 //! Ideal active control: the force of a linear regulator without limits.
 
 use super::clipped_optimal::GAIN;
-use super::{ControlLaw, Gains, LawSpec, Measurement};
+use super::{ControlLaw, Gains, LawSpec, Measurement, Memory};
 use crate::lanes::Lanes;
 
 /// The desired force itself, for a device that can give any force.
@@ -19,14 +19,16 @@ impl ControlLaw for Active {
         tables: &[],
         memory: 0,
         needs_curve: false,
+        needs_model: false,
         commands_force: true,
+        reads_acceleration: false,
     };
 
     #[inline(always)]
     fn command<R: Lanes>(
         gains: &Gains<'_, R>,
         measured: &Measurement<'_, R>,
-        _: &mut [R],
+        _: &mut Memory<'_, R>,
         command: &mut [R],
     ) {
         for (device, command) in command.iter_mut().enumerate() {

@@ -1,6 +1,6 @@
 //! Clipped-optimal control: the damper follows the force of a linear regulator as far as it can.
 
-use super::{ControlLaw, GainSpec, Gains, LawSpec, Measurement, Shape, Unit, where_positive};
+use super::{ControlLaw, GainSpec, Gains, LawSpec, Measurement, Memory, Shape, Unit, where_positive};
 use crate::lanes::Lanes;
 use crate::real::Real;
 
@@ -33,14 +33,16 @@ impl ControlLaw for ClippedOptimal {
         tables: &[],
         memory: 0,
         needs_curve: false,
+        needs_model: false,
         commands_force: false,
+        reads_acceleration: false,
     };
 
     #[inline(always)]
     fn command<R: Lanes>(
         gains: &Gains<'_, R>,
         measured: &Measurement<'_, R>,
-        _: &mut [R],
+        _: &mut Memory<'_, R>,
         command: &mut [R],
     ) {
         for (device, command) in command.iter_mut().enumerate() {
@@ -70,14 +72,16 @@ impl ControlLaw for ModifiedClippedOptimal {
         tables: &[],
         memory: 0,
         needs_curve: false,
+        needs_model: false,
         commands_force: false,
+        reads_acceleration: false,
     };
 
     #[inline(always)]
     fn command<R: Lanes>(
         gains: &Gains<'_, R>,
         measured: &Measurement<'_, R>,
-        _: &mut [R],
+        _: &mut Memory<'_, R>,
         command: &mut [R],
     ) {
         for (device, command) in command.iter_mut().enumerate() {
@@ -106,14 +110,16 @@ impl ControlLaw for ProportionalClippedOptimal {
         tables: &[],
         memory: 0,
         needs_curve: false,
+        needs_model: false,
         commands_force: false,
+        reads_acceleration: false,
     };
 
     #[inline(always)]
     fn command<R: Lanes>(
         gains: &Gains<'_, R>,
         measured: &Measurement<'_, R>,
-        _: &mut [R],
+        _: &mut Memory<'_, R>,
         command: &mut [R],
     ) {
         for (device, command) in command.iter_mut().enumerate() {

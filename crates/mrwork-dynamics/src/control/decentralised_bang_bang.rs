@@ -1,6 +1,6 @@
 //! Decentralised bang-bang control: the command that takes most energy out of the building's absolute motion.
 
-use super::{ControlLaw, Gains, LawSpec, Measurement, where_positive};
+use super::{ControlLaw, Gains, LawSpec, Measurement, Memory, where_positive};
 use crate::lanes::Lanes;
 
 /// On or off by the sign of absolute velocity times force.
@@ -19,15 +19,23 @@ impl ControlLaw for DecentralisedBangBang {
         tables: &[],
         memory: 0,
         needs_curve: false,
+        needs_model: false,
         commands_force: false,
+        reads_acceleration: false,
     };
 
     #[inline(always)]
-    fn command<R: Lanes>(_: &Gains<'_, R>, measured: &Measurement<'_, R>, _: &mut [R], command: &mut [R]) {
+    fn command<R: Lanes>(
+        _: &Gains<'_, R>,
+        measured: &Measurement<'_, R>,
+        _: &mut Memory<'_, R>,
+        command: &mut [R],
+    ) {
         for (device, command) in command.iter_mut().enumerate() {
-            let reach = R::splat(measured.ground_reach[device]);
-            let absolute = reach.mul_add(measured.ground_velocity, measured.rate[device]);
-            *command = where_positive(absolute * measured.force[device], R::splat(measured.largest[device]));
+            *command = where_positive(
+                measured.absolute_rate(device) * measured.force[device],
+                R::splat(measured.largest[device]),
+            );
         }
     }
 }

@@ -7,7 +7,7 @@
 use super::clipped_optimal::GAIN;
 use super::lyapunov::WEIGHT;
 use super::{
-    ControlLaw, GainSpec, Gains, LawSpec, Measurement, Shape, Unit, if_known, where_positive, within,
+    ControlLaw, GainSpec, Gains, LawSpec, Measurement, Memory, Shape, Unit, if_known, where_positive, within,
 };
 use crate::lanes::Lanes;
 use crate::real::Real;
@@ -30,14 +30,16 @@ impl ControlLaw for LyapunovDirect {
         tables: &[],
         memory: 0,
         needs_curve: true,
+        needs_model: false,
         commands_force: false,
+        reads_acceleration: false,
     };
 
     #[inline(always)]
     fn command<R: Lanes>(
         gains: &Gains<'_, R>,
         measured: &Measurement<'_, R>,
-        _: &mut [R],
+        _: &mut Memory<'_, R>,
         command: &mut [R],
     ) {
         for (device, command) in command.iter_mut().enumerate() {
@@ -62,14 +64,16 @@ impl ControlLaw for LyapunovParabola {
         tables: &[],
         memory: 0,
         needs_curve: true,
+        needs_model: false,
         commands_force: false,
+        reads_acceleration: false,
     };
 
     #[inline(always)]
     fn command<R: Lanes>(
         gains: &Gains<'_, R>,
         measured: &Measurement<'_, R>,
-        _: &mut [R],
+        _: &mut Memory<'_, R>,
         command: &mut [R],
     ) {
         let zero = R::splat(0.0);
@@ -108,14 +112,16 @@ impl ControlLaw for LyapunovDirectBangBang {
         tables: &[],
         memory: 0,
         needs_curve: true,
+        needs_model: false,
         commands_force: false,
+        reads_acceleration: false,
     };
 
     #[inline(always)]
     fn command<R: Lanes>(
         gains: &Gains<'_, R>,
         measured: &Measurement<'_, R>,
-        _: &mut [R],
+        _: &mut Memory<'_, R>,
         command: &mut [R],
     ) {
         for (device, command) in command.iter_mut().enumerate() {
@@ -150,14 +156,16 @@ impl ControlLaw for ProportionalDirect {
         tables: &[],
         memory: 0,
         needs_curve: true,
+        needs_model: false,
         commands_force: false,
+        reads_acceleration: false,
     };
 
     #[inline(always)]
     fn command<R: Lanes>(
         gains: &Gains<'_, R>,
         measured: &Measurement<'_, R>,
-        _: &mut [R],
+        _: &mut Memory<'_, R>,
         command: &mut [R],
     ) {
         for (device, command) in command.iter_mut().enumerate() {
@@ -182,14 +190,16 @@ impl ControlLaw for InverseDirect {
         tables: &[],
         memory: 0,
         needs_curve: true,
+        needs_model: false,
         commands_force: false,
+        reads_acceleration: false,
     };
 
     #[inline(always)]
     fn command<R: Lanes>(
         gains: &Gains<'_, R>,
         measured: &Measurement<'_, R>,
-        _: &mut [R],
+        _: &mut Memory<'_, R>,
         command: &mut [R],
     ) {
         for (device, command) in command.iter_mut().enumerate() {
@@ -213,14 +223,16 @@ impl ControlLaw for InverseParabola {
         tables: &[],
         memory: 0,
         needs_curve: true,
+        needs_model: false,
         commands_force: false,
+        reads_acceleration: false,
     };
 
     #[inline(always)]
     fn command<R: Lanes>(
         gains: &Gains<'_, R>,
         measured: &Measurement<'_, R>,
-        _: &mut [R],
+        _: &mut Memory<'_, R>,
         command: &mut [R],
     ) {
         let (zero, two) = (R::splat(0.0), R::splat(2.0));

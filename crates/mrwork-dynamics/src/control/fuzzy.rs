@@ -1,6 +1,6 @@
 //! Fuzzy control: a rule base over deformation and velocity, tabulated.
 
-use super::{ControlLaw, GainSpec, Gains, LawSpec, Measurement, Shape, Unit, within};
+use super::{ControlLaw, GainSpec, Gains, LawSpec, Measurement, Memory, Shape, Unit, within};
 use crate::error::DynamicsError;
 use crate::lanes::{Lanes, MOST_LANES};
 
@@ -32,14 +32,16 @@ impl ControlLaw for Fuzzy {
         tables: &["shares"],
         memory: 0,
         needs_curve: false,
+        needs_model: false,
         commands_force: false,
+        reads_acceleration: false,
     };
 
     #[inline(always)]
     fn command<R: Lanes>(
         gains: &Gains<'_, R>,
         measured: &Measurement<'_, R>,
-        _: &mut [R],
+        _: &mut Memory<'_, R>,
         command: &mut [R],
     ) {
         let table = &gains.tables[0];

@@ -1,6 +1,6 @@
 //! Modulated homogeneous friction: a friction force in proportion to the last peak of the deformation.
 
-use super::{ControlLaw, GainSpec, Gains, LawSpec, Measurement, Shape, Unit, where_positive};
+use super::{ControlLaw, GainSpec, Gains, LawSpec, Measurement, Memory, Shape, Unit, where_positive};
 use crate::lanes::Lanes;
 
 /// On while the force is below the friction desired at the last peak.
@@ -24,17 +24,21 @@ impl ControlLaw for ModulatedHomogeneousFriction {
         tables: &[],
         memory: 3,
         needs_curve: false,
+        needs_model: false,
         commands_force: false,
+        reads_acceleration: false,
     };
 
     #[inline(always)]
     fn command<R: Lanes>(
         gains: &Gains<'_, R>,
         measured: &Measurement<'_, R>,
-        memory: &mut [R],
+        memory: &mut Memory<'_, R>,
         command: &mut [R],
     ) {
-        for (device, (command, memory)) in command.iter_mut().zip(memory.chunks_exact_mut(3)).enumerate() {
+        for (device, (command, memory)) in
+            command.iter_mut().zip(memory.numbers.chunks_exact_mut(3)).enumerate()
+        {
             let [last_rate, last_deformation, peak] = memory else { continue };
             let turned = (*last_rate * measured.rate[device]).less(R::splat(0.0));
             *peak = R::select(turned, last_deformation.abs(), *peak);

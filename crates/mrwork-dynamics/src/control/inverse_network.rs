@@ -1,7 +1,7 @@
 //! The inverse of the damper as a small neural network: command as a function of motion and desired force.
 
 use super::clipped_optimal::GAIN;
-use super::{ControlLaw, Gains, LawSpec, Measurement, within};
+use super::{ControlLaw, Gains, LawSpec, Measurement, Memory, within};
 use crate::elementary::tanh;
 use crate::error::DynamicsError;
 use crate::lanes::Lanes;
@@ -26,20 +26,22 @@ impl ControlLaw for InverseNetwork {
         tables: &["layer", "output", "reach"],
         memory: SIGNALS,
         needs_curve: false,
+        needs_model: false,
         commands_force: false,
+        reads_acceleration: false,
     };
 
     #[inline(always)]
     fn command<R: Lanes>(
         gains: &Gains<'_, R>,
         measured: &Measurement<'_, R>,
-        memory: &mut [R],
+        memory: &mut Memory<'_, R>,
         command: &mut [R],
     ) {
         let [layer, output, reach] = gains.tables else { return };
         let n_inputs = reach.len();
         for (device, (command, before)) in
-            command.iter_mut().zip(memory.chunks_exact_mut(SIGNALS)).enumerate()
+            command.iter_mut().zip(memory.numbers.chunks_exact_mut(SIGNALS)).enumerate()
         {
             let desired = -gains.of_state(0, device, measured);
             let now = [measured.deformation[device], measured.rate[device], desired];

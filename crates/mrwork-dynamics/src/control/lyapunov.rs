@@ -1,6 +1,6 @@
 //! Lyapunov control: the command that makes V = s'Ps/2 fall fastest, on or off.
 
-use super::{ControlLaw, GainSpec, Gains, LawSpec, Measurement, Shape, Unit, where_positive};
+use super::{ControlLaw, GainSpec, Gains, LawSpec, Measurement, Memory, Shape, Unit, where_positive};
 use crate::lanes::Lanes;
 
 pub(super) const WEIGHT: GainSpec = GainSpec {
@@ -24,14 +24,16 @@ impl ControlLaw for Lyapunov {
         tables: &[],
         memory: 0,
         needs_curve: false,
+        needs_model: false,
         commands_force: false,
+        reads_acceleration: false,
     };
 
     #[inline(always)]
     fn command<R: Lanes>(
         gains: &Gains<'_, R>,
         measured: &Measurement<'_, R>,
-        _: &mut [R],
+        _: &mut Memory<'_, R>,
         command: &mut [R],
     ) {
         for (device, command) in command.iter_mut().enumerate() {

@@ -1,6 +1,6 @@
 //! Maximum energy dissipation: the command that takes most energy out of the relative motion.
 
-use super::{ControlLaw, Gains, LawSpec, Measurement, where_positive};
+use super::{ControlLaw, Gains, LawSpec, Measurement, Memory, where_positive};
 use crate::lanes::Lanes;
 
 /// On or off by the sign of relative velocity times force.
@@ -18,11 +18,18 @@ impl ControlLaw for MaximumEnergyDissipation {
         tables: &[],
         memory: 0,
         needs_curve: false,
+        needs_model: false,
         commands_force: false,
+        reads_acceleration: false,
     };
 
     #[inline(always)]
-    fn command<R: Lanes>(_: &Gains<'_, R>, measured: &Measurement<'_, R>, _: &mut [R], command: &mut [R]) {
+    fn command<R: Lanes>(
+        _: &Gains<'_, R>,
+        measured: &Measurement<'_, R>,
+        _: &mut Memory<'_, R>,
+        command: &mut [R],
+    ) {
         for (device, command) in command.iter_mut().enumerate() {
             *command = where_positive(
                 measured.rate[device] * measured.force[device],

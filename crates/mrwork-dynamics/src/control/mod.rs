@@ -3,6 +3,7 @@
 //! A law is a formula over given numbers: gains, weights, thresholds, one set per candidate. Their design (Riccati equations,
 //! pole placement, training) is not done here.
 
+mod acceleration_driven;
 mod active;
 mod clipped_optimal;
 mod decentralised_bang_bang;
@@ -11,14 +12,18 @@ mod force_curve;
 mod fuzzy;
 mod homogeneous_friction;
 mod inverse_network;
+mod loop_model;
 mod lyapunov;
 mod maximum_energy_dissipation;
 mod passive;
+mod rollout;
 mod signal_feedback;
 mod sliding_mode;
 
 pub(crate) use force_curve::ForceCurve;
 pub use force_curve::{CurveModel, Mounting};
+pub use loop_model::LoopModel;
+pub(crate) use rollout::{Plan, Timing, plan};
 
 use crate::building::SparseRows;
 use crate::error::DynamicsError;
@@ -34,6 +39,8 @@ pub enum Shape {
     State,
     /// That many per device.
     Numbers(usize),
+    /// One for all devices.
+    Loop,
 }
 
 impl Shape {
@@ -44,6 +51,7 @@ impl Shape {
             Self::Device => "device",
             Self::State => "state",
             Self::Numbers(_) => "numbers",
+            Self::Loop => "loop",
         }
     }
 
@@ -54,6 +62,7 @@ impl Shape {
             Self::Device => n_devices,
             Self::State => n_devices * n_states,
             Self::Numbers(count) => n_devices * count,
+            Self::Loop => 1,
         }
     }
 }
@@ -121,8 +130,12 @@ pub struct LawSpec {
     pub memory: usize,
     /// Whether it needs the damper force as a function of the command.
     pub needs_curve: bool,
+    /// Whether it predicts the motion by a model of the loop, from the state and the ground acceleration.
+    pub needs_model: bool,
     /// Whether its command is a force, for a device that exerts it, and not a current or voltage.
     pub commands_force: bool,
+    /// Whether it reads the absolute accelerations of floors.
+    pub reads_acceleration: bool,
 }
 
 impl LawSpec {
@@ -145,6 +158,12 @@ pub(crate) struct Measurement<'a, R: Real> {
     pub(crate) rate: &'a [R],
     /// Force with which each device resists [N].
     pub(crate) force: &'a [R],
+    /// Absolute acceleration of each floor [m/s^2]; zero where the law does not read them.
+    pub(crate) acceleration: &'a [R],
+    /// Weights of these that add up to `e (q'' + r a_g)` of each device.
+    pub(crate) device_floors: Option<&'a SparseRows>,
+    /// Acceleration of the ground [m/s^2].
+    pub(crate) ground_acceleration: R,
     /// Velocity of the ground [m/s].
     pub(crate) ground_velocity: R,
     /// Elongation of each device per displacement of the ground: e r.
@@ -155,6 +174,33 @@ pub(crate) struct Measurement<'a, R: Real> {
     pub(crate) curves: &'a [ForceCurve<R>],
     /// Sampling interval [s].
     pub(crate) sample_time: f64,
+    /// Commands that were sent at the sample before, after limits and faults.
+    pub(crate) sent: &'a [R],
+}
+
+/// What a law keeps from sample to sample.
+pub(crate) struct Memory<'a, R: Lanes> {
+    /// Numbers of each device.
+    pub(crate) numbers: Vec<R>,
+    /// The rollout of a law that predicts the motion.
+    pub(crate) plan: Option<Box<dyn Plan<R> + 'a>>,
+}
+
+impl<R: Real> Measurement<'_, R> {
+    /// Absolute velocity of the upper end of a device less that of its lower end: `e (q' + r v_g)`.
+    #[inline(always)]
+    fn absolute_rate(&self, device: usize) -> R {
+        R::splat(self.ground_reach[device]).mul_add(self.ground_velocity, self.rate[device])
+    }
+
+    /// Absolute acceleration of the upper end of a device less that of its lower end: `e (q'' + r a_g)`.
+    #[inline(always)]
+    fn absolute_acceleration(&self, device: usize) -> R {
+        match self.device_floors {
+            Some(floors) => floors.dot(device, self.acceleration),
+            None => R::splat(f64::NAN),
+        }
+    }
 }
 
 /// Gains and tables of a law, in lanes.
@@ -180,6 +226,12 @@ impl<R: Real> Gains<'_, R> {
     #[inline(always)]
     fn of_device(&self, gain: usize, device: usize) -> R {
         self.columns[self.start(gain) + device]
+    }
+
+    /// Entry of a gain that all devices share.
+    #[inline(always)]
+    fn of_loop(&self, gain: usize) -> R {
+        self.columns[self.start(gain)]
     }
 
     /// Entries of a device, of a gain of several numbers for each.
@@ -220,7 +272,7 @@ trait ControlLaw {
     fn command<R: Lanes>(
         gains: &Gains<'_, R>,
         measured: &Measurement<'_, R>,
-        memory: &mut [R],
+        memory: &mut Memory<'_, R>,
         command: &mut [R],
     );
 
@@ -249,7 +301,7 @@ macro_rules! laws {
 
             #[inline(always)]
             pub(crate) fn command<R: Lanes>(
-                self, gains: &Gains<'_, R>, measured: &Measurement<'_, R>, memory: &mut [R], command: &mut [R],
+                self, gains: &Gains<'_, R>, measured: &Measurement<'_, R>, memory: &mut Memory<'_, R>, command: &mut [R],
             ) {
                 match self { $(Self::$law => $module::$law::command(gains, measured, memory, command),)+ }
             }
@@ -284,6 +336,9 @@ laws! {
     signal_feedback::SignalNetwork,
     signal_feedback::SignalPolynomial,
     active::Active,
+    acceleration_driven::AccelerationDriven,
+    acceleration_driven::MixedSkyhook,
+    rollout::PredictiveRollout,
 }
 
 impl Law {

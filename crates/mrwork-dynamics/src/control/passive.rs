@@ -1,6 +1,6 @@
 //! A constant command: passive off, passive on, and all between.
 
-use super::{ControlLaw, GainSpec, Gains, LawSpec, Measurement, Shape, Unit};
+use super::{ControlLaw, GainSpec, Gains, LawSpec, Measurement, Memory, Shape, Unit};
 use crate::lanes::Lanes;
 
 /// The same command throughout.
@@ -23,11 +23,18 @@ impl ControlLaw for Passive {
         tables: &[],
         memory: 0,
         needs_curve: false,
+        needs_model: false,
         commands_force: false,
+        reads_acceleration: false,
     };
 
     #[inline(always)]
-    fn command<R: Lanes>(gains: &Gains<'_, R>, _: &Measurement<'_, R>, _: &mut [R], command: &mut [R]) {
+    fn command<R: Lanes>(
+        gains: &Gains<'_, R>,
+        _: &Measurement<'_, R>,
+        _: &mut Memory<'_, R>,
+        command: &mut [R],
+    ) {
         for (device, command) in command.iter_mut().enumerate() {
             *command = gains.of_device(0, device);
         }

@@ -1,7 +1,7 @@
 //! Bounded feedback of measured signals: a small network or a polynomial, with numbers that are given.
 
 use super::clipped_optimal::GAIN;
-use super::{ControlLaw, GainSpec, Gains, LawSpec, Measurement, Shape, Unit, within};
+use super::{ControlLaw, GainSpec, Gains, LawSpec, Measurement, Memory, Shape, Unit, within};
 use crate::elementary::tanh;
 use crate::error::DynamicsError;
 use crate::lanes::Lanes;
@@ -49,14 +49,16 @@ impl ControlLaw for SignalNetwork {
         tables: &[],
         memory: 0,
         needs_curve: false,
+        needs_model: false,
         commands_force: false,
+        reads_acceleration: false,
     };
 
     #[inline(always)]
     fn command<R: Lanes>(
         gains: &Gains<'_, R>,
         measured: &Measurement<'_, R>,
-        _: &mut [R],
+        _: &mut Memory<'_, R>,
         command: &mut [R],
     ) {
         let (half, one) = (R::splat(0.5), R::splat(1.0));
@@ -94,14 +96,16 @@ impl ControlLaw for SignalPolynomial {
         tables: &["terms", "reach"],
         memory: 0,
         needs_curve: false,
+        needs_model: false,
         commands_force: false,
+        reads_acceleration: false,
     };
 
     #[inline(always)]
     fn command<R: Lanes>(
         gains: &Gains<'_, R>,
         measured: &Measurement<'_, R>,
-        _: &mut [R],
+        _: &mut Memory<'_, R>,
         command: &mut [R],
     ) {
         let [terms, reach] = gains.tables else { return };

@@ -1,7 +1,7 @@
 //! Sliding-mode control: the state is driven to a surface S s = 0 and kept there.
 
 use super::clipped_optimal::{GAIN, clipped};
-use super::{ControlLaw, GainSpec, Gains, LawSpec, Measurement, Shape, Unit, if_known, within};
+use super::{ControlLaw, GainSpec, Gains, LawSpec, Measurement, Memory, Shape, Unit, if_known, within};
 use crate::lanes::Lanes;
 use crate::real::Real;
 
@@ -44,14 +44,16 @@ impl ControlLaw for SlidingMode {
         tables: &[],
         memory: 0,
         needs_curve: false,
+        needs_model: false,
         commands_force: false,
+        reads_acceleration: false,
     };
 
     #[inline(always)]
     fn command<R: Lanes>(
         gains: &Gains<'_, R>,
         measured: &Measurement<'_, R>,
-        _: &mut [R],
+        _: &mut Memory<'_, R>,
         command: &mut [R],
     ) {
         for (device, command) in command.iter_mut().enumerate() {
@@ -107,17 +109,19 @@ impl ControlLaw for AdaptiveSlidingMode {
         tables: &[],
         memory: 1,
         needs_curve: false,
+        needs_model: false,
         commands_force: false,
+        reads_acceleration: false,
     };
 
     #[inline(always)]
     fn command<R: Lanes>(
         gains: &Gains<'_, R>,
         measured: &Measurement<'_, R>,
-        memory: &mut [R],
+        memory: &mut Memory<'_, R>,
         command: &mut [R],
     ) {
-        for (device, (command, switching)) in command.iter_mut().zip(memory).enumerate() {
+        for (device, (command, switching)) in command.iter_mut().zip(memory.numbers.iter_mut()).enumerate() {
             let distance = gains.of_state(1, device, measured);
             let boundary = gains.of_device(3, device);
             let growth = gains.of_device(2, device) * R::splat(measured.sample_time) * distance.abs();
@@ -173,17 +177,19 @@ impl ControlLaw for SuperTwisting {
         tables: &[],
         memory: 1,
         needs_curve: true,
+        needs_model: false,
         commands_force: false,
+        reads_acceleration: false,
     };
 
     #[inline(always)]
     fn command<R: Lanes>(
         gains: &Gains<'_, R>,
         measured: &Measurement<'_, R>,
-        memory: &mut [R],
+        memory: &mut Memory<'_, R>,
         command: &mut [R],
     ) {
-        for (device, (command, integral)) in command.iter_mut().zip(memory).enumerate() {
+        for (device, (command, integral)) in command.iter_mut().zip(memory.numbers.iter_mut()).enumerate() {
             let distance = gains.of_state(0, device, measured);
             let side =
                 R::select(distance.equal(R::splat(0.0)), R::splat(0.0), R::splat(1.0).copysign(distance));

@@ -27,29 +27,51 @@ use crate::any_damper::Damper;
 pub use model::{DamperModel, DamperSpec, Motion, Severity, State};
 pub(crate) use normalised_bouc_wen::{Hysteresis, fastest_relaxation};
 
-/// Every damper model, one line each.
-pub static REGISTRY: &[&dyn Damper] = &[
-    &backlash_bouc_wen::BacklashBoucWen,
-    &bingham::Bingham,
-    &bouc_wen::BoucWen,
-    &dahl::Dahl,
-    &elasto_visco_plastic::ElastoViscoPlastic,
-    &extended_bingham::ExtendedBingham,
-    &hyperbolic_tangent_gavin::HyperbolicTangentGavin,
-    &hyperbolic_tangent_guo::HyperbolicTangentGuo,
-    &lugre::LuGre,
-    &maxwell::Maxwell,
-    &modified_bouc_wen::ModifiedBoucWen,
-    &non_symmetric_bouc_wen::NonSymmetricBoucWen,
-    &non_symmetric_bouc_wen_displacement::NonSymmetricBoucWenDisplacement,
-    &normalised_bouc_wen::NormalisedBoucWen,
-    &normalised_modified_bouc_wen::NormalisedModifiedBoucWen,
-    &orifice::Orifice,
-    &polynomial_fitting::PolynomialFitting,
-    &shear_thinning_modified_bouc_wen::ShearThinningModifiedBoucWen,
-    &static_hysteretic::StaticHysteretic,
-    &viscous_dahl::ViscousDahl,
-];
+/// Work that is compiled for every damper model.
+pub(crate) trait ModelVisitor {
+    /// What the work returns.
+    type Output;
+    /// Does the work for a model.
+    fn visit<M: DamperModel + 'static>(self) -> Self::Output;
+}
+
+macro_rules! models {
+    ($($module:ident::$model:ident,)+) => {
+        /// Every damper model, one line each.
+        pub static REGISTRY: &[&dyn Damper] = &[$(&$module::$model,)+];
+
+        /// Does the work of a visitor for the model of that name.
+        pub(crate) fn visit<V: ModelVisitor>(name: &str, visitor: V) -> Option<V::Output> {
+            $(if name == $module::$model::SPEC.name {
+                return Some(visitor.visit::<$module::$model>());
+            })+
+            None
+        }
+    };
+}
+
+models! {
+    backlash_bouc_wen::BacklashBoucWen,
+    bingham::Bingham,
+    bouc_wen::BoucWen,
+    dahl::Dahl,
+    elasto_visco_plastic::ElastoViscoPlastic,
+    extended_bingham::ExtendedBingham,
+    hyperbolic_tangent_gavin::HyperbolicTangentGavin,
+    hyperbolic_tangent_guo::HyperbolicTangentGuo,
+    lugre::LuGre,
+    maxwell::Maxwell,
+    modified_bouc_wen::ModifiedBoucWen,
+    non_symmetric_bouc_wen::NonSymmetricBoucWen,
+    non_symmetric_bouc_wen_displacement::NonSymmetricBoucWenDisplacement,
+    normalised_bouc_wen::NormalisedBoucWen,
+    normalised_modified_bouc_wen::NormalisedModifiedBoucWen,
+    orifice::Orifice,
+    polynomial_fitting::PolynomialFitting,
+    shear_thinning_modified_bouc_wen::ShearThinningModifiedBoucWen,
+    static_hysteretic::StaticHysteretic,
+    viscous_dahl::ViscousDahl,
+}
 
 /// The model of that name.
 #[must_use]

@@ -18,6 +18,7 @@ from mrwork.control.design.system import DesignSystem, LyapunovEquations
 from mrwork.control.lqr import Weights
 from mrwork.control.plant import Plant
 from mrwork.errors import SettingError
+from mrwork.motions.spectral_density import CloughPenzien, SpectralDensity, mean_square_of
 from mrwork.numbers import format_rounded
 from mrwork.summary import Summarised, Summary
 from mrwork.values import Floats, array_dataclass
@@ -167,7 +168,11 @@ def _mean_squares(system: DesignSystem, gain: Floats) -> tuple[Floats, Floats]:
 SCAN = (
     "The weights give the shape of the cost. The size of R is one number more, to be scanned in the true loop (from 10 "
     "to 1e-4 times R as designed), because a damper saturates and only resists motion; least-force weights as "
-    "designed are far too timid. With a semi-active condition the law hardly depends on it."
+    "designed are far too timid."
+)
+SCAN_BUDGET = (
+    "With the semi-active condition the budget decides the law, and R hardly matters: scan the budget in the true loop "
+    "(budget_scale from 0.1 to 10)."
 )
 """Advice wherever designed weights are shown."""
 
@@ -198,11 +203,12 @@ class DesignedWeights(Summarised):
     of Q, N, R; in discrete time, the gain on s of least cost in the sampled loop. All limits can be met at once up to
     the factor `reachable_ratio` with the budget; above 1 they cannot be reached, and `budget_factor` is that of all
     budgets with which they can, infinite if none up to 100 does. `binding` says what keeps the ratio from being lower,
-    `engine` what solved it.
+    `engine` what solved it, and `origin` sentences on ground and budget, where a study has asked for the design.
+    `spectra` are those of the cases.
     """
 
     plant: Plant
-    spectrum: str
+    spectra: tuple[SpectralDensity, ...]
     output_weights: Floats
     control_weight: Floats
     Q: Floats
@@ -218,12 +224,72 @@ class DesignedWeights(Summarised):
     multipliers: Floats
     system: DesignSystem
     rows: SquaredRows
+    semi_active: bool
+    origin: tuple[str, ...] = ()
+
+    @property
+    def spectrum(self) -> str:
+        """Names of the spectra."""
+        return ", ".join(dict.fromkeys(each.name for each in self.spectra))
+
+    @property
+    def advice(self) -> str:
+        """What is to be scanned in the true loop."""
+        return SCAN_BUDGET if self.semi_active else SCAN
+
+    def rms_under_ground(self, *, controlled: bool) -> Floats:
+        """Rms of each limited output under the ground alone, without control or with ideal forces of the law's gain.
+
+        Infinite if the loop of the gain is not stable. The design adds a small white noise on every state, so that its
+        ratio is a little larger.
+        """
+        system = self.system
+        K = self.gain @ system.state if controlled else np.zeros_like(system.B.T)
+        try:
+            X = LyapunovEquations(system.A - system.B @ K, system.step).covariance(system.ground)
+        except SettingError:
+            return np.full(len(self.outputs.limits), np.inf)
+        C = system.C - system.D @ K
+        return np.asarray(np.sqrt(np.einsum("ij,jk,ik->i", C, X, C)))
+
+    def document(self) -> dict[str, object]:
+        """The design as plain values: ground, budget, and each limited output with its rms under the ground."""
+        bare, ruled = (self.rms_under_ground(controlled=each).tolist() for each in (False, True))
+        return {
+            "ground": [
+                {
+                    "spectrum": each.name,
+                    "frequency": soil.frequency,
+                    "damping": soil.damping,
+                    "intensity": soil.intensity,
+                    "mean_square": mean_square_of(each),
+                }
+                for each in self.spectra
+                for soil in (each.soil if isinstance(each, CloughPenzien) else each,)
+            ],
+            "budget": self.certificate.budgets.tolist(),
+            "least_ratio": self.reachable_ratio,
+            "gain": self.gain.tolist(),
+            "outputs": [
+                {
+                    "name": name,
+                    "unit": unit,
+                    "limit": limit,
+                    "rms_without_control": bare[number],
+                    "rms": ruled[number],
+                }
+                for number, (name, unit, limit) in enumerate(
+                    zip(self.outputs.names, self.outputs.units, self.outputs.limits.tolist(), strict=True)
+                )
+            ],
+        }
 
     def gain_with(self, control_scale: float) -> Floats:
         """The gain of the law with the control weight times `control_scale`, shape (n_devices, 2n)."""
         if not 0.0 < control_scale < np.inf:
             raise SettingError(f"control_scale is {control_scale}; give a positive number")
-        scaled = self.multipliers.copy()
+        # As in the design, so that a scale of 1 has its bits.
+        scaled = self.multipliers / self.reachable_ratio**2
         n_limits, m = len(self.outputs.limits), self.plant.n_devices
         scaled[n_limits : n_limits + m] *= control_scale
         if self.system.step:
@@ -259,7 +325,26 @@ class DesignedWeights(Summarised):
 
     @property
     def in_words(self) -> tuple[str, ...]:
-        """What can be reached and what binds, one sentence each."""
+        """What can be reached and what binds, one sentence each; where a study asked, ground and budget first."""
+        return (*self._origin_in_words, *self._reached_in_words)
+
+    @property
+    def _origin_in_words(self) -> tuple[str, ...]:
+        """Ground and budget, and the response under this ground that is worst over its limit without control."""
+        if not self.origin:
+            return ()
+        bare, ruled = (self.rms_under_ground(controlled=each) for each in (False, True))
+        worst = int(np.argmax(bare / self.outputs.limits))
+        unit = self.outputs.units[worst]
+        return (
+            *self.origin,
+            f"Under this ground rms {self.outputs.names[worst]} is {bare[worst]:.4g} {unit} without control and "
+            f"{ruled[worst]:.4g} {unit} with ideal forces of the gain as designed (limit "
+            f"{self.outputs.limits[worst]:.4g}).",
+        )
+
+    @property
+    def _reached_in_words(self) -> tuple[str, ...]:
         ratio = self.reachable_ratio
         if ratio <= 1.0:
             first = f"All limits can be met, down to {ratio:.3g} of them with the whole budget."
@@ -298,7 +383,7 @@ class DesignedWeights(Summarised):
                     key=lambda each: -each[2] / each[3],
                 )[:_SHOWN]
             ],
-            notes=(*self.in_words[: 2 + _SHOWN], SCAN),
+            notes=(*self.origin, *self._reached_in_words[: 2 + _SHOWN], self.advice),
         )
 
 

@@ -5,7 +5,8 @@ A `WeightDesigner` is set up once and solved for any limits and budgets: program
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -33,7 +34,7 @@ from mrwork.control.design.riccati_dual import (
     rows_of,
     static_law_gain,
 )
-from mrwork.control.design.system import DesignSystem, system_of
+from mrwork.control.design.system import DesignSystem, system_of, useful_force
 from mrwork.control.lqr import Weighed
 from mrwork.control.plant import Plant, deformation_rates, plant_of
 from mrwork.control.riccati import solve_riccati
@@ -49,6 +50,8 @@ if TYPE_CHECKING:
 _MODES = 8
 _ALTERNATIONS = 12
 _MOST_BUDGET = 100.0
+# Budget over the force that limits have use for below which a design without a solution is put down to the budget.
+_LEAST_BUDGET = 1e-6
 
 
 class WeightDesigner:
@@ -84,9 +87,10 @@ class WeightDesigner:
         self._cases = tuple(cases) or (DesignCase(name=building.name, building=building, spectrum=nominal),)
         self._timing, self._semi_active = timing, semi_active
         self._plants = [_plant_of_case(case, building, rows, names) for case in self._cases]
-        self._systems = self._systems_of(None)
-        self._nominal = self._system(self.plant, self._cases[0].spectrum, None)
-        self._damping = self._condition_damping()
+        with self._blame_budget(self._budgets):
+            self._systems = self._systems_of(None)
+            self._nominal = self._system(self.plant, self._cases[0].spectrum, None)
+            self._damping = self._condition_damping()
         self._program: DualProgram | None = None
         self._modes = program_modes
 
@@ -102,10 +106,43 @@ class WeightDesigner:
                 "these limits are on other outputs than those of the designer; make another designer for them"
             )
         budgets = self._budgets if budget is None else as_forces(budget, self.plant)
+        with self._blame_budget(budgets):
+            return self._design(outputs, budgets)
+
+    @contextmanager
+    def _blame_budget(self, budgets: Floats) -> Iterator[None]:
+        """Say of a design without a solution that the budget is none that the building has use for, if so."""
+        try:
+            with np.errstate(over="ignore", invalid="ignore"):
+                yield
+        except SettingError as error:
+            useful = self._useful_force()
+            shown = ", ".join(f"{each:.3g}" for each in dict.fromkeys(budgets.tolist()))
+            if budgets.max() > useful:
+                raise SettingError(
+                    f"the budget is {shown} N, and the limits have no use for more than about {useful:.2g} N rms, a "
+                    "fifth of the inertia of the building under this ground; with more force the weights are not "
+                    "determined, give less"
+                ) from error
+            if budgets.min() < _LEAST_BUDGET * useful:
+                raise SettingError(
+                    f"the budget is {shown} N, which moves nothing: the limits have use for about {useful:.2g} N rms, "
+                    "a fifth of the inertia of the building under this ground; give more"
+                ) from error
+            raise
+
+    def _useful_force(self) -> float:
+        return max(
+            useful_force(plant, case.spectrum) for plant, case in zip(self._plants, self._cases, strict=True)
+        )
+
+    def _design(self, outputs: LimitedOutputs, budgets: Floats) -> DesignedWeights:
         start, program_value, engine = self._by_program(outputs.limits, budgets)
         point, damping = self._refine(outputs.limits, budgets, start)
+        ratio = float(np.sqrt(point.value))
         of_nominal = self._rows_of(self._nominal, outputs.limits, budgets, damping)
-        w = point.multipliers
+        # Only ratios of weights matter; these are near 1 whatever the size of the limits.
+        w = point.multipliers / ratio**2
         cost = self._cost(outputs, budgets, w, damping)
         if self._timing is None:
             gain = riccati_law_gain(self._nominal, regulate(self._nominal, of_nominal, w))
@@ -113,15 +150,15 @@ class WeightDesigner:
             plant = self.plant
             at_once = solve_riccati(plant.A, plant.B, cost.Q, cost.S, cost.N, scaling=plant.scaling).gain
             gain = static_law_gain(self._nominal, of_nominal, w, at_once)
-        ratio = float(np.sqrt(point.value))
+        weights = point.multipliers
         return DesignedWeights(
             plant=self.plant,
-            spectrum=", ".join(dict.fromkeys(case.spectrum.name for case in self._cases)),
-            output_weights=w[: len(outputs.limits)] / outputs.limits**2,
-            control_weight=w[len(outputs.limits) :][: len(budgets)] / budgets**2,
-            Q=cost.Q,
-            N=cost.N,
-            R=cost.S,
+            spectra=tuple(case.spectrum for case in self._cases),
+            output_weights=weights[: len(outputs.limits)] / outputs.limits**2,
+            control_weight=weights[len(outputs.limits) :][: len(budgets)] / budgets**2,
+            Q=ratio**2 * cost.Q,
+            N=ratio**2 * cost.N,
+            R=ratio**2 * cost.S,
             gain=gain,
             reachable_ratio=ratio,
             certificate=certificate_of(
@@ -133,15 +170,16 @@ class WeightDesigner:
                 gain,
                 None if program_value is None else float(np.sqrt(max(program_value, 0.0))),
             ),
-            binding=binding_in_words(outputs, w, ratio, budgets, self.plant, point.value),
+            binding=binding_in_words(outputs, weights, ratio, budgets, self.plant, point.value),
             engine=f"{engine}, {point.steps} steps by Riccati equations",
             budget_factor=None
             if ratio <= 1.0
             else self._budget_factor(outputs.limits, budgets, damping, point),
             outputs=outputs,
-            multipliers=w,
+            multipliers=weights,
             system=self._nominal,
             rows=of_nominal,
+            semi_active=self._semi_active is not None,
         )
 
     def _system(self, plant: Plant, spectrum: SpectralDensity, n_modes: int | None) -> DesignSystem:
@@ -178,7 +216,9 @@ class WeightDesigner:
             return np.broadcast_to(given, m).copy()
         scale = np.max([system.rms_without_control() for system in self._systems], axis=0)
         level = float(np.max(scale / self._outputs.limits))
-        rows = [rows_of(system, level * self._outputs.limits, self._budgets) for system in self._systems]
+        # With more force than the limits have use for, the force itself is not determined.
+        budgets = np.minimum(self._budgets, self._useful_force())
+        rows = [rows_of(system, level * self._outputs.limits, budgets) for system in self._systems]
         return self._like_a_damper(maximise(self._systems, rows, len(scale)))
 
     def _like_a_damper(self, point: DualPoint) -> Floats:

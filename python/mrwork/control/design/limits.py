@@ -18,7 +18,7 @@ from mrwork.control.plant import Outputs, Plant, accelerations, displacements, d
 from mrwork.errors import InvalidSettingError, SettingError
 from mrwork.keys import key, plain_values, refuse_repeated
 from mrwork.motions.spectral_density import KanaiTajimi, SpectralDensity
-from mrwork.simulate import Loading, simulate_force
+from mrwork.simulation import Loading, simulate_force
 from mrwork.summary import Summarised
 from mrwork.units import number_in
 from mrwork.values import Floats, array_dataclass
@@ -320,23 +320,36 @@ def damper_cases(
 
 def _linearise(device: Device, theta: Floats, amplitude: float, frequency: float) -> tuple[float, float]:
     """Stiffness [N/m] and damping [N s/m] of all dampers of a device at zero command, over the last cycle of three."""
-    samples = 400
     w = 2.0 * np.pi * frequency
-    time = np.arange(3 * samples + 1) / (samples * frequency)
-    x, v = amplitude * np.sin(w * time), amplitude * w * np.cos(w * time)
+    phase, force = _sine_cycle(device, theta, amplitude, w, 0.0)
+    force = force - force.mean()
+    k = 2.0 * float(np.mean(force * np.sin(phase))) / amplitude
+    c = 2.0 * float(np.mean(force * np.cos(phase))) / (amplitude * w)
+    return max(k, 0.0), max(c, 0.0)
+
+
+def _sine_cycle(
+    device: Device, theta: Floats, amplitude: float, w: float, command: float
+) -> tuple[Floats, Floats]:
+    """Phase and force of all dampers of a device in a sinusoid at a constant command, over the last cycle of three."""
+    samples = 400
+    phase = 2.0 * np.pi * np.arange(3 * samples + 1) / samples
+    x, v = amplitude * np.sin(phase), amplitude * w * np.cos(phase)
     force = np.zeros_like(x)
     for sign in (1.0, -1.0) if device.differential else (1.0,):
         current = device.spec.current
         loading = Loading(
-            dt=float(time[1]),
+            dt=float(phase[1] / w),
             displacement=sign * x,
             velocity=sign * v,
-            command=None if current is None else 0.0,
+            command=None if current is None else command,
             command_unit=None if current is None else current.unit,
         )
         force += sign * device.count * simulate_force(device.spec, theta, loading)
     cycle = slice(2 * samples, 3 * samples)
-    force = force - force[cycle].mean()
-    k = 2.0 * float(np.mean(force[cycle] * np.sin(w * time[cycle]))) / amplitude
-    c = 2.0 * float(np.mean(force[cycle] * np.cos(w * time[cycle]))) / (amplitude * w)
-    return max(k, 0.0), max(c, 0.0)
+    return phase[cycle], force[cycle]
+
+
+def sine_force(device: Device, amplitude: float, velocity: float, command: float) -> Floats:
+    """Force of all dampers of a device [N] over a cycle of this amplitude [m] and peak velocity [m/s], shape (400,)."""
+    return _sine_cycle(device, device.draws[0], amplitude, velocity / amplitude, command)[1]

@@ -95,8 +95,7 @@ def caution(fit: Fit) -> str:
         )
     return (
         f"Standard errors count the {numbers.format_fixed(fit.n_time, 0)} residuals as "
-        f"{numbers.format_fixed(fit.n_effective, 0)} effective samples, "
-        f"because residuals are correlated from one sample to the next. {linear}"
+        f"{numbers.format_fixed(fit.n_effective, 0)} effective samples, as their autocorrelation asks. {linear}"
     )
 
 
@@ -163,7 +162,7 @@ def _prose(
     effective = numbers.format_fixed(identifiability.n_effective, 0)
     counted = (
         f"The {numbers.format_fixed(identifiability.n_time, 0)} residuals count as {effective} effective samples, "
-        "because they are correlated."
+        "as their autocorrelation asks."
     )
     if fit.intervals is None:
         basis = (

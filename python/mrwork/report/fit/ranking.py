@@ -31,12 +31,13 @@ def _section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
     ranking = run.ranking
     if ranking is None:
         return None
-    chosen = next(each for each in ranking.standings if each.verdict == "chosen")
+    chosen = ranking.chosen_standing
+    provisionally = " provisionally" if chosen.verdict == "provisional" else ""
     predicted = [each for each in ranking.standings if each.left_out_percent is not None]
     return Section(
         anchor="ranking",
         title="Choice of model",
-        summary=f"Choice of model: {chosen.title} of {len(ranking.standings)} families, left-out fit "
+        summary=f"Choice of model: {chosen.title}{provisionally} of {len(ranking.standings)} families, left-out fit "
         f"{chosen.left_out_in_words} %.",
         groups=(
             _group(ranking, ranking.remarks),
@@ -47,7 +48,8 @@ def _section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
                         "ranking",
                         "",
                         ranking_figure(ranking),
-                        f"Left-out fit of {len(predicted)} models with its standard error; {chosen.title} is chosen",
+                        f"Left-out fit of {len(predicted)} models with its standard error; {chosen.title} is "
+                        f"chosen{provisionally}",
                         f"Mean and standard error over {ranking.held_out}.",
                     ),
                 ),
@@ -94,7 +96,7 @@ def ranking_figure(ranking: Ranking) -> Figure:
         _draw(axes, row, each, edge)
     axes.set_yticks(np.arange(len(predicted)), names)
     for label, each in zip(axes.get_yticklabels(), predicted, strict=True):
-        label.set_fontweight("bold" if each.verdict == "chosen" else "normal")
+        label.set_fontweight("bold" if each.is_chosen else "normal")
     axes.set_ylim(len(predicted) - 0.4, -0.6)
     farthest = max((each.left_out_percent or 0.0) + (each.left_out_error or 0.0) for each in predicted)
     axes.set_xlim(edge - margin, min(farthest + margin, 100.5))
@@ -107,7 +109,7 @@ def ranking_figure(ranking: Ranking) -> Figure:
 
 def _draw(axes: Axes, row: int, own: Standing, edge: float) -> None:
     percent = own.left_out_percent or 0.0
-    colour = style.MODEL if own.verdict in ("chosen", "as good") else style.DATA
+    colour = style.MODEL if own.is_chosen or own.verdict == "as good" else style.DATA
     if percent < edge:
         axes.plot([edge], [row], marker="<", color=colour, markersize=6, linestyle="none")
         axes.annotate(
@@ -127,10 +129,10 @@ def _draw(axes: Axes, row: int, own: Standing, edge: float) -> None:
         fmt="o",
         color=colour,
         markerfacecolor=filled,
-        markersize=8.0 if own.verdict == "chosen" else 6.0,
+        markersize=8.0 if own.is_chosen else 6.0,
         elinewidth=1.2,
     )
-    if own.verdict in ("chosen", "as good"):
+    if own.is_chosen or own.verdict == "as good":
         axes.annotate(
             own.verdict,
             (percent, row),

@@ -179,6 +179,7 @@ _BINS = 700
 _SMALL_BINS = 350
 _LOOP_SECONDS = 10.0
 _COMMAND_SECONDS = 4.0
+_STRIP_SECONDS = 1.5
 _LOOP_POINTS = 1500
 _HEIGHT = 2.5
 
@@ -245,6 +246,26 @@ def command_figure(history: RunHistory, device: int, unit: str, largest: float, 
     axes.yaxis.set_major_locator(MaxNLocator(nbins=4, steps=[1, 2, 5, 10]))
     plain_ticks(axes, 3, "y")
     name_small_axes(axes, f"{'Current' if unit == 'A' else 'Voltage'} ({unit})", "Time (s)")
+    return figure
+
+
+@style.drawn_in_style()
+def switching_figure(history: RunHistory, device: int, unit: str, largest: float, stroke: Stroke) -> Figure:
+    """Command that the controller sends to a damper, sample by sample, around its largest force."""
+    figure, axes = small_axes(labelled=True)
+    part = strong_part(history.time, history.force[:, device], _STRIP_SECONDS)
+    axes.step(
+        history.time[part],
+        history.command[part, device],
+        where="post",
+        color=stroke.colour,
+        linewidth=0.7,
+    )
+    axes.set_ylim(-0.04 * largest, 1.06 * largest)
+    axes.margins(x=0.0)
+    axes.yaxis.set_major_locator(MaxNLocator(nbins=4, steps=[1, 2, 5, 10]))
+    plain_ticks(axes, 3, "y")
+    name_small_axes(axes, f"Command ({unit})", "Time (s)")
     return figure
 
 
@@ -328,6 +349,7 @@ def device_section(
         return None
     peak = max(float(np.abs(history.force[:, 0]).max()) for _, history in shown)
     largest = max(float(history.current[:, 0].max()) for _, history in shown) or 1.0
+    most = max(float(history.command[:, 0].max()) for _, history in shown) or 1.0
     unit = style.force_unit(peak)
     device = results.device_names[0]
     groups, of_row = [], strokes(results)
@@ -351,6 +373,14 @@ def device_section(
             )
         )
         panels.append(
+            panel(
+                f"switching-{row}",
+                "",
+                switching_figure(history, 0, results.command_unit, most, stroke),
+                f"Command sent to {device} under {name}, sample by sample: {label}",
+            )
+        )
+        panels.append(
             panel(f"energy-{row}", "", energy_history_figure(history), f"Energies under {name}: {label}")
         )
         groups.append(Group(title=label, panels=tuple(panels), layout="small"))
@@ -362,8 +392,9 @@ def device_section(
             Group(
                 prose=(
                     f"{device[:1].upper()}{device[1:]}: force loops in the ten seconds around the largest force, "
-                    "command in four of them. Cumulative energies: dissipated by the dampers (blue) and by "
-                    "the structure (light blue), kinetic and strain energy (grey), input (line).",
+                    "current in the coil in four of them, command of the controller in one and a half. Cumulative "
+                    "energies: dissipated by the dampers (blue) and by the structure (light blue), kinetic "
+                    "and strain energy (grey), input (line).",
                 )
             ),
             *groups,

@@ -37,6 +37,7 @@ from mrwork.study.comparison import (
     MOST_IN_DETAIL,
     StudyComparison,
     compared,
+    findings,
     judged_in_words,
 )
 from mrwork.study.results import (
@@ -310,6 +311,8 @@ def _criteria_section(comparison: StudyComparison, shown: ShownRows) -> Section:
         if len(results.motions) > 1
         else []
     )
+    if sentences := findings(results):
+        groups.append(Group(prose=sentences))
     many = len(results.motions) > MOST_IN_DETAIL
     if many:
         groups += [

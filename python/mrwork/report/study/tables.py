@@ -14,6 +14,7 @@ from types import MappingProxyType
 import numpy as np
 
 from mrwork.closed_loop.evaluation import SCORE, Criterion, criterion
+from mrwork.closed_loop.responses import in_command_unit
 from mrwork.numbers import NOTHING, format_fixed, significant
 from mrwork.study.comparison import (
     LAWS,
@@ -117,6 +118,8 @@ _VALUES = (
     ("peak_force", *_KILONEWTON),
     ("peak_stroke", *_MILLIMETRE),
     ("rms_current", "", 1.0),
+    ("command_travel", "", 1.0),
+    ("switching_rate", "1/s", 1.0),
 )
 _RATIOS = ("peak_drift", "peak_acceleration", "peak_base_shear", "rms_drift", "rms_acceleration")
 _AGAINST: tuple[Kind, ...] = ("uncontrolled", "passive_off")
@@ -176,8 +179,10 @@ def value_table(results: StudyResults, motions: Sequence[int], rows: Sequence[in
         numbers = [factor * float(np.median([each[name] for each in of_row])) for of_row in found]
         columns.append(numbers)
         cells.append(tuple(significant(number, 3) for number in numbers))
-    drive = f"RMS {'current' if unit == 'A' else 'voltage'} ({unit})"
-    heads = tuple(f"{criterion(name).short} ({shown})" if shown else drive for name, shown, _ in _VALUES)
+    heads = tuple(
+        f"{criterion(name).short} ({shown or in_command_unit(criterion(name).unit, unit)})"
+        for name, shown, _ in _VALUES
+    )
     return Table(
         label=f"Criteria{f', median of {len(motions)} motions' if several else f' under {under}'}",
         columns=("", *heads),
@@ -186,7 +191,8 @@ def value_table(results: StudyResults, motions: Sequence[int], rows: Sequence[in
         ),
         strong=_best(results, rows, columns[:5]),
         note="Peaks unless stated otherwise, of the worst floor, storey or damper. The best control law and the best "
-        "passive damper of each column are bold.",
+        "passive damper of each column are bold. Travel is the total variation of the command per second; a switching "
+        "is a change of more than 10 % of the largest command, until the command turns back by as much.",
     )
 
 
@@ -377,8 +383,8 @@ def band_table(
         label="Bands over realisations",
         columns=("", "Score", *(criterion(name).short for name in SCORE)),
         rows=tuple((label, *map(_band, bands)) for label, bands in rows),
-        note=f"Median, and the ends between which {BAND:.0%} of the {count} realisations lie; each number is a mean "
-        f"over the motions, over i = 0 in the same realisation. {note}",
+        note=f"Median, and the ends between which {100.0 * BAND:.0f} % of the {count} realisations lie; each number "
+        f"is a mean over the motions, over i = 0 in the same realisation. {note}",
     )
 
 

@@ -22,7 +22,14 @@ from mrwork.report.study.figures import HUES, short
 from mrwork.report.study.page import band_section
 from mrwork.report.study.tables import band_table
 from mrwork.table import Table
-from mrwork.tuning.results import Front, LawResult, TuningJudgement, TuningResults
+from mrwork.tuning.results import (
+    Front,
+    LawResult,
+    TuningJudgement,
+    TuningResults,
+    motions_in_words,
+    speed_in_words,
+)
 
 _LINE = 0.36
 _BELOW, _ABOVE = 0.55, 0.55
@@ -133,7 +140,7 @@ def tuning_page(results: TuningResults, *, command: str = "") -> str:
         _motion_section(results),
         _search_section(results),
     ]
-    on = f"{len(results.training)} training and {len(results.testing)} test motions"
+    on = motions_in_words(results)
     laws = f"{len(results.laws)} law{'' if len(results.laws) == 1 else 's'}"
     return fill_template(
         "study.html.j2",
@@ -149,7 +156,7 @@ def tuning_page(results: TuningResults, *, command: str = "") -> str:
         status=(
             "Candidates",
             format_fixed(sum(each.candidates for each in results.laws), 0),
-            f"{results.candidates_per_second:.3g} a second, {results.share_outside:.0%} of the time not simulating",
+            speed_in_words(results),
         ),
         warnings=list(results.warnings),
         advice="",
@@ -171,9 +178,12 @@ def _leading(results: TuningResults) -> str:
         f"reference, {reference.judged.score:.3f}."
     )
     if law.better is not None:
+        both, motions = law.better.both, law.better.motions
+        negated = "not " if motions == 1 and not both else ""
+        under = f" under {both} of {motions} motions" if motions > 1 else ""
         text += (
-            f" Both its peak drift and its peak acceleration are below those of the best constant command under "
-            f"{law.better.both} of {law.better.motions} motions."
+            f" Both its peak drift and its peak acceleration are {negated}below those of the best constant "
+            f"command{under}."
         )
     return text
 
@@ -194,7 +204,7 @@ def _score_section(results: TuningResults) -> Section:
                 if spread is None
                 else f"{format_fixed(spread.least, 2)} to {format_fixed(spread.most, 2)}",
                 *(format_fixed(judgement.criteria.get(name, math.nan), _DECIMALS) for name in SCORE),
-                NOTHING if each.better is None else f"{each.better.both} of {each.better.motions}",
+                NOTHING if each.better is None else each.better.in_words,
             )
         )
     on = "test" if results.testing else "training"
@@ -232,7 +242,7 @@ def _score_section(results: TuningResults) -> Section:
         anchor="scores",
         title="Scores",
         summary=f"{ranked[0].label} has the lowest score on the {on} motions." if ranked else "",
-        groups=(Group(table=table), Group(panels=(figure,))),
+        groups=(Group(table=table, prose=results.findings), Group(panels=(figure,))),
     )
 
 
@@ -257,6 +267,7 @@ def _settings_section(results: TuningResults) -> Section | None:
                         else "."
                     ),
                     f"Certificate: {each.certificate}." if each.certificate else "Certificate: none.",
+                    *each.design.loop,
                 ),
                 table=Table(
                     label=f"Settings of {each.label}",
@@ -266,6 +277,10 @@ def _settings_section(results: TuningResults) -> Section | None:
                 ),
             )
         )
+    groups += [
+        Group(title=f"Weights of {', '.join(labels)}", prose=sentences)
+        for labels, sentences in results.designs
+    ]
     return Section(anchor="settings", title="Settings", summary="", groups=tuple(groups))
 
 

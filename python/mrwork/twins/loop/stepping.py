@@ -178,6 +178,46 @@ class Energies(NamedTuple):
     devices: Array
 
 
+# Share of the largest command that a change exceeds to be counted.
+_CHANGE = 0.1
+
+
+class Travel(NamedTuple):
+    """Travel of commands from sample to sample, and the number of their changes, each (n_devices,).
+
+    A change is one of more than a tenth of the largest command, and ends where the command turns back by as much.
+    """
+
+    travel: Array
+    changes: Array
+    last: Array
+    low: Array
+    high: Array
+    direction: Array
+
+    @classmethod
+    def none(cls, n: int) -> Travel:
+        """Initial value for `n` commands."""
+        return cls(*(jnp.zeros(n) for _ in cls._fields))
+
+    def with_sample(self, command: Array, largest: Array, first: Array) -> Travel:
+        """Return the value with the commands of one more sample, or of the `first` one."""
+        low, high = jnp.minimum(self.low, command), jnp.maximum(self.high, command)
+        rose = (self.direction < 0.5) & (command - low > _CHANGE * largest)
+        fell = (self.direction > -0.5) & (high - command > _CHANGE * largest)
+        after = Travel(
+            travel=self.travel + jnp.abs(command - self.last),
+            changes=self.changes + rose + fell,
+            last=command,
+            low=jnp.where(fell, command, low),
+            high=jnp.where(rose, command, high),
+            direction=jnp.where(rose, 1.0, jnp.where(fell, -1.0, self.direction)),
+        )
+        begun = Travel.none(len(command))._replace(last=command, low=command, high=command)
+        found: Travel = jax.tree.map(lambda yes, no: jnp.where(first, yes, no), begun, after)
+        return found
+
+
 class Reductions(NamedTuple):
     """Accumulated signals of floors (displacement, absolute acceleration), storeys, base and devices."""
 
@@ -190,16 +230,18 @@ class Reductions(NamedTuple):
     rate: Extent
     current: Extent
     current_sum: Array
+    command: Travel
 
 
 class LoopResult(NamedTuple):
-    """Result of a run: accumulated signals, energies [J] at the end, number of steps."""
+    """Result of a run: accumulated signals, energies [J] at the end, number of steps and their duration [s]."""
 
     reductions: Reductions
     energies: Energies
     kinetic: Array
     strain: Array
     n_steps: Array
+    step_time: Array | float
 
     @property
     def energy_error(self) -> Array:
@@ -226,6 +268,8 @@ class LoopResult(NamedTuple):
             | both("current", kept.current)
             | {
                 "mean_current": kept.current_sum / self.n_steps,
+                "command_travel": kept.command.travel / (self.n_steps * self.step_time),
+                "switching_rate": kept.command.changes / (self.n_steps * self.step_time),
                 "device_energy": self.energies.devices,
                 # The twin is that of buildings without passive elements.
                 "peak_element_force": jnp.zeros(0),
@@ -363,6 +407,7 @@ def accumulate(
         rate=kept.rate.with_sample(at.elongation_rate),
         current=kept.current.with_sample(current),
         current_sum=kept.current_sum + current,
+        command=kept.command,
     )
 
 
@@ -378,6 +423,7 @@ def _no_samples(plant: LoopPlant, n_devices: int) -> Reductions:
         rate=Extent.none(n_devices),
         current=Extent.none(n_devices),
         current_sum=jnp.zeros(n_devices),
+        command=Travel.none(n_devices),
     )
 
 
@@ -457,8 +503,14 @@ def run_loop(
         )
         command = jnp.clip(law.command(measured), 0.0, largest_command)
         commands = jnp.concatenate([command[None], carry.commands[:-1]])
+        taken = carry.kept.command.with_sample(command, largest_command, first)
+        taken = jax.tree.map(
+            lambda after, before: jnp.where(counts[0], after, before), taken, carry.kept.command
+        )
         carry = carry._replace(
-            commands=jnp.where(first, command, commands), received=jnp.where(first, command, carry.received)
+            kept=carry.kept._replace(command=taken),
+            commands=jnp.where(first, command, commands),
+            received=jnp.where(first, command, carry.received),
         )
         last, _ = lax.scan(integrate, carry, (jnp.asarray(ages), counts, accelerations))
         return last, None
@@ -494,6 +546,7 @@ def run_loop(
         kinetic=0.5 * v @ (plant.mass @ v),
         strain=0.5 * q @ (plant.stiffness @ q),
         n_steps=counted,
+        step_time=step_time,
     )
 
 

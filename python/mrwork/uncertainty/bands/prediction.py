@@ -15,6 +15,7 @@ from mrwork.identification.fit import Fit
 from mrwork.identification.problem import prediction_warning
 from mrwork.identification.residual import NuisanceName, ObservedTest
 from mrwork.identification.result import explain_failures
+from mrwork.labelled import NamedArray, NamedArrays, WithAxes
 from mrwork.records import DamperTest, Likeness, RecordedMotion
 from mrwork.records.damper_test import same_commands
 from mrwork.records.likeness import alike_groups, likenesses_in_words, likest
@@ -47,7 +48,7 @@ _REACH = 0.02
 
 
 @array_dataclass(repr=False)
-class Prediction(Summarised):
+class Prediction(WithAxes, Summarised):
     """A test and the model's force on it [N], shape (n_time,), with the observation model applied.
 
     `seen` is the test of the fit that this one is, or whose motion and command it has, `None` where it is like none:
@@ -102,6 +103,24 @@ class Prediction(Summarised):
     def nrmse(self) -> float:
         """Root mean square of the residual, per standard deviation of the measured force."""
         return _rms(self.residual) / float(np.std(self.measured))
+
+    def _named_arrays(self) -> NamedArrays:
+        test = self.test._named_arrays()
+        forces = {
+            "model_force": (self.model_force, "force of the model, as it would be recorded"),
+            "residual": (self.test.force - self.model_force, "measured minus model force"),
+        }
+        return replace(
+            test,
+            title=f"Prediction of {self.test.name}",
+            arrays={
+                **test.arrays,
+                **{
+                    name: NamedArray.of(values, "time", unit="N", long_name=words)
+                    for name, (values, words) in forces.items()
+                },
+            },
+        )
 
     def _summary(self) -> Summary:
         return Summary(

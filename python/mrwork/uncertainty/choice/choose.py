@@ -24,14 +24,20 @@ from mrwork.errors import (
     SettingError,
     UnknownNameError,
 )
-from mrwork.identification.equivalent import identifiable_form
+from mrwork.identification.equivalent import identifiable_form, levels_needed
 from mrwork.identification.fit import Fit
 from mrwork.identification.identify import identify_with
-from mrwork.identification.level_search import spec_by_values, tested_commands
+from mrwork.identification.level_search import (
+    count_levels,
+    refuse_few_levels,
+    spec_by_values,
+    tested_commands,
+)
 from mrwork.identification.problem import command_warning
 from mrwork.identification.progress import Progress
 from mrwork.identification.result import BuildingCost, effective_samples
 from mrwork.identification.settings import FitSettings
+from mrwork.labelled import NamedArrays, WithAxes
 from mrwork.records import DamperTest, observed
 from mrwork.records.damper_test import as_tests
 from mrwork.store.journal import Journal
@@ -129,6 +135,23 @@ def _with_own_laws(
     return spec_by_values(lawful, tested_commands(lawful, tests))
 
 
+def _refuse_few_commands(
+    compared: Sequence[Family], tests: tuple[DamperTest, ...], folds: Sequence[Sequence[int]], leave_out: Fold
+) -> None:
+    """Refuse laws for which all tests, or those that remain without a fold, are at too few commands."""
+    rests = [tuple(test for index, test in enumerate(tests) if index not in members) for members in folds]
+    for spec in (family.spec for family in compared if family.spec.current is not None):
+        n_levels, needed = count_levels(spec, tests), levels_needed(spec)
+        refuse_few_levels(spec, n_levels)
+        remaining = min((count_levels(spec, rest) for rest in rests), default=n_levels)
+        if remaining < needed:
+            raise SettingError(
+                f"the current laws of {spec.name} need tests at {needed} commands, and without one {leave_out} only "
+                f"{remaining} of {n_levels} remain; give laws of a lower degree, leave out another unit of tests, or "
+                "add tests at other commands"
+            )
+
+
 T = TypeVar("T")
 
 # Opens the journal of the named step; it is closed when the step is done.
@@ -136,7 +159,7 @@ JournalOf = Callable[[str], Journal]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class Choice(Summarised):
+class Choice(WithAxes, Summarised):
     """The ranking of families, and the fits of those that could be identified, in the same order."""
 
     ranking: Ranking
@@ -144,8 +167,11 @@ class Choice(Summarised):
 
     @property
     def best(self) -> Fit:
-        """The fit of the chosen family to all tests."""
+        """The fit of the chosen family, or of the provisional one, to all tests."""
         return next(fit for fit in self.fits if fit.model == self.ranking.chosen)
+
+    def _named_arrays(self) -> NamedArrays:
+        return self.ranking._named_arrays()
 
     def _summary(self) -> Summary:
         return self.ranking._summary()
@@ -356,7 +382,8 @@ def choose_model(
     Raises
     ------
     SettingError
-        Where nothing can be left out, every family failed, or the settings give starts.
+        Where nothing can be left out, the tests are at too few commands for the laws without a fold, every family
+        failed, or the settings give starts.
     UnknownNameError
         Where a model is unknown, or a law or bound names a parameter that no family has.
     Interrupted
@@ -365,7 +392,8 @@ def choose_model(
     Warns
     -----
     MrworkWarning
-        Where the tests are at several commands, and a family has no law.
+        Where the tests are at several commands, and a family has no law; where a family failed; and where one that
+        failed fits all tests far better than those that remain, so that none is chosen.
 
     Examples
     --------
@@ -381,6 +409,8 @@ def choose_model(
     compared, remarks = families(
         models, tests, laws=laws or {}, unit=unit, lagged=lagged, bounds=settings.bounds
     )
+    folds = folds_of(tests, leave_out) if len(tests) > 1 else []
+    _refuse_few_commands(compared, tests, folds, leave_out)
     about_commands = command_warning(tests, [family.spec for family in compared])
     for sentence in about_commands:
         warn(sentence, MrworkWarning, stacklevel=3)
@@ -389,14 +419,13 @@ def choose_model(
         remarks += (ONE_TEST,)
     alike = alike_remark(tests)
     remarks += (alike,) if alike else ()
-    n_folds = len(folds_of(tests, leave_out)) if len(tests) > 1 else 1
     comparison = RunningComparison(
         tests=tests,
         compared=compared,
         settings=settings,
         threads=threads,
         leave_out=leave_out,
-        n_folds=n_folds,
+        n_folds=len(folds) or 1,
         remarks=remarks,
         journal_of=journal_of,
         on_progress=on_progress,
@@ -410,7 +439,10 @@ def choose_model(
         if not comparison.has_predictions:
             raise Interrupted(None, "choice of model") from interrupt
         raise Interrupted(comparison.choice(), "choice of model") from interrupt
-    return comparison.choice()
+    choice = comparison.choice()
+    for sentence in choice.ranking.doubts:
+        warn(sentence, MrworkWarning, stacklevel=3)
+    return choice
 
 
 def run_with_journal(journal_of: JournalOf | None, step: str, work: Callable[[Journal | None], T]) -> T:

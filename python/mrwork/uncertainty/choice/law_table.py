@@ -11,6 +11,7 @@ import numpy as np
 from mrwork.arguments import NotNegative, Whole
 from mrwork.dampers.parameters import LawName
 from mrwork.identification.fit import NEGLIGIBLE
+from mrwork.labelled import NamedArray, NamedArrays, WithAxes, columns_of, number_labels
 from mrwork.store.codec import OrInfinite, Related
 from mrwork.summary import Summarised, Summary
 from mrwork.table import Table, TableColumn, page_table, text_table
@@ -116,7 +117,7 @@ _LAWS = TableColumn(heading="laws", cell=lambda each: each.in_words, words=True)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class LawTable(Summarised, Related):
+class LawTable(WithAxes, Summarised, Related):
     """Laws that were tried for one or several models, the best left-out fit first; the reason of the choice.
 
     `failed` has the reason by the name of a model that could not be fitted; laws that are `given` were not chosen.
@@ -144,6 +145,30 @@ class LawTable(Summarised, Related):
             return f"it is of {self.model}, and laws of {chosen[0].model} are chosen"
         strange = {*(each.model for each in self.tried), *self.failed} - set(self.models)
         return f"{min(strange)} is none of its models" if strange else ""
+
+    def _named_arrays(self) -> NamedArrays:
+        words = {
+            "model": ("", "model"),
+            "verdict": ("", "place among the laws"),
+            "n_params": ("1", "number of parameters"),
+            "fit_percent": ("%", "fit to all tests"),
+            "left_out_percent": ("%", "fit to what was left out"),
+            "left_out_error": ("%", "standard error of the fit to what was left out"),
+            "median_percent": ("%", "median fit of single tests left out"),
+            "worst_percent": ("%", "worst fit of single tests left out"),
+        }
+        laws = {
+            f"law_{name}": NamedArray.of(
+                [each.laws.get(name, "constant") for each in self.tried], "tried", long_name=f"law of {name}"
+            )
+            for name in dict.fromkeys(name for each in self.tried for name in each.laws)
+        }
+        return NamedArrays(
+            title=f"Choice of laws of {self.model}",
+            rows=("tried",),
+            labels={"tried": number_labels(len(self.tried))},
+            arrays=columns_of(self.tried, "tried", words) | laws,
+        )
 
     @property
     def chosen_laws(self) -> TriedLaws:

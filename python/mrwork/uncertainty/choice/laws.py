@@ -24,6 +24,7 @@ from mrwork.identification.problem import Problem, fingerprint_of
 from mrwork.identification.progress import Progress
 from mrwork.identification.result import fit_at
 from mrwork.identification.settings import FitSettings
+from mrwork.labelled import NamedArrays, WithAxes
 from mrwork.records import DamperTest, observed
 from mrwork.records.damper_test import as_tests
 from mrwork.store.journal import Journal
@@ -38,12 +39,15 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class LawChoice(Summarised):
+class LawChoice(WithAxes, Summarised):
     """The laws that were tried, the fit of the chosen ones to all tests, and the seconds that all took."""
 
     table: LawTable
     fit: Fit
     seconds: float
+
+    def _named_arrays(self) -> NamedArrays:
+        return self.table._named_arrays()
 
     def _summary(self) -> Summary:
         return self.table._summary()

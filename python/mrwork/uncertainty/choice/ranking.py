@@ -17,6 +17,7 @@ from mrwork.dampers.spec import damper
 from mrwork.errors import SettingError
 from mrwork.identification.fit import NEGLIGIBLE, Fit
 from mrwork.identification.result import MANY, BuildingCost
+from mrwork.labelled import NamedArrays, WithAxes, columns_of, labels_of
 from mrwork.numbers import format_fixed, format_rounded
 from mrwork.records import DamperTest
 from mrwork.store.codec import Related
@@ -31,6 +32,8 @@ Residuals = Sequence[Floats]
 
 # Gain in the log-likelihood ratio, for each further parameter, that is not more than chance (Akaike's criterion).
 _CHANCE = 2.0
+# A family that failed is far better where the error of the chosen one on all tests is above this multiple of its own.
+_FAR_BETTER = 2.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -105,6 +108,8 @@ DEFINITIONS = (
     f"of the best itself, or within {NEGLIGIBLE:g} points; of those the one with the fewest parameters is chosen.",
     "Collapsed: the fit is that of a simpler family, because the forces of the two differ by no more than chance, and "
     "more of its parameters are on a bound or undetermined. Such a family counts as the simpler one and is not chosen.",
+    "Provisional: the family that would be chosen of those that predict what was left out, while one that failed there "
+    f"has less than 1/{_FAR_BETTER:g} of its error on all tests. None is chosen then.",
     "ELPD: expected log predictive density of a block of whole cycles given the other blocks (PSIS-LOO), residuals in "
     "deviations of each test's force, the log density tempered by n_eff / n. Cycles of one test repeat, so it "
     "is about more of the same tests, not about another excitation.",
@@ -113,7 +118,7 @@ DEFINITIONS = (
     "counts anew in n_eff though cycles repeat, so that differences in ELPD and BIC are upper limits.",
 )
 
-RankVerdict = Literal["chosen", "as good", "behind", "collapsed", "failed"]
+RankVerdict = Literal["chosen", "provisional", "as good", "behind", "collapsed", "failed"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -165,6 +170,11 @@ class Standing:
     same_as: str = ""
 
     @property
+    def is_chosen(self) -> bool:
+        """Whether the family is chosen, if only provisionally."""
+        return self.verdict in ("chosen", "provisional")
+
+    @property
     def left_out_in_words(self) -> str:
         """The fit to what was left out, with its standard error."""
         return _with_error(self.left_out_percent, self.left_out_error, 2)
@@ -210,7 +220,8 @@ def rank(evidence: Sequence[Evidence], n_effective: float | None) -> tuple[Stand
     A family is as good as the best within the standard error of the paired difference over folds, limited to the
     standard error of the best itself (a family that fails on one test has a large error of its own), or within 0.1
     percentage points. Of those as good, the one with the fewest parameters is chosen. A family that has collapsed to
-    one which predicts the tests left out is neither the best nor chosen. BIC is `n_eff ln(variance) + n_params
+    one which predicts the tests left out is neither the best nor chosen. The choice is provisional where a family that
+    failed fits all tests far better. BIC is `n_eff ln(variance) + n_params
     ln(n_eff)`.
     """
     predicted = sorted(
@@ -232,10 +243,11 @@ def rank(evidence: Sequence[Evidence], n_effective: float | None) -> tuple[Stand
     )
     standings = []
     same = [each for each in predicted if each not in distinct]
-    for each in [*distinct, *same, *(each for each in evidence if not each.left_out)]:
+    failed = [each for each in evidence if not each.left_out]
+    for each in [*distinct, *same, *failed]:
         verdict: RankVerdict = "failed" if not each.left_out else "collapsed" if each in same else "behind"
         if each is chosen:
-            verdict = "chosen"
+            verdict = "provisional" if any(_is_far_better(other, chosen) for other in failed) else "chosen"
         elif each in as_good:
             verdict = "as good"
         standings.append(_standing(each, verdict, best, most_likely, bic))
@@ -290,6 +302,13 @@ def is_as_good(own: Sequence[float], best: Sequence[float]) -> bool:
     return float(difference.mean()) <= max(allowed, NEGLIGIBLE)
 
 
+def _is_far_better(failed: Evidence | Standing, chosen: Evidence | Standing) -> bool:
+    """Whether a family that failed has far less error on all tests than the chosen one."""
+    if failed.fit_percent is None or chosen.fit_percent is None:
+        return False
+    return 100.0 - chosen.fit_percent > _FAR_BETTER * (100.0 - failed.fit_percent)
+
+
 def _bic(own: Evidence, n_effective: float | None) -> float | None:
     if own.variance is None or n_effective is None:
         return None
@@ -309,9 +328,35 @@ def _error_of_sum(values: Floats) -> float | None:
     return float(np.std(values, ddof=1) * np.sqrt(values.size)) if values.size > 1 else None
 
 
+# Units and words of what a ranking has for each family.
+_ARRAYS = {
+    "title": ("", "name in words"),
+    "verdict": ("", "place in the ranking"),
+    "status": ("", "how the identification ended"),
+    "same_as": ("", "family whose fit it has"),
+    "n_params": ("1", "number of parameters"),
+    "seconds": ("s", "time of the identifications"),
+    "fit_percent": ("%", "fit to all tests"),
+    "left_out_percent": ("%", "fit to what was left out"),
+    "left_out_error": ("%", "standard error of the fit to what was left out"),
+    "left_out_behind": ("%", "difference to the best in the fit to what was left out"),
+    "left_out_behind_error": ("%", "standard error of that difference"),
+    "elpd": ("1", "expected log predictive density"),
+    "elpd_error": ("1", "standard error of the expected log predictive density"),
+    "elpd_behind": ("1", "difference to the best in expected log predictive density"),
+    "elpd_behind_error": ("1", "standard error of that difference"),
+    "unreliable_blocks": ("1", "blocks with a Pareto k above 0.7"),
+    "bic": ("1", "Bayesian information criterion"),
+    "bic_behind": ("1", "difference to the best in the Bayesian information criterion"),
+}
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class Ranking(Summarised, Related):
-    """Families in order of merit, the chosen one, and the reason; an interrupt left those of `missing` undone."""
+class Ranking(WithAxes, Summarised, Related):
+    """Families in order of merit, the chosen one, and the reason; an interrupt left those of `missing` undone.
+
+    `chosen` is provisional, as its standing says, where a family that failed fits all tests far better.
+    """
 
     chosen: str
     sentence: str
@@ -329,10 +374,34 @@ class Ranking(Summarised, Related):
         models = [each.model for each in self.standings]
         if len(set(models)) < len(models):
             return "it ranks a family twice"
-        chosen = [each.model for each in self.standings if each.verdict == "chosen"]
+        chosen = [each.model for each in self.standings if each.is_chosen]
         if chosen != [self.chosen]:
             return f"it has chosen {self.chosen} and ranks {list_names(chosen) or 'none'} as chosen"
         return ""
+
+    def _named_arrays(self) -> NamedArrays:
+        return NamedArrays(
+            title=f"Choice of model: {self.chosen}",
+            rows=("model",),
+            labels={"model": labels_of([each.model for each in self.standings])},
+            arrays=columns_of(self.standings, "model", _ARRAYS),
+        )
+
+    @property
+    def chosen_standing(self) -> Standing:
+        """The chosen family, or the provisional one."""
+        return next(each for each in self.standings if each.is_chosen)
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """Sentences on families that failed, and on why none is chosen."""
+        failed = [each for each in self.standings if each.verdict == "failed"]
+        if not failed:
+            return ()
+        named = list_names([f"{each.model} ({each.reason})" for each in failed])
+        their = "its predictions" if len(failed) == 1 else "their predictions"
+        none = _none_chosen(self.standings, self.chosen_standing)
+        return (f"not compared, as {their} failed: {named}", *([none] if none else []))
 
     @property
     def table(self) -> Table:
@@ -345,8 +414,9 @@ class Ranking(Summarised, Related):
         return page_table("Ranking of models", (_TITLE, *_COLUMNS), self.standings)
 
     def _summary(self) -> Summary:
+        provisional = ", provisional" if self.chosen_standing.verdict == "provisional" else ""
         return Summary(
-            title=f"Choice of model: {self.chosen}",
+            title=f"Choice of model: {self.chosen}{provisional}",
             facts=(("evaluated on", self.held_out),),
             columns=("model", "parameters", "fit %", "left out %", "verdict", "reason"),
             rows=[
@@ -381,8 +451,10 @@ def ranking_of(
     missing: Sequence[str] = (),
 ) -> Ranking:
     """Ranking of these standings with its sentence."""
-    chosen = next(each for each in standings if each.verdict == "chosen")
-    parts = [_choice(standings, chosen, held_out)]
+    chosen = next(each for each in standings if each.is_chosen)
+    failed = [each.title for each in standings if each.verdict == "failed"]
+    parts = [f"Failed, and so not compared: {', '.join(failed)}"] if failed else []
+    parts += [_none_chosen(standings, chosen), _choice(standings, chosen, held_out)]
     runner_up = next((each for each in standings if each.verdict == "behind"), None)
     if runner_up is not None:
         parts.append(
@@ -398,9 +470,6 @@ def ranking_of(
         for each in standings
         if each.verdict == "collapsed"
     ]
-    failed = [each.title for each in standings if each.verdict == "failed"]
-    if failed:
-        parts.append(f"Failed: {', '.join(failed)}")
     if missing:
         parts.append(f"The comparison was interrupted and lacks {', '.join(missing)}")
     return Ranking(
@@ -422,7 +491,7 @@ def cost_remark(
     costs: Mapping[str, BuildingCost],
 ) -> tuple[str, ...]:
     """A sentence where the chosen family is costly in a building; it names the best one that is not."""
-    chosen = next(each for each in standings if each.verdict == "chosen")
+    chosen = next(each for each in standings if each.is_chosen)
     if not costs[chosen.model].is_high:
         return ()
     text = f"the fit of {chosen.title} takes {costs[chosen.model].in_words}"
@@ -446,11 +515,29 @@ def cost_remark(
     )
 
 
+def _none_chosen(standings: Sequence[Standing], chosen: Standing) -> str:
+    """A sentence where the choice is provisional, else nothing."""
+    if chosen.verdict != "provisional":
+        return ""
+    better = [each for each in standings if each.verdict == "failed" and _is_far_better(each, chosen)]
+    named = list_names(
+        [
+            f"{each.title}, which failed, fits all tests far better ({each.fit_percent:.2f} %)"
+            for each in better
+        ]
+    )
+    return (
+        f"No family is chosen: {named} than {chosen.title} ({chosen.fit_percent:.2f} %), the best of those that could "
+        "be compared; change what it failed for and compare again"
+    )
+
+
 def _choice(standings: tuple[Standing, ...], chosen: Standing, held_out: str) -> str:
     count = f"Of {len(standings)} families" if len(standings) > 1 else "The only family"
     error = "" if chosen.left_out_error is None else f", standard error {chosen.left_out_error:.2g}"
+    verb = "remains" if chosen.verdict == "provisional" else "is chosen"
     text = (
-        f"{count}, {chosen.title} with {chosen.n_params} parameters is chosen: its mean left-out fit is "
+        f"{count}, {chosen.title} with {chosen.n_params} parameters {verb}: its mean left-out fit is "
         f"{chosen.left_out_percent:.2f} % ({held_out}{error})"
     )
     best = standings[0]

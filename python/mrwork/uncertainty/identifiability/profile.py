@@ -8,7 +8,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from math import inf
+from math import inf, nan
 from statistics import NormalDist
 from typing import Literal
 
@@ -24,6 +24,7 @@ from mrwork.identification.problem import Problem
 from mrwork.identification.result import effective_samples, residuals_by_test
 from mrwork.identification.settings import ROOT_MEAN_SQUARE
 from mrwork.keys import suggestion
+from mrwork.labelled import NamedArray, NamedArrays, WithAxes, columns_of, labels_of, number_labels
 from mrwork.numbers import format_rounded, of_unit
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
@@ -51,12 +52,15 @@ from mrwork.uncertainty.identifiability.verdicts import (
 )
 from mrwork.values import Floats
 
+_MISFIT = "least misfit with the parameter held"
+_RATIO = "likelihood ratio"
+
 # Share by which an end may pass the estimate in a conversion from the scaled coordinate.
 _ROUNDING = 1e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class Profile(Summarised, Related):
+class Profile(WithAxes, Summarised, Related):
     """Least misfit with one parameter held, and likelihood ratio `dof ln(S/S_least)`, at increasing `values`.
 
     An end that is not "closed" is `None`: at "bound" the admissible range ended; beyond "not simulated" no simulation
@@ -94,6 +98,18 @@ class Profile(Summarised, Related):
             return f"{self.name} has a value of {min(self.values):g} on a logarithmic scale"
         return ""
 
+    def _named_arrays(self) -> NamedArrays:
+        return NamedArrays(
+            title=f"Profile of {self.name}",
+            rows=("point",),
+            labels={"point": number_labels(len(self.values))},
+            arrays={
+                "value": NamedArray.of(self.values, "point", unit=self.unit, long_name=self.name),
+                "misfit": NamedArray.of(self.misfit, "point", unit="1", long_name=_MISFIT),
+                "ratio": NamedArray.of(self.ratio, "point", unit="1", long_name=_RATIO),
+            },
+        )
+
     def _summary(self) -> Summary:
         limits = ((self.lower, self.lower_end), (self.upper, self.upper_end))
         ends = [of_unit(value, self.unit) if value is not None else f"open ({end})" for value, end in limits]
@@ -110,7 +126,7 @@ class Profile(Summarised, Related):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class Profiles(Summarised):
+class Profiles(WithAxes, Summarised):
     """Profiles of the free parameters of a fit, in the form of its `model` without redundant parameters.
 
     `threshold` of the likelihood ratio is the quantile of chi-squared with one degree of freedom at `level`.
@@ -144,6 +160,44 @@ class Profiles(Summarised):
                 )
                 for each in self.profiles
             ),
+        )
+
+    def _named_arrays(self) -> NamedArrays:
+        n_points = max((len(each.values) for each in self.profiles), default=0)
+
+        def padded(of: Callable[[Profile], Sequence[float]]) -> Floats:
+            rows = [[*of(each), *[nan] * (n_points - len(each.values))] for each in self.profiles]
+            return np.array(rows, dtype=np.float64).reshape(len(self.profiles), n_points)
+
+        return NamedArrays(
+            title=f"Profiles of {self.model}",
+            rows=("parameter", "point"),
+            labels={
+                "parameter": labels_of([each.name for each in self.profiles]),
+                "point": number_labels(n_points),
+            },
+            along=columns_of(
+                self.profiles,
+                "parameter",
+                {
+                    "unit": ("", "unit of the parameter"),
+                    "estimate": ("", "value of the fit"),
+                    "lower": ("", "lower end of the interval"),
+                    "upper": ("", "upper end of the interval"),
+                    "verdict": ("", "identifiability"),
+                },
+            ),
+            arrays={
+                "value": NamedArray.of(
+                    padded(lambda each: each.values), "parameter", "point", long_name="value that is held"
+                ),
+                "misfit": NamedArray.of(
+                    padded(lambda each: each.misfit), "parameter", "point", unit="1", long_name=_MISFIT
+                ),
+                "ratio": NamedArray.of(
+                    padded(lambda each: each.ratio), "parameter", "point", unit="1", long_name=_RATIO
+                ),
+            },
         )
 
     def _summary(self) -> Summary:

@@ -448,7 +448,9 @@ def identifiability_of(
     remarks = remarks_of(form, at_form)
     # Fixed by the form for the sake of a redundant scale, not by the user.
     held = {each.name for each in fit.estimates if each.remark == "fixed"} & set(form.fixed)
-    taken = [index for index in box.free if remarks[index] == "" or spec.names[index] in form.fixed]
+    # What is tied follows from the others, and has no verdict of its own.
+    free = [index for index in box.free if spec.names[index] not in problem.settings.ties]
+    taken = [index for index in free if remarks[index] == "" or spec.names[index] in form.fixed]
     scale = Scale.of(spec, box, problem.objective.tests, theta)
     # Signed, so that the magnitude of a negative value increases, and products and ratios keep their form.
     size = (np.where(scale.of_range | (theta >= 0.0), 1.0, -1.0) * scale.size)[taken]
@@ -466,7 +468,7 @@ def identifiability_of(
             standard_error=None,
             reason=f"{remarks[index]}: the data bound it from one side only",
         )
-        for index in box.free
+        for index in free
         if remarks[index].startswith("at ")
     )
     verdicts = sorted((*identifiability.verdicts, *on_bound), key=lambda each: spec.names.index(each.name))

@@ -17,7 +17,7 @@ from mrwork.errors import RecordError, SettingError
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
 from mrwork.records.motion import spectrum
-from mrwork.simulate import Loading
+from mrwork.simulation import Loading
 from mrwork.store.input_file import CANDIDATES, text_of
 from mrwork.units import CommandUnit
 
@@ -26,16 +26,22 @@ _FURTHER = 2.0
 _STEPS = 7
 _FASTER = 1.5
 _SAMPLES_PER_CYCLE = 200
+# Multiple of the largest tested command above which a candidate is a slip of its unit.
+_FAR_COMMAND = 10.0
 # The first cycle settles the transient, the other two count.
 _CYCLES = 3
 # Bytes of the derivatives that a plan keeps of all its candidates.
 _MOST_BYTES = 512 << 20
 _COLUMNS = ("amplitude", "frequency", "current")
 
-AMPLITUDE_RANGE = (1e-6, 100.0)
-"""Amplitudes [m] that a test may have."""
-FREQUENCY_RANGE = (1e-4, 1e4)
-"""Frequencies [Hz] that a test may have: a slower one lasts for hours."""
+AMPLITUDE_RANGE = (1e-6, 1.0)
+"""Amplitudes [m] that a test may have: dampers of the longest stroke, those of isolated buildings, have about 1 m."""
+STROKE_RANGE = (1e-6, 2.0 * AMPLITUDE_RANGE[1])
+"""Largest strokes of a rig [m], peak to peak."""
+FREQUENCY_RANGE = (1e-4, 1e3)
+"""Frequencies [Hz] that a test may have: a slower one lasts for hours, and no rig runs a faster one."""
+VELOCITY_RANGE = (1e-6, 50.0)
+"""Peak velocities [m/s] that a rig may have: dampers of a gun's recoil reach about 10 m/s."""
 COMMAND_RANGE = (0.0, LARGEST_COMMAND)
 """Commands [A or V] that a test may have."""
 
@@ -81,9 +87,14 @@ class Limits:
     peak_velocity: float | None = None
 
     def __post_init__(self) -> None:
-        for name, value in (("stroke", self.stroke), ("peak_velocity", self.peak_velocity)):
-            if value is not None and not (isfinite(value) and value > 0.0):
-                raise SettingError(f"`{name}` is {value:g}; a limit is a positive number, in SI")
+        for name, value, (lower, upper), unit in (
+            ("stroke", self.stroke, STROKE_RANGE, "m"),
+            ("peak_velocity", self.peak_velocity, VELOCITY_RANGE, "m/s"),
+        ):
+            if value is not None and not lower <= value <= upper:
+                raise SettingError(
+                    f"`{name}` is {value:g} {unit}; give one from {lower:g} to {upper:g} {unit}"
+                )
 
     def allow(self, candidate: Candidate) -> bool:
         """Whether the test is within the limits, up to rounding."""
@@ -119,6 +130,7 @@ def candidate_grid(
             )
     limits = limits or Limits()
     tests = as_tests(tests)
+    _refuse_far_commands(commands, spec, tests)
     tested = [excitation_of(test) for test in tests]
     if limits.peak_velocity is None and not (amplitudes and frequencies):
         fastest = _FASTER * max(each.peak_velocity for each in tested)
@@ -146,6 +158,22 @@ def candidate_grid(
             "no candidate is within the limits of the rig; raise them, or give smaller amplitudes"
         )
     return grid
+
+
+def _refuse_far_commands(commands: Sequence[float], spec: DamperSpec, tests: Sequence[DamperTest]) -> None:
+    """Refuse commands far above all tested ones, as those in milliamperes are."""
+    if not commands or spec.current is None:
+        return
+    unit = spec.current.unit
+    largest = max(
+        (float(np.max(command)) for test in tests for command, own in test.commands if own == unit),
+        default=0.0,
+    )
+    if largest > 0.0 and max(commands) > _FAR_COMMAND * largest:
+        raise SettingError(
+            f"a command of {max(commands):g} {unit} is more than {_FAR_COMMAND:g} times the largest tested one, "
+            f"{largest:g} {unit}, and the laws tell nothing there; give commands in {unit}"
+        )
 
 
 def read_candidates(path: Path, spec: DamperSpec, limits: Limits | None = None) -> tuple[Candidate, ...]:

@@ -22,7 +22,7 @@ from mrwork.keys import suggestion
 from mrwork.numbers import NOTHING, format_rounded, of_unit, percent, significant
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
-from mrwork.simulate import Outcome, simulate_forces
+from mrwork.simulation import Outcome, simulate_forces
 from mrwork.store.codec import Related
 from mrwork.summary import Summarised, Summary
 from mrwork.table import TableColumn
@@ -136,6 +136,11 @@ class LinearisedPosterior:
     ) -> LinearisedPosterior:
         """The linearised posterior of a fit."""
         problem = Problem.of_fit(fit, as_tests(tests), threads=threads)
+        if problem.settings.ties:
+            tied = ", ".join(problem.settings.ties)
+            raise SettingError(
+                f"the fit has tied {tied}, and a plan of tests knows no ties; plan with a fit without them"
+            )
         objective, spec, box = problem.objective, problem.form.spec, problem.form.box
         theta = problem.inside(fit.theta)
         scale = Scale.of(spec, box, objective.tests, theta)

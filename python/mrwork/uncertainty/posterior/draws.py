@@ -18,6 +18,7 @@ import numpy as np
 from mrwork.arguments import Count, NotNegative, Positive, Shape, checked
 from mrwork.errors import RecordError
 from mrwork.identification.fit import Fit, Interval, Intervals, Provenance, VerdictName
+from mrwork.labelled import NamedArray, NamedArrays, WithAxes, number_labels
 from mrwork.numbers import format_rounded, with_decimals
 from mrwork.store.child_reader import Member, UnreadableError, read_members
 from mrwork.store.codec import Related, record_of
@@ -214,7 +215,7 @@ class DrawSummary:
 
 
 @array_dataclass(repr=False)
-class Draws(Summarised):
+class Draws(WithAxes, Summarised):
     """Draws from a posterior, by walker.
 
     `chains` (n_walkers, n_kept, n_params) are parameters of the model of the fit, in spec order; `noise_chains`
@@ -314,6 +315,26 @@ class Draws(Summarised):
             if summary.verdict is not None:
                 attributes |= {"verdict": summary.verdict, "reason": summary.reason}
         return tree
+
+    def _named_arrays(self) -> NamedArrays:
+        n_walkers, n_kept, _ = self.chains.shape
+        axes = ("walker", "draw")
+        posterior = {
+            each.name: NamedArray.of(
+                self.chain(each.name),
+                *axes,
+                unit=each.unit,
+                long_name="parameter of the noise" if each.name in self.noise_names else "parameter",
+            )
+            for each in self.summaries
+        }
+        density = NamedArray.of(self.densities, *axes, long_name="log posterior, up to a constant")
+        return NamedArrays(
+            title=f"Draws of {self.model} with {self.noise_model} noise",
+            rows=axes,
+            labels={"walker": number_labels(n_walkers), "draw": number_labels(n_kept)},
+            arrays=posterior | {"log_posterior": density},
+        )
 
     def _summary(self) -> Summary:
         n_walkers, n_kept, _ = self.chains.shape

@@ -317,7 +317,9 @@ class SamplingProblem:
         scale = Scale.of(self.spec, own, objective.tests, theta)
         derivative = Slopes.at(objective.plain, self.target.form, self.start).by_model()
         judged = [
-            each.judge(scale.of_parameter(self.spec, index, derivative[:, index]))
+            each
+            if each.name in objective.settings.ties
+            else each.judge(scale.of_parameter(self.spec, index, derivative[:, index]))
             for index, each in enumerate(summaries[: theta.size])
         ]
         return (*judged, *summaries[theta.size :])

@@ -1,0 +1,457 @@
+"""Candidates of a damper model under a record: their forces, exact derivatives, and the misfit as a plain function.
+
+A search, a study or a sensitivity analysis of a user calls these three; they are the identification's own simulation
+and objective, a batch in a call.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Annotated, Any, ClassVar, Literal, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mrwork.arguments import AnyArrayLike, Positive, Samples, Shape, Threads, checked
+from mrwork.dampers.coordinates import Box
+from mrwork.dampers.spec import DamperSpec, damper
+from mrwork.errors import SettingError, SimulationError, UnknownNameError
+from mrwork.identification.equivalent import search_box
+from mrwork.identification.loss import LossFunction, LossName, loss_of
+from mrwork.identification.objective import Objective, linearise_residuals, ties_of
+from mrwork.identification.residual import NuisanceName, ObservedTest, bounds_without_offsets
+from mrwork.identification.settings import FitSettings
+from mrwork.keys import suggestion
+from mrwork.labelled import NamedArray, NamedArrays, WithAxes, labels_of, number_labels
+from mrwork.numbers import format_rounded
+from mrwork.records import DamperTest, observed
+from mrwork.records.damper_test import as_tests, loading_of
+from mrwork.records.repairs import DETECT, as_words
+from mrwork.records.window import spans_with
+from mrwork.simulation import (
+    Loading,
+    Outcome,
+    refuse_other_unit,
+    simulate_forces,
+    simulate_sensitivities,
+)
+from mrwork.summary import Summarised, Summary, list_names
+from mrwork.values import Floats, array_dataclass
+
+Coordinates = Literal["theta", "unit"]
+Mask = Annotated[NDArray[np.bool_], Shape(("n_time",))]
+
+
+@checked
+def simulate(
+    model: DamperSpec | str, theta: AnyArrayLike, record: DamperTest | Loading, *, threads: Threads = 0
+) -> Floats:
+    """Forces [N] of candidates of a damper model under the motion and command of a record, from rest.
+
+    The force is that of the damper; `predict` also applies the observation model of a test.
+
+    Parameters
+    ----------
+    model
+        A model or its name.
+    theta
+        Parameters in the order of `mr.damper(name).names`, shape (n_batch, n_params), or (n_params,) for one candidate.
+    record
+        A damper test, of which the measured force is not used, or a loading.
+    threads
+        Threads, 0 for all; they change no bit of the result.
+
+    Returns
+    -------
+    ndarray
+        Shape (n_batch, n_time), or (n_time,) for one candidate. Rows that did not finish are infinite.
+
+    Raises
+    ------
+    SimulationError
+        Where the only candidate diverges or cannot be resolved.
+    RecordError
+        Where the model follows a command that the test does not have.
+
+    Examples
+    --------
+    >>> import numpy as np, mrwork as mr
+    >>> spec = mr.damper("bingham")
+    >>> theta = np.tile(spec.nominal, (2000, 1))
+    >>> theta[:, 0] = np.linspace(300.0, 900.0, 2000)
+    >>> mr.simulate(spec, theta, mr.synthetic_test("spencer1997")).shape
+    (2000, 2001)
+    """
+    spec = damper(model) if isinstance(model, str) else model
+    rows, one = _rows_of(theta, spec.names, f"{spec.name} takes")
+    run = simulate_forces(spec, rows, _loading(record, spec).history(), threads=threads)
+    _refuse_failure(spec, run.outcome, one)
+    return np.asarray(run.force[0] if one else run.force)
+
+
+@array_dataclass(repr=False)
+class ForceSensitivities(WithAxes, Summarised):
+    """Forces [N] of candidates, shape (n_batch, n_time), and their exact derivatives, (n_batch, n_time, n_params).
+
+    Without the first axis for one candidate. The derivatives are in newtons per `units` of each of the parameters
+    `names`; rows that did not finish are infinite. `time` [s] has shape (n_time,).
+    """
+
+    _made_by: ClassVar[str] = "mr.sensitivities(model, theta, record)"
+    _units: ClassVar[dict[str, str]] = {"time": "s", "force": "N"}
+
+    model: str
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    time: Floats
+    force: Floats
+    jacobian: Floats
+
+    @checked
+    def by(self, name: str) -> Floats:
+        """Derivative by one parameter, shape (n_batch, n_time), or (n_time,) for one candidate."""
+        if name not in self.names:
+            near = suggestion(name, self.names, otherwise="it has")
+            raise UnknownNameError(f"{self.model} has no parameter {name!r}{near}")
+        return np.asarray(self.jacobian[..., self.names.index(name)])
+
+    def _named_arrays(self) -> NamedArrays:
+        batch = () if self.force.ndim == 1 else ("candidate",)
+        candidates = {axis: number_labels(len(self.force)) for axis in batch}
+        return NamedArrays(
+            title=f"Force of {self.model} and its derivatives",
+            rows=(*batch, "time"),
+            labels={
+                **candidates,
+                "time": labels_of(self.time, unit="s", long_name="time"),
+                "parameter": labels_of(self.names),
+            },
+            along={"unit": NamedArray.of([f"N/({unit})" for unit in self.units], "parameter")},
+            arrays={
+                "force": NamedArray.of(self.force, *batch, "time", unit="N", long_name="damper force"),
+                "jacobian": NamedArray.of(
+                    self.jacobian,
+                    *batch,
+                    "time",
+                    "parameter",
+                    long_name="derivative of the force by a parameter",
+                ),
+            },
+        )
+
+
+@checked
+def sensitivities(
+    model: DamperSpec | str, theta: AnyArrayLike, record: DamperTest | Loading, *, threads: Threads = 0
+) -> ForceSensitivities:
+    """Forces of candidates with their exact derivatives by every parameter; arguments as in `simulate`.
+
+    The forces have the same bits as those of `simulate`. The derivatives are exact up to rounding for the discrete
+    equations; at a kink they are those of the branch that the value takes.
+
+    Raises
+    ------
+    SimulationError
+        Where the only candidate diverges or cannot be resolved.
+
+    Examples
+    --------
+    >>> import mrwork as mr
+    >>> spec = mr.damper("bingham")
+    >>> found = mr.sensitivities(spec, spec.nominal, mr.synthetic_test("spencer1997"))
+    >>> found.names, found.jacobian.shape
+    (('f_c', 'v_s', 'c0', 'f0'), (2001, 4))
+    """
+    spec = damper(model) if isinstance(model, str) else model
+    rows, one = _rows_of(theta, spec.names, f"{spec.name} takes")
+    loading = _loading(record, spec)
+    run = simulate_sensitivities(spec, rows, loading.history(), threads=threads)
+    _refuse_failure(spec, run.outcome, one)
+    # The compiled module has the derivatives of a parameter one after the other.
+    jacobian = np.moveaxis(run.jacobian, 1, 2)
+    start = record.start_time if isinstance(record, DamperTest) else 0.0
+    return ForceSensitivities(
+        model=spec.name,
+        names=spec.names,
+        units=tuple(each.unit for each in spec.parameters),
+        time=start + loading.dt * np.arange(run.force.shape[1], dtype=np.float64),
+        force=run.force[0] if one else run.force,
+        jacobian=jacobian[0] if one else jacobian,
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class CandidateObjective(Summarised):
+    """The objective of an identification as a function of the free parameters, for any optimiser.
+
+    A point has shape (n_free,), many have (n_batch, n_free): values of `names` in `units`, or, with the coordinates
+    "unit", places between their `bounds` from 0 to 1, on the scale of each parameter, linear or logarithmic. Other
+    parameters are held. The `objective` is that of `mr.identify`.
+    """
+
+    _made_by: ClassVar[str] = "mr.objective(model, tests)"
+
+    objective: Objective
+    box: Box
+    coordinates: Coordinates = "theta"
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the free parameters."""
+        return tuple(self.box.names[index] for index in self.box.free)
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Units of the free parameters."""
+        return tuple(self.objective.spec.parameters[index].unit for index in self.box.free)
+
+    @property
+    def lower(self) -> Floats:
+        """Lower bound of every coordinate, shape (n_free,)."""
+        return self._ends(0.0, self.box.lower)
+
+    @property
+    def upper(self) -> Floats:
+        """Upper bound of every coordinate, shape (n_free,)."""
+        return self._ends(1.0, self.box.upper)
+
+    @property
+    def bounds(self) -> tuple[tuple[float, float], ...]:
+        """Lower and upper bound of every coordinate, a pair for each."""
+        return tuple(zip(self.lower.tolist(), self.upper.tolist(), strict=True))
+
+    def _ends(self, unit: float, physical: tuple[float, ...]) -> Floats:
+        if self.coordinates == "unit":
+            return np.full(len(self.names), unit)
+        return np.array(physical)[list(self.box.free)]
+
+    @property
+    def start(self) -> Floats:
+        """The nominal parameters moved inside the bounds, as a point, shape (n_free,)."""
+        nominal = np.clip(self.objective.spec.nominal, self.box.lower, self.box.upper)
+        unit = np.clip(self.box.unit_from_theta(nominal), 0.0, 1.0)
+        return np.asarray(unit if self.coordinates == "unit" else nominal[list(self.box.free)])
+
+    @checked
+    def theta(self, points: AnyArrayLike) -> Floats:
+        """All parameters of the model in SI, shape (..., n_params), with those that are held or tied."""
+        given = np.asarray(points, dtype=np.float64)
+        self._check(given)
+        if self.coordinates == "unit":
+            theta = np.asarray(self.box.theta_from_unit(given))
+        else:
+            theta = np.broadcast_to(np.array(self.box.lower), (*given.shape[:-1], len(self.box.names))).copy()
+            theta[..., list(self.box.free)] = given
+        ties = self.objective.compared[0].ties
+        return theta if ties is None else ties.apply(theta)
+
+    # Any: one number for a point, an array for many.
+    @checked
+    def __call__(self, points: AnyArrayLike) -> Any:
+        """Misfit of a point, a number, or of many, shape (n_batch,); infinite where a simulation failed."""
+        theta = self.theta(points)
+        misfit = self.objective(np.atleast_2d(theta))
+        return misfit[0] if theta.ndim == 1 else misfit
+
+    @checked
+    def residuals(self, points: AnyArrayLike) -> Floats:
+        """Residuals whose sum of squares is the squared misfit, shape (n_residuals,) or (n_batch, n_residuals)."""
+        theta = self.theta(points)
+        residuals = self.objective.residuals(np.atleast_2d(theta))
+        return np.asarray(residuals[0] if theta.ndim == 1 else residuals)
+
+    @checked
+    def jacobian(self, points: AnyArrayLike) -> Floats:
+        """Exact derivatives of the residuals, shape (n_residuals, n_free) or (n_batch, n_residuals, n_free)."""
+        return self._linearise(points)[1]
+
+    @checked
+    def gradient(self, points: AnyArrayLike) -> Floats:
+        """Exact derivatives of the misfit, shape (n_free,) or (n_batch, n_free)."""
+        residuals, jacobian = self._linearise(points)
+        misfit = np.sqrt(np.sum(residuals**2, axis=-1, keepdims=True))
+        return np.asarray(np.einsum("...r,...rp->...p", residuals, jacobian) / misfit)
+
+    def _linearise(self, points: AnyArrayLike) -> tuple[Floats, Floats]:
+        theta = self.theta(points)
+        residuals, slope = linearise_residuals(self.objective, np.atleast_2d(theta), self.box.free)
+        if self.coordinates == "unit":
+            slope = slope * self.box.unit_slope(np.atleast_2d(theta))[..., None]
+        jacobian = np.moveaxis(slope, 1, 2)
+        return (residuals[0], jacobian[0]) if theta.ndim == 1 else (residuals, jacobian)
+
+    def _check(self, points: Floats) -> None:
+        _rows_of(points, self.names, "the objective takes")
+        if self.coordinates == "unit" and not np.all((points >= 0.0) & (points <= 1.0)):
+            raise SettingError(
+                "a point of the unit cube has coordinates from 0 to 1; give those, see `bounds`"
+            )
+
+    def _summary(self) -> Summary:
+        spec = self.objective.spec
+        return Summary(
+            title=f"Objective of {spec.name} on {list_names([each.label for each in self.objective.tests])}",
+            facts=(("coordinates", self.coordinates), ("samples", str(self.objective.n_time))),
+            columns=("parameter", "lower", "upper", "unit"),
+            rows=[
+                (name, *(format_rounded(end) for end in ends), unit)
+                for name, ends, unit in zip(self.names, self.bounds, self.units, strict=True)
+            ],
+        )
+
+
+@checked
+def objective(
+    model: DamperSpec | str,
+    tests: DamperTest | Sequence[DamperTest],
+    *,
+    bounds: Mapping[str, tuple[float, float]] | None = None,
+    ties: Mapping[str, str] | None = None,
+    nuisances: Sequence[NuisanceName] = (),
+    observe: str | Sequence[str] = DETECT,
+    power: float = 2.0,
+    force_exponent: float = 1.0,
+    weights: Sequence[Samples | float | None] = (),
+    masks: Sequence[Mask | None] = (),
+    loss: LossName | LossFunction = "linear",
+    loss_scale: Positive | None = None,
+    coordinates: Coordinates = "theta",
+    threads: Threads = 0,
+) -> CandidateObjective:
+    """The objective of an identification as a function, for SciPy, pymoo, Optuna, cma or an optimiser of your own.
+
+    It is what `mr.identify` minimises: the misfit (NRMSE) of free runs on the tests, a batch of candidates in a call.
+
+    Parameters
+    ----------
+    model, tests, ties, nuisances, observe, power, force_exponent
+        As in `mr.identify`.
+    bounds
+        Parameter name to (lower, upper); equal bounds hold the parameter. Others have the range in which an
+        identification searches first, which follows from stroke, speed and force of the tests.
+    weights
+        For each test factors on its residuals, one for each sample, shape (n_time,), or one number; `None` for none.
+    masks
+        For each test which samples are compared, true or false, shape (n_time,); `None` for all.
+    loss, loss_scale
+        Loss of the residuals, and the residual [N] from which on it differs from the square; a function maps
+        z = (residual/scale)^2 to rho(z) and its derivative, stacked, as in `scipy.optimize.least_squares`.
+    coordinates
+        Whether points are physical parameters, "theta", or places between the bounds from 0 to 1, "unit".
+    threads
+        Threads of the simulation, 0 for all.
+
+    Raises
+    ------
+    SettingError
+        Where bounds, weights or masks do not fit the model and its tests, every parameter is held, or weights or a loss
+        are given together with nuisance parameters, which have their least-squares values.
+
+    Examples
+    --------
+    >>> import mrwork as mr
+    >>> from scipy.optimize import least_squares
+    >>> objective = mr.objective("bingham", mr.synthetic_test("spencer1997"), coordinates="unit")
+    >>> ends = (objective.lower, objective.upper)
+    >>> found = least_squares(objective.residuals, objective.start, jac=objective.jacobian, bounds=ends)
+    >>> bool(objective(found.x) < objective(objective.start))
+    True
+    """
+    spec = damper(model) if isinstance(model, str) else model
+    settings = FitSettings(
+        bounds=bounds_without_offsets(tuple(nuisances), spec) | dict(bounds or {}),
+        ties=dict(ties or {}),
+        power=power,
+        force_exponent=force_exponent,
+        nuisances=tuple(nuisances),
+        observe=as_words(observe),
+    )
+    if settings.nuisances and (weights or loss != "linear"):
+        raise SettingError(
+            "`nuisances` have their least-squares values, which go with neither `weights` nor a `loss`; leave one out"
+        )
+    given = tuple(observed(test, settings.observe) for test in as_tests(tests))
+    compared = tuple(map(_masked, given, _for_each(masks, None, given, "masks")))
+    whole = Objective.of(spec, compared, settings, threads=threads)
+    rho = loss_of(loss, loss_scale)
+    whole = replace(
+        whole,
+        compared=tuple(
+            replace(each, loss=rho, weights=_counted_weights(each, own))
+            for each, own in zip(whole.compared, _for_each(weights, None, given, "weights"), strict=True)
+        ),
+    )
+    requested = Box.of(spec).with_bounds(settings.bounds)
+    searched = search_box(spec, requested, given)
+    others = zip(searched.names, zip(searched.lower, searched.upper, strict=True), strict=True)
+    box = requested.with_bounds({name: ends for name, ends in others if name not in settings.bounds})
+    if (tied := ties_of(spec, settings)) is not None:
+        middle = box.theta_from_unit(np.full(len(box.free), 0.5))
+        box = box.with_bounds({spec.names[index]: (float(middle[index]),) * 2 for index in tied.indices})
+    if not box.free:
+        raise SettingError(f"every parameter of {spec.name} is held or tied; leave at least one free")
+    return CandidateObjective(objective=whole, box=box, coordinates=coordinates)
+
+
+EntryT = TypeVar("EntryT")
+
+
+def _for_each(
+    entries: Sequence[EntryT], none: EntryT, tests: Sequence[DamperTest], name: str
+) -> Sequence[EntryT]:
+    """One entry for each test, `none` where there are no entries at all."""
+    if entries and len(entries) != len(tests):
+        raise SettingError(
+            f"`{name}` has {len(entries)} entries and `tests` {len(tests)}; give one entry for each test"
+        )
+    return entries or [none] * len(tests)
+
+
+def _masked(test: DamperTest, mask: Mask | None) -> DamperTest:
+    """The test with the samples where the mask is false not compared."""
+    if mask is None:
+        return test
+    _check_samples(mask, test, "masks")
+    return replace(test, uncompared=spans_with(test.uncompared, ~mask))
+
+
+def _counted_weights(each: ObservedTest, weights: Floats | float | None) -> Floats | None:
+    if weights is None:
+        return None
+    if isinstance(weights, np.ndarray):
+        _check_samples(weights, each.test, "weights")
+    if np.any(np.asarray(weights) < 0.0):
+        raise SettingError(f"a weight of {each.test.label} is negative; give numbers of at least 0")
+    return np.asarray(np.broadcast_to(weights, each.test.force.shape)[each.counted])
+
+
+def _check_samples(given: NDArray[Any], test: DamperTest, name: str) -> None:
+    if given.shape != test.force.shape:
+        raise SettingError(
+            f"`{name}` of {test.label} has shape {given.shape}; give one number for each of its {test.n_time} samples"
+        )
+
+
+def _loading(record: DamperTest | Loading, spec: DamperSpec) -> Loading:
+    if isinstance(record, DamperTest):
+        return loading_of(record, spec)
+    refuse_other_unit(record, spec)
+    return record
+
+
+def _rows_of(theta: ArrayLike, names: Sequence[str], taken_by: str) -> tuple[Floats, bool]:
+    """Candidates in rows, and whether a single one was given."""
+    rows = np.asarray(theta, dtype=np.float64)
+    if rows.ndim not in (1, 2) or rows.shape[-1] != len(names):
+        raise SettingError(
+            f"`theta` has shape {rows.shape}; {taken_by} {len(names)} numbers, ({len(names)},) or "
+            f"(n_batch, {len(names)}): {list_names(names, 20)}"
+        )
+    return np.atleast_2d(rows), rows.ndim == 1
+
+
+def _refuse_failure(spec: DamperSpec, outcomes: NDArray[np.uint8], one: bool) -> None:
+    """Refuse a single candidate that did not finish; among several it is a row of its own."""
+    if one and (outcome := Outcome(outcomes[0])) is not Outcome.FINISHED:
+        raise SimulationError(f"{spec.name} ended as {outcome.name.lower()}: {outcome.remedy}")

@@ -1,0 +1,203 @@
+"""Parameters that are tied to others by an expression, such as k = 2*c: its grammar, its values and its derivatives.
+
+An expression has numbers, names of parameters, parentheses and + - * / **, an exponent being a number. It is read as
+syntax and walked; nothing is run.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from math import isfinite
+from warnings import catch_warnings
+
+import numpy as np
+
+from mrwork.dampers.coordinates import Box
+from mrwork.dampers.spec import DamperSpec
+from mrwork.errors import SettingError, UnknownNameError
+from mrwork.keys import suggestion
+from mrwork.summary import list_names
+from mrwork.values import Floats
+
+# Characters of an expression; longer ones could be nested too deeply to be read.
+_LONGEST = 200
+_GRAMMAR = "give numbers, parameters, parentheses and + - * / **, as in 2*c"
+
+Value = tuple[Floats, Floats]
+"""Values of candidates, shape (n_batch,), and their derivatives by every parameter, shape (n_batch, n_params)."""
+
+
+def _multiply(one: Value, other: Value) -> Value:
+    (a, da), (b, db) = one, other
+    return a * b, da * b[:, None] + a[:, None] * db
+
+
+def _divide(one: Value, other: Value) -> Value:
+    (a, da), (b, db) = one, other
+    return a / b, (da - (a / b)[:, None] * db) / b[:, None]
+
+
+_BINARY: dict[type[ast.operator], Callable[[Value, Value], Value]] = {
+    ast.Add: lambda one, other: (one[0] + other[0], one[1] + other[1]),
+    ast.Sub: lambda one, other: (one[0] - other[0], one[1] - other[1]),
+    ast.Mult: _multiply,
+    ast.Div: _divide,
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ties:
+    """Ties of a model in an order in which each needs only parameters that are known before it.
+
+    `indices` are those of the tied parameters, `expressions` what they equal, `lower` and `upper` their bounds. A
+    candidate of which a tied parameter leaves its bounds cannot be simulated.
+    """
+
+    names: tuple[str, ...]
+    indices: tuple[int, ...]
+    expressions: tuple[str, ...]
+    lower: tuple[float, ...]
+    upper: tuple[float, ...]
+
+    @classmethod
+    def of(cls, spec: DamperSpec, given: Mapping[str, str], box: Box) -> Ties:
+        """Read the ties of a model whose parameters have the bounds of `box`."""
+        for name in given:
+            _check_name(name, spec.names, f"a tie is of {name!r}")
+        used = {name: _names_in(_read_tie(name, text), name, spec.names) for name, text in given.items()}
+        held = [name for name in given if spec.names.index(name) not in box.free]
+        if held:
+            raise SettingError(f"{held[0]} is tied and held at once; leave out its tie or its bounds")
+        order: list[str] = []
+        while len(order) < len(given):
+            ready = [
+                name for name in given if name not in order and not (used[name] & set(given)) - set(order)
+            ]
+            if not ready:
+                rest = [name for name in given if name not in order]
+                raise SettingError(
+                    f"the ties of {list_names(rest)} go in a circle; tie them to other parameters"
+                )
+            order += ready
+        indices = tuple(spec.names.index(name) for name in order)
+        return cls(
+            names=spec.names,
+            indices=indices,
+            expressions=tuple(given[name] for name in order),
+            lower=tuple(box.lower[index] for index in indices),
+            upper=tuple(box.upper[index] for index in indices),
+        )
+
+    def apply(self, theta: Floats) -> Floats:
+        """Parameters with those that are tied, shape (..., n_params)."""
+        rows = np.asarray(theta, dtype=np.float64).reshape(-1, len(self.names))
+        return self._values(rows)[0].reshape(np.shape(theta))
+
+    def feasible(self, theta: Floats) -> Floats:
+        """As `apply`, of rows (n_batch, n_params); not a number where a tied parameter leaves its bounds."""
+        tied = self.apply(theta)
+        values = tied[:, list(self.indices)]
+        outside = ~np.all((values >= self.lower) & (values <= self.upper), axis=1)
+        tied[outside] = np.nan
+        return tied
+
+    def jacobian(self, theta: Floats) -> Floats:
+        """Derivatives of `apply` by the parameters that are not tied, shape (..., n_params, n_params)."""
+        rows = np.asarray(theta, dtype=np.float64).reshape(-1, len(self.names))
+        return self._values(rows)[1].reshape(*np.shape(theta), len(self.names))
+
+    def _values(self, rows: Floats) -> tuple[Floats, Floats]:
+        rows = rows.copy()
+        slopes = np.broadcast_to(np.eye(len(self.names)), (*rows.shape, len(self.names))).copy()
+        for index, text in zip(self.indices, self.expressions, strict=True):
+            # What the candidate has for a tied parameter has no effect.
+            with np.errstate(all="ignore"):
+                value, slope = _evaluate(_read_tie(self.names[index], text), self.names, rows, slopes)
+            rows[:, index], slopes[:, index] = value, slope
+        return rows, slopes
+
+
+def _evaluate(node: ast.expr, names: Sequence[str], rows: Floats, slopes: Floats) -> Value:
+    match node:
+        case ast.Constant(value=float() | int() as number):
+            return np.full(len(rows), float(number)), np.zeros((len(rows), len(names)))
+        case ast.Name(id=name):
+            index = names.index(name)
+            return rows[:, index], slopes[:, index]
+        case ast.UnaryOp(op=op, operand=inner):
+            value, slope = _evaluate(inner, names, rows, slopes)
+            return (-value, -slope) if isinstance(op, ast.USub) else (value, slope)
+        case ast.BinOp(left=left, op=ast.Pow(), right=right):
+            value, slope = _evaluate(left, names, rows, slopes)
+            power = _number(right)
+            assert power is not None
+            return value**power, power * (value ** (power - 1.0))[:, None] * slope
+        case ast.BinOp(left=left, op=op, right=right):
+            both = (_evaluate(each, names, rows, slopes) for each in (left, right))
+            return _BINARY[type(op)](*both)
+    raise AssertionError("a tie that has been read has no other syntax")
+
+
+@cache
+def _read_tie(name: str, text: str) -> ast.expr:
+    """The syntax of an expression that has nothing but what the grammar permits."""
+    if len(text) > _LONGEST:
+        raise SettingError(f"the tie of {name} has {len(text)} characters; give at most {_LONGEST}")
+    try:
+        # Python warns of some texts that are refused here.
+        with catch_warnings(action="ignore"):
+            tree = ast.parse(text.strip(), mode="eval").body
+    except (SyntaxError, ValueError, RecursionError, MemoryError):
+        raise SettingError(f"the tie of {name} is {text!r}, which is no expression; {_GRAMMAR}") from None
+    _check_syntax(tree, name, text)
+    return tree
+
+
+def _check_syntax(node: ast.expr, name: str, text: str) -> None:
+    match node:
+        case ast.Constant() if _number(node) is not None:
+            return
+        case ast.Name():
+            return
+        case ast.UnaryOp(op=ast.UAdd() | ast.USub(), operand=inner):
+            _check_syntax(inner, name, text)
+            return
+        case ast.BinOp(left=left, op=ast.Pow(), right=right):
+            _check_syntax(left, name, text)
+            if _number(right) is not None:
+                return
+        case ast.BinOp(left=left, op=op, right=right) if type(op) in _BINARY:
+            _check_syntax(left, name, text)
+            _check_syntax(right, name, text)
+            return
+    raise SettingError(
+        f"the tie of {name} is {text!r}, and {ast.unparse(node)!r} is not understood; {_GRAMMAR}"
+    )
+
+
+def _number(node: ast.expr) -> float | None:
+    """An exponent; `None` where it is no number."""
+    match node:
+        case ast.Constant(value=float() | int() as value) if not isinstance(value, bool):
+            return float(value) if isfinite(value) else None
+        case ast.UnaryOp(op=ast.USub(), operand=inner):
+            number = _number(inner)
+            return None if number is None else -number
+    return None
+
+
+def _names_in(tree: ast.expr, tied: str, known: Sequence[str]) -> set[str]:
+    found = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
+    for name in sorted(found):
+        _check_name(name, known, f"the tie of {tied} has {name!r}")
+    if not found:
+        raise SettingError(f"the tie of {tied} names no parameter; hold it by equal bounds instead")
+    return found
+
+
+def _check_name(name: str, known: Sequence[str], what: str) -> None:
+    if name not in known:
+        raise UnknownNameError(f"{what}, which the model does not have{suggestion(name, known)}")

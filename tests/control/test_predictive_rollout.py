@@ -1,0 +1,239 @@
+"""The predictive rollout against its copy in NumPy, what it promises in its model, and what it refuses."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from loop_samples import LAG, LARGEST, believed, devices, five_storeys, plant_with, rd1005, sweep
+from rollout_formula import RolloutInNumPy
+from sentences import Refused
+
+import mrwork as mr
+from mrwork import Device
+from mrwork.closed_loop import Fault, Hardware, LoopSample, Responses, UserLaw, simulate_loop
+from mrwork.control import ControlLaw, DesignProblem, LoopModel, design_law
+from mrwork.dampers import DamperSpec
+from mrwork.simulation import Outcome
+
+Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
+
+SHORT = sweep(0.6)
+HOLD = 0.01
+LATE = {"delay": 3.5e-3, "sample_time": 1e-3}
+NOISY = {
+    "feedback": "observer",
+    "acceleration_noise": 0.05,
+    "deformation_noise": 2e-5,
+    "force_noise": 10.0,
+    "ground_acceleration_noise": 0.02,
+}
+
+
+def hysteretic() -> tuple[DamperSpec, Floats]:
+    """A Bouc-Wen loop of 230 N that the command raises, behind a lag."""
+    spec = mr.damper("bouc_wen").with_current_laws({"alpha": "linear", "c0": "linear"}, lagged=True)
+    # c0 by the current, k0, x0, alpha by the current, gamma, beta, A, n, eta.
+    return spec, np.array([700.0, 900.0, 800.0, 0.0, 3e4, 4e4, 1e6, 1e6, 120.0, 2.0, LAG])
+
+
+def rollout(
+    model: LoopModel,
+    *,
+    delay: float = 0.0,
+    step: float = 1e-3,
+    correction: float = 0.5,
+    horizon: float = 0.05,
+    order: int = 4,
+) -> ControlLaw:
+    each = np.ones(len(model.devices))
+    return ControlLaw(
+        name="predictive_rollout",
+        gains={
+            "base": 0.5 * each,
+            "tails": np.outer(each, [0.2, 1.0]),
+            "levels": np.outer(each, [0.0, 0.15, 0.4, 0.8, LARGEST]),
+            "drift_weight": np.array([2e-3**-2]),
+            "acceleration_weight": np.array([3.0**-2]),
+            "peak_weight": np.array([1.0]),
+            "energy_weight": np.array([0.05]),
+            "horizon": np.array([horizon]),
+            "force_correction": np.array([correction]),
+        },
+        tables={
+            "timing": np.array([HOLD, step, delay, 0.1, 2.0]),
+            "forecast": np.array([order, 0.998, 100.0]),
+            "correction": np.array([0.5, 50.0]),
+        },
+        model=model,
+    )
+
+
+def in_numpy(law: ControlLaw, sample_time: float, steps: int) -> tuple[UserLaw, list[RolloutInNumPy]]:
+    """The copy as a law in Python, for one run; a run that is repeated begins anew."""
+    copies: list[RolloutInNumPy] = []
+
+    def command(sample: LoopSample, memory: object) -> Floats:
+        if sample.time == 0.0:
+            copies.append(RolloutInNumPy(law, sample_time, steps=steps))
+        again = copies[-1]
+        readings = (
+            sample.deformation[0],
+            sample.rate[0],
+            sample.force[0],
+            float(sample.ground_acceleration[0]),
+        )
+        return again.command(sample.displacement[0], sample.velocity[0], *readings)[None]
+
+    return UserLaw(name="again", command=command), copies
+
+
+def both(
+    law: ControlLaw, loop: Sequence[Device], hardware: Hardware, steps: int
+) -> tuple[Responses, Responses]:
+    again, _ = in_numpy(law, hardware.sample_time, steps)
+    return tuple(
+        simulate_loop(five_storeys(), loop, each, [SHORT], hardware, histories=True) for each in (law, again)
+    )
+
+
+@pytest.mark.parametrize("settings", [{}, LATE, {**LATE, **NOISY}, {**NOISY, "known_ground": True}])
+@pytest.mark.parametrize(("model", "step"), [(rd1005, 1e-3), (hysteretic, 5e-4)])
+def test_the_law_is_its_copy_in_numpy(model, step, settings) -> None:
+    loop = devices(model(), second=model is rd1005)
+    law = rollout(stiffer(loop), delay=settings.get("delay", 0.0), step=step)
+    ours, again = both(law, loop, Hardware(**settings), round(HOLD / step))
+    assert ours.outcome[0] == Outcome.FINISHED
+    for name in ("command", "force", "drift", "acceleration"):
+        expected = getattr(again.histories[0], name)
+        np.testing.assert_allclose(
+            getattr(ours.histories[0], name), expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max()
+        )
+    assert len(np.unique(ours.histories[0].command)) > 2
+
+
+def stiffer(loop: Sequence[Device]) -> LoopModel:
+    """The loop that the law believes in: 5 % stiffer than it is, with other dampers."""
+    frame = five_storeys()
+    weaker = [
+        replace(each, theta=np.asarray(each.theta) * ([0.9] + [1.0] * (np.size(each.theta) - 1)))
+        for each in loop
+    ]
+    return LoopModel(building=replace(frame, stiffness=1.05 * frame.stiffness), devices=weaker)
+
+
+def test_a_command_without_a_lag_acts_at_once_in_the_copy_too() -> None:
+    loop = devices(rd1005(lagged=False), second=False)
+    law = rollout(stiffer(loop), delay=2e-3)
+    ours, again = both(law, loop, Hardware(delay=2e-3), 10)
+    np.testing.assert_allclose(ours.histories[0].command, again.histories[0].command, rtol=1e-9, atol=1e-9)
+
+
+def test_no_decision_costs_more_in_the_model_than_the_base_alone() -> None:
+    loop = devices(rd1005(), second=False)
+    law = rollout(believed(plant_with(loop)))
+    run = simulate_loop(five_storeys(), loop, law, [SHORT], histories=True).histories[0]
+    again = RolloutInNumPy(law, 1e-3, steps=10)
+    state, n = run.state, 5
+    left = 0
+    for number, sent in enumerate(run.command):
+        ground = float(np.interp(number * 1e-3, SHORT.dt * np.arange(SHORT.n_time), SHORT.acceleration))
+        again.command(
+            state[number, :n],
+            state[number, n:],
+            run.deformation[number],
+            run.rate[number],
+            run.force[number],
+            ground,
+        )
+        if number % 10 == 0:
+            chosen = again.costs[np.isclose(again.trials[:, 0], sent[0], atol=1e-12)].min()
+            assert chosen <= again.costs[0] * (1.0 + 1e-9)
+            left += chosen < again.costs[0] * (1.0 - 1e-6)
+    assert left > 20
+
+
+def test_the_forecast_is_weighted_least_squares() -> None:
+    loop = devices(rd1005(), second=False)
+    copy = RolloutInNumPy(rollout(believed(plant_with(loop)), order=3), 1e-3, steps=10)
+    readings = np.random.default_rng(4).normal(size=80).cumsum()
+    for reading in readings:
+        copy.learn(float(reading))
+    padded = np.concatenate([np.zeros(3), readings])
+    rows = np.array([padded[k : k + 3][::-1] for k in range(80)])
+    weight = 0.998 ** np.arange(79, -1, -1)
+    normal = rows.T @ (weight[:, None] * rows) + 0.998**80 / 100.0 * np.eye(3)
+    np.testing.assert_allclose(copy.w, np.linalg.solve(normal, rows.T @ (weight * readings)), rtol=1e-8)
+
+
+def test_a_still_ground_forecasts_a_still_ground() -> None:
+    loop = devices(rd1005(), second=False)
+    ours, again = both(rollout(believed(plant_with(loop)), order=0), loop, Hardware(), 10)
+    np.testing.assert_allclose(ours.histories[0].command, again.histories[0].command, atol=1e-9)
+    # Nothing is read of the ground.
+    lost = Fault(channel="ground_acceleration", start=0.1, end=0.2, value=np.nan)
+    law = rollout(believed(plant_with(loop)), order=0)
+    deaf = simulate_loop(five_storeys(), loop, law, [SHORT], Hardware(faults=(lost,)), histories=True)
+    np.testing.assert_array_equal(deaf.histories[0].command, ours.histories[0].command)
+
+
+def test_a_reading_of_the_ground_that_is_no_number_sends_nothing_and_is_forgotten() -> None:
+    loop = devices(rd1005(), second=False)
+    lost = Fault(channel="ground_acceleration", start=0.1, end=0.15, value=np.nan)
+    law = rollout(believed(plant_with(loop)))
+    run = simulate_loop(five_storeys(), loop, law, [SHORT], Hardware(faults=(lost,)), histories=True)
+    assert run.outcome[0] == Outcome.FAILED_SAFE
+    np.testing.assert_array_equal(run.histories[0].command[100:150], 0.0)
+    assert np.all(run.histories[0].command[160:].max() > 0.0)
+
+
+def problem(**others: object) -> DesignProblem:
+    frame = five_storeys()
+    pair = devices(rd1005(), second=False)
+    return DesignProblem(building=frame, devices=pair, sample_time=1e-3, **others)
+
+
+REFERENCES = {"base": 0.47, "drift": 1.96e-3, "acceleration": 2.79}
+
+
+def test_the_law_lowers_both_peaks_below_its_base() -> None:
+    """On the average of some motions: without a plant that differs, with its default settings."""
+    law = design_law("predictive_rollout", problem(), REFERENCES)
+    pair = devices(rd1005(), second=False)
+    motions = [
+        mr.motions.scaled_to_peak(mr.synthetic_motion(duration=15.0, rng=seed), 0.981) for seed in range(6)
+    ]
+    held = ControlLaw(name="passive", gains={"command": [0.47]})
+    ours, base = (simulate_loop(five_storeys(), pair, each, motions) for each in (law, held))
+    assert np.all(ours.outcome == Outcome.FINISHED)
+    for name in ("peak_drift", "peak_acceleration"):
+        ratios = getattr(ours, name).max(axis=1) / getattr(base, name).max(axis=1)
+        assert ratios.mean() < 0.97
+    assert ours.energy_error.max() < 1e-6
+
+
+def test_the_settings_that_a_law_leaves_out_are_those_of_the_problem() -> None:
+    peaks = mr.control.ReferencePeaks(command=0.47, drift=1.96e-3, acceleration=2.79)
+    found = design_law("predictive_rollout", problem(reference_peaks=lambda: peaks))
+    given = design_law("predictive_rollout", problem(), REFERENCES)
+    for name, gain in given.gains.items():
+        np.testing.assert_array_equal(found.gains[name], gain)
+
+
+def test_what_a_rollout_cannot_take_is_refused(refused: Refused) -> None:
+    refused(design_law, "predictive_rollout", problem())
+    refused(design_law, "predictive_rollout", problem(), {**REFERENCES, "base": 3.0})
+    refused(design_law, "predictive_rollout", problem(), {**REFERENCES, "decision": 0.0105})
+    law = rollout(believed(plant_with(devices(rd1005(), second=False))))
+    refused(replace, law, model=None)
+    refused(replace, ControlLaw(name="passive", gains={"command": [0.0]}), model=law.model)
+
+
+def test_a_model_that_its_step_does_not_resolve_is_refused(refused: Refused) -> None:
+    pair = devices(rd1005(), second=False)
+    law = design_law("predictive_rollout", problem(), {**REFERENCES, "step": 5e-3})
+    refused(simulate_loop, five_storeys(), pair, law, [SHORT])
+    law = design_law("predictive_rollout", problem(), REFERENCES)
+    refused(simulate_loop, five_storeys(), pair, law, [SHORT], Hardware(sample_time=4e-3))

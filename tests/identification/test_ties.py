@@ -1,0 +1,170 @@
+"""Parameters that are tied to others by an expression: values, derivatives, errors, bounds; what is no expression."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command_line import mrwork
+from scipy.optimize import approx_fprime
+from sentences import Refused
+
+import mrwork as mr
+from mrwork.cli.options import parse_ties
+from mrwork.dampers import Box
+from mrwork.identification.fit_file import fit_content
+from mrwork.identification.ties import Ties
+from mrwork.records import cut
+
+TIE = {"f0": "-0.1*f_c + 5"}
+
+
+@pytest.fixture(scope="module")
+def test() -> mr.DamperTest:
+    return cut(mr.synthetic_test("rd1005_1a"), every=8)
+
+
+@pytest.fixture(scope="module")
+def fit(test: mr.DamperTest) -> mr.Fit:
+    return mr.identify("bingham", test, ties=TIE)
+
+
+def test_a_tied_parameter_is_its_expression_and_its_error_follows(fit: mr.Fit) -> None:
+    source, tied = fit.parameters["f_c"], fit.parameters["f0"]
+    assert tied.value == pytest.approx(-0.1 * source.value + 5.0, rel=1e-12)
+    assert source.error is not None
+    assert tied.error == pytest.approx(0.1 * source.error, rel=1e-9)
+    assert (tied.tie, tied.verdict) == (TIE["f0"], "tied")
+    assert (source.tie, fit.status) == ("", "converged")
+
+
+def test_a_tied_fit_is_that_of_the_tied_model_by_hand(fit: mr.Fit, test: mr.DamperTest) -> None:
+    """The parameters are fitted by SciPy to forces that are simulated with the tie written out."""
+    from scipy.optimize import minimize
+
+    free = mr.objective("bingham", test)
+
+    def misfit(logs: np.ndarray) -> float:
+        f_c, v_s, c0 = np.exp(logs)
+        return float(free(np.array([f_c, v_s, c0, -0.1 * f_c + 5.0])))
+
+    start = np.log(np.array(fit.theta)[:3]) + 0.05
+    found = minimize(
+        misfit, start, method="Nelder-Mead", options={"xatol": 1e-8, "fatol": 1e-12, "maxiter": 4000}
+    )
+    assert found.fun == pytest.approx(fit.nrmse, rel=1e-6)
+    assert np.exp(found.x) == pytest.approx(np.array(fit.theta)[:3], rel=1e-3)
+
+
+def test_derivatives_go_through_the_tie(test: mr.DamperTest) -> None:
+    ties = {"f0": "-0.1*f_c + c0**0.5", "v_s": "f0/f_c + 0.3"}
+    objective = mr.objective("bingham", test, ties=ties)
+    assert objective.names == ("f_c", "c0")
+    point = np.array([700.0, 2500.0])
+    assert objective.theta(point) == pytest.approx([700.0, -20.0 / 700.0 + 0.3, 2500.0, -20.0])
+    numeric = approx_fprime(point, objective.residuals, [1e-4, 1e-3])
+    scale = np.abs(numeric).max(axis=0)
+    assert np.abs((objective.jacobian(point) - numeric) / scale).max() < 1e-4
+
+
+def test_a_value_is_that_of_python_and_its_slope_that_of_differences() -> None:
+    spec = mr.damper("bingham")
+    expression = "2*(c0 - 3.5)/f_c**2 + -v_s*1e3 - +4"
+    ties = Ties.of(spec, {"f0": expression}, Box.of(spec))
+    theta = np.array([600.0, 0.01, 4000.0, 0.0])
+    f_c, v_s, c0, _ = theta
+    assert ties.apply(theta)[3] == pytest.approx(2 * (c0 - 3.5) / f_c**2 + -v_s * 1e3 - +4)
+    slope = approx_fprime(theta, lambda each: ties.apply(each)[3], 1e-6 * theta + 1e-9)
+    assert ties.jacobian(theta)[3] == pytest.approx(slope, rel=1e-4, abs=1e-9)
+    chains = np.broadcast_to(theta, (2, 3, 4))
+    assert ties.apply(chains).shape == (2, 3, 4)
+
+
+def test_bounds_of_a_tied_parameter_are_kept(test: mr.DamperTest) -> None:
+    """Free, f0 would be far below its lower bound, so the minimum is on it."""
+    bounds = {"f0": (-20.0, 100.0)}
+    fit = mr.identify("bingham", test, ties=TIE, bounds=bounds)
+    assert -20.0 <= fit.parameters["f0"].value <= 100.0
+    objective = mr.objective("bingham", test, ties=TIE, bounds=bounds)
+    assert np.isinf(objective([500.0, 0.01, 5000.0]))
+    assert np.isfinite(objective([200.0, 0.01, 5000.0]))
+
+
+def test_later_verbs_keep_the_tie(fit: mr.Fit, test: mr.DamperTest) -> None:
+    judged = mr.identifiability_of(fit, [test])
+    assert [each.name for each in judged.verdicts] == ["f_c", "v_s", "c0"]
+    draws = mr.sample(fit, test, walkers=16, most_steps=20, tempering="effective", threads=1)
+    assert draws.theta[:, 3] == pytest.approx(-0.1 * draws.theta[:, 0] + 5.0, rel=1e-12)
+    assert np.ptp(draws.theta[:, 3]) > 0.0
+    profiles = mr.profile(fit, test, parameters=["f_c"], threads=1)
+    assert profiles.misfit == pytest.approx(fit.nrmse, rel=1e-6)
+
+
+def test_a_fit_is_recorded_with_its_ties_and_without_any_as_before(fit: mr.Fit, test: mr.DamperTest) -> None:
+    document = json.loads(fit_content(fit))
+    assert document["provenance"]["settings"]["ties"] == TIE
+    assert mr.identification.FitSettings.of_record(document["provenance"]["settings"]).ties == TIE
+    assert "ties" not in mr.identification.FitSettings().as_record()
+
+
+def test_a_parameter_by_another_name_is_answered(fit: mr.Fit, refused: Refused) -> None:
+    refused(lambda: fit.parameters["C0"])
+    assert list(fit.parameters) == ["f_c", "v_s", "c0", "f0"]
+    assert "k" not in fit.parameters
+
+
+WRONG = (
+    {"f0": "2*k"},
+    {"k": "2*c0"},
+    {"f0": "__import__('os').system('true')"},
+    {"f0": "c0.real"},
+    {"f0": "[c0]"},
+    {"f0": "c0 if f_c else 1"},
+    {"f0": "2*"},
+    {"f0": ""},
+    {"f0": "3.0"},
+    {"f0": "True*c0"},
+    {"f0": "f_c**c0"},
+    {"f0": "c0 // 2"},
+    {"f0": "1e999*c0"},
+    {"f0": "1or c0"},
+    {"f0": "c0\0"},
+    {"f0": "(" * 150 + "c0" + ")" * 150},
+    {"f0": "f0 + c0"},
+    {"f0": "c0", "c0": "f_c", "f_c": "f0"},
+)
+
+
+def test_what_is_no_tie_is_refused_and_never_run(test: mr.DamperTest, refused: Refused) -> None:
+    for ties in WRONG:
+        refused(mr.identify, "bingham", test, ties=ties)
+    refused(mr.identify, "bingham", test, ties=TIE, bounds={"f0": (0.0, 0.0)})
+    refused(mr.identify, "bouc_wen", test, ties={"c0": "2*k0"})
+    refused(mr.identify, "bingham", test, ties=TIE, engine="twin")
+    laws = mr.damper("bingham").with_current_laws({"f_c": "linear"})
+    refused(mr.identify, laws, test, ties={"v_s": "c0"})
+
+
+def test_a_tie_is_given_once(refused: Refused) -> None:
+    refused(parse_ties, ["f0=c0", "f0=f_c"])
+
+
+def test_a_plan_of_tests_with_a_tied_fit_is_refused(
+    fit: mr.Fit, test: mr.DamperTest, refused: Refused
+) -> None:
+    candidate = mr.uncertainty.Candidate(amplitude=0.01, frequency=1.0)
+    refused(mr.plan, fit, [test], [candidate])
+
+
+def test_the_command_ties_and_writes_the_tie(tmp_path: Path, refused: Refused) -> None:
+    place = tmp_path / "run"
+    common = ("identify", "synthetic:rd1005_1a", "--every=8", "--model=bingham", "--quiet", "--json")
+    ended = mrwork(*common, "--tie=f0=-0.1*f_c + 5", f"--out={place}")
+    assert ended.returncode == 0, ended.stderr
+    found = mr.load(place).fit
+    assert found.ties == TIE
+    assert found.parameters["f0"].value == pytest.approx(-0.1 * found.parameters["f_c"].value + 5.0)
+    refused.command(*common, "--tie=f0")
+    refused.command("identify", "synthetic:rd1005_1a", "--model=bingham,viscous_dahl", "--tie=f0=c0")

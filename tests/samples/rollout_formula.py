@@ -1,0 +1,303 @@
+"""The predictive rollout again, in NumPy: one run, all candidates side by side as rows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from mrwork.control import ControlLaw
+
+Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
+
+
+def at_command(columns: dict[str, float], names: Sequence[str], command: Floats) -> dict[str, Floats]:
+    """Parameters whose laws are polynomials in the command: `name` alone, or `name.0`, `name.1`, ..."""
+    return {
+        name: columns[name] + 0.0 * command
+        if name in columns
+        else sum((columns.get(f"{name}.{power}", 0.0) * command**power for power in range(4)), 0.0 * command)
+        for name in names
+    }
+
+
+def _static(p: dict[str, Floats], z: Floats, x: Floats, v: Floats) -> tuple[Floats, Floats]:
+    loop = np.tanh(p["beta"] * v + p["delta"] * np.tanh(x / p["x_s"]))
+    return p["c"] * v + p["k"] * x + p["alpha"] * loop + p["f0"], 0.0 * z
+
+
+def _bouc_wen(p: dict[str, Floats], z: Floats, x: Floats, v: Floats) -> tuple[Floats, Floats]:
+    power = np.abs(z) ** p["n"]
+    rate = -p["gamma"] * np.abs(v) * np.sign(z) * power - p["beta"] * v * power + p["A"] * v
+    return p["c0"] * v + p["k0"] * (x - p["x0"]) + p["alpha"] * z, rate
+
+
+MODELS: dict[str, Callable[[dict[str, Floats], Floats, Floats, Floats], tuple[Floats, Floats]]] = {
+    "static_hysteretic": _static,
+    "bouc_wen": _bouc_wen,
+}
+
+
+class RolloutInNumPy:
+    """The law with its memory; call `command` at the samples of a run, one after the other."""
+
+    def __init__(self, law: ControlLaw, sample_time: float, *, steps: int) -> None:
+        """`steps` of the model in a decision."""
+        assert law.model is not None
+        building, devices = law.model.building, law.model.devices
+        self.mass, self.damping, self.stiffness = building.mass, building.damping, building.stiffness
+        self.influence, self.floors, self.drifts = building.influence, building.floors, building.drifts
+        self.rows = np.array([np.asarray(device.row) for device in devices])
+        self.spec = devices[0].spec
+        self.sides = [
+            [(1.0, device.count), (-1.0, device.count)] if device.differential else [(1.0, device.count)]
+            for device in devices
+        ]
+        self.columns = [dict(zip(self.spec.names, device.draws[0], strict=True)) for device in devices]
+        self.lagged = self.spec.current is not None and self.spec.current.lagged
+        self.lag = np.array([device.draws[0][-1] if self.lagged else np.inf for device in devices])
+        self.largest = np.array([device.largest_command for device in devices])
+        g = {name: np.asarray(gain, dtype=np.float64) for name, gain in law.gains.items()}
+        self.weights = np.array([g["drift_weight"][0], g["acceleration_weight"][0]])
+        self.peak_weight, self.energy_weight = g["peak_weight"][0], g["energy_weight"][0]
+        self.correction = g["force_correction"][0]
+        self.hold, _, self.delay, _, _ = law.tables["timing"]
+        order, self.forgetting, covariance = law.tables["forecast"]
+        self.order = int(order)
+        self.time, self.counted = law.tables["correction"]
+        self.Ts, self.step, self.hold_steps = sample_time, self.hold / steps, steps
+        self.n_steps = round(min(max(g["horizon"][0], self.hold), 1.0) / self.step)
+        tails = np.vstack([g["base"], g["tails"].T])
+        pairs = [(level, tail) for level in g["levels"].T for tail in tails]
+        self.trials = np.clip([g["base"], *(level for level, _ in pairs)], 0.0, self.largest)
+        self.tails = np.clip([g["base"], *(tail for _, tail in pairs)], 0.0, self.largest)
+        self.samples = round(self.hold / sample_time)
+        self.late = int(np.floor(self.delay / sample_time * (1.0 + 1e-9)))
+        rest = self.delay - self.late * sample_time
+        self.rest = rest if rest > 1e-9 * sample_time else 0.0
+        n_devices = len(devices)
+        # Memory.
+        self.number = 0
+        self.sent: list[Floats] = []
+        self.current = self.trials[0].copy()
+        self.z = [np.zeros(len(sides)) for sides in self.sides]
+        self.x, self.v = np.zeros(n_devices), np.zeros(n_devices)
+        self.measured, self.expected, self.strongest = np.zeros(n_devices), np.zeros(n_devices), 0.0
+        self.scale = np.ones(n_devices)
+        self.peaks = np.zeros(2)
+        self.held = self.trials[0].copy()
+        self.w, self.readings = np.zeros(self.order), np.zeros(self.order)
+        self.P = covariance * np.eye(self.order)
+        self.first_trace = covariance * self.order
+        self.costs: Floats = np.zeros(len(self.trials))
+
+    # The dampers.
+
+    def forces(self, device: int, current: Floats, z: Floats, x: Floats, v: Floats) -> tuple[Floats, Floats]:
+        """Force of the dampers of a device without its factor, and the rates of its states, sides as last axis."""
+        model = MODELS[self.spec.name]
+        names = [parameter.name for parameter in self.spec.plain]
+        p = at_command(self.columns[device], names, current)
+        force, rates = 0.0 * x, np.zeros_like(z)
+        for number, (side, count) in enumerate(self.sides[device]):
+            own, rates[..., number] = model(p, z[..., number], side * x, side * v)
+            force = force + side * count * own
+        return force, rates
+
+    def lagging(self, current: Floats, command: Floats, time: float) -> Floats:
+        """Currents after a time with a command."""
+        if not self.lagged:
+            return command + 0.0 * current
+        return command + (current - command) * np.exp(-self.lag * time)
+
+    def arrived(self, sample: int) -> Floats:
+        """The command of a sample; the first for those before."""
+        return self.sent[max(sample, 0)]
+
+    def follow(self, x: Floats, v: Floats) -> None:
+        """The copy of the dampers from the sample before to the present one."""
+        last = self.number - 1
+        pieces = [(self.Ts - self.rest, self.rest, self.arrived(last - self.late))]
+        if self.rest:
+            pieces.insert(0, (self.rest, 0.0, self.arrived(last - self.late - 1)))
+        for length, offset, command in pieces:
+            count = max(1, int(np.ceil(length / self.step * (1.0 - 1e-9))))
+            h = length / count
+            for number in range(count):
+                if not self.lagged:
+                    self.current = command.copy()
+                currents = [self.lagging(self.current, command, share * h) for share in (0.0, 0.5, 1.0)]
+                for device in range(len(self.sides)):
+                    z = self.z[device]
+                    rates: list[Floats] = []
+                    for place, reach in ((0, 0.0), (1, 0.5), (1, 0.5), (2, 1.0)):
+                        share = (offset + h * (number + place / 2)) / self.Ts
+                        at_x = self.x[device] + share * (x[device] - self.x[device])
+                        at_v = self.v[device] + share * (v[device] - self.v[device])
+                        staged = z + reach * h * rates[-1] if rates else z
+                        rates.append(self.forces(device, currents[place][device], staged, at_x, at_v)[1])
+                    a, b, c, d = rates
+                    self.z[device] = z + h / 6.0 * (a + 2.0 * b + 2.0 * c + d)
+                self.current = currents[2]
+
+    # The forecast.
+
+    def learn(self, reading: float) -> None:
+        """Recursive least squares with forgetting."""
+        if not self.order:
+            return
+        spread = self.P @ self.readings
+        gain = spread / (self.forgetting + self.readings @ spread)
+        grows = np.trace(self.P) < 1e6 * self.first_trace
+        self.w = self.w + gain * (reading - self.w @ self.readings)
+        self.P = (self.P - np.outer(gain, spread)) / (self.forgetting if grows else 1.0)
+        self.P = np.triu(self.P) + np.triu(self.P, 1).T
+        self.readings = np.concatenate([[reading], self.readings[:-1]])
+
+    def nodes(self, count: int) -> Floats:
+        """The present acceleration and those that follow, a decision apart."""
+        if not self.order:
+            return np.zeros(count)
+        window, found = self.readings.copy(), [self.readings[0]]
+        for _ in range(count - 1):
+            following = float(np.clip(self.w @ window, -self.strongest, self.strongest))
+            window = np.concatenate([[following], window[:-1]])
+            found.append(following)
+        return np.array(found)
+
+    # The model.
+
+    def accelerations(self, q: Floats, v: Floats, force: Floats, ground: float) -> Floats:
+        resisting = q @ self.stiffness.T + v @ self.damping.T + force @ self.rows
+        return -np.linalg.solve(self.mass, resisting.T).T - self.influence * ground
+
+    def evaluate(
+        self, q: Floats, v: Floats, current: Floats, z: list[Floats], ground: float
+    ) -> tuple[Floats, list[Floats]]:
+        """Accelerations of all rows, and the rates of the damper states."""
+        x, rate = q @ self.rows.T, v @ self.rows.T
+        found = [
+            self.forces(device, current[:, device], z[device], x[:, device], rate[:, device])
+            for device in range(len(self.sides))
+        ]
+        force = np.stack([own for own, _ in found], axis=1) * self.scale
+        return self.accelerations(q, v, force, ground), [rates for _, rates in found]
+
+    def advance(
+        self,
+        motion: tuple[Floats, Floats, Floats, list[Floats]],
+        command: Floats,
+        h: float,
+        ground: Sequence[float],
+    ) -> tuple[Floats, Floats, Floats, list[Floats]]:
+        """A Runge-Kutta step of all rows."""
+        q, v, current, z = motion
+        if not self.lagged:
+            current = command
+        currents = [self.lagging(current, command, share * h) for share in (0.0, 0.5, 1.0)]
+        speeds, pulls, drifts = [], [], []
+        at_q, at_v, at_z = q, v, z
+        for place, reach in ((0, 0.5), (1, 0.5), (1, 1.0), (2, 0.0)):
+            pull, rates = self.evaluate(at_q, at_v, currents[place], at_z, ground[place])
+            speeds.append(at_v)
+            pulls.append(pull)
+            drifts.append(rates)
+            at_q, at_v = q + reach * h * at_v, v + reach * h * pull
+            at_z = [own + reach * h * rate for own, rate in zip(z, rates, strict=True)]
+
+        def mean(four: Sequence[Floats]) -> Floats:
+            return (four[0] + 2.0 * four[1] + 2.0 * four[2] + four[3]) / 6.0
+
+        moved = [own + h * mean([rates[device] for rates in drifts]) for device, own in enumerate(z)]
+        return q + h * mean(speeds), v + h * mean(pulls), currents[2], moved
+
+    def squares(self, q: Floats, acceleration: Floats, ground: float) -> tuple[Floats, Floats]:
+        """Sums and largest of the squares of drifts and absolute accelerations, shape (2, rows)."""
+        both = [
+            np.atleast_2d(q @ self.drifts.T) ** 2,
+            np.atleast_2d(acceleration @ self.floors.T + ground) ** 2,
+        ]
+        return np.array([each.sum(axis=1) for each in both]), np.array([each.max(axis=1) for each in both])
+
+    # A sample.
+
+    def command(self, q: Floats, v: Floats, x: Floats, rate: Floats, force: Floats, ground: float) -> Floats:
+        """The command of each device at the next sample."""
+        if not self.order:
+            ground = 0.0
+        if self.number == 1:
+            self.current = self.sent[0].copy()
+        if self.number:
+            self.follow(x, rate)
+        self.x, self.v = x, rate
+        decides = self.number % self.samples == 0
+        weight = min(1.0, self.Ts / self.time)
+        own = np.array(
+            [
+                self.forces(device, self.current[device], self.z[device], x[device], rate[device])[0]
+                for device in range(len(self.sides))
+            ]
+        )
+        self.measured = self.measured + weight * (force**2 - self.measured)
+        self.expected = self.expected + weight * (own**2 - self.expected)
+        self.strongest = max(self.strongest, abs(ground))
+        if decides:
+            ratio = np.sqrt((self.measured + self.counted**2) / (self.expected + self.counted**2))
+            self.scale = np.clip(1.0 + self.correction * (ratio - 1.0), 0.7, 1.3)
+        acceleration = self.accelerations(q[None], v[None], force[None], ground)[0]
+        self.peaks = np.maximum(self.peaks, self.squares_now(q, acceleration, ground))
+        if decides:
+            self.learn(ground)
+            self.decide(q, v)
+        self.number += 1
+        self.sent.append(self.held)
+        return self.held
+
+    def squares_now(self, q: Floats, acceleration: Floats, ground: float) -> Floats:
+        return self.squares(q, acceleration, ground)[1][:, 0]
+
+    def decide(self, q: Floats, v: Floats) -> None:
+        """Costs of all commands, and the best of them."""
+        count = int(np.ceil((self.delay + self.n_steps * self.step) / self.hold)) + 2
+        nodes = self.nodes(count)
+
+        def forecast(time: float) -> float:
+            return float(np.interp(time / self.hold, np.arange(count), nodes))
+
+        motion = (q[None], v[None], self.current[None], [z[None] for z in self.z])
+        time = 0.0
+        if self.number:
+            pieces = [(self.Ts, self.arrived(self.number - self.late + piece)) for piece in range(self.late)]
+            if self.rest:
+                pieces.insert(0, (self.rest, self.arrived(self.number - self.late - 1)))
+            for length, command in pieces:
+                steps = max(1, int(np.ceil(length / self.step * (1.0 - 1e-9))))
+                h = length / steps
+                for _ in range(steps):
+                    ground = [forecast(time + share * h) for share in (0.0, 0.5, 1.0)]
+                    motion = self.advance(motion, command[None], h, ground)
+                    time += h
+        rows = len(self.trials)
+        q, v, current, z = motion
+        motion = (
+            np.repeat(q, rows, axis=0),
+            np.repeat(v, rows, axis=0),
+            np.repeat(current, rows, axis=0),
+            [np.repeat(each, rows, axis=0) for each in z],
+        )
+        sums, peaks = np.zeros((2, rows)), np.repeat(self.peaks[:, None], rows, axis=1)
+        for step in range(self.n_steps):
+            command = self.trials if step < self.hold_steps else self.tails
+            start = self.delay + step * self.step
+            ground = [forecast(start + share * self.step) for share in (0.0, 0.5, 1.0)]
+            motion = self.advance(motion, command, self.step, ground)
+            q, v, current, z = motion
+            following = self.trials if step + 1 < self.hold_steps else self.tails
+            acceleration = self.evaluate(q, v, current if self.lagged else following, z, ground[2])[0]
+            total, largest = self.squares(q, acceleration, ground[2])
+            sums += total
+            peaks = np.maximum(peaks, largest)
+        twice = np.sum((q @ self.stiffness) * q + (v @ self.mass) * v, axis=1)
+        mean = self.weights @ sums / self.n_steps
+        self.costs = mean + self.peak_weight * (self.weights @ peaks) + self.energy_weight * twice
+        self.held = self.trials[int(np.argmin(self.costs))]

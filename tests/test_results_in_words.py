@@ -1,0 +1,73 @@
+"""What results say of themselves: singular and plural, reasons in words, empty columns left out."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import study_samples
+from sinusoidal_tests import sinusoidal_test
+
+import mrwork as mr
+from mrwork.numbers import counted
+from mrwork.report.fit.parameters import caution  # the one sentence of the page on standard errors
+from mrwork.search import EfficientGA, StopRules, run_search
+from mrwork.search.rules import ended_in_words
+from mrwork.summary import Summary
+from mrwork.tuning.results import Better, motions_in_words, speed_in_words
+
+
+def test_one_thing_has_no_plural() -> None:
+    assert [counted(number, "motion") for number in (0, 1, 2)] == ["0 motions", "1 motion", "2 motions"]
+
+
+def test_a_search_says_in_words_why_it_ended() -> None:
+    optimiser = EfficientGA(population=8, stop=StopRules(max_generations=3))
+    found = run_search(optimiser, lambda unit: np.sum(unit**2, axis=-1), rng=1, n_params=2)
+    assert found.stop_reason == "max_generations"
+    assert ended_in_words(found.stop_reason) == "at the limit of generations"
+    assert "at the limit of generations, after 3 generations" in repr(found)
+    assert found.stop_reason not in repr(found)
+
+
+def test_the_results_of_a_study_say_which_motions_are_training() -> None:
+    results = study_samples.many_motions()
+    shown = repr(results)
+    for use in ("test", "training"):
+        first = next(each.name for each in results.motions if each.use == use)
+        assert re.search(rf"{use} motions +{re.escape(first)}", shown), shown
+    # Of one use alone nothing is said of the other.
+    assert "training" not in repr(study_samples.results())
+
+
+def test_columns_without_an_entry_are_left_out_of_a_table_of_all_rows() -> None:
+    summary = Summary(title="", columns=("name", "reason"), rows=[(str(row), "") for row in range(99)])
+    assert summary.filled_columns(summary.rows)[0] == ["name"]
+    assert len(summary.filled_columns(summary.rows)) == 100
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.02])
+def test_only_the_test_of_the_residuals_calls_them_correlated(noise: float) -> None:
+    test = sinusoidal_test("bingham", (400.0, 1e-3, 900.0, 0.0), (0.01, 1.0), noise=noise)
+    fit = mr.identify("bingham", replace(test, name="a"), rng=1, threads=1)
+    assert "correlated" not in caution(fit)
+
+
+def test_of_one_motion_a_law_is_better_or_not() -> None:
+    def better(both: int, motions: int) -> str:
+        return Better(peak_drift=both, peak_acceleration=both, both=both, motions=motions).in_words
+
+    assert [better(1, 1), better(0, 1), better(0, 2), better(2, 3)] == ["yes", "no", "0 of 2", "2 of 3"]
+
+
+def test_a_tuning_says_what_its_time_went_into() -> None:
+    results = mr.tuning.TuningResults(
+        title="", status="finished", laws=(), references=(), training=("A",), testing=("B", "C"),
+        command_unit="A", realisations=0, candidates_per_second=37.2, share_outside=0.58,
+    )  # fmt: skip
+    assert motions_in_words(results) == "1 training motion and 2 test motions"
+    assert motions_in_words(replace(results, testing=())) == "1 training motion"
+    assert speed_in_words(results).startswith("37.2 candidates a second; ")
+    assert " 58 % of the time" in speed_in_words(results)
