@@ -54,8 +54,6 @@ class Exceedance(Summarised):
     `extrapolated` are the parameters whose laws are used at a command that was not tested.
     """
 
-    _made_by: ClassVar[str] = "fit.outside(test).exceedances"
-
     quantity: OperatingQuantity
     demanded: float
     lowest: float

@@ -12,15 +12,13 @@ from sentences import Refused
 
 import mrwork as mr
 from mrwork.closed_loop import (
-    Clairvoyant,
-    ClairvoyantProgress,
     ClairvoyantSettings,
     Hardware,
     PrescribedCommands,
     clairvoyant,
     simulate_prescribed,
 )
-from mrwork.closed_loop.clairvoyant_search import ClairvoyantProblem
+from mrwork.closed_loop.clairvoyant_search import Clairvoyant, ClairvoyantProblem, ClairvoyantProgress
 from mrwork.errors import Interrupted
 
 INTERVAL = 0.02

@@ -26,15 +26,8 @@ from sentences import Refused
 import mrwork as mr
 from mrwork import Device
 from mrwork.buildings import Building
-from mrwork.closed_loop import (
-    Fault,
-    Hardware,
-    History,
-    LoopSample,
-    UserLaw,
-    loop_observer,
-    simulate_loop,
-)
+from mrwork.closed_loop import Fault, Hardware, History, LoopSample, UserLaw, simulate_loop
+from mrwork.closed_loop.simulate import loop_observer
 from mrwork.control import ControlLaw
 from mrwork.motions import GroundMotion
 from mrwork.simulation import Outcome

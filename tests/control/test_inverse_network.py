@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from sentences import Refused
 
-from mrwork.control import InverseNetwork, train_inverse_network
-from mrwork.control.inverse_network import random_loading
+from mrwork.control import train_inverse_network
+from mrwork.control.inverse_network import InverseNetwork, random_loading
 from mrwork.dampers import damper
 from mrwork.simulation import Loading, simulate_force
 

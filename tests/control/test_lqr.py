@@ -10,15 +10,15 @@ from control_samples import five_storeys, frame, in_units, mean_cost, plant
 from sentences import Refused
 
 from mrwork.control import (
-    Outputs,
     Plant,
-    Regulator,
     accelerations,
     drifts,
     regulator_gains,
     regulator_of_outputs,
     regulator_of_state,
 )
+from mrwork.control.lqr import Regulator
+from mrwork.control.plant import Outputs
 
 THIRD_FLOOR = (0.0, 0.0, 1.0)
 

@@ -16,7 +16,7 @@ from mrwork import Device
 from mrwork.closed_loop import Fault, Hardware, LoopSample, Responses, UserLaw, simulate_loop
 from mrwork.control import ControlLaw, DesignProblem, LoopModel, design_law
 from mrwork.dampers import DamperSpec
-from mrwork.simulate import Outcome
+from mrwork.simulation import Outcome
 
 Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 

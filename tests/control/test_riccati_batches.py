@@ -20,20 +20,17 @@ from mrwork.control import (
     SETTINGS,
     Design,
     DesignProblem,
-    LawSettings,
     Plant,
-    Regulator,
-    RiccatiSolutions,
-    RiccatiStatus,
     accelerations,
     kalman_gains,
     lyapunov_solutions,
     regulator_gains,
     regulator_of_state,
-    regulator_of_weights,
     regulators_of_weights,
 )
-from mrwork.control.lqr import Weighed, weighed_outputs
+from mrwork.control.design_problem import LawSettings
+from mrwork.control.lqr import Regulator, Weighed, regulator_of_weights, weighed_outputs
+from mrwork.control.riccati import RiccatiSolutions, RiccatiStatus
 from mrwork.errors import SettingError
 
 Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from sentences import Refused
 
-from mrwork.control import StaticCounterpart, static_counterpart
+from mrwork.control.counterpart import StaticCounterpart, static_counterpart
 from mrwork.dampers import damper
 from mrwork.errors import SettingError
 from mrwork.simulation import Loading, simulate_force

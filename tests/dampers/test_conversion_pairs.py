@@ -5,13 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mrwork.dampers import (
-    bouc_wen_from_normalised,
-    damper,
-    modified_bouc_wen_from_normalised,
-    normalised_from_bouc_wen,
-    normalised_from_modified_bouc_wen,
-)
+from mrwork.dampers import bouc_wen_from_normalised, damper, normalised_from_bouc_wen
+from mrwork.dampers.conversions import modified_bouc_wen_from_normalised, normalised_from_modified_bouc_wen
 from mrwork.simulation import Loading, simulate_force
 
 TIME = np.arange(0.0, 1.0, 1e-3)

@@ -23,9 +23,13 @@ from mrwork.dampers import (
     damper,
     normalised_from_bouc_wen,
     opensees_from_bouc_wen,
-    rescaled_bouc_wen,
 )
-from mrwork.dampers.conversions import convention_remarks, require_bounded_loop, solver_remarks
+from mrwork.dampers.conversions import (
+    convention_remarks,
+    require_bounded_loop,
+    rescaled_bouc_wen,
+    solver_remarks,
+)
 from mrwork.simulation import Loading, simulate_force, simulate_forces
 
 TIME = np.arange(0.0, 1.0, 1e-3)

@@ -13,9 +13,7 @@ from small_damper import SMALL
 import mrwork as mr
 from mrwork.dampers.design import (
     DamperDesign,
-    least_active_volume,
     plate_pressure,
-    summed_pressure,
     twenty_ton_damper,
 )
 
@@ -90,21 +88,6 @@ def test_large_coils_rise_slowly_and_a_current_driver_helps(refused: Refused) ->
     assert 0.3 < slow < 2.0
     assert fast < 0.4 * slow
     refused(LARGE.response_time, supply=10.0)
-
-
-def test_least_active_volume_is_the_volume_of_the_slot() -> None:
-    # Of the approximation that it follows from, with a given coefficient and walls at rest.
-    slot, tau, coefficient, flow = LARGE.active_slot, 4e4, 2.5, 2e-3
-    viscous = float(summed_pressure(slot, flow=flow, yield_stress=0.0, viscosity=1.3))
-    both = float(summed_pressure(slot, flow=flow, yield_stress=tau, viscosity=1.3, coefficient=coefficient))
-    volume = least_active_volume(
-        yield_stress=tau,
-        viscosity=1.3,
-        ratio=(both - viscous) / viscous,
-        power=(both - viscous) * flow,
-        coefficient=coefficient,
-    )
-    assert volume == pytest.approx(slot.volume)
 
 
 @pytest.mark.parametrize("design", [SMALL_DAMPER, LARGE], ids=["small", "large"])

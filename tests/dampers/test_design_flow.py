@@ -12,14 +12,8 @@ from hypothesis import strategies as st
 from scipy.optimize import brentq
 from sentences import Refused
 
-from mrwork.dampers.design import (
-    PRESSURES,
-    Slot,
-    annular_pressure,
-    plate_pressure,
-    shear_force,
-    summed_pressure,
-)
+from mrwork.dampers.design import Slot, annular_pressure, plate_pressure, summed_pressure
+from mrwork.dampers.design.flow import PRESSURES
 from mrwork.dampers.design.ranges import roots_between
 
 Pressure = Callable[..., np.ndarray]
@@ -210,11 +204,6 @@ def test_pressures_broadcast() -> None:
         assert table.shape == (2, 3)
         alone = pressure(SLOT, flow=1e-3, yield_stress=1e4, viscosity=VISCOSITY)
         assert table[1, 2] == pytest.approx(float(alone), rel=1e-12)
-
-
-def test_shear_mode_is_couette_flow() -> None:
-    force = shear_force(area=0.02, gap=1e-3, speed=[0.0, 0.5], yield_stress=2e4, viscosity=VISCOSITY)
-    assert force == pytest.approx([400.0, 400.0 + 0.02 * VISCOSITY * 500.0])
 
 
 def test_impossible_flow_is_refused(refused: Refused) -> None:

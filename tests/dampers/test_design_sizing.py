@@ -15,17 +15,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from sentences import Refused
 
-from mrwork.dampers.design import (
-    DamperWishes,
+from mrwork.dampers.design import DamperWishes, fluid, size_damper, size_front, steel, twenty_ton_damper
+from mrwork.dampers.design.sizing import (
+    N_FREE,
     SizedDamper,
     SizingProgress,
-    fluid,
-    size_damper,
-    size_front,
-    steel,
-    twenty_ton_damper,
+    candidate,
+    find_misses,
+    rated_forces,
 )
-from mrwork.dampers.design.sizing import N_FREE, candidate, find_misses, rated_forces
 from mrwork.errors import Interrupted
 from mrwork.search import run_search
 

@@ -15,7 +15,8 @@ from sentences import Refused
 import mrwork as mr
 from mrwork import Journal
 from mrwork.identification import free_run
-from mrwork.records import AS_IT_IS, DamperTest, Observation, Smoothing, build_damper_test, cut, observed
+from mrwork.records import AS_IT_IS, DamperTest, Observation, build_damper_test, cut, observed
+from mrwork.records.damper_test import Smoothing
 from mrwork.uncertainty import identifiability_of, predict
 
 UTFSM = measured_data.DATA / "dampers" / "utfsm"

@@ -22,7 +22,8 @@ import mrwork as mr
 from mrwork.command_signal import Command
 from mrwork.dampers import LawName
 from mrwork.errors import MrworkWarning
-from mrwork.identification import Fit, FitSettings, Objective, SearchTrace
+from mrwork.identification import Fit, FitSettings, Objective
+from mrwork.identification.fit import SearchTrace
 from mrwork.identification.global_search import StartingPoints
 from mrwork.identification.identify import identify_again
 from mrwork.identification.levenberg_marquardt_twin import TwinResiduals, arrays_of

@@ -10,7 +10,8 @@ import pytest
 from sentences import Refused
 
 from mrwork.closed_loop import STANDARD_GRAVITY
-from mrwork.motions import is_copy, read_motion, read_motions
+from mrwork.motions import read_motion, read_motions
+from mrwork.motions.ground_motion import is_copy
 
 DATA = measured_data.DATA / "records"
 

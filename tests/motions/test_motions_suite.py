@@ -13,7 +13,6 @@ from mrwork.motions import (
     GroundMotion,
     baseline_corrected,
     brought_to_rest,
-    is_copy,
     near_fault_pulse,
     resampled_band_limited,
     scaled,
@@ -22,6 +21,7 @@ from mrwork.motions import (
     time_scaled,
     trimmed,
 )
+from mrwork.motions.ground_motion import is_copy
 
 WHOLE = suite(n=24, rng=3)
 

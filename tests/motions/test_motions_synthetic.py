@@ -10,16 +10,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.linalg import solve_continuous_lyapunov
 from sentences import Refused
 
-from mrwork.motions import (
-    CloughPenzien,
-    Envelope,
-    KanaiTajimi,
-    half_sine,
-    ricker,
-    sine,
-    sine_sweep,
-    synthetic_motion,
-)
+from mrwork.motions import CloughPenzien, Envelope, KanaiTajimi, ricker, sine, sine_sweep, synthetic_motion
 from mrwork.motions.spectral_density import SpectralDensity
 
 SPECTRA = (KanaiTajimi(), KanaiTajimi(frequency=5.0, damping=0.2), CloughPenzien())
@@ -102,10 +93,6 @@ def test_pulses_are_what_their_names_say() -> None:
     wave = sine(amplitude=2.0, frequency=5.0, cycles=3.0)
     assert (wave.peak, wave.duration) == (pytest.approx(2.0, rel=1e-5), pytest.approx(0.6))
     assert_allclose(wave.velocity[-1], 0.0, atol=1e-12)
-    bump = half_sine(amplitude=3.0, width=0.2, rest=0.3)
-    # A half sine of width b gives the velocity 2 a b / pi; linear interpolation reduces it by (pi dt / b)^2 / 12.
-    assert bump.velocity[-1] == pytest.approx(2.0 * 3.0 * 0.2 / np.pi, rel=3e-5)
-    assert bump.duration == pytest.approx(0.5)
     pulse = ricker(amplitude=4.0, frequency=2.0)
     assert pulse.peak == pytest.approx(4.0, rel=1e-12)
     # Truncated three half periods from the middle, u = (1.5 pi)^2: the missing part is of the order exp(-22).
@@ -134,7 +121,6 @@ def test_impossible_recipes_are_refused(refused: Refused) -> None:
     refused(synthetic_motion, peak=0.0)
     refused(sine, amplitude=1.0, frequency=0.0, cycles=1.0)
     refused(ricker, amplitude=1.0, frequency=-1.0)
-    refused(half_sine, amplitude=1.0, width=0.0)
     refused(sine_sweep, amplitude=1.0, start=0.0, end=1.0, duration=1.0)
     refused(sine_sweep, amplitude=1.0, start=1.0, end=500.0, duration=1.0)
     refused(sine, amplitude=1.0, frequency=60.0, cycles=9.0, dt=0.01)

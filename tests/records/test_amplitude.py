@@ -10,7 +10,8 @@ from command_line import mrwork
 from odd_files import MM, NEWTON, TIME, write_table
 from record_files import AMPLITUDE, codes, message
 
-from mrwork.records import range_of_tests, read_damper_test
+from mrwork.records import read_damper_test
+from mrwork.records.damper_test import range_of_tests
 from mrwork.uncertainty.planning.candidates import excitation_of
 
 

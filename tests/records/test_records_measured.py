@@ -9,14 +9,8 @@ import numpy as np
 import pytest
 from record_files import codes
 
-from mrwork.records import (
-    DamperTest,
-    RecordedMotion,
-    build_damper_test,
-    detect_smoothing,
-    find_mislabelled,
-    read_damper_tests,
-)
+from mrwork.records import DamperTest, RecordedMotion, build_damper_test, detect_smoothing, read_damper_tests
+from mrwork.records.findings import find_mislabelled
 from mrwork.records.likeness import alike_groups
 
 DATA = measured_data.DATA / "dampers"

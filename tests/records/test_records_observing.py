@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from sentences import Refused
 
 import mrwork as mr
-from mrwork.records import AS_IT_IS, DamperTest, Observation, Smoothing, build_damper_test, cut, observed
+from mrwork.records import AS_IT_IS, DamperTest, Observation, build_damper_test, cut, observed
+from mrwork.records.damper_test import Smoothing
 from mrwork.records.repairs import as_words
 from mrwork.synthetic import synthetic_test
 

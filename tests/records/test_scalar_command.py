@@ -16,14 +16,8 @@ from sentences import Refused
 
 import mrwork as mr
 from mrwork.command_signal import levels_of_command
-from mrwork.records import (
-    DamperTest,
-    build_damper_test,
-    guess_tests,
-    range_of_test,
-    range_of_tests,
-    read_damper_test,
-)
+from mrwork.records import DamperTest, build_damper_test, guess_tests, read_damper_test
+from mrwork.records.damper_test import range_of_test, range_of_tests
 from mrwork.units import COMMAND_SCALES, CommandUnit
 
 DT = 2e-3

@@ -11,14 +11,8 @@ from sinusoidal_tests import sinusoidal_test
 
 import mrwork as mr
 from mrwork.dampers import damper
-from mrwork.records import (
-    DamperTest,
-    Observation,
-    build_damper_test,
-    cut,
-    range_of_test,
-    repair,
-)
+from mrwork.records import DamperTest, Observation, build_damper_test, cut, repair
+from mrwork.records.damper_test import range_of_test
 from mrwork.records.detectors.smoothing import spikes_of
 from mrwork.synthetic import SYNTHETIC_TESTS, synthetic_test
 

@@ -7,7 +7,8 @@ import pytest
 
 from mrwork.report.canvas import png_bytes, svg_bytes
 from mrwork.report.fit.profiles import profiles_figure
-from mrwork.uncertainty import Profile, Profiles
+from mrwork.uncertainty import Profiles
+from mrwork.uncertainty.identifiability.profile import Profile
 
 
 def profile(name: str, *, log: bool = False, upper_open: bool = False, lower_open: bool = False) -> Profile:

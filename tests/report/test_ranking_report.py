@@ -8,9 +8,8 @@ import pytest
 from mrwork.report import numbers
 from mrwork.report.canvas import svg_bytes
 from mrwork.report.fit.ranking import ranking_figure
-from mrwork.uncertainty import Ranking
 from mrwork.uncertainty.choice.leave_one_out import LeaveOneOut
-from mrwork.uncertainty.choice.ranking import Evidence, rank, ranking_of
+from mrwork.uncertainty.choice.ranking import Evidence, Ranking, rank, ranking_of
 
 
 def family(model: str, n_params: int, *left_out: float, reason: str = "") -> Evidence:

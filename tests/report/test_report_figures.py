@@ -21,7 +21,7 @@ from matplotlib.text import Text
 from report_samples import comparison, fit, quality
 
 from mrwork import StoredRun
-from mrwork.identification import SearchTrace
+from mrwork.identification.fit import SearchTrace
 from mrwork.report import figures, style
 from mrwork.report.canvas import inline_svg, svg_bytes
 from mrwork.report.figures import Comparison, even_samples, scattered_samples, zoom_window

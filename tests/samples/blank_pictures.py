@@ -12,37 +12,55 @@ import pytest
 _BLANK = '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 360 270"></svg>'
 
 
+class _NoTicks:
+    """An axis without ticks until it is asked for some: Matplotlib makes the first of each for its settings alone."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+
+    def __get__(self, axis: Any, owner: type) -> Any:
+        if axis is None:
+            return self
+        ticks: list[Any] = []
+        setattr(axis, self.name, ticks)
+        return ticks
+
+
 @cache
-def _matplotlib() -> tuple[type, dict[str, Any]]:
-    """Matplotlib's figure, and what it does."""
+def _matplotlib() -> tuple[type, type, dict[tuple[type, str], Any]]:
+    """Matplotlib's figure and axis, and what they do."""
+    from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
-    return Figure, {name: getattr(Figure, name) for name in ("savefig", "findobj")}
+    does = {(Figure, name): getattr(Figure, name) for name in ("savefig", "findobj")}
+    return Figure, Axis, does | {(Axis, name): vars(Axis)[name] for name in ("majorTicks", "minorTicks")}
 
 
 @contextmanager
 def blank() -> Iterator[None]:
     """Our code lays figures out as ever; what Matplotlib writes of them is a blank picture."""
-    figure, does = _matplotlib()
+    figure, axis, does = _matplotlib()
 
     def savefig(drawn: Any, target: Any, *, format: str, **given: Any) -> None:
         if format == "svg":
             target.write(_BLANK)
         else:
-            does["savefig"](drawn, target, format=format, **given)
+            does[figure, "savefig"](drawn, target, format=format, **given)
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(figure, "savefig", savefig)
         # Looking for texts makes every tick.
         patch.setattr(figure, "findobj", lambda *_: [])
+        for name in ("majorTicks", "minorTicks"):
+            patch.setattr(axis, name, _NoTicks(name))
         yield
 
 
 @contextmanager
 def drawn() -> Iterator[None]:
     """Pictures are drawn all the same."""
-    figure, does = _matplotlib()
+    *_, does = _matplotlib()
     with pytest.MonkeyPatch.context() as patch:
-        for name, function in does.items():
-            patch.setattr(figure, name, function)
+        for (owner, name), function in does.items():
+            patch.setattr(owner, name, function)
         yield

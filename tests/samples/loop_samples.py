@@ -15,13 +15,13 @@ from mrwork.control import (
     LoopModel,
     Plant,
     control_law,
-    fuzzy_table,
     lyapunov_function,
     optimal_surface,
     plant_of,
     regulator_of_state,
-    sliding_gains,
 )
+from mrwork.control.fuzzy import fuzzy_table
+from mrwork.control.sliding import sliding_gains
 from mrwork.dampers import PUBLISHED_SETS, DamperSpec
 from mrwork.motions import GroundMotion
 

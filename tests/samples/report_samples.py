@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.identification import Estimate, Fit, FitQuality, SearchTrace
-from mrwork.identification.fit import ErrorNorms, FitStatus, Provenance
-from mrwork.records import DamperTest, Finding, range_of_tests
+from mrwork.identification import Fit
+from mrwork.identification.fit import ErrorNorms, Estimate, FitQuality, FitStatus, Provenance, SearchTrace
+from mrwork.records import DamperTest, Finding
+from mrwork.records.damper_test import range_of_tests
 from mrwork.records.likeness import RecordedMotion
 from mrwork.report.figures import Comparison
 

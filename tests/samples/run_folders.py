@@ -15,10 +15,12 @@ from mrwork.identification.fit_file import addition_content
 from mrwork.store.codec import json_document
 from mrwork.store.output_file import write_files
 from mrwork.store.run_folder import CHAIN, DRAWS, LAWS, PLAN, PROFILES, RANKING
-from mrwork.uncertainty import Candidate, LawTable, Ranking, TriedLaws, measured_coverage
+from mrwork.uncertainty import Candidate
 from mrwork.uncertainty.bands.calibration_files import write_bands
+from mrwork.uncertainty.bands.conformal import measured_coverage
 from mrwork.uncertainty.bands.prediction import predict_tests
-from mrwork.uncertainty.choice.ranking import Evidence, rank
+from mrwork.uncertainty.choice.law_table import LawTable, TriedLaws
+from mrwork.uncertainty.choice.ranking import Evidence, Ranking, rank
 from mrwork.uncertainty.planning.plan import LinearisedPosterior, checked_with_draws, normal_draws
 from mrwork.uncertainty.posterior.draws import draws_content
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -73,3 +75,16 @@ def states(optimiser, objective, *, n_params, rng, generations, replicates=(0,))
         )
     )
     return [run[0][0]] + [after for _, _, after in run]
+
+
+def arrays_of(state):
+    """Arrays and numbers of a state by field name, such as `course.best_unit`."""
+    arrays = {}
+    for field in dataclasses.fields(state):
+        value = getattr(state, field.name)
+        if dataclasses.is_dataclass(value):
+            arrays |= {f"{field.name}.{name}": each for name, each in arrays_of(value).items()}
+        else:
+            # Unsigned, because a seed may take all 64 bits.
+            arrays[field.name] = value if isinstance(value, np.ndarray) else np.array(value, np.uint64)
+    return arrays

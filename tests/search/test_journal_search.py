@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from search_problems import half_failing, optimiser_named, sphere
+from search_problems import arrays_of, half_failing, optimiser_named, sphere
 from sentences import Refused
 
 from mrwork import Journal
@@ -17,7 +17,6 @@ from mrwork.search import (
     AbortableObjective,
     EfficientGA,
     StopRules,
-    arrays_of,
     run_replicates,
 )
 

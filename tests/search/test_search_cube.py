@@ -11,7 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from sentences import Refused
 
-from mrwork.search import EliteRule, Streams, distinct_best, latin_hypercube
+from mrwork.search import EliteRule, Streams, latin_hypercube
+from mrwork.search.rules import distinct_best
 from mrwork.search.unit_cube import others, reflect
 
 

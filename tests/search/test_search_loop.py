@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from search_problems import flat, half_failing, sphere, with_floor
+from search_problems import arrays_of, flat, half_failing, sphere, with_floor
 from sentences import Refused
 
 from mrwork.errors import Interrupted
@@ -17,7 +17,6 @@ from mrwork.search import (
     EfficientGA,
     EliteRule,
     StopRules,
-    arrays_of,
     run_replicates,
     run_search,
 )

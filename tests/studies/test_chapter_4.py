@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 import mrwork as mr
-from mrwork.search import PopulationState, Proposal, StandardGA, StopRules
+from mrwork.search import StandardGA, StopRules
+from mrwork.search.course import PopulationState, Proposal
 from studies.chapter_4.decay import (
     LITERAL,
     at_budget,

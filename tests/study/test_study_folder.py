@@ -15,9 +15,9 @@ from sentences import Refused
 from mrwork.closed_loop.evaluation import criterion
 from mrwork.store.codec import json_document
 from mrwork.store.run_folder import MANIFEST, RESULTS
-from mrwork.study import StoredStudy, StudyResults, compared, read_results
+from mrwork.study import StudyResults, compared, read_results
 from mrwork.study.comparison import judged_in_words
-from mrwork.study.folder import study_document
+from mrwork.study.folder import StoredStudy, study_document
 from mrwork.study.results import largest_step_changes
 
 

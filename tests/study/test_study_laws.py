@@ -15,7 +15,6 @@ from mrwork.control import (
     ControlLaw,
     Design,
     DesignProblem,
-    LawSettings,
     LoopModel,
     accelerations,
     control_law,
@@ -24,6 +23,7 @@ from mrwork.control import (
     regulator_as_published,
     regulator_of_outputs,
 )
+from mrwork.control.design_problem import LawSettings
 from mrwork.dampers import damper
 from mrwork.errors import SettingError
 from mrwork.keys import Place, read_table

@@ -11,10 +11,9 @@ from sentences import Refused
 
 import mrwork as mr
 from mrwork.study import TuneTable
-from mrwork.tuning import Objective
 from mrwork.tuning.law_tuning import check_finish, follow_gradients, risk_weights
 from mrwork.tuning.problem import Clock, benches_of, magnitudes_of, score_candidates
-from mrwork.tuning.space import objective_of, risk_of, space_of
+from mrwork.tuning.space import Objective, objective_of, risk_of, space_of
 
 LAW = "proportional_direct"
 

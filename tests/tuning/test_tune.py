@@ -21,9 +21,10 @@ from mrwork.records import OperatingRange
 from mrwork.store.codec import digest_of, plain
 from mrwork.store.journal_file import line_of
 from mrwork.study import OPTIMAL_PASSIVE
-from mrwork.tuning import LawCandidate, TuningResults, tune
+from mrwork.tuning import TuningResults, tune
 from mrwork.tuning.problem import Clock, benches_of
 from mrwork.tuning.results import chosen_study, settings_in_words, tuning_document
+from mrwork.tuning.space import LawCandidate
 
 
 def without_times(results: TuningResults) -> Any:

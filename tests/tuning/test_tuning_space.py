@@ -10,7 +10,8 @@ from sentences import Refused
 
 import mrwork as mr
 from mrwork import Device
-from mrwork.control import SETTINGS, DesignProblem, Magnitudes, design_candidates, settings_of
+from mrwork.control import SETTINGS, DesignProblem, design_candidates, settings_of
+from mrwork.control.design_problem import Magnitudes
 from mrwork.study import TuneTable
 from mrwork.tuning.space import LARGEST, FreeSetting, space_of
 

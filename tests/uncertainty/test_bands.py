@@ -9,7 +9,8 @@ from sentences import Refused
 from mrwork import identify
 from mrwork.dampers import damper
 from mrwork.identification import Fit
-from mrwork.records import DamperTest, Likeness, Outside, range_of_tests
+from mrwork.records import DamperTest, Likeness, Outside
+from mrwork.records.damper_test import range_of_tests
 from mrwork.synthetic import synthetic_test
 from mrwork.uncertainty import (
     NOISES,
@@ -17,7 +18,6 @@ from mrwork.uncertainty import (
     Fold,
     Prediction,
     calibrate,
-    measured_coverage,
     noise_band,
     parameter_band,
     predict_left_out,
@@ -25,6 +25,7 @@ from mrwork.uncertainty import (
     simulate_draws,
 )
 from mrwork.uncertainty.bands.band import cycles_of, errors_over_cycles, next_test_quantile, pooled_quantile
+from mrwork.uncertainty.bands.conformal import measured_coverage
 from mrwork.uncertainty.bands.prediction import alike_remark, has_regular_cycles
 
 DAMPING, STIFFNESS = 1000.0, 20000.0

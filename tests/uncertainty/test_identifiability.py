@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from mrwork import identify
 from mrwork.dampers import bouc_wen_from_normalised, damper
-from mrwork.identification import Estimate, Fit
-from mrwork.identification.fit import Identifiability, ParameterChange
+from mrwork.identification import Fit
+from mrwork.identification.fit import Estimate, Identifiability, ParameterChange
 from mrwork.identification.result import covariance
 from mrwork.records import DamperTest
 from mrwork.synthetic import synthetic_test

@@ -24,9 +24,9 @@ from mrwork.search import EfficientGA, StopRules
 from mrwork.store.output_folder import Destination
 from mrwork.store.run_folder import FIT_RUN
 from mrwork.store.unfinished import StepJournals
-from mrwork.uncertainty import LawChoice, choose_laws
+from mrwork.uncertainty import choose_laws
 from mrwork.uncertainty.choice.law_search import FoldedTests
-from mrwork.uncertainty.choice.laws import LawProgress
+from mrwork.uncertainty.choice.laws import LawChoice, LawProgress
 
 COMMANDS = (0.0, 0.5, 1.0)
 

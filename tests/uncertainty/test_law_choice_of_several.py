@@ -22,8 +22,8 @@ from mrwork.search import EfficientGA, StopRules
 from mrwork.store.output_folder import Destination
 from mrwork.store.run_folder import FIT_RUN
 from mrwork.store.unfinished import StepJournals
-from mrwork.uncertainty import LawChoice, TriedLaws
-from mrwork.uncertainty.choice.laws import LawProgress
+from mrwork.uncertainty.choice.law_table import TriedLaws
+from mrwork.uncertainty.choice.laws import LawChoice, LawProgress
 
 COMMANDS = (0.0, 1.0)
 # Contains dahl as its limit of no stiffness `k_x`; bingham has no hysteresis.

@@ -17,7 +17,7 @@ from mrwork.identification import Fit, Objective, find_minimum
 from mrwork.records import DamperTest, cut
 from mrwork.simulation import Loading, simulate_force
 from mrwork.synthetic import synthetic_test
-from mrwork.uncertainty import Profile, Profiles, identifiability_of
+from mrwork.uncertainty import Profiles, identifiability_of
 from mrwork.uncertainty.identifiability.curvature import (
     Point,
     Scaled,
@@ -25,7 +25,7 @@ from mrwork.uncertainty.identifiability.curvature import (
     signed_root,
     walk,
 )
-from mrwork.uncertainty.identifiability.profile import ProfileProgress
+from mrwork.uncertainty.identifiability.profile import Profile, ProfileProgress
 
 SPEC = damper("static_hysteretic")
 

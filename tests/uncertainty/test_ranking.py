@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 from sentences import Refused
 
-from mrwork.uncertainty import Ranking
 from mrwork.uncertainty.choice.leave_one_out import LeaveOneOut
-from mrwork.uncertainty.choice.ranking import Collapse, Evidence, Standing, rank, ranking_of
+from mrwork.uncertainty.choice.ranking import Collapse, Evidence, Ranking, Standing, rank, ranking_of
 
 TESTS = np.array([0.10, 0.14, 0.08, 0.12, 0.11, 0.13])
 

@@ -33,8 +33,5 @@ if True:  # the lower tier
     from .free_vibration import ModeEstimate as ModeEstimate
     from .matrices import PassiveElement as PassiveElement
     from .passive_devices import TUNINGS as TUNINGS
-    from .passive_devices import Tuning as Tuning
     from .passive_devices import column_length as column_length
-    from .passive_devices import head_loss_of as head_loss_of
     from .passive_devices import liquid_column_optimum as liquid_column_optimum
-    from .state_space import BalancedReduction as BalancedReduction

@@ -12,15 +12,10 @@ from .user_law import LoopSample as LoopSample
 from .user_law import UserLaw as UserLaw
 
 if True:  # the lower tier
-    from .clairvoyant_search import Clairvoyant as Clairvoyant
-    from .clairvoyant_search import ClairvoyantProgress as ClairvoyantProgress
-    from .clairvoyant_search import ClairvoyantStart as ClairvoyantStart
     from .evaluation import SCORE as SCORE
     from .evaluation import STANDARD_GRAVITY as STANDARD_GRAVITY
-    from .evaluation import Criterion as Criterion
     from .evaluation import criterion as criterion
     from .evaluation import ratio as ratio
     from .evaluation import score as score
     from .evaluation import values as values
     from .responses import History as History
-    from .simulate import loop_observer as loop_observer

@@ -29,29 +29,17 @@ from .sliding import optimal_surface as optimal_surface
 from .sliding import placed_surface as placed_surface
 
 if True:  # the lower tier
-    from .counterpart import StaticCounterpart as StaticCounterpart
-    from .counterpart import static_counterpart as static_counterpart
-    from .design.designed import CaseCheck as CaseCheck
     from .design.designed import DesignedWeights as DesignedWeights
-    from .design.designed import WeightCertificate as WeightCertificate
     from .design.designer import WeightDesigner as WeightDesigner
-    from .design.inverse import InverseWeights as InverseWeights
     from .design.limits import DesignCase as DesignCase
     from .design.limits import LoopTiming as LoopTiming
     from .design.limits import damper_cases as damper_cases
     from .design.limits import soil_cases as soil_cases
     from .design.limits import stiffness_cases as stiffness_cases
     from .design_problem import Design as Design
-    from .design_problem import LawSettings as LawSettings
-    from .design_problem import Magnitudes as Magnitudes
     from .design_problem import ReferencePeaks as ReferencePeaks
-    from .design_problem import Span as Span
     from .fuzzy import FuzzySettings as FuzzySettings
-    from .fuzzy import FuzzyTable as FuzzyTable
-    from .fuzzy import fuzzy_table as fuzzy_table
-    from .inverse_network import InverseNetwork as InverseNetwork
     from .law_design import SETTINGS as SETTINGS
-    from .law_design import DesignedCandidates as DesignedCandidates
     from .law_design import FrictionSettings as FrictionSettings
     from .law_design import MixedSkyhookSettings as MixedSkyhookSettings
     from .law_design import NoSettings as NoSettings
@@ -61,30 +49,18 @@ if True:  # the lower tier
     from .linear_loop import DeviceMargins as DeviceMargins
     from .linear_loop import LoopMargins as LoopMargins
     from .loop_model import LoopModel as LoopModel
-    from .lqr import Observer as Observer
-    from .lqr import PublishedRegulator as PublishedRegulator
-    from .lqr import Regulator as Regulator
     from .lqr import published_regulator as published_regulator
     from .lqr import regulator_as_published as regulator_as_published
-    from .lqr import regulator_of_weights as regulator_of_weights
-    from .lyapunov import LyapunovFunction as LyapunovFunction
     from .lyapunov import LyapunovSettings as LyapunovSettings
     from .lyapunov import ProportionalSettings as ProportionalSettings
-    from .plant import Outputs as Outputs
     from .plant import Plant as Plant
     from .plant import deformation_rates as deformation_rates
-    from .plant import natural_frequencies as natural_frequencies
     from .plant import stack_outputs as stack_outputs
     from .regulator_settings import ClippedSettings as ClippedSettings
     from .regulator_settings import NetworkSettings as NetworkSettings
     from .regulator_settings import RegulatorSettings as RegulatorSettings
-    from .riccati import RiccatiSolutions as RiccatiSolutions
-    from .riccati import RiccatiStatus as RiccatiStatus
     from .rollout import RolloutSettings as RolloutSettings
     from .sliding import AdaptiveSlidingSettings as AdaptiveSlidingSettings
-    from .sliding import SlidingGains as SlidingGains
     from .sliding import SlidingSettings as SlidingSettings
-    from .sliding import SlidingSurface as SlidingSurface
     from .sliding import SuperTwistingSettings as SuperTwistingSettings
-    from .sliding import sliding_gains as sliding_gains
     from .weights import WeightWishes as WeightWishes

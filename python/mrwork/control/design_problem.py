@@ -200,8 +200,6 @@ class Magnitudes(Summarised):
     refers to it. `cost` is what the weights that are not free add up to.
     """
 
-    _made_by: ClassVar[str] = "mr.tune(study)"
-
     drift: float
     displacement: float
     velocity: float

@@ -112,13 +112,6 @@ def plant_of(building: Building, attachment: ArrayLike, device_names: Sequence[s
     )
 
 
-def natural_frequencies(plant: Plant) -> Floats:
-    """Natural frequencies of the building without damping [rad/s], lowest first, shape (n,)."""
-    n = plant.n_coordinates
-    squares = np.linalg.eigvals(-plant.A[n:, :n])
-    return np.asarray(np.sqrt(np.sort(np.abs(squares))), dtype=np.float64)
-
-
 def _symmetric(matrix: Floats) -> Floats:
     return 0.5 * (matrix + matrix.T)
 

@@ -31,7 +31,6 @@ class SlidingSurface(Summarised):
     shape (2n - n_devices,).
     """
 
-    _made_by: ClassVar[str] = "mr.control.optimal_surface(plant)"
     _units: ClassVar[Mapping[str, str]] = {"poles": "1/s", "ground": "kg"}
 
     S: Floats

@@ -11,12 +11,5 @@ from .spec import damper as damper
 from .spec import damper_models as damper_models
 
 if True:  # the lower tier
-    from .conversions import modified_bouc_wen_from_normalised as modified_bouc_wen_from_normalised
-    from .conversions import normalised_from_modified_bouc_wen as normalised_from_modified_bouc_wen
-    from .conversions import rescaled_bouc_wen as rescaled_bouc_wen
-    from .parameters import Coefficient as Coefficient
     from .parameters import LawName as LawName
-    from .parameters import ParamSpec as ParamSpec
     from .spec import PUBLISHED_SETS as PUBLISHED_SETS
-    from .spec import Preset as Preset
-    from .spec import PublishedSet as PublishedSet

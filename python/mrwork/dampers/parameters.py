@@ -33,8 +33,6 @@ _MOST_NODES = 8
 class Coefficient:
     """Plain parameter that follows the command, number of its coefficient, and command of a law by values."""
 
-    _made_by: ClassVar[str] = "spec.parameters"
-
     parameter: str
     number: int
     is_exponent: bool = False

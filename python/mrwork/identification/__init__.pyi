@@ -9,10 +9,7 @@ from .settings import Multistart as Multistart
 
 if True:  # the lower tier
     from .equivalent import identifiable_form as identifiable_form
-    from .fit import Estimate as Estimate
-    from .fit import FitQuality as FitQuality
     from .fit import FittedParameter as FittedParameter
-    from .fit import SearchTrace as SearchTrace
     from .level_search import LevelFit as LevelFit
     from .level_search import joint_starts as joint_starts
     from .level_search import levels_of as levels_of

@@ -22,13 +22,10 @@ from .synthetic import synthetic_motion as synthetic_motion
 
 if True:  # the lower tier
     from .ground_motion import brought_to_rest as brought_to_rest
-    from .ground_motion import is_copy as is_copy
     from .spectral_density import CloughPenzien as CloughPenzien
     from .spectral_density import mean_square_of as mean_square_of
-    from .spectrum import TableDemand as TableDemand
     from .stationary import StationaryGround as StationaryGround
     from .stationary import with_intensity as with_intensity
     from .synthetic import Envelope as Envelope
     from .synthetic import GammaEnvelope as GammaEnvelope
-    from .synthetic import half_sine as half_sine
     from .synthetic import ricker as ricker

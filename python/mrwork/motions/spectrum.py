@@ -311,8 +311,6 @@ class ShakeTable:
     True
     """
 
-    _made_by: ClassVar[str] = "mr.motions.ShakeTable(stroke=...)"
-
     stroke: Positive = 0.1
     velocity: Positive = 0.6
     acceleration: Positive = 12.0

@@ -211,13 +211,6 @@ def sine_sweep(
     return _motion(f"sweep {start:g} to {end:g} Hz", dt, amplitude * np.sin(phase))
 
 
-def half_sine(*, amplitude: float, width: float, rest: float = 0.0, dt: float = 0.001) -> GroundMotion:
-    """Half-sine pulse of acceleration, `width` [s] long, followed by `rest` [s] of zeros."""
-    time = _time(_positive("width", width) + rest, dt)
-    acceleration = np.where(time <= width, amplitude * np.sin(np.pi * time / width), 0.0)
-    return _motion(f"half sine {width:g} s", dt, acceleration)
-
-
 def ricker(*, amplitude: float, frequency: float, dt: float = 0.001) -> GroundMotion:
     """Ricker pulse of three periods, `amplitude (1 - 2 u) exp(-u)` with `u = (pi frequency (t - t_0))^2`."""
     half = 1.5 / _sample("frequency", frequency, dt)

@@ -16,14 +16,9 @@ from .window import cut as cut
 if True:  # the lower tier
     from .columns import parse_column_option as parse_column_option
     from .damper_test import AS_IT_IS as AS_IT_IS
-    from .damper_test import Exceedance as Exceedance
     from .damper_test import Measured as Measured
     from .damper_test import Outside as Outside
-    from .damper_test import Smoothing as Smoothing
-    from .damper_test import range_of_test as range_of_test
-    from .damper_test import range_of_tests as range_of_tests
     from .detectors.smoothing import detect_smoothing as detect_smoothing
-    from .findings import find_mislabelled as find_mislabelled
     from .likeness import Likeness as Likeness
     from .likeness import RecordedMotion as RecordedMotion
     from .loop_branches import Branches as Branches

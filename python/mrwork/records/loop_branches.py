@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, ClassVar, Final, Literal
+from typing import Annotated, Final, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -31,8 +31,6 @@ class Branches(Summarised):
     velocity. Both [N] have shape (n_cycles, n_points). The `abscissa` [m/s or m], shape (n_points,), is symmetric about
     its middle point: velocity 0, or the mean displacement.
     """
-
-    _made_by: ClassVar[str] = "mr.records.branches(test)"
 
     over: Abscissa
     abscissa: Floats

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Mapping
+from functools import cache
 from html import escape
 from importlib.resources import files
 from pathlib import Path
@@ -163,6 +164,7 @@ def _resource(name: str) -> str:
     return (files("mrwork.report") / "templates" / name).read_text(encoding="utf-8")
 
 
+@cache
 def _environment() -> Environment:
     """Jinja's environment for all pages: everything is escaped, and an undefined name is an error."""
     environment = Environment(

@@ -9,30 +9,15 @@ from .rules import StopRules as StopRules
 
 if True:  # the lower tier
     from .course import Ceiling as Ceiling
-    from .course import Course as Course
-    from .course import PopulationState as PopulationState
-    from .course import Proposal as Proposal
-    from .course import SearchState as SearchState
-    from .course import Trace as Trace
-    from .course import arrays_of as arrays_of
     from .course import select as select
-    from .course import state_from_arrays as state_from_arrays
-    from .genetic import GAState as GAState
     from .loop import AbortableObjective as AbortableObjective
     from .loop import GenerationEvent as GenerationEvent
-    from .loop import Objective as Objective
-    from .loop import OnGeneration as OnGeneration
     from .loop import Optimiser as Optimiser
-    from .loop import ReplicatedSearch as ReplicatedSearch
-    from .loop import RunTrace as RunTrace
     from .loop import SearchResult as SearchResult
     from .loop import run_replicates as run_replicates
     from .particle_swarm import CONSTRICTION as CONSTRICTION
-    from .particle_swarm import SwarmState as SwarmState
     from .peers import library as library
     from .rules import EliteRule as EliteRule
-    from .rules import ExpectedTermination as ExpectedTermination
-    from .rules import distinct_best as distinct_best
     from .rules import expected_termination as expected_termination
     from .unit_cube import Streams as Streams
     from .unit_cube import latin_hypercube as latin_hypercube

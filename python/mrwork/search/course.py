@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Annotated, Any, ClassVar, Protocol, TypeVar
 
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from mrwork.arguments import AnyNumbers, Seed, checked
 from mrwork.errors import ArgumentError, SettingError
-from mrwork.hints import Record, Scalar, Within, fields_of
+from mrwork.hints import Within
 from mrwork.search.rules import EliteRule, StopRules, check_ranges, distinct_best, reason_of
 from mrwork.search.unit_cube import Streams
 from mrwork.summary import Summarised
@@ -243,8 +243,8 @@ def _extend_trace(
 class SearchState(Protocol):
     """The part of an optimiser's state that the loop reads.
 
-    A state is a frozen dataclass whose fields are a `Course` and arrays with a leading axis of replicates; `select`,
-    `arrays_of` and `state_from_arrays` work on all such states.
+    A state is a frozen dataclass whose fields are a `Course` and arrays with a leading axis of replicates; `select`
+    works on all such states.
     """
 
     @property
@@ -292,41 +292,6 @@ def select(state: StateT, rows: Sequence[int]) -> StateT:
         return value
 
     return _with_parts(_with_parts(state, part), shorten_value)
-
-
-def arrays_of(state: object) -> dict[str, NDArray[Any]]:
-    """Plain arrays of a state by field name, such as `course.best_unit`."""
-    arrays: dict[str, NDArray[Any]] = {}
-    for field in dataclasses.fields(state):  # type: ignore[arg-type] # an `object` that is a dataclass
-        value = getattr(state, field.name)
-        if dataclasses.is_dataclass(value):
-            arrays |= {f"{field.name}.{name}": each for name, each in arrays_of(value).items()}
-        else:
-            # Unsigned, because a seed may take all 64 bits.
-            arrays[field.name] = value if isinstance(value, np.ndarray) else np.array(value, np.uint64)
-    return arrays
-
-
-def state_from_arrays(kind: type[T], arrays: Mapping[str, NDArray[Any]]) -> T:
-    """Undo `arrays_of`, bit for bit; `kind` is the class of the state."""
-    try:
-        return _from_arrays(kind, arrays)
-    except (KeyError, TypeError, ValueError, AttributeError) as reason:
-        raise SettingError(
-            f"the arrays are not those of a {kind.__name__} ({type(reason).__name__}: {reason}); "
-            "give those of `arrays_of`"
-        ) from None
-
-
-def _from_arrays(kind: type[T], arrays: Mapping[str, NDArray[Any]]) -> T:
-    values: dict[str, Any] = {}
-    for name, node in fields_of(kind).items():
-        if isinstance(node, Record):
-            inner = {key.removeprefix(f"{name}."): each for key, each in arrays.items()}
-            values[name] = _from_arrays(node.kind, inner)
-        else:
-            values[name] = int(arrays[name]) if node == Scalar(int, node.notes) else arrays[name]
-    return kind(**values)
 
 
 def _with_parts(value: T, change: Callable[[Any], Any]) -> T:

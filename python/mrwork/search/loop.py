@@ -39,8 +39,6 @@ class SearchResult(Summarised, Generic[StateT]):
     search, `seconds` is the time of this call, for all replicates together.
     """
 
-    _made_by: ClassVar[str] = "mr.search.run_search(optimiser, objective, rng=..., n_params=...)"
-
     replicate: int
     best_unit: Floats
     best_misfit: float

@@ -7,7 +7,6 @@ from .run import run_study as run_study
 from .study import Study as Study
 
 if True:  # the lower tier
-    from .folder import StoredStudy as StoredStudy
     from .passive_labels import OPTIMAL_PASSIVE as OPTIMAL_PASSIVE
     from .passive_labels import PASSIVE_OFF as PASSIVE_OFF
     from .passive_labels import PASSIVE_ON as PASSIVE_ON

@@ -81,10 +81,6 @@ class TuningJudgement(Summarised):
     bands: dict[str, RealisationBand] = field(default_factory=dict)
 
 
-Judgement = TuningJudgement
-"""Its public name."""
-
-
 def judgement_of_objective(objective: float) -> TuningJudgement:
     """The judgement of an interrupted tuning, of which only the objective is known."""
     return TuningJudgement(

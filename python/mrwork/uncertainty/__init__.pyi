@@ -25,28 +25,16 @@ from .posterior.target import Uniform as Uniform
 
 if True:  # the lower tier
     from .bands.band import Band as Band
-    from .bands.band import BandScore as BandScore
     from .bands.band import simulate_draws as simulate_draws
-    from .bands.calibration_files import StoredBands as StoredBands
-    from .bands.conformal import LeftOutCoverage as LeftOutCoverage
-    from .bands.conformal import measured_coverage as measured_coverage
     from .bands.prediction import Fold as Fold
     from .bands.prediction import LeftOut as LeftOut
-    from .choice.law_table import LawTable as LawTable
-    from .choice.law_table import TriedLaws as TriedLaws
-    from .choice.laws import LawChoice as LawChoice
-    from .choice.ranking import Ranking as Ranking
-    from .identifiability.profile import Profile as Profile
     from .identifiability.profile import Profiles as Profiles
     from .noise import NOISES as NOISES
     from .noise import Noise as Noise
     from .planning.candidates import Candidate as Candidate
     from .planning.candidates import Limits as Limits
-    from .planning.plan import CheckedPlan as CheckedPlan
-    from .planning.plan import Plan as Plan
     from .posterior.draws import select_kept_rows as select_kept_rows
     from .posterior.laplace import first_walkers as first_walkers
-    from .posterior.nuts import NutsDraws as NutsDraws
     from .posterior.nuts import nuts_of as nuts_of
     from .posterior.nuts import substeps_at as substeps_at
     from .posterior.nuts import twin_log_posterior as twin_log_posterior

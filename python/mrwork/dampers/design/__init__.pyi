@@ -11,16 +11,9 @@ from .sizing import size_damper as size_damper
 from .sizing import size_front as size_front
 
 if True:  # the lower tier
-    from .damper_design import DesignedModel as DesignedModel
-    from .damper_design import wire_diameter as wire_diameter
-    from .flow import PRESSURES as PRESSURES
-    from .flow import least_active_volume as least_active_volume
-    from .flow import shear_force as shear_force
     from .flow import summed_pressure as summed_pressure
     from .materials import FLUIDS as FLUIDS
-    from .materials import STEELS as STEELS
     from .materials import MRFluid as MRFluid
     from .materials import Steel as Steel
-    from .sizing import SizedDamper as SizedDamper
     from .sizing import SizeFront as SizeFront
     from .sizing import SizingProgress as SizingProgress

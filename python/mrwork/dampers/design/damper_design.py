@@ -170,7 +170,6 @@ _LAWS: Mapping[str, LawName] = {"f_c": "cubic", "c0": "cubic"}
 class DesignedModel(Summarised):
     """Model with current laws and its parameters, as `mr.Device` takes them; `nrmse` over the forces of the design."""
 
-    _made_by: ClassVar[str] = "design.as_model()"
     _units: ClassVar[Mapping[str, str]] = {"largest_command": "A"}
 
     spec: DamperSpec

@@ -13,7 +13,7 @@ from typing import Annotated, ClassVar, Final, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mrwork.arguments import Positive, checked
+from mrwork.arguments import checked
 from mrwork.dampers.design.ranges import (
     FlowIndex,
     Flows,
@@ -201,37 +201,6 @@ PRESSURES: Final[Mapping[FlowModel, Callable[..., Floats]]] = {
     "sum": summed_pressure,
 }
 """Pressure drops by the name of the flow model."""
-
-
-def shear_force(
-    *,
-    area: Annotated[float, Within(least=0.0, most=1e4)],
-    gap: Length,
-    speed: Annotated[ArrayLike, Within(least=0.0, most=1e3)],
-    yield_stress: Stresses,
-    viscosity: Viscosity,
-    flow_index: FlowIndex = 1.0,
-) -> Floats:
-    """Force [N] in shear mode, `A (tau_y + K (v/h)^n)`: a plate of area A [m^2] slides at a gap h [m]."""
-    rate = np.asarray(speed, dtype=np.float64) / gap
-    return area * (np.asarray(yield_stress, dtype=np.float64) + viscosity * rate**flow_index)
-
-
-def least_active_volume(
-    *,
-    yield_stress: Positive,
-    viscosity: Positive,
-    ratio: Positive,
-    power: Positive,
-    coefficient: Annotated[float, Within(least=2.0, most=3.0)] = 2.07,
-) -> float:
-    """Least volume of fluid [m^3] for a `ratio` lambda of yield to viscous force, `(12/c^2) (eta/tau_y^2) lambda W`.
-
-    It follows from the sum of a viscous and a yield pressure (Carlson, Catanzarite, St. Clair, Proc. 5th Int. Conf. on
-    ER Fluids and MR Suspensions, 1995; Carlson & Jolly, Mechatronics 10, 2000, 555-569), whatever the geometry; W [W]
-    is the mechanical power of the yield force, its force times velocity.
-    """
-    return 12.0 / coefficient**2 * viscosity / yield_stress**2 * ratio * power
 
 
 def _shear_rate(excess: Floats, viscosity: float, flow_index: float) -> Floats:

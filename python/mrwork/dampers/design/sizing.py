@@ -142,8 +142,6 @@ def find_misses(wishes: DamperWishes, design: DamperDesign, forces: tuple[float,
 class SizedDamper(Summarised):
     """A design that meets the wishes, and how many candidates were tried for it."""
 
-    _made_by: ClassVar[str] = "mr.dampers.design.size_damper(wishes, fluid=..., steel=...)"
-
     design: DamperDesign
     wishes: DamperWishes
     evaluations: int
@@ -374,8 +372,6 @@ _PENALTY = 1e3
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class SizeFront(Summarised):
     """Pareto front of designs in size, dynamic range and power; the smallest first."""
-
-    _made_by: ClassVar[str] = "mr.dampers.design.size_front(wishes, fluid=..., steel=...)"
 
     designs: tuple[DamperDesign, ...]
     evaluations: int

@@ -13,7 +13,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import combinations, product
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -297,8 +296,6 @@ class Calibration(Summarised, Related):
     otherwise each would be predicted by its like. `motions` recognise all tests of the calibration; `seen` are tests
     that were given but not used, because the fit has seen their motion at their command.
     """
-
-    _made_by: ClassVar[str] = "mr.calibrate(predictions, held_out=...)"
 
     shape: ErrorShape
     scores: tuple[Floats, ...]
