@@ -17,7 +17,8 @@ LEVELS = (0.0, 0.08, 0.213, 0.426, 1.0)
 """Commands that are tried beside the base alone, as shares of the largest."""
 _TAILS = (0.4, 2.0)
 _FORGETTING, _COVARIANCE = 0.998, 100.0
-# Seconds over which forces are compared, and the share of the mass whose inertia force at the reference acceleration counts.
+# Seconds over which forces are compared, and the share of the mass whose inertia force at the reference
+# acceleration counts.
 _COMPARED, _COUNTED = 5.0, 0.04
 # Peak rate of a device over that of a first mode at the reference drift.
 _RATE = 3.0
