@@ -12,6 +12,7 @@ from scipy.optimize import minimize
 from sentences import Refused
 
 import mrwork as mr
+from mrwork.buildings.passive_devices import head_loss_of
 from mrwork.closed_loop import STANDARD_GRAVITY
 from mrwork.errors import SettingError
 
@@ -94,7 +95,7 @@ def test_the_published_optimum_of_a_liquid_column_is_the_minimum(
 
 def test_the_head_loss_of_a_damping_ratio_dissipates_as_much() -> None:
     ratio, frequency, rms = 0.08, 0.7, 0.3
-    xi = of.head_loss_of(ratio, frequency, rms)
+    xi = head_loss_of(ratio, frequency, rms)
     velocity = rms * np.random.default_rng(5).normal(size=2_000_000)
     # Power per rho A of the loss of head, and of the dashpot 2 zeta omega L.
     lost = np.mean(0.5 * xi * np.abs(velocity) ** 3)
@@ -116,7 +117,7 @@ def test_numbers_that_no_device_has_are_refused(refused: Refused) -> None:
     ("call", "key"),
     [
         (lambda: of.liquid_column_optimum(0.0, 0.5), "mass_ratio"),
-        (lambda: of.head_loss_of(0.1, 1.0, 0.0), "rms_velocity"),
+        (lambda: head_loss_of(0.1, 1.0, 0.0), "rms_velocity"),
     ],
 )
 def test_ratios_that_no_column_has_are_refused(call: Callable[[], object], key: str) -> None:

@@ -11,6 +11,8 @@ from study_samples import results
 from wrong_arguments import Calls, ValidCall
 
 import mrwork as mr
+from mrwork.control.fuzzy import fuzzy_table
+from mrwork.control.plant import Outputs
 
 _FREE = np.exp(-0.3 * np.linspace(0.0, 10.0, 2000)) * np.cos(20.0 * np.linspace(0.0, 10.0, 2000))
 
@@ -250,7 +252,7 @@ def plants_calls(_: Path) -> Calls:
                 each.__name__: (each, {"plant": plant})
                 for each in (of.drifts, of.accelerations, of.deformations)
             },
-            "Outputs": (of.Outputs, {name: getattr(outputs, name) for name in ("names", "C", "D", "G")}),
+            "Outputs": (Outputs, {name: getattr(outputs, name) for name in ("names", "C", "D", "G")}),
             "observer_of": (
                 of.observer_of,
                 {
@@ -416,7 +418,7 @@ def laws_calls(_: Path) -> Calls:
         "bandwidth": 50.0,
     }
     known = of.design_law("clipped_optimal", problem, of.RegulatorSettings(control_weight=1e-7))
-    table = of.fuzzy_table(deformation_scale=2e-3, rate_scale=0.05).share.ravel()
+    table = fuzzy_table(deformation_scale=2e-3, rate_scale=0.05).share.ravel()
     return {
         name: partial(ValidCall, *each)
         for name, each in {

@@ -22,6 +22,7 @@ from mrwork.control import (
     design_weights,
 )
 from mrwork.control.design_basis import damper_forces
+from mrwork.control.design_problem import Magnitudes
 from mrwork.errors import SettingError
 from mrwork.motions import fitted_spectrum
 from mrwork.motions.spectrum import strong_part
@@ -386,7 +387,7 @@ def test_a_tuned_law_with_a_semi_active_condition_scans_its_budget() -> None:
     table = mr.study.TuneTable(
         laws=("clipped_optimal",), settings={"designed": {"rms_drift": 4e-3, "semi_active": 0.1}}
     )
-    magnitudes = mr.control.Magnitudes(
+    magnitudes = Magnitudes(
         drift=1e-2,
         displacement=3e-2,
         velocity=0.5,

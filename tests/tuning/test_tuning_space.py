@@ -10,7 +10,7 @@ from sentences import Refused
 
 import mrwork as mr
 from mrwork import Device
-from mrwork.control import SETTINGS, DesignProblem, design_candidates, settings_of
+from mrwork.control import SETTINGS, DesignProblem, ReferencePeaks, design_candidates, settings_of
 from mrwork.control.design_problem import Magnitudes
 from mrwork.study import TuneTable
 from mrwork.tuning.space import LARGEST, FreeSetting, space_of
@@ -41,7 +41,12 @@ def _problem() -> DesignProblem:
         largest_command=1.88,
         differential=True,
     )
-    return DesignProblem(building=frame, devices=[device], sample_time=1e-3)
+    return DesignProblem(
+        building=frame,
+        devices=[device],
+        sample_time=1e-3,
+        reference_peaks=lambda: ReferencePeaks(command=0.5, drift=2e-3, acceleration=3.0),
+    )
 
 
 # The network is trained for a second.
