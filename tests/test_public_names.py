@@ -62,6 +62,7 @@ SMALL_VALUES = {
         "Finding",
         "FittedParameter",
         "FrontPoint",
+        "FurtherSignal",
         "GammaEnvelope",
         "KanaiTajimi",
         "LeftOutCoverage",

@@ -23,4 +23,6 @@ if True:  # the lower tier
     from .evaluation import score as score
     from .evaluation import values as values
     from .responses import History as History
+    from .simulate import LoopVariation as LoopVariation
     from .simulate import loop_observer as loop_observer
+    from .user_law import RunningRms as RunningRms

@@ -171,7 +171,7 @@ class Arrangement:
     @property
     def reads_acceleration(self) -> bool:
         """Whether its law may read accelerations of floors."""
-        return isinstance(self.law, UserLaw) or (self.law is not None and self.law.spec.reads_acceleration)
+        return isinstance(self.law, UserLaw) or (self.law is not None and self.law.reads_acceleration)
 
 
 def commands_force(law: StudyLaw | None) -> bool:
@@ -390,7 +390,9 @@ def digest_of_run(arrangement: Arrangement, *motions: GroundMotion) -> str:
         sorted((name, _digest(array)) for name, array in numbers.items()),
         *(() if model is None else (_digest_of_model(model),)),
         *((law.source, law.n_memory) if isinstance(law, UserLaw) else ()),
+        *((law.rms_time,) if isinstance(law, UserLaw) and law.rms_time is not None else ()),
         *(() if own is None or own.shaping is None else own.shaping),
+        *(() if own is None else own.signals),
         *((_digest(each.row), each.numbers) for each in building.elements),
         *(_digest_of_motion(motion) for motion in motions),
     )
