@@ -21,7 +21,7 @@ from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.hints import Within
 from mrwork.keys import suggestion
-from mrwork.numbers import format_rounded
+from mrwork.numbers import format_rounded, of_unit
 from mrwork.summary import Summarised, Summary
 from mrwork.values import Floats, array_dataclass
 
@@ -196,6 +196,20 @@ class ControlLaw(Summarised):
         plain = self.dead_zone == 0.0 and math.isinf(self.command_slope)
         return None if plain else (float(self.dead_zone), float(self.command_slope))
 
+    @property
+    def shaping_notes(self) -> tuple[str, ...]:
+        """Sentences on dead zone and slope of the command; none where it is sent as it is."""
+        zone = of_unit(self.dead_zone, "m/s")
+        slope = format_rounded(self.command_slope)
+        return (
+            *((f"The command is zero below a damper velocity of {zone}.",) if self.dead_zone > 0.0 else ()),
+            *(
+                (f"The command changes by at most {slope} A or V per second.",)
+                if math.isfinite(self.command_slope)
+                else ()
+            ),
+        )
+
     @checked
     def gain_rows(self, n_devices: int, n_states: int) -> Floats:
         """The gains as rows, shape (n_candidates, n_gains).
@@ -245,7 +259,11 @@ class ControlLaw(Summarised):
                 )
                 for name, value in (*self.gains.items(), *self.tables.items())
             ],
-            notes=(*(() if self.weights is None else self.weights.in_words), *self.notes),
+            notes=(
+                *(() if self.weights is None else self.weights.in_words),
+                *self.notes,
+                *self.shaping_notes,
+            ),
         )
 
 

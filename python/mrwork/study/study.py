@@ -298,7 +298,8 @@ class Study(Summarised):
             (f"Weights of {', '.join(labels)}", (*weights.in_words, weights.advice))
             for labels, weights in self.designs
         )
-        return (*designs, *((f"Loop of {label}", law.notes) for label, law in self._laws if law.notes))
+        loops = ((f"Loop of {label}", (*law.notes, *law.shaping_notes)) for label, law in self._laws)
+        return (*designs, *((heading, notes) for heading, notes in loops if notes))
 
     @property
     def _laws(self) -> Iterator[tuple[str, ControlLaw]]:

@@ -170,7 +170,7 @@ class Bench(Summarised):
             return DesignNotes()
         assert isinstance(made, ControlLaw)
         weights = () if made.weights is None else (*made.weights.in_words, made.weights.advice)
-        return DesignNotes(weights=weights, loop=made.notes)
+        return DesignNotes(weights=weights, loop=(*made.notes, *made.shaping_notes))
 
 
 def arrange_law(
