@@ -334,9 +334,9 @@ def read_study(
     compared = arrangements(table, bare, problem, folder)
     tuned = {law for each in table.tune for law in each.laws}
     with place.within("hardware").prefix_errors(SettingError):
-        for each in compared:
-            if isinstance(each.law, ControlLaw):
-                refuse_unmeasured(hardware, each.law.signals)
+        for arrangement in compared:
+            if isinstance(arrangement.law, ControlLaw):
+                refuse_unmeasured(hardware, arrangement.law.signals)
     if not (
         any(each.reads_acceleration for each in compared)
         or any(spec.reads_acceleration for spec in control_laws() if spec.name in tuned)
