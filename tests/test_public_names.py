@@ -54,6 +54,7 @@ SMALL_VALUES = {
     "Finding",
     "FittedParameter",
     "FrontPoint",
+    "FurtherSignal",
     "GammaEnvelope",
     "KanaiTajimi",
     "Likeness",

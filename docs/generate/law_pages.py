@@ -6,6 +6,7 @@ from generate.equations import tex
 from generate.markdown import code, directive, document, fenced, prose, table, toctree
 from generate.study_keys import documentation, key_table
 from mrwork.control import SETTINGS, ControlLawSpec, control_laws
+from mrwork.control.further_signals import SOURCES
 from mrwork.control.weights import WeightWishes
 from mrwork.study.arrangements import CONSTANT_LAWS
 
@@ -44,6 +45,7 @@ def _needs(spec: ControlLawSpec) -> str:
         *(["the damper force as a function of the command"] if spec.needs_curve else []),
         *(["a model of building and dampers, the ground acceleration"] if spec.needs_model else []),
         *(["actuators of any force"] if spec.commands_force else []),
+        *(["accelerometers at the ends of the devices"] if spec.reads_acceleration else []),
         *(f"table `{name}`" for name in spec.tables),
     ]
     return ", ".join(needs)
@@ -73,8 +75,24 @@ def _page(spec: ControlLawSpec) -> str:
             ],
         )
         or "The law has no gains.",
+        _further_signals() if spec.takes_signals else "",
         "## Use",
         fenced("toml", f'[[controller]]\nlaw = "{spec.name}"'),
+    )
+
+
+def _further_signals() -> str:
+    """What a law of measured signals may take besides those of its device."""
+    rows = [
+        (code(name), code(source), "running root mean square" if is_rms else "reading")
+        for name, (source, is_rms) in SOURCES.items()
+    ]
+    return document(
+        "## Further signals",
+        "The setting `signals` names readings that the law takes besides those of its device; `floors` and "
+        "`rms_floors` add the absolute accelerations of floors. {py:class}`mrwork.control.FurtherSignal` defines the "
+        "running root mean square.",
+        table(("signal", "of", "as"), rows),
     )
 
 
@@ -83,5 +101,6 @@ def _shape(shape: str, numbers: int) -> str:
         "device": "one for each device",
         "state": "one for each device and state",
         "numbers": f"{numbers} for each device",
+        "signal": f"{numbers} for each device and further signal",
         "loop": "one",
     }[shape]

@@ -61,6 +61,7 @@ class Building:
         storeys: NDArray[np.float64],
         devices: NDArray[np.float64],
         elements: Sequence[_PassiveElement],
+        varied: Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]] = ...,
     ) -> Building: ...
     @property
     def summary_layout(self) -> list[tuple[str, int]]: ...
@@ -183,6 +184,14 @@ class ForceCurve:
 class LoopModel:
     def __new__(cls, building: Building, dampers: Dampers) -> LoopModel: ...
 
+class _FurtherSignal(Protocol):
+    @property
+    def source(self) -> str: ...
+    @property
+    def floor(self) -> int: ...
+    @property
+    def time_constant(self) -> float | None: ...
+
 @final
 class Controller:
     def __new__(
@@ -193,6 +202,7 @@ class Controller:
         curve: ForceCurve | None = None,
         shaping: NDArray[np.float64] | None = None,
         model: LoopModel | None = None,
+        signals: Sequence[_FurtherSignal] = ...,
     ) -> Controller: ...
 
 @final

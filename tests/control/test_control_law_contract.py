@@ -104,7 +104,7 @@ def test_a_law_says_what_it_is(spec: ControlLawSpec) -> None:
     assert spec.description.endswith(".")
     assert spec.source
     assert all(
-        gain.unit and gain.description and gain.shape in ("device", "state", "numbers", "loop")
+        gain.unit and gain.description and gain.shape in ("device", "state", "numbers", "signal", "loop")
         for gain in spec.gains
     )
 

@@ -435,6 +435,19 @@ def laws_calls(_: Path) -> Calls:
                 mr.ControlLaw,
                 {"name": "inverse_direct", "gains": dict(known.gains), "curve": rd1005()},
             ),
+            "ControlLaw with signals": (
+                mr.ControlLaw,
+                {
+                    "name": "signal_polynomial",
+                    "gains": dict(known.gains),
+                    "tables": {"terms": [1.0, 0, 0, 0, 0, 1], "reach": [1e-2, 1.0, 1e3, 1e3, 2.0]},
+                    "signals": (of.FurtherSignal(source="ground_acceleration"),),
+                },
+            ),
+            "FurtherSignal": (
+                of.FurtherSignal,
+                {"source": "floor_acceleration", "floor": 2, "time_constant": 0.5},
+            ),
             "gain_rows": (known.gain_rows, {"n_devices": 2, "n_states": 10}),
             "control_law": (of.control_law, {"name": "passive"}),
             "settings_of": (of.settings_of, {"name": "modified_clipped_optimal", "given": clipped}),
@@ -541,7 +554,14 @@ def loop_calls(_: Path) -> Calls:
             ),
             "UserLaw": (
                 of.UserLaw,
-                {"name": "x", "command": _viscous, "n_candidates": 2, "n_memory": 1, "source": "s"},
+                {
+                    "name": "x",
+                    "command": _viscous,
+                    "n_candidates": 2,
+                    "n_memory": 1,
+                    "rms_time": 1.0,
+                    "source": "s",
+                },
             ),
             "ClairvoyantSettings": (
                 of.ClairvoyantSettings,
@@ -558,6 +578,10 @@ def loop_calls(_: Path) -> Calls:
                     "histories": True,
                     "step_factor": 1,
                     "nominal": frame,
+                    "shaping": [[0.01, 50.0]],
+                    "variation": of.LoopVariation(
+                        buildings=(frame, frame), delay=np.zeros(2), seed=np.zeros(2, dtype=np.int64)
+                    ),
                     "threads": 1,
                 },
             ),

@@ -11,6 +11,7 @@ from sentences import Refused
 
 import mrwork as mr
 from mrwork.study import StudyResults
+from mrwork.study.folder import design_document
 from mrwork.study.study import fingerprint_of
 
 LAW = '\n[[controller]]\nlaw = "clipped_optimal"\nsettings = {{ control_weight = 1e-12 }}\n{}\n'
@@ -37,6 +38,18 @@ def test_dead_zone_and_slope_of_a_controller_quiet_its_command(tmp_path: Path) -
     assert shaped.command_travel.max() <= 20.0
     assert plain.command_travel.max() > 20.0
     assert shaped.switching_rate.max() < plain.switching_rate.max()
+
+
+def test_dead_zone_and_slope_are_told_by_terminal_and_page(tmp_path: Path) -> None:
+    study = read(tmp_path, LAW.format('label = "shaped"\ndead_zone = "5 mm/s"\ncommand_slope = "20 A/s"'))
+    told = dict(study.design_notes)["Loop of shaped"]
+    assert "The command is zero below a damper velocity of 0.005 m/s." in told
+    assert "The command changes by at most 20 A or V per second." in told
+    # Facts of the study stand on its page, and its document in the folder.
+    assert " ".join(told) in dict(study.facts)["Loop of shaped"]
+    assert design_document(study)["loops"][0]["notes"] == list(told)
+    (quiet,) = read(tmp_path, LAW.format('label = "plain"')).design_notes
+    assert not any("The command" in each for each in quiet[1])
 
 
 def test_a_dead_zone_is_an_input_of_a_run(tmp_path: Path) -> None:

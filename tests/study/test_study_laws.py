@@ -107,7 +107,8 @@ def test_a_design_has_the_numbers_that_its_law_takes(law: str) -> None:
     model = LoopModel(building=on.building, devices=on.devices) if control_law(law).needs_model else None
     made = ControlLaw(name=law, gains=found.gains, tables=found.tables, curve=curve, model=model)
     n_gains = sum(
-        {"device": 1, "state": 10, "loop": 1}.get(gain.shape, gain.numbers) for gain in made.spec.gains
+        {"device": 1, "state": 10, "loop": 1, "signal": 0}.get(gain.shape, gain.numbers)
+        for gain in made.spec.gains
     )
     assert made.gain_rows(1, 10).shape == (1, n_gains)
     assert len(made.table_rows()) == len(made.spec.tables)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -46,6 +47,9 @@ def test_weights_of_scores_are_the_derivative_of_the_risk(risk: str, tail: float
         assert weights[place] == pytest.approx((ends[1] - ends[0]) / 1e-6, abs=1e-6)
 
 
-def test_gradients_of_a_law_that_switches_are_refused(tmp_path: Path, refused: Refused) -> None:
+def test_gradients_that_the_twin_does_not_have_are_refused(tmp_path: Path, refused: Refused) -> None:
     study = mr.read_study(tuning_samples.study_file(tmp_path))
     refused(check_finish, TuneTable(laws=("clipped_optimal",), gradient_steps=5), study)
+    learned = TuneTable(laws=("signal_network",), gradient_steps=5)
+    refused(check_finish, replace(learned, settings={"floors": (5,)}), study)
+    refused(check_finish, replace(learned, free={"network": (), "dead_zone": ()}), study)

@@ -3,6 +3,7 @@
 use nalgebra::{Cholesky, DMatrix, Dyn, SymmetricEigen};
 
 use crate::error::DynamicsError;
+use crate::lanes::Lanes;
 use crate::real::Real;
 
 /// A sparse matrix by rows.
@@ -60,43 +61,55 @@ impl SparseRows {
     }
 }
 
-/// Stiffness and damping matrices by rows, entries where either is not zero.
-#[derive(Clone, Debug)]
-pub(crate) struct Springs {
-    starts: Vec<usize>,
-    entries: Vec<Spring>,
+/// A coefficient of equations in lanes: one that all lanes share, or one of each lane.
+pub(crate) trait Coefficient<R>: Copy {
+    /// The coefficient of every lane.
+    fn in_lanes(self) -> R;
 }
 
-/// An entry of both matrices.
+impl<R: Real> Coefficient<R> for f64 {
+    #[inline(always)]
+    fn in_lanes(self) -> R {
+        R::splat(self)
+    }
+}
+
+/// A coefficient of each lane.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Spring {
-    pub(crate) column: usize,
-    pub(crate) stiffness: f64,
-    pub(crate) damping: f64,
+pub(crate) struct OfLanes<R>(R);
+
+impl<R: Real> Coefficient<R> for OfLanes<R> {
+    #[inline(always)]
+    fn in_lanes(self) -> R {
+        self.0
+    }
+}
+
+/// An entry of the stiffness and the damping matrix.
+#[derive(Clone, Copy, Debug)]
+struct Spring<N> {
+    column: usize,
+    stiffness: N,
+    damping: N,
 }
 
 /// A row of a tridiagonal building: coefficients of the neighbour below, the coordinate itself and the neighbour above.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Link {
-    pub(crate) stiffness: [f64; 3],
-    pub(crate) damping: [f64; 3],
+struct Link<N> {
+    stiffness: [N; 3],
+    damping: [N; 3],
 }
 
-impl Springs {
-    /// The rows of a tridiagonal building; `None` if a coordinate is connected to others than its neighbours.
-    fn links(&self) -> Option<Vec<Link>> {
-        let rows = self.starts.len() - 1;
-        let mut links = vec![Link { stiffness: [0.0; 3], damping: [0.0; 3] }; rows];
-        for (row, link) in links.iter_mut().enumerate() {
-            for spring in self.row(row) {
-                let neighbour = (spring.column + 1).checked_sub(row).filter(|&neighbour| neighbour < 3)?;
-                link.stiffness[neighbour] = spring.stiffness;
-                link.damping[neighbour] = spring.damping;
-            }
-        }
-        Some(links)
-    }
+/// Stiffness and damping matrices by rows, entries where either is not zero.
+#[derive(Clone, Debug)]
+pub(crate) struct SpringRows<N> {
+    starts: Vec<usize>,
+    entries: Vec<Spring<N>>,
+    /// The same for a tridiagonal building; `None` if a coordinate is connected to others than its neighbours.
+    links: Option<Vec<Link<N>>>,
+}
 
+impl SpringRows<f64> {
     fn new(stiffness: &[f64], damping: &[f64], columns: usize) -> Self {
         let mut starts = vec![0];
         let mut entries = Vec::new();
@@ -108,12 +121,123 @@ impl Springs {
             }
             starts.push(entries.len());
         }
-        Self { starts, entries }
+        let links = links_of(&starts, &entries);
+        Self { starts, entries, links }
     }
 
+    /// Whether the entries stand in the same places, so that both are simulated by the same operations.
+    pub(crate) fn has_pattern_of(&self, other: &Self) -> bool {
+        let columns = |rows: &Self| rows.entries.iter().map(|entry| entry.column).collect::<Vec<_>>();
+        self.starts == other.starts && columns(self) == columns(other)
+    }
+}
+
+/// The rows of a tridiagonal building; `None` if a coordinate is connected to others than its neighbours.
+fn links_of(starts: &[usize], entries: &[Spring<f64>]) -> Option<Vec<Link<f64>>> {
+    let mut links = vec![Link { stiffness: [0.0; 3], damping: [0.0; 3] }; starts.len() - 1];
+    for (row, link) in links.iter_mut().enumerate() {
+        for spring in &entries[starts[row]..starts[row + 1]] {
+            let neighbour = (spring.column + 1).checked_sub(row).filter(|&neighbour| neighbour < 3)?;
+            link.stiffness[neighbour] = spring.stiffness;
+            link.damping[neighbour] = spring.damping;
+        }
+    }
+    Some(links)
+}
+
+impl<R: Lanes> SpringRows<OfLanes<R>> {
+    /// The rows of a lane each, all of one pattern; the last ones are those of the lanes that are left.
+    pub(crate) fn of_lanes(each: &[&SpringRows<f64>]) -> Self {
+        let (first, last) = (each[0], each.len() - 1);
+        let gathered = |number: &dyn Fn(&SpringRows<f64>) -> f64| {
+            OfLanes(R::from_fn(|lane| number(each[lane.min(last)])))
+        };
+        let entries = first.entries.iter().enumerate().map(|(place, entry)| Spring {
+            column: entry.column,
+            stiffness: gathered(&|rows| rows.entries[place].stiffness),
+            damping: gathered(&|rows| rows.entries[place].damping),
+        });
+        let link = |row: usize| {
+            let number = |of: fn(&Link<f64>) -> &[f64; 3], neighbour: usize| {
+                gathered(&|rows| rows.links.as_ref().map_or(f64::NAN, |links| of(&links[row])[neighbour]))
+            };
+            Link {
+                stiffness: [0, 1, 2].map(|neighbour| number(|link| &link.stiffness, neighbour)),
+                damping: [0, 1, 2].map(|neighbour| number(|link| &link.damping, neighbour)),
+            }
+        };
+        Self {
+            starts: first.starts.clone(),
+            entries: entries.collect(),
+            links: first.links.as_ref().map(|links| (0..links.len()).map(link).collect()),
+        }
+    }
+}
+
+impl<N: Copy> SpringRows<N> {
     #[inline(always)]
-    pub(crate) fn row(&self, row: usize) -> &[Spring] {
+    fn row(&self, row: usize) -> &[Spring<N>] {
         &self.entries[self.starts[row]..self.starts[row + 1]]
+    }
+
+    /// Forces of the stiffness and of the damping on a coordinate [N].
+    #[inline(always)]
+    pub(crate) fn coupling<R: Real>(&self, coordinate: usize, displacement: &[R], velocity: &[R]) -> [R; 2]
+    where
+        N: Coefficient<R>,
+    {
+        let (mut sprung, mut damped) = (R::splat(0.0), R::splat(0.0));
+        if let Some(links) = &self.links {
+            // A neighbour beyond either end of the chain has no stiffness.
+            let link = links[coordinate];
+            let columns = [coordinate.saturating_sub(1), coordinate, (coordinate + 1).min(links.len() - 1)];
+            sprung = displacement[columns[0]] * link.stiffness[0].in_lanes();
+            damped = velocity[columns[0]] * link.damping[0].in_lanes();
+            sprung = displacement[columns[1]].mul_add(link.stiffness[1].in_lanes(), sprung);
+            damped = velocity[columns[1]].mul_add(link.damping[1].in_lanes(), damped);
+            sprung = displacement[columns[2]].mul_add(link.stiffness[2].in_lanes(), sprung);
+            damped = velocity[columns[2]].mul_add(link.damping[2].in_lanes(), damped);
+        } else {
+            for spring in self.row(coordinate) {
+                sprung = displacement[spring.column].mul_add(spring.stiffness.in_lanes(), sprung);
+                damped = velocity[spring.column].mul_add(spring.damping.in_lanes(), damped);
+            }
+        }
+        [sprung, damped]
+    }
+
+    /// Force of the stiffness on a coordinate [N].
+    #[inline(always)]
+    pub(crate) fn sprung<R: Real>(&self, coordinate: usize, displacement: &[R]) -> R
+    where
+        N: Coefficient<R>,
+    {
+        let mut sum = R::splat(0.0);
+        for spring in self.row(coordinate) {
+            sum = displacement[spring.column].mul_add(spring.stiffness.in_lanes(), sum);
+        }
+        sum
+    }
+}
+
+/// Stiffness and damping of a building; a batch of runs may have others of the same building.
+#[derive(Clone, Debug)]
+pub struct Springs {
+    pub(crate) rows: SpringRows<f64>,
+    /// The larger of the largest natural frequency [rad/s] and the largest eigenvalue of M^-1 C [1/s].
+    pub(crate) fastest: f64,
+}
+
+impl Springs {
+    fn new(root: &Cholesky<f64, Dyn>, damping: &[f64], stiffness: &[f64], n: usize) -> Self {
+        let frequency = largest_eigenvalue(root, stiffness, n).abs().sqrt();
+        let decay = largest_eigenvalue(root, damping, n).abs();
+        Self { rows: SpringRows::new(stiffness, damping, n), fastest: frequency.max(decay) }
+    }
+
+    /// Number of coordinates.
+    pub(crate) fn n_coordinates(&self) -> usize {
+        self.rows.starts.len() - 1
     }
 }
 
@@ -182,10 +306,7 @@ pub struct Building {
     pub(crate) n: usize,
     pub(crate) mass: SparseRows,
     pub(crate) mass_inverse: SparseRows,
-    pub(crate) stiffness: SparseRows,
     pub(crate) springs: Springs,
-    /// The same for a tridiagonal building.
-    pub(crate) links: Option<Vec<Link>>,
     pub(crate) influence: Vec<f64>,
     /// M r [kg].
     pub(crate) pushed_mass: Vec<f64>,
@@ -202,8 +323,6 @@ pub struct Building {
     pub(crate) element_parameters: Vec<Element>,
     /// Effective mass of each element [kg].
     pub(crate) element_mass: Vec<f64>,
-    /// The larger of the largest natural frequency [rad/s] and the largest eigenvalue of M^-1 C [1/s].
-    pub(crate) fastest: f64,
 }
 
 impl Building {
@@ -215,12 +334,7 @@ impl Building {
         let n = matrices.influence.len();
         let square =
             [("mass", matrices.mass), ("damping", matrices.damping), ("stiffness", matrices.stiffness)];
-        for (name, matrix) in square {
-            let (found, expected) = (matrix.len(), n * n);
-            if found != expected {
-                return Err(DynamicsError::MatrixSize { name, found, expected });
-            }
-        }
+        check_square(&square, n)?;
         let rows = [
             ("floors", matrices.floors),
             ("storeys", matrices.storeys),
@@ -232,11 +346,7 @@ impl Building {
                 return Err(DynamicsError::MatrixSize { name, found: matrix.len(), expected: n });
             }
         }
-        for (name, matrix) in square.into_iter().chain(rows).chain([("influence", matrices.influence)]) {
-            if let Some(sample) = matrix.iter().position(|value| !value.is_finite()) {
-                return Err(DynamicsError::NotFinite { name, sample });
-            }
-        }
+        check_finite(square.into_iter().chain(rows).chain([("influence", matrices.influence)]))?;
         let (found, expected) = (matrices.element_parameters.len(), matrices.elements.len() / n);
         if found != expected {
             return Err(DynamicsError::MatrixSize { name: "element_parameters", found, expected });
@@ -258,16 +368,11 @@ impl Building {
             rows.chunks_exact(n).map(moved).collect()
         };
         let (device_mass, element_mass) = (moved_masses(matrices.devices), moved_masses(matrices.elements));
-        let frequency = largest_eigenvalue(&root, matrices.stiffness, n).abs().sqrt();
-        let decay = largest_eigenvalue(&root, matrices.damping, n).abs();
-        let springs = Springs::new(matrices.stiffness, matrices.damping, n);
         Ok(Self {
             n,
-            links: springs.links(),
             mass: SparseRows::new(matrices.mass, n),
             mass_inverse: SparseRows::new(inverse.transpose().as_slice(), n),
-            stiffness: SparseRows::new(matrices.stiffness, n),
-            springs,
+            springs: Springs::new(&root, matrices.damping, matrices.stiffness, n),
             influence: matrices.influence.to_vec(),
             pushed_mass: pushed.as_slice().to_vec(),
             total_mass,
@@ -279,31 +384,26 @@ impl Building {
             elements: SparseRows::new(matrices.elements, n),
             element_parameters: matrices.element_parameters.to_vec(),
             element_mass,
-            fastest: frequency.max(decay),
         })
     }
 
-    /// Forces of the stiffness and of the damping on a coordinate [N].
-    #[inline(always)]
-    pub(crate) fn coupling<R: Real>(&self, coordinate: usize, displacement: &[R], velocity: &[R]) -> [R; 2] {
-        let (mut sprung, mut damped) = (R::splat(0.0), R::splat(0.0));
-        if let Some(links) = &self.links {
-            // A neighbour beyond either end of the chain has no stiffness.
-            let link = links[coordinate];
-            let columns = [coordinate.saturating_sub(1), coordinate, (coordinate + 1).min(self.n - 1)];
-            sprung = displacement[columns[0]] * R::splat(link.stiffness[0]);
-            damped = velocity[columns[0]] * R::splat(link.damping[0]);
-            sprung = displacement[columns[1]].mul_add(R::splat(link.stiffness[1]), sprung);
-            damped = velocity[columns[1]].mul_add(R::splat(link.damping[1]), damped);
-            sprung = displacement[columns[2]].mul_add(R::splat(link.stiffness[2]), sprung);
-            damped = velocity[columns[2]].mul_add(R::splat(link.damping[2]), damped);
-        } else {
-            for spring in self.springs.row(coordinate) {
-                sprung = displacement[spring.column].mul_add(R::splat(spring.stiffness), sprung);
-                damped = velocity[spring.column].mul_add(R::splat(spring.damping), damped);
+    /// Other stiffness and damping of the building, as of a realisation.
+    ///
+    /// # Errors
+    /// If a matrix is not that of as many coordinates, or has a number that is not finite.
+    pub fn with_springs(&self, damping: &[f64], stiffness: &[f64]) -> Result<Springs, DynamicsError> {
+        let n = self.n;
+        let matrices = [("damping", damping), ("stiffness", stiffness)];
+        check_square(&matrices, n)?;
+        check_finite(matrices)?;
+        let mut mass = DMatrix::zeros(n, n);
+        for row in 0..n {
+            for &(column, entry) in self.mass.row(row) {
+                mass[(row, column)] = entry;
             }
         }
-        [sprung, damped]
+        let root = Cholesky::new(mass).ok_or(DynamicsError::SingularMass)?;
+        Ok(Springs::new(&root, damping, stiffness, n))
     }
 
     /// Number of coordinates.
@@ -335,6 +435,27 @@ impl Building {
     pub fn n_storeys(&self) -> usize {
         self.storeys.len()
     }
+}
+
+fn check_square(matrices: &[(&'static str, &[f64])], n: usize) -> Result<(), DynamicsError> {
+    for &(name, matrix) in matrices {
+        let (found, expected) = (matrix.len(), n * n);
+        if found != expected {
+            return Err(DynamicsError::MatrixSize { name, found, expected });
+        }
+    }
+    Ok(())
+}
+
+fn check_finite<'a>(
+    matrices: impl IntoIterator<Item = (&'static str, &'a [f64])>,
+) -> Result<(), DynamicsError> {
+    for (name, matrix) in matrices {
+        if let Some(sample) = matrix.iter().position(|value| !value.is_finite()) {
+            return Err(DynamicsError::NotFinite { name, sample });
+        }
+    }
+    Ok(())
 }
 
 /// Rows w of the devices with w F = e for the rows F of the floors; `None` if there are none.

@@ -4,11 +4,11 @@
 #![allow(clippy::expect_used)] // of what the tests themselves make
 
 use mrwork_dynamics::any_damper::Damper;
-use mrwork_dynamics::building::{Building, Element, Matrices};
+use mrwork_dynamics::building::{Building, Element, Matrices, Springs};
 use mrwork_dynamics::closed_loop::{
     Batch, Channel, Fault, Hardware, RUN_QUANTITIES, Run, Sensor, Shaping, respond, width,
 };
-use mrwork_dynamics::control::{Law, Mounting};
+use mrwork_dynamics::control::{Law, LoopSizes, Mounting, Signal, Source};
 use mrwork_dynamics::current_law::{CurrentLaw, CurrentLaws};
 use mrwork_dynamics::damper::{REGISTRY, find_device};
 use mrwork_dynamics::dispatch::InstructionSet;
@@ -46,6 +46,13 @@ fn number() -> impl Strategy<Value = f64> {
 
 fn plain() -> impl Strategy<Value = f64> {
     prop_oneof![20 => -1.0..1.0, 1 => select(vec![0.0, 1e300, -1e300, 5e-324, f64::NAN])]
+}
+
+/// What a further signal may be of.
+fn source() -> impl Strategy<Value = Source> {
+    let known =
+        [Source::Deformation, Source::Rate, Source::Force, Source::Acceleration, Source::GroundAcceleration];
+    prop_oneof![5 => select(known.to_vec()), 1 => count(0).prop_map(Source::Floor)]
 }
 
 /// Entries of which few are not zero.
@@ -207,8 +214,8 @@ proptest! {
             (prop_oneof![6 => Just(0.01), 1 => 0.001..1.0, 1 => select(vec![0.0, -1.0, f64::NAN, f64::INFINITY])], count(1), count(0), number()),
         sensors in vec([number(), number()], 4),
         fault in proptest::option::of((select(vec![Channel::Acceleration(0), Channel::Command(0), Channel::Force(usize::MAX), Channel::GroundAcceleration]), count(0), count(2), proptest::option::of(number()))),
-        shaping in vec((number(), number()), 0..3),
-        runs in vec((0..2_u32, 0..2_u32, 0..2_u32), 0..5),
+        (shaping, signals) in (vec((number(), number()), 0..3), vec((source(), proptest::option::of(number())), 0..3)),
+        (factors, later, runs) in (vec(number(), 0..3), prop_oneof![6 => 0..4_u32, 1 => any::<u32>()], vec((0..2_u32, 0..2_u32, 0..2_u32), 0..5)),
         (fit, right, set) in (any::<bool>(), 0..8_u8, set()),
     ) {
         let square = |entries: &[f64], own: f64| -> Vec<f64> {
@@ -239,6 +246,15 @@ proptest! {
             devices: &devices,
         };
         let Ok(building) = Building::new(&matrices) else { return Ok(()) };
+        let scaled = |matrix: &[f64], factor: f64| -> Vec<f64> { matrix.iter().map(|entry| factor * entry).collect() };
+        let springs: Vec<Springs> = factors
+            .iter()
+            .filter_map(|&factor| {
+                building.with_springs(&scaled(&damping, factor), &scaled(&stiffness, factor)).ok()
+            })
+            .collect();
+        let signals: Vec<Signal> =
+            signals.into_iter().map(|(source, time_constant)| Signal { source, time_constant }).collect();
         let damper = find_device("static_hysteretic").expect("a registered model");
         let laws = CurrentLaws::constant(damper.spec());
         let theta: Vec<f64> = (0..2 * n_devices).flat_map(|_| nominal(damper)).collect();
@@ -249,7 +265,7 @@ proptest! {
             mountings.resize(n_devices, Mounting { count: 1.0, differential: false });
             ranges.resize(n_devices, [0.0, 1.0]);
             ranges.iter_mut().filter(|[from, to]| from > to || from.is_nan() || to.is_nan()).for_each(|range| *range = [0.0, 1.0]);
-            gains.resize(2 * law.spec().n_gains(n_devices, 2 * n), 0.5);
+            gains.resize(2 * law.spec().n_gains(LoopSizes { n_devices, n_states: 2 * n, n_signals: signals.len() }), 0.5);
         }
         let motion = GroundMotion::new(0.01, &[0.0, 1.0, -1.0, 0.5]).expect("a motion");
         let [acceleration, deformation, force, ground_acceleration] =
@@ -262,12 +278,20 @@ proptest! {
         let hardware = Hardware { sample_time, steps, delay_steps, command_rate: rate, acceleration, deformation, force, ground_acceleration, faults };
         let runs: Vec<Run> = runs
             .into_iter()
-            .map(|(candidate, motion, draw)| Run { candidate, motion: motion * u32::from(right == 1), draw, stream: 3 })
+            .map(|(candidate, motion, draw)| Run {
+                candidate,
+                motion: motion * u32::from(right == 1),
+                draw,
+                springs: motion,
+                delay_steps: draw.saturating_mul(later),
+                stream: 3,
+            })
             .collect();
         let shaping: Vec<Shaping> =
             shaping.into_iter().map(|(dead_zone, slope)| Shaping { dead_zone, slope }).collect();
         let batch = Batch {
             building: &building,
+            springs: &springs,
             laws: &laws,
             theta: &theta,
             mountings: &mountings,
@@ -276,6 +300,7 @@ proptest! {
             outside: None,
             gains: &gains,
             tables: &tables,
+            signals: &signals,
             shaping: &shaping,
             curve: None,
             model: None,

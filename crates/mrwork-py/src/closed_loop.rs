@@ -1,7 +1,7 @@
 //! Buildings in closed loop, in Python.
 
 use mrwork_dynamics::any_damper::Damper;
-use mrwork_dynamics::building::{Building as Dynamics, Element, Matrices};
+use mrwork_dynamics::building::{Building as Dynamics, Element, Matrices, Springs};
 use mrwork_dynamics::closed_loop::{
     self, Batch, Channel, Fault, HISTORY_SIGNALS, Hardware, Observer as DiscreteObserver, OutsideLaw,
     Quantity, RUN_QUANTITIES, Run, Sensor, n_samples,
@@ -44,15 +44,19 @@ impl PassiveElement<'_> {
     }
 }
 
-/// Matrices of a building, with a row for each of its devices.
+/// Matrices of a building, with a row for each of its devices; other damping and stiffness that runs may have.
 #[pyclass(frozen, module = "mrwork._rust")]
 pub struct Building {
     dynamics: Dynamics,
+    springs: Vec<Springs>,
 }
 
 #[pymethods]
 impl Building {
     #[new]
+    #[pyo3(signature = (
+        mass, damping, stiffness, influence, floors, storeys, devices, elements, varied=Vec::new()
+    ))]
     #[allow(clippy::too_many_arguments)] // the matrices of one equation
     fn new(
         mass: PyReadonlyArray2<'_, f64>,
@@ -63,6 +67,7 @@ impl Building {
         storeys: PyReadonlyArray2<'_, f64>,
         devices: PyReadonlyArray2<'_, f64>,
         elements: Vec<PassiveElement<'_>>,
+        varied: Vec<(PyReadonlyArray2<'_, f64>, PyReadonlyArray2<'_, f64>)>,
     ) -> PyResult<Self> {
         let columns = ("coordinates", Some(influence.len()));
         let square = [columns; 2];
@@ -80,7 +85,14 @@ impl Building {
             elements: &rows?.concat(),
             element_parameters: &element_parameters,
         };
-        Ok(Self { dynamics: Dynamics::new(&matrices).map_err(value_error)? })
+        let dynamics = Dynamics::new(&matrices).map_err(value_error)?;
+        let springs = varied.iter().map(|(damping, stiffness)| {
+            let damping = shaped("varied damping", damping, &square)?;
+            dynamics
+                .with_springs(damping, shaped("varied stiffness", stiffness, &square)?)
+                .map_err(value_error)
+        });
+        Ok(Self { springs: springs.collect::<PyResult<_>>()?, dynamics })
     }
 
     /// Quantities of the summary of a run, in order, each with its number of columns.
@@ -304,7 +316,8 @@ type Responses<'py> = (
 /// Runs of a building in closed loop: summaries, shape (`n_runs`, width), outcomes, integration steps per sample, and, if
 /// requested, histories, one array per run.
 ///
-/// `motions` are pairs of the time step and the acceleration; `runs` has a row (candidate, motion, draw) for each run.
+/// `motions` are pairs of the time step and the acceleration; `runs` has a row (candidate, motion, draw, varied damping and
+/// stiffness of the building, steps of delay beyond those of the hardware) for each run.
 /// `outside` is a law in Python that commands instead of that of the controller, see [`AskedLaw`].
 #[pyfunction]
 #[pyo3(signature = (
@@ -337,16 +350,25 @@ pub fn respond<'py>(
     let n_coordinates = building.dynamics.n_coordinates();
     let n_devices = dampers.mountings.len();
     let (rows, _) =
-        shaped("runs", &runs, &[("runs", None), ("candidate, motion and draw", Some(3))])?.as_chunks::<3>();
+        shaped("runs", &runs, &[("runs", None), ("candidate, motion, draw, building and delay", Some(5))])?
+            .as_chunks::<5>();
     let runs: Vec<Run> = rows
         .iter()
         .zip(shaped("streams", &streams, &[("runs", Some(rows.len()))])?)
-        .map(|(&[candidate, motion, draw], &stream)| Run { candidate, motion, draw, stream })
+        .map(|(&[candidate, motion, draw, springs, delay_steps], &stream)| Run {
+            candidate,
+            motion,
+            draw,
+            springs,
+            delay_steps,
+            stream,
+        })
         .collect();
     let outside =
         outside.map(|law| AskedLaw::new(law, n_coordinates, n_devices, building.dynamics.n_floors()));
     let batch = Batch {
         building: &building.dynamics,
+        springs: &building.springs,
         laws: &dampers.laws,
         theta: &dampers.theta,
         mountings: &dampers.mountings,
@@ -355,6 +377,7 @@ pub fn respond<'py>(
         outside: outside.as_ref().map(|law| law as &dyn OutsideLaw),
         gains: controller.gains(n_devices, 2 * n_coordinates)?,
         tables: &controller.tables,
+        signals: &controller.signals,
         shaping: &controller.shaping,
         curve: controller.curve()?,
         model: controller.model(),

@@ -1,11 +1,13 @@
 //! Control laws in Python, and a law with its gains.
 
 use mrwork_dynamics::closed_loop::Shaping;
-use mrwork_dynamics::control::{CurveModel, Law, LawSpec, LoopModel as DynamicsModel, Shape, Unit};
+use mrwork_dynamics::control::{
+    CurveModel, Law, LawSpec, LoopModel as DynamicsModel, LoopSizes, Signal, Source, Unit,
+};
 use mrwork_dynamics::current_law::CurrentLaws;
 use mrwork_dynamics::damper::find;
 use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
-use pyo3::exceptions::PyLookupError;
+use pyo3::exceptions::{PyLookupError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -32,6 +34,7 @@ fn law_dict<'py>(py: Python<'py>, spec: &LawSpec) -> PyResult<Bound<'py, PyDict>
     entry.set_item("needs_model", spec.needs_model)?;
     entry.set_item("commands_force", spec.commands_force)?;
     entry.set_item("reads_acceleration", spec.reads_acceleration)?;
+    entry.set_item("takes_signals", spec.takes_signals)?;
     let gains = spec.gains.iter().map(|gain| {
         let entry = PyDict::new(py);
         entry.set_item("name", gain.name)?;
@@ -39,7 +42,7 @@ fn law_dict<'py>(py: Python<'py>, spec: &LawSpec) -> PyResult<Bound<'py, PyDict>
         entry.set_item("is_command", gain.unit == Unit::Command)?;
         entry.set_item("scales_with_command", gain.unit.has_command())?;
         entry.set_item("shape", gain.shape.name())?;
-        entry.set_item("numbers", if let Shape::Numbers(count) = gain.shape { count } else { 1 })?;
+        entry.set_item("numbers", gain.shape.numbers())?;
         entry.set_item("description", gain.description)?;
         Ok(entry)
     });
@@ -82,13 +85,42 @@ impl LoopModel {
     }
 }
 
-/// A control law with the gains of its candidates, its tables, its models of the dampers and of the loop, and the dead zone
-/// and slope of the command of each candidate, shape (candidates, 2).
+/// A further signal of a law, by the names of its numbers in Python.
+#[derive(FromPyObject)]
+struct FurtherSignal {
+    source: String,
+    floor: usize,
+    time_constant: Option<f64>,
+}
+
+impl FurtherSignal {
+    fn dynamics(self) -> PyResult<Signal> {
+        let source = match self.source.as_str() {
+            "deformation" => Source::Deformation,
+            "rate" => Source::Rate,
+            "force" => Source::Force,
+            "acceleration" => Source::Acceleration,
+            "floor_acceleration" => Source::Floor(self.floor),
+            "ground_acceleration" => Source::GroundAcceleration,
+            other => {
+                return Err(PyValueError::new_err(format!(
+                    "a signal is a deformation, rate, force, acceleration, floor_acceleration or ground_acceleration, \
+                     not `{other}`"
+                )));
+            }
+        };
+        Ok(Signal { source, time_constant: self.time_constant })
+    }
+}
+
+/// A control law with the gains of its candidates, its tables, its models of the dampers and of the loop, the dead zone
+/// and slope of the command of each candidate, shape (candidates, 2), and the further signals that it takes.
 #[pyclass(frozen, module = "mrwork._rust")]
 pub struct Controller {
     pub(crate) law: Law,
     pub(crate) tables: Vec<Vec<f64>>,
     pub(crate) shaping: Vec<Shaping>,
+    pub(crate) signals: Vec<Signal>,
     gains: Vec<f64>,
     shape: Vec<usize>,
     curve: Option<Py<ForceCurve>>,
@@ -98,7 +130,7 @@ pub struct Controller {
 #[pymethods]
 impl Controller {
     #[new]
-    #[pyo3(signature = (law, gains, tables=Vec::new(), curve=None, shaping=None, model=None))]
+    #[pyo3(signature = (law, gains, tables=Vec::new(), curve=None, shaping=None, model=None, signals=Vec::new()))]
     fn new(
         law: &str,
         gains: PyReadonlyArray2<'_, f64>,
@@ -106,6 +138,7 @@ impl Controller {
         curve: Option<Py<ForceCurve>>,
         shaping: Option<PyReadonlyArray2<'_, f64>>,
         model: Option<Py<LoopModel>>,
+        signals: Vec<FurtherSignal>,
     ) -> PyResult<Self> {
         let law = Law::find(law)
             .ok_or_else(|| PyLookupError::new_err(format!("no control law is called `{law}`")))?;
@@ -121,6 +154,7 @@ impl Controller {
         Ok(Self {
             law,
             shaping,
+            signals: signals.into_iter().map(FurtherSignal::dynamics).collect::<PyResult<_>>()?,
             tables: tables.collect::<PyResult<_>>()?,
             gains: contiguous("gains", &gains)?.to_vec(),
             shape: gains.shape().to_vec(),
@@ -133,7 +167,8 @@ impl Controller {
 impl Controller {
     /// The gains, shape (candidates, gains), of a loop with these numbers of devices and states.
     pub fn gains(&self, n_devices: usize, n_states: usize) -> PyResult<&[f64]> {
-        let n_gains = self.law.spec().n_gains(n_devices, n_states);
+        let n_gains =
+            self.law.spec().n_gains(LoopSizes { n_devices, n_states, n_signals: self.signals.len() });
         with_shape("gains", &self.shape, &[("candidates", None), ("gains", Some(n_gains))])?;
         Ok(&self.gains)
     }

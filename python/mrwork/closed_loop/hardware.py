@@ -6,10 +6,12 @@ Its keys are also those of [hardware] in a study file, where floors and dampers 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import Annotated, ClassVar, Literal
 
 from mrwork.arguments import May, checked
+from mrwork.control.further_signals import FurtherSignal
 from mrwork.errors import InvalidSettingError, SettingError
 from mrwork.keys import key
 from mrwork.summary import Summarised, Summary
@@ -236,3 +238,16 @@ class Hardware(Summarised):
             ],
             notes=("Settings that are not listed have their defaults.",),
         )
+
+
+def refuse_unmeasured(hardware: Hardware, signals: Sequence[FurtherSignal]) -> None:
+    """Refuse signals of a law that are accelerations of floors without an accelerometer."""
+    if hardware.measured_floors is None:
+        return
+    for signal in signals:
+        if signal.source == "floor_acceleration" and signal.floor not in hardware.measured_floors:
+            raise InvalidSettingError(
+                "measured_floors",
+                f"a law reads the acceleration of floor {signal.floor + 1}, counted from 1, which has no "
+                "accelerometer; add it to `measured_floors`, or leave the floor out of the signals of the law",
+            )

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from mrwork import _rust
-from mrwork.arguments import Positive, Threads, checked
+from mrwork.arguments import May, Positive, Threads, checked
 from mrwork.buildings.matrices import Building, elongation_rows
 from mrwork.buildings.matrices import Device as Device
-from mrwork.closed_loop.hardware import Fault, Hardware
+from mrwork.closed_loop.hardware import Fault, Hardware, refuse_unmeasured
 from mrwork.closed_loop.responses import (
     History,
     Responses,
@@ -106,7 +107,9 @@ def _stretch_theta(spec: DamperSpec, theta: Floats, factors: Floats) -> Floats:
     return stretched.reshape(-1, *theta.shape[1:])
 
 
-def _core_building(building: Building, devices: Sequence[Device]) -> _rust.Building:
+def _core_building(
+    building: Building, devices: Sequence[Device], varied: Sequence[Building] = ()
+) -> _rust.Building:
     n = building.n_coordinates
     if n > _MOST_COORDINATES:
         raise SettingError(
@@ -124,6 +127,7 @@ def _core_building(building: Building, devices: Sequence[Device]) -> _rust.Build
             storeys=building.storeys,
             devices=elongation_rows(building, devices),
             elements=building.elements,
+            varied=[(each.damping, each.stiffness) for each in varied],
         )
     except ValueError as error:
         raise SettingError(f"{building.name}: {error}") from error
@@ -216,6 +220,53 @@ def loop_observer(
     )
 
 
+@array_dataclass(repr=False)
+class LoopVariation(Summarised):
+    """Realisations of a loop: each is one draw of its dampers with a building, a delay and noise of its own.
+
+    Attributes
+    ----------
+    buildings
+        The building of each realisation; it may have other stiffness and damping only.
+    delay
+        Delay beyond that of the hardware, rounded to its integration steps, shape (n,) [s].
+    seed
+        Added to the seed of the sensor noise, shape (n,).
+    """
+
+    buildings: tuple[Building, ...]
+    delay: Floats
+    seed: NDArray[np.int64]
+
+    def __len__(self) -> int:
+        """Number of realisations."""
+        return len(self.buildings)
+
+    def distinct_from(self, building: Building) -> tuple[list[Building], list[int]]:
+        """Buildings that differ from each other, none if all are `building`, and the place of each realisation.
+
+        Raises
+        ------
+        SettingError
+            If a building has other masses, floors, storeys or elements than `building`.
+        """
+        if all(each is building for each in self.buildings):
+            return [], [0] * len(self)
+        distinct = list({id(each): each for each in self.buildings}.values())
+        for each in distinct:
+            same = all(
+                np.array_equal(getattr(each, name), getattr(building, name))
+                for name in ("mass", "influence", "floors", "storeys")
+            )
+            if not (same and each.elements == building.elements):
+                raise SettingError(
+                    f"{each.name} is no realisation of {building.name}: it may differ in stiffness and damping only; "
+                    "simulate it in a call of its own"
+                )
+        places = {id(each): place for place, each in enumerate(distinct)}
+        return distinct, [places[id(each)] for each in self.buildings]
+
+
 _RUNS_AT_A_TIME = 4096
 _MOST_SAMPLES = 100_000_000
 # Quantities in proportion to the command.
@@ -236,6 +287,8 @@ def simulate_loop(
     step_factor: int = 1,
     nominal: Building | None = None,
     largest_commands: ArrayLike | None = None,
+    shaping: Annotated[ArrayLike, May.BE_INFINITE] | None = None,
+    variation: LoopVariation | None = None,
     threads: Threads = 0,
     on_progress: Callable[[int, int], None] | None = None,
 ) -> Responses:
@@ -261,6 +314,11 @@ def simulate_loop(
         Largest command of each candidate, shape (n_candidates,), up to that of the devices, for laws that send a share
         of the largest command. Dampers then follow the scaled command, so results agree to rounding with those of
         devices of that largest command.
+    shaping
+        Dead zone [m/s] and slope [A/s or V/s] of the command of each candidate, shape (n_candidates, 2), instead of
+        those of the law.
+    variation
+        Realisations of building, delay and noise, as many as there are draws of the dampers, or any number with one.
     threads
         Threads to use, 0 for all.
     on_progress
@@ -304,6 +362,15 @@ def simulate_loop(
     gains = law.gain_rows(len(devices), n_states)
     if not len(gains):
         raise SettingError(f"the gains of {law.name} are of no candidate; give those of one or more")
+    shaping = _core_shaping(law, shaping)
+    if shaping is not None:
+        if 1 not in (len(gains), len(shaping)) and len(gains) != len(shaping):
+            raise SettingError(
+                f"the gains are of {len(gains)} candidates and `shaping` of {len(shaping)}; give one for each"
+            )
+        n_candidates = max(len(gains), len(shaping))
+        gains = np.ascontiguousarray(np.broadcast_to(gains, (n_candidates, gains.shape[1])))
+        shaping = np.ascontiguousarray(np.broadcast_to(shaping, (n_candidates, 2)))
     actuators = law.spec.commands_force
     if not (actuators or devices[0].spec.follows_command or (gains.size and not gains.any())):
         raise SettingError(
@@ -312,33 +379,62 @@ def simulate_loop(
             "law passive and a command of zero"
         )
     _check_commands(law, devices)
+    refuse_unmeasured(hardware, law.signals)
     theta = np.empty((1, len(devices), 0)) if actuators else _theta_of(devices)
     n_draws, factors = len(theta), np.ones((1, len(devices)))
     if largest_commands is not None:
-        factors = _command_factors(law, hardware, devices, largest_commands, histories=histories)
+        slope = math.inf if shaping is None else float(shaping[:, 1].min())
+        factors = _command_factors(law, hardware, devices, largest_commands, slope, histories=histories)
         if len(gains) not in (1, len(factors)):
             raise SettingError(
                 f"the gains are of {len(gains)} candidates and `largest_commands` of {len(factors)}; give one for each"
             )
         gains = np.ascontiguousarray(np.broadcast_to(gains, (len(factors), gains.shape[1])))
+        if shaping is not None:
+            shaping = np.ascontiguousarray(np.broadcast_to(shaping, (len(gains), 2)))
         theta = _stretch_theta(devices[0].spec, theta, factors)
-    shape = (len(gains), len(motions), n_draws)
-    matrices = _core_building(building, devices)
+    n_realisations = n_draws if variation is None else len(variation)
+    if n_draws not in (1, n_realisations):
+        raise SettingError(
+            f"the devices have {n_draws} draws, and there are {n_realisations} realisations; give as many of both, or "
+            "one draw"
+        )
+    varied, places = ([], [0] * n_draws) if variation is None else variation.distinct_from(building)
+    shape = (len(gains), len(motions), n_realisations)
+    matrices = _core_building(building, devices, varied)
     with core_refusals():
         dampers = _ideal_actuators(len(devices)) if actuators else _core_dampers(devices, theta)
-        shaping = None if law.shaping is None else np.tile(law.shaping, (len(gains), 1))
         controller = _rust.Controller(
-            law.name, gains, law.table_rows(), _core_curve(law), shaping, _core_model(law)
+            law.name,
+            gains,
+            law.table_rows(),
+            _core_curve(law),
+            shaping,
+            _core_model(law),
+            law.signals,
         )
         observer = _core_observer(nominal or building, devices, hardware)
     waves = [(motion.dt, np.ascontiguousarray(motion.acceleration)) for motion in motions]
-    runs = np.indices(shape, dtype=np.uint32).reshape(3, -1).T
-    candidate = runs[:, 0].copy()
+    candidate, motion_of_run, realisation = np.indices(shape, dtype=np.uint32).reshape(3, -1)
+    draw = realisation if n_draws > 1 else np.zeros_like(realisation)
     if len(theta) > n_draws:
         # Each candidate has draws of its own, with its scale of the command.
-        runs = np.column_stack([candidate, runs[:, 1], candidate * np.uint32(n_draws) + runs[:, 2]])
-    # The noise of a run depends on its motion only, so that candidates are compared under equal noise.
-    streams = runs[:, 1].astype(np.uint64) + np.uint64(hardware.seed) * np.uint64(2**32)
+        draw = candidate * np.uint32(n_draws) + draw
+    late, seeds = np.zeros(n_realisations), np.zeros(n_realisations, dtype=np.int64)
+    if variation is not None:
+        late, seeds = np.round(variation.delay / (hardware.sample_time / hardware.steps)), variation.seed
+    runs = np.column_stack(
+        [
+            candidate,
+            motion_of_run,
+            draw,
+            np.array(places, dtype=np.uint32)[realisation],
+            late.astype(np.uint32)[realisation],
+        ]
+    )
+    # The noise of a run depends on its motion and realisation only, so that candidates are compared under equal noise.
+    seed = np.uint64(hardware.seed) + seeds.astype(np.uint64)[realisation]
+    streams = motion_of_run.astype(np.uint64) + seed * np.uint64(2**32)
     parts = []
     for start in range(0, len(runs), _RUNS_AT_A_TIME):
         part = slice(start, start + _RUNS_AT_A_TIME)
@@ -356,7 +452,9 @@ def simulate_loop(
                     histories=histories,
                     step_factor=step_factor,
                     threads=threads,
-                    outside=None if user is None else user.asked(runs[part], devices, hardware.sample_time),
+                    outside=None
+                    if user is None
+                    else user.asked(runs[part, :3], devices, hardware.sample_time),
                 )
             )
         if on_progress is not None:
@@ -366,6 +464,18 @@ def simulate_loop(
         return responses
     scale = factors[candidate]
     return responses.with_numbers(**{name: responses.numbers[name] * scale for name in _COMMANDS})
+
+
+def _core_shaping(law: ControlLaw, given: ArrayLike | None) -> Floats | None:
+    """Dead zone and slope of one candidate for all or of each, shape (n, 2); `None` for commands as they are."""
+    if given is None:
+        return None if law.shaping is None else np.array([law.shaping])
+    shaping = np.asarray(given, dtype=np.float64)
+    if shaping.ndim != 2 or shaping.shape[1] != 2 or not len(shaping):
+        raise SettingError(
+            f"`shaping` has shape {shaping.shape}; give (n_candidates, 2), a dead zone and a slope for each candidate"
+        )
+    return shaping
 
 
 def _check_commands(law: ControlLaw, devices: Sequence[Device]) -> None:
@@ -392,6 +502,7 @@ def _command_factors(
     hardware: Hardware,
     devices: Sequence[Device],
     largest_commands: ArrayLike,
+    slope: float,
     *,
     histories: bool,
 ) -> Floats:
@@ -401,7 +512,7 @@ def _command_factors(
             f"{law.name} sends commands that are no share of the largest one; simulate devices of that largest command"
         )
     faulty = any(fault.channel == "command" for fault in hardware.faults)
-    limited = np.isfinite(min(hardware.command_rate, law.command_slope))
+    limited = np.isfinite(min(hardware.command_rate, slope))
     if histories or faulty or limited:
         raise SettingError(
             "largest commands of candidates go with neither histories nor a rate limit or faults of the command; "

@@ -10,6 +10,7 @@ from __future__ import annotations
 import contextlib
 import functools
 import inspect
+import math
 import os
 import sys
 from collections.abc import Callable, Sequence
@@ -21,7 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mrwork.argument_kinds import Refusal, kind_of
-from mrwork.arguments import AnyNumbers, checked
+from mrwork.arguments import AnyNumbers, Positive, checked
 from mrwork.buildings.matrices import Device
 from mrwork.control.laws import ControlLaw
 from mrwork.errors import SettingError
@@ -129,6 +130,29 @@ Ask = Callable[[int, NDArray[np.uintp], Floats, Floats, Floats, Floats, Floats, 
 
 
 @array_dataclass(repr=False)
+class RunningRms(Summarised):
+    """Running root mean squares of the readings of a law in Python, in the shapes and units of `LoopSample`.
+
+    The mean of the squares fades: `s = a s + (1 - a) y^2` at each sample, `a = exp(-Ts / rms_time)`, from zero on. A
+    reading that is not finite leaves it as it is.
+    """
+
+    _units: ClassVar[dict[str, str]] = {
+        "deformation": "m",
+        "rate": "m/s",
+        "force": "N",
+        "acceleration": "m/s^2",
+        "ground_acceleration": "m/s^2",
+    }
+
+    deformation: Floats
+    rate: Floats
+    force: Floats
+    acceleration: Floats
+    ground_acceleration: Floats
+
+
+@array_dataclass(repr=False)
 class LoopSample(Summarised):
     """Input of a law in Python at a control sample, one row per run.
 
@@ -148,6 +172,8 @@ class LoopSample(Summarised):
         Acceleration of the ground as its sensor reads it, shape (n_runs,) [m/s^2].
     largest
         Largest command of each device, shape (n_devices,) [A or V].
+    rms
+        Running root mean squares of the readings, where the law has an `rms_time`; otherwise `None`.
     """
 
     _units: ClassVar[dict[str, str]] = {
@@ -175,6 +201,7 @@ class LoopSample(Summarised):
     acceleration: Floats
     ground_acceleration: Floats
     largest: Floats
+    rms: RunningRms | None = None
 
     @property
     def state(self) -> Floats:
@@ -195,6 +222,37 @@ class LoopSample(Summarised):
             ]
         )
         return np.asarray((np.abs(readings) < _LARGEST_READING).all(axis=1))
+
+
+class _Fading:
+    """Mean squares of the readings of all runs, which fade from sample to sample by the share `left`."""
+
+    __slots__ = ("_left", "_n_runs", "_squares")
+
+    def __init__(self, n_runs: int, left: float) -> None:
+        self._n_runs, self._left = n_runs, left
+        self._squares: Floats = np.zeros((n_runs, 0))
+
+    def take(self, number: int, places: NDArray[np.uintp], readings: Sequence[Floats]) -> RunningRms:
+        """The root mean squares of the runs at `places` after a sample."""
+        taken = np.hstack(readings)
+        if self._squares.shape[1] != taken.shape[1]:
+            self._squares = np.zeros((self._n_runs, taken.shape[1]))
+        before = self._squares[places] if number else np.zeros_like(taken)
+        finite = np.isfinite(taken)
+        # A run that diverges has readings of any size.
+        with np.errstate(over="ignore"):
+            fresh = np.square(taken, where=finite, out=np.zeros_like(taken))
+        squares = np.where(finite, self._left * before + (1.0 - self._left) * fresh, before)
+        self._squares[places] = squares
+        roots = np.split(np.sqrt(squares), np.cumsum([each.shape[1] for each in readings])[:-1], axis=1)
+        return RunningRms(
+            deformation=roots[0],
+            rate=roots[1],
+            force=roots[2],
+            acceleration=roots[3],
+            ground_acceleration=roots[4][:, 0],
+        )
 
 
 @checked
@@ -218,6 +276,8 @@ class UserLaw(Summarised):
         Numbers that each run keeps from sample to sample: the second argument, shape (n_runs, n_memory), zero at the
         start and changed in place. A law must keep nothing elsewhere, since a run is repeated with a shorter step where
         a damper requires it.
+    rms_time
+        Time constant of the running root mean squares that the loop keeps for each run, `LoopSample.rms` [s].
     source
         Digest of the text that `command` is from, by which a journal tells laws apart.
 
@@ -248,6 +308,7 @@ class UserLaw(Summarised):
     command: Callable[[LoopSample, Floats], ArrayLike]
     n_candidates: Annotated[int, Within(least=1, most=1_000_000)] = 1
     n_memory: Annotated[int, Within(least=0, most=MOST_MEMORY)] = 0
+    rms_time: Positive | None = None
     source: str = ""
     notes: ClassVar[tuple[str, ...]] = ()
 
@@ -285,6 +346,9 @@ class UserLaw(Summarised):
         # A law must not change it for the samples that follow.
         largest.setflags(write=False)
         memory, undone = np.zeros((len(runs), self.n_memory)), Undone()
+        running = (
+            None if self.rms_time is None else _Fading(len(runs), math.exp(-sample_time / self.rms_time))
+        )
 
         def ask(
             number: int,
@@ -310,6 +374,11 @@ class UserLaw(Summarised):
                 acceleration=acceleration,
                 ground_acceleration=ground_acceleration,
                 largest=largest,
+                rms=None
+                if running is None
+                else running.take(
+                    number, places, (deformation, rate, force, acceleration, ground_acceleration[:, None])
+                ),
             )
             try:
                 with undone:

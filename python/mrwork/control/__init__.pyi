@@ -3,6 +3,7 @@ from .design.inverse import inverse_weights as inverse_weights
 from .design.limits import RmsLimits as RmsLimits
 from .design.limits import SemiActiveCondition as SemiActiveCondition
 from .design_problem import DesignProblem as DesignProblem
+from .further_signals import FurtherSignal as FurtherSignal
 from .inverse_network import train_inverse_network as train_inverse_network
 from .law_design import design_law as design_law
 from .law_design import settings_of as settings_of

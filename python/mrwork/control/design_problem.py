@@ -10,7 +10,7 @@ from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import exp, log
-from typing import ClassVar, Literal, Self
+from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from mrwork.buildings.matrices import Device, elongation_rows
 from mrwork.control.counterpart import is_curve, static_counterpart
 from mrwork.control.design.designed import DesignedWeights
 from mrwork.control.design.limits import LoopTiming
+from mrwork.control.further_signals import FurtherSignal
 from mrwork.control.linear_loop import LoopMargins
 from mrwork.control.plant import Plant, plant_of
 from mrwork.control.riccati import attempt_each
@@ -166,10 +167,11 @@ class DesignProblem(Summarised):
 
 @array_dataclass(repr=False)
 class Design(Summarised):
-    """Gains of a law by name, one number or one row over the state for each device; and its tables."""
+    """Gains of a law by name, one number or one row over the state for each device; its tables and further signals."""
 
     gains: Mapping[str, Floats] = field(default_factory=dict)
     tables: Mapping[str, Floats] = field(default_factory=dict)
+    signals: tuple[FurtherSignal, ...] = ()
 
 
 Magnitude = Literal[
@@ -275,6 +277,11 @@ class LawSettings(metaclass=DeclaredTable):
     def weight_names(cls) -> frozenset[str]:
         """Names of the settings that are weights of outputs or states."""
         return frozenset()
+
+    @classmethod
+    def span_of(cls, name: str, span: Span, held: Mapping[str, Any]) -> Span | None:
+        """The span of a setting beside those that are held; `None` where the law does not use it with them."""
+        return span
 
     @classmethod
     def cost(cls, held: Mapping[str, float], magnitudes: Magnitudes) -> float:

@@ -133,9 +133,17 @@ SETTINGS: Mapping[str, type[LawSettings]] = {
 
 
 SettingValue = (
-    float | Sequence[float] | Sequence[Sequence[float]] | Floats | WeightWishes | Mapping[str, Any] | None
+    float
+    | Sequence[float]
+    | Sequence[str]
+    | Sequence[Sequence[float]]
+    | Floats
+    | WeightWishes
+    | Mapping[str, Any]
+    | None
 )
-"""A value of a setting of a control law; a weight may be an array or a matrix, designed weights are a table."""
+"""A value of a setting of a control law; a weight may be an array or a matrix, designed weights are a table, further
+signals names."""
 
 _NO_SETTINGS: Final[Mapping[str, SettingValue]] = MappingProxyType({})
 
@@ -209,6 +217,7 @@ def design_law(
         name=name,
         gains=design.gains,
         tables=design.tables,
+        signals=design.signals,
         curve=curve,
         model=_model_of(spec, problem),
         notes=(*settings.notes(problem, design), *(() if margins is None else (margins.in_words,))),
@@ -256,17 +265,22 @@ def design_candidates(
         if isinstance(found, SettingError):
             refusals[index] = str(found)
         elif designs and not _same_tables(found, designs[0]):
-            refusals[index] = f"{name} with these settings has other tables than the first candidate"
+            refusals[index] = (
+                f"{name} with these settings has other tables or signals than the first candidate"
+            )
         else:
             designs.append(found)
             designed.append(index)
     if not designs:
         return DesignedCandidates(law=None, designed=(), refusals=refusals)
-    gains = {
-        gain.name: np.stack([np.asarray(each.gains[gain.name]) for each in designs]) for gain in spec.gains
-    }
+    gains = {gain: np.stack([np.asarray(each.gains[gain]) for each in designs]) for gain in designs[0].gains}
     law = ControlLaw(
-        name=name, gains=gains, tables=designs[0].tables, curve=curve, model=_model_of(spec, problem)
+        name=name,
+        gains=gains,
+        tables=designs[0].tables,
+        signals=designs[0].signals,
+        curve=curve,
+        model=_model_of(spec, problem),
     )
     return DesignedCandidates(law=law, designed=tuple(designed), refusals=refusals)
 
@@ -289,6 +303,8 @@ def _check_loop(spec: ControlLawSpec, settings: LawSettings) -> None:
 
 
 def _same_tables(one: Design, other: Design) -> bool:
-    return one.tables.keys() == other.tables.keys() and all(
-        np.array_equal(one.tables[name], other.tables[name]) for name in one.tables
+    return (
+        one.signals == other.signals
+        and one.tables.keys() == other.tables.keys()
+        and all(np.array_equal(one.tables[name], other.tables[name]) for name in one.tables)
     )

@@ -14,22 +14,25 @@ from numpy.typing import ArrayLike
 from mrwork import _rust
 from mrwork.arguments import May, NotNegative, checked
 from mrwork.control.design.designed import DesignedWeights
+from mrwork.control.further_signals import FurtherSignal
 from mrwork.control.linear_loop import LoopMargins
 from mrwork.control.loop_model import LoopModel
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.hints import Within
 from mrwork.keys import suggestion
-from mrwork.numbers import format_rounded
+from mrwork.numbers import format_rounded, of_unit
 from mrwork.summary import Summarised, Summary
 from mrwork.values import Floats, array_dataclass
 
-Shape = Literal["device", "state", "numbers", "loop"]
+Shape = Literal["device", "state", "numbers", "signal", "loop"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GainSpec:
     """A gain of a law: for each device one number, one for each state [q; q'] or `numbers`, or one for the loop.
+
+    Of the shape "signal" are `numbers` for each device and further signal of the law; without signals there are none.
 
     A gain that `is_command` is itself the command of each device; one that `scales_with_command` has the unit of the
     command, or that unit per another.
@@ -48,8 +51,10 @@ class GainSpec:
         """Number of axes of the gain of one candidate."""
         return len(self.shape_for(1, 2))
 
-    def shape_for(self, n_devices: int, n_states: int) -> tuple[int, ...]:
+    def shape_for(self, n_devices: int, n_states: int, n_signals: int = 0) -> tuple[int, ...]:
         """Shape of the gain of one candidate."""
+        if self.shape == "signal":
+            return (n_devices, n_signals * self.numbers)
         if self.shape == "loop":
             return (1,)
         if self.shape == "device":
@@ -64,7 +69,7 @@ class ControlLawSpec:
     `tables` are arrays that all candidates share. A law that `needs_curve` evaluates the damper force as a function of
     the command, by a static hysteretic model of the damper. A law that `needs_model` predicts the motion by a model of
     building and dampers. A law that `commands_force` drives ideal actuators, one that `reads_acceleration` needs
-    accelerometers on the floors to which devices are attached.
+    accelerometers on the floors to which devices are attached. One that `takes_signals` may be given further ones.
     """
 
     name: str
@@ -78,6 +83,7 @@ class ControlLawSpec:
     needs_model: bool
     commands_force: bool
     reads_acceleration: bool
+    takes_signals: bool
 
     @property
     def sends_share(self) -> bool:
@@ -114,6 +120,8 @@ class ControlLaw(Summarised):
         Largest change of the command per time [A/s or V/s], from control sample to control sample, after the dead zone.
     model
         Building and dampers by which the law predicts the motion; they may differ from those of the loop.
+    signals
+        Further signals of a law of measured signals, in the order of their weights and powers.
 
     Raises
     ------
@@ -121,7 +129,7 @@ class ControlLaw(Summarised):
         If there is no such law.
     SettingError
         If a gain or table is unknown or missing, is not an array of numbers or has NaN, the law has no `curve` or
-        `model` and needs one, or the gains differ in their number of candidates.
+        `model` and needs one, it has `signals` and takes none, or the gains differ in their number of candidates.
     """
 
     _made_by: ClassVar[str] = "mr.control.design_law(name, problem)"
@@ -134,15 +142,19 @@ class ControlLaw(Summarised):
     dead_zone: NotNegative = 0.0
     command_slope: Annotated[float, Within(above=0.0), May.BE_INFINITE] = math.inf
     model: LoopModel | None = None
+    signals: tuple[FurtherSignal, ...] = ()
     notes: tuple[str, ...] = ()
     weights: DesignedWeights | None = None
     margins: LoopMargins | None = None
 
     def __post_init__(self) -> None:
         spec = self.spec
-        _check_names(spec, "gain", self.gains, [gain.name for gain in spec.gains])
+        needed = [gain.name for gain in spec.gains if gain.shape != "signal" or self.signals]
+        _check_names(spec, "gain", self.gains, needed)
         _check_names(spec, "table", self.tables, spec.tables)
-        counts = [count for gain in spec.gains if (count := self._candidates(gain)) > 1]
+        if self.signals and not spec.takes_signals:
+            raise SettingError(f"{spec.name} takes no further signals; leave `signals` out")
+        counts = [count for gain in self._given_gains if (count := self._candidates(gain)) > 1]
         if len(set(counts)) > 1:
             raise SettingError(
                 f"the gains of {spec.name} have {', '.join(map(str, counts))} candidates; give the same number for "
@@ -169,10 +181,34 @@ class ControlLaw(Summarised):
         return control_law(self.name)
 
     @property
+    def _given_gains(self) -> list[GainSpec]:
+        """The gains that the law has; those of further signals only with signals."""
+        return [gain for gain in self.spec.gains if gain.name in self.gains]
+
+    @property
+    def reads_acceleration(self) -> bool:
+        """Whether it reads the absolute accelerations of floors."""
+        return self.spec.reads_acceleration or any(signal.reads_acceleration for signal in self.signals)
+
+    @property
     def shaping(self) -> tuple[float, float] | None:
         """Dead zone and slope of the command; `None` where it is sent as it is."""
         plain = self.dead_zone == 0.0 and math.isinf(self.command_slope)
         return None if plain else (float(self.dead_zone), float(self.command_slope))
+
+    @property
+    def shaping_notes(self) -> tuple[str, ...]:
+        """Sentences on dead zone and slope of the command; none where it is sent as it is."""
+        zone = of_unit(self.dead_zone, "m/s")
+        slope = format_rounded(self.command_slope)
+        return (
+            *((f"The command is zero below a damper velocity of {zone}.",) if self.dead_zone > 0.0 else ()),
+            *(
+                (f"The command changes by at most {slope} A or V per second.",)
+                if math.isfinite(self.command_slope)
+                else ()
+            ),
+        )
 
     @checked
     def gain_rows(self, n_devices: int, n_states: int) -> Floats:
@@ -185,8 +221,8 @@ class ControlLaw(Summarised):
         """
         spec = self.spec
         blocks = []
-        for gain in spec.gains:
-            shape = gain.shape_for(n_devices, n_states)
+        for gain in self._given_gains:
+            shape = gain.shape_for(n_devices, n_states, len(self.signals))
             given = np.asarray(self.gains[gain.name], dtype=np.float64)
             if given.shape[-len(shape) :] != shape or given.ndim > len(shape) + 1:
                 raise SettingError(
@@ -223,7 +259,11 @@ class ControlLaw(Summarised):
                 )
                 for name, value in (*self.gains.items(), *self.tables.items())
             ],
-            notes=(*(() if self.weights is None else self.weights.in_words), *self.notes),
+            notes=(
+                *(() if self.weights is None else self.weights.in_words),
+                *self.notes,
+                *self.shaping_notes,
+            ),
         )
 
 

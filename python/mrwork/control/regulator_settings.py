@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
 from mrwork.arguments import checked
 from mrwork.control.design_basis import AskedForce, asked_forces
 from mrwork.control.design_problem import NO_CERTIFICATE, Design, DesignProblem, LawSettings, Magnitude, Span
+from mrwork.control.further_signals import SOURCES, FurtherSignal, SignalName, SignalSource
 from mrwork.control.inverse_network import InverseNetwork, train_inverse_network
 from mrwork.control.laws import control_law
 from mrwork.control.linear_loop import LoopMargins, loop_margins
@@ -314,6 +315,9 @@ def _network_tables(network: InverseNetwork) -> dict[str, Floats]:
 
 
 _SIGNALS, _MOST_POWERS = 4, 9
+_ACCELERATIONS: frozenset[SignalSource] = frozenset(
+    {"acceleration", "floor_acceleration", "ground_acceleration"}
+)
 _NEAR_CLIPPED = (
     (-0.66, 0.0, 0.0, 1.0, 1.0, 2.0),
     (-0.66, 0.0, 0.0, -1.0, 1.0, -2.0),
@@ -324,9 +328,19 @@ _NEAR_CLIPPED_BIAS = -4.6
 """A network that is about the clipped-optimal law: (f_c - f) f of the two forces as a sum of even functions."""
 
 
+def _has_acceleration(name: SignalName) -> bool:
+    source, _ = SOURCES[name]
+    return source in _ACCELERATIONS
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SignalSettings(RegulatorSettings):
-    """A regulator, and the scales of the signals of a device: elongation, its rate, and the two forces."""
+    """A regulator, the scales of the signals of a device: elongation, its rate, and the two forces; further signals.
+
+    `further_numbers` is the number of weights of a further signal.
+    """
+
+    further_numbers: ClassVar[int] = 0
 
     deformation: float = key("scale of the damper displacement", unit="m", above=0.0, span=_about("stroke"))
     rate: float = key("scale of the damper velocity", unit="m/s", above=0.0, span=_about("rate"))
@@ -336,6 +350,93 @@ class SignalSettings(RegulatorSettings):
         above=0.0,
         span=_about("force"),
     )
+
+    signals: tuple[SignalName, ...] = key(
+        "further signals: acceleration of the device (absolute, of its upper end less that of its lower end), "
+        "ground_acceleration, and running root mean squares: rms_deformation, rms_rate, rms_force, rms_acceleration, "
+        "rms_ground_acceleration",
+        default=(),
+    )
+    floors: tuple[int, ...] = key(
+        "floors whose absolute acceleration is a further signal, after those, from 1, lowest first",
+        default=(),
+        least=1,
+    )
+    rms_floors: tuple[int, ...] = key(
+        "floors whose running root mean square of the absolute acceleration is a further signal, last",
+        default=(),
+        least=1,
+    )
+    acceleration: float | None = key(
+        "scale of all accelerations among the further signals, which need it",
+        unit="m/s2",
+        default=None,
+        above=0.0,
+        span=_about("acceleration"),
+    )
+    time_constant: float | None = key(
+        "time constant of the running root mean squares, which need it: after it a square counts 1/e; a law keeps one, "
+        "and mrwork tune does not search it",
+        unit="s",
+        default=None,
+        above=0.0,
+    )
+
+    @classmethod
+    def span_of(cls, name: str, span: Span, held: Mapping[str, Any]) -> Span | None:
+        """None of the scale of accelerations without one among the signals; a weight of 0 for each further signal."""
+        names = held.get("signals", ())
+        floors = (*held.get("floors", ()), *held.get("rms_floors", ()))
+        if name == "acceleration" and not floors and not any(map(_has_acceleration, names)):
+            return None
+        if name == "further":
+            count = cls.further_numbers * (len(names) + len(floors))
+            return replace(span, entries=(0.0,) * count) if count else None
+        return span
+
+    def further_signals(self, problem: DesignProblem) -> tuple[FurtherSignal, ...]:
+        """The further signals, in the order of their weights and powers.
+
+        Raises
+        ------
+        InvalidSettingError
+            If a floor does not exist or stands twice, or a scale or time constant that they need is missing.
+        """
+        n_floors = len(problem.building.floors)
+        for name in ("floors", "rms_floors"):
+            given = getattr(self, name)
+            if len(set(given)) < len(given) or any(not 1 <= floor <= n_floors for floor in given):
+                raise InvalidSettingError(
+                    name,
+                    f"{name} are {list(given)}; give floors of {problem.building.name} from 1 to {n_floors}, each once",
+                )
+        constant = self.time_constant
+        named = [SOURCES[name] for name in self.signals]
+        found = (
+            *(FurtherSignal(source=source, time_constant=constant if rms else None) for source, rms in named),
+            *(FurtherSignal(source="floor_acceleration", floor=floor - 1) for floor in self.floors),
+            *(
+                FurtherSignal(source="floor_acceleration", floor=floor - 1, time_constant=constant)
+                for floor in self.rms_floors
+            ),
+        )
+        if constant is None and (self.rms_floors or any(rms for _, rms in named)):
+            raise InvalidSettingError(
+                "time_constant",
+                "the law has running root mean squares among its signals and no time over which they fade; give "
+                "time_constant [s]",
+            )
+        if self.acceleration is None and any(each.source in _ACCELERATIONS for each in found):
+            raise InvalidSettingError(
+                "acceleration",
+                "the law has accelerations among its signals and no scale of them; give acceleration [m/s2]",
+            )
+        return found
+
+    def further_scales(self, signals: Sequence[FurtherSignal]) -> Floats:
+        """Scale of each further signal, shape (n_signals,)."""
+        scales = {"deformation": self.deformation, "rate": self.rate, "force": self.force}
+        return np.array([scales.get(each.source, self.acceleration) for each in signals], dtype=np.float64)
 
     def margins(
         self, problem: DesignProblem, design: Design, rates: Sequence[float | None]
@@ -370,6 +471,13 @@ class SignalNetworkSettings(SignalSettings):
             entries=(*(number for unit in _NEAR_CLIPPED for number in unit), _NEAR_CLIPPED_BIAS),
         ),
     )
+    further: tuple[float, ...] = key(
+        "for each further signal, over its scale, its weight in each of the four hidden units; a root mean square "
+        "moves the bias of the unit",
+        default=(),
+        span=Span(lower=-8.0, upper=8.0, scale="linear"),
+    )
+    further_numbers: ClassVar[int] = len(_NEAR_CLIPPED)
 
     def of_gain(self, problem: DesignProblem, gain: Floats) -> Design:
         """The gain, and the network for signals in SI units."""
@@ -378,7 +486,19 @@ class SignalNetworkSettings(SignalSettings):
             raise InvalidSettingError("network", f"network has {len(self.network)} numbers; give {numbers}")
         network = np.array(self.network)
         network[:-1].reshape(-1, _SIGNALS + 2)[:, 1:-1] /= self.scales
-        return Design(gains={"gain": gain, "network": np.tile(network, (len(problem.devices), 1))})
+        signals = self.further_signals(problem)
+        count = self.further_numbers * len(signals)
+        if len(self.further) != count:
+            raise InvalidSettingError(
+                "further",
+                f"further has {len(self.further)} numbers; give {count}, {self.further_numbers} for each further "
+                "signal",
+            )
+        gains = {"gain": gain, "network": np.tile(network, (len(problem.devices), 1))}
+        if signals:
+            weights = np.reshape(self.further, (len(signals), -1)) / self.further_scales(signals)[:, None]
+            gains["further"] = np.tile(weights.ravel(), (len(problem.devices), 1))
+        return Design(gains=gains, signals=signals)
 
 
 @checked
@@ -386,21 +506,36 @@ class SignalPolynomialSettings(SignalSettings):
     """A regulator with a polynomial of measured signals, each over its scale and within -1 to 1."""
 
     terms: MatrixRows = key(
-        "a row for each term: its coefficient and the powers of displacement, velocity, force and desired force; by "
-        "default the product of the forces",
+        "a row for each term: its coefficient and the powers of displacement, velocity, force and desired force, then "
+        "of the further signals, if there are any; by default the product of the forces",
         default=((1.0, 0.0, 0.0, 1.0, 1.0),),
     )
 
     def of_gain(self, problem: DesignProblem, gain: Floats) -> Design:
         """The gain, and the terms."""
-        if not self.terms or {len(row) for row in self.terms} != {_SIGNALS + 1}:
+        signals = self.further_signals(problem)
+        n_columns = _SIGNALS + 1 + len(signals)
+        lengths = {len(row) for row in self.terms}
+        if not self.terms or lengths not in ({_SIGNALS + 1}, {n_columns}):
+            further = f", and {len(signals)} more of the further signals" if signals else ""
             raise InvalidSettingError(
-                "terms", "terms has rows of another length than 5; give a coefficient and four powers in each"
+                "terms",
+                f"terms has rows of another length than {n_columns}; give a coefficient and four powers in "
+                f"each{further}",
             )
-        powers = np.array(self.terms)[:, 1:]
+        terms = np.zeros((len(self.terms), n_columns))
+        terms[:, : lengths.pop()] = self.terms
+        powers = terms[:, 1:]
         if not np.isin(powers, np.arange(_MOST_POWERS + 1)).all():
             raise InvalidSettingError(
                 "terms",
                 f"terms has a power that is no whole number from 0 to {_MOST_POWERS}; give such powers",
             )
-        return Design(gains={"gain": gain}, tables={"terms": np.ravel(self.terms), "reach": self.scales})
+        return Design(
+            gains={"gain": gain},
+            tables={
+                "terms": terms.ravel(),
+                "reach": np.concatenate([self.scales, self.further_scales(signals)]),
+            },
+            signals=signals,
+        )

@@ -80,7 +80,13 @@ def _load_law(table: LawFileTable, folder: Path) -> UserLaw:
         # A function of a compiled module may tell no arguments.
         pass
     with table.place.within("function").prefix_errors(SettingError):
-        return UserLaw(name=name, command=function, n_memory=table.memory, source=digest_of(text))
+        return UserLaw(
+            name=name,
+            command=function,
+            n_memory=table.memory,
+            rms_time=table.rms_time,
+            source=digest_of(text),
+        )
 
 
 def _run_module(table: LawFileTable, path: Path) -> tuple[ModuleType, str]:

@@ -452,11 +452,11 @@ def design_document(study: Study) -> dict[str, Any]:
     loops = [
         {
             "controller": each.row.label,
-            "notes": each.law.notes,
+            "notes": (*each.law.notes, *each.law.shaping_notes),
             "margins": None if each.law.margins is None else asdict(each.law.margins),
         }
         for each in study.arrangements
-        if isinstance(each.law, ControlLaw) and each.law.notes
+        if isinstance(each.law, ControlLaw) and (each.law.notes or each.law.shaping_notes)
     ]
     found: dict[str, Any] = finite({"weights": weights, "loops": loops})
     return {name: value for name, value in found.items() if value}

@@ -18,9 +18,9 @@ import numpy as np
 from mrwork.arguments import Seed, checked
 from mrwork.buildings import Building
 from mrwork.buildings.matrices import Device
-from mrwork.closed_loop.hardware import Hardware
+from mrwork.closed_loop.hardware import Hardware, refuse_unmeasured
 from mrwork.control.design_problem import ReferencePeaks
-from mrwork.control.laws import control_laws
+from mrwork.control.laws import ControlLaw, control_laws
 from mrwork.errors import SettingError
 from mrwork.fitted_damper import fitted_damper
 from mrwork.keys import KeyPath, Place, read_table, suggestion
@@ -55,7 +55,7 @@ from mrwork.study.dampers import (
     equip_building,
 )
 from mrwork.study.passive_labels import PASSIVE_OFF, present_label
-from mrwork.study.schema import DamperTable, MotionTable, ReportTable, StudyTable, SuiteTable
+from mrwork.study.schema import DamperTable, MotionTable, ReportTable, StudyTable, SuiteTable, TuneTable
 from mrwork.study.study import (
     MotionOfStudy,
     Realisations,
@@ -333,9 +333,14 @@ def read_study(
     problem = problem_of(table, building, devices, hardware, motions, reference_peaks if devices else None)
     compared = arrangements(table, bare, problem, folder)
     tuned = {law for each in table.tune for law in each.laws}
+    with place.within("hardware").prefix_errors(SettingError):
+        for arrangement in compared:
+            if isinstance(arrangement.law, ControlLaw):
+                refuse_unmeasured(hardware, arrangement.law.signals)
     if not (
         any(each.reads_acceleration for each in compared)
         or any(spec.reads_acceleration for spec in control_laws() if spec.name in tuned)
+        or any(_tunes_accelerations(each) for each in table.tune)
     ):
         with place.within("hardware").prefix_errors(SettingError):
             hardware.refuse_unread()
@@ -418,6 +423,15 @@ def _tables(file: StudyFile, origin: str) -> tuple[StudyTable, Place]:
     document, lines = parse(file.text, origin)
     place = Place(origin=origin, lines=lines)
     return read_table(StudyTable, document, place), place
+
+
+def _tunes_accelerations(table: TuneTable) -> bool:
+    """Whether further signals among the settings of tuned laws are accelerations of floors."""
+    settings = table.settings or {}
+    names = settings.get("signals")
+    listed = names if isinstance(names, list | tuple) else ()
+    named = any(name in ("acceleration", "rms_acceleration") for name in listed)
+    return named or bool(settings.get("floors") or settings.get("rms_floors"))
 
 
 def _refuse_same(names: Sequence[str], place: Place, what: str, key: str) -> None:

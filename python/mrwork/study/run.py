@@ -21,7 +21,12 @@ from mrwork.closed_loop.clairvoyant_search import (
 from mrwork.closed_loop.evaluation import score, values
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.responses import Responses, history_signals
-from mrwork.closed_loop.simulate import PrescribedCommands, simulate_loop, simulate_prescribed
+from mrwork.closed_loop.simulate import (
+    LoopVariation,
+    PrescribedCommands,
+    simulate_loop,
+    simulate_prescribed,
+)
 from mrwork.control.design_problem import ReferencePeaks
 from mrwork.control.laws import ControlLaw
 from mrwork.dampers.spec import damper
@@ -534,56 +539,46 @@ def simulate_criteria(
     *,
     bare: Building,
     largest_commands: Floats | None = None,
+    shaping: Floats | None = None,
     threads: int = 0,
 ) -> LabelledRuns:
-    """Simulate candidates of a law under motions, with realisations, in as few calls of the core as possible.
+    """Simulate candidates of a law under motions, with realisations, in one call of the core.
 
     The arrangement has building and devices; the law may have one or many candidates. The observer, if there is one,
-    is that of the nominal building. `largest_commands` are those of the candidates, see `simulate_loop`.
+    is that of the nominal building. `largest_commands` and `shaping` are those of the candidates, see `simulate_loop`.
     """
     weight = bare.total_mass * STANDARD_GRAVITY
     noisy = any(noise for noise, _ in hardware.sensors)
-    keys = [
-        (
-            float(realisations.stiffness[n]),
-            float(realisations.damping[n]),
-            float(realisations.delay[n]),
-            int(realisations.seed[n]) if noisy else 0,
-        )
-        for n in range(len(realisations))
-    ]
-    found: LabelledRuns | None = None
-    seconds = 0.0
     fitted, law = with_devices(arrangement, law)
     # Without dampers of its own an arrangement has a device without parameters to vary.
     theta = realisations.theta if arrangement.devices else tuple(device.draws for device in fitted)
-    for key in dict.fromkeys(keys):
-        members = [n for n, each in enumerate(keys) if each == key]
-        stiffness, damping, delay, seed = key
-        devices = tuple(
-            replace(device, theta=rows[members] if len(rows) > 1 else rows)
-            for device, rows in zip(fitted, theta, strict=True)
-        )
-        began = time.perf_counter()
-        responses = simulate_loop(
-            vary_building(arrangement, bare, stiffness=stiffness, damping=damping),
-            devices,
-            law,
-            motions,
-            _vary_hardware(hardware, delay, seed),
-            nominal=arrangement.building if hardware.feedback == "observer" else None,
-            largest_commands=largest_commands,
-            threads=threads,
-        )
-        seconds += time.perf_counter() - began
-        own = responses.with_numbers(**own_numbers(responses, arrangement, law))
-        if found is None:
-            found = criteria_of_runs(candidate_axes(responses.shape[0], motions, realisations))
-        for name, array in values(own, weight=weight).items():
-            numbers = np.where(np.isfinite(array), array, np.inf).reshape(responses.shape)
-            found.numbers[name][..., members] = numbers
-        found.numbers["energy_error"][..., members] = responses.energy_error.reshape(responses.shape)
-    assert found is not None
+    factors = list(zip(realisations.stiffness.tolist(), realisations.damping.tolist(), strict=True))
+    buildings = {
+        (stiffness, damping): vary_building(arrangement, bare, stiffness=stiffness, damping=damping)
+        for stiffness, damping in dict.fromkeys(factors)
+    }
+    began = time.perf_counter()
+    responses = simulate_loop(
+        arrangement.building,
+        tuple(replace(device, theta=rows) for device, rows in zip(fitted, theta, strict=True)),
+        law,
+        motions,
+        hardware,
+        largest_commands=largest_commands,
+        shaping=shaping,
+        variation=LoopVariation(
+            buildings=tuple(buildings[each] for each in factors),
+            delay=realisations.delay,
+            seed=realisations.seed if noisy else np.zeros_like(realisations.seed),
+        ),
+        threads=threads,
+    )
+    seconds = time.perf_counter() - began
+    own = responses.with_numbers(**own_numbers(responses, arrangement, law))
+    found = criteria_of_runs(candidate_axes(responses.shape[0], motions, realisations))
+    for name, array in values(own, weight=weight).items():
+        found.numbers[name][...] = np.where(np.isfinite(array), array, np.inf).reshape(responses.shape)
+    found.numbers["energy_error"][...] = responses.energy_error.reshape(responses.shape)
     return replace(found, seconds=seconds)
 
 
@@ -621,12 +616,6 @@ def vary_building(arrangement: Arrangement, bare: Building, *, stiffness: float,
         stiffness=building.stiffness + (stiffness - 1.0) * back.T @ bare.stiffness @ back,
         damping=building.damping + (damping - 1.0) * back.T @ bare.damping @ back,
     )
-
-
-def _vary_hardware(hardware: Hardware, delay: float, seed: int) -> Hardware:
-    step = hardware.sample_time / hardware.steps
-    total = (hardware.delay_steps + round(delay / step)) * step
-    return replace(hardware, delay=total, seed=hardware.seed + seed)
 
 
 def _criteria_of_realisations(

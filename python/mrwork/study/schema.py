@@ -74,7 +74,8 @@ class TuneTable:
     settings: Mapping[str, Any] | None = key("settings that are held", default=None)
     free: Mapping[str, tuple[float, ...]] | None = key(
         "settings to be searched, with lower and upper bounds, as { control_weight = [1e-15, 1e-9] }; an empty array "
-        "for the range of the law",
+        "for the range of the law. Of any law also largest_command, and dead_zone [m/s] and command_slope [A/s or V/s] "
+        "of its command",
         default=None,
     )
     criteria: tuple[str, ...] | Mapping[str, float] = key(
@@ -225,6 +226,12 @@ class LawFileTable:
     function: str = key("function in it, of a LoopSample and the memory, that returns the commands")
     memory: int = key(
         "numbers that each run keeps from sample to sample", default=0, least=0, most=MOST_MEMORY
+    )
+    rms_time: float | None = key(
+        "time constant of the running root mean squares of the readings, LoopSample.rms",
+        unit="s",
+        default=None,
+        above=0.0,
     )
     place: Place
 

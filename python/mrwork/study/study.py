@@ -171,7 +171,7 @@ class Arrangement:
     @property
     def reads_acceleration(self) -> bool:
         """Whether its law may read accelerations of floors."""
-        return isinstance(self.law, UserLaw) or (self.law is not None and self.law.spec.reads_acceleration)
+        return isinstance(self.law, UserLaw) or (self.law is not None and self.law.reads_acceleration)
 
 
 def commands_force(law: StudyLaw | None) -> bool:
@@ -298,7 +298,8 @@ class Study(Summarised):
             (f"Weights of {', '.join(labels)}", (*weights.in_words, weights.advice))
             for labels, weights in self.designs
         )
-        return (*designs, *((f"Loop of {label}", law.notes) for label, law in self._laws if law.notes))
+        loops = ((f"Loop of {label}", (*law.notes, *law.shaping_notes)) for label, law in self._laws)
+        return (*designs, *((heading, notes) for heading, notes in loops if notes))
 
     @property
     def _laws(self) -> Iterator[tuple[str, ControlLaw]]:
@@ -390,7 +391,9 @@ def digest_of_run(arrangement: Arrangement, *motions: GroundMotion) -> str:
         sorted((name, _digest(array)) for name, array in numbers.items()),
         *(() if model is None else (_digest_of_model(model),)),
         *((law.source, law.n_memory) if isinstance(law, UserLaw) else ()),
+        *((law.rms_time,) if isinstance(law, UserLaw) and law.rms_time is not None else ()),
         *(() if own is None or own.shaping is None else own.shaping),
+        *(() if own is None else own.signals),
         *((_digest(each.row), each.numbers) for each in building.elements),
         *(_digest_of_motion(motion) for motion in motions),
     )

@@ -37,7 +37,15 @@ from mrwork.tuning.results import (
     TuningJudgement,
     judgement_of_objective,
 )
-from mrwork.tuning.space import LARGEST, PENALTY, LawCandidate, SettingSpace, TuningObjective, refuse_within
+from mrwork.tuning.space import (
+    LARGEST,
+    PENALTY,
+    SHAPING_SPANS,
+    LawCandidate,
+    SettingSpace,
+    TuningObjective,
+    refuse_within,
+)
 from mrwork.values import Floats, array_dataclass
 
 if TYPE_CHECKING:
@@ -65,6 +73,19 @@ def check_finish(table: TuneTable, study: Study) -> None:
                 f"{', '.join(SMOOTH)}, leave it out",
                 "gradient_steps",
             )
+    if any((table.settings or {}).get(name) for name in ("signals", "floors", "rms_floors")):
+        refuse_within(
+            table,
+            "gradients are those of laws without further signals; leave gradient_steps out, or these",
+            "gradient_steps",
+        )
+    if any(name in (table.free or {}) for name in SHAPING_SPANS):
+        refuse_within(
+            table,
+            f"gradients are those of commands without {' and '.join(SHAPING_SPANS)}; leave gradient_steps out, or "
+            "these",
+            "gradient_steps",
+        )
     if table.combine != "mean":
         refuse_within(
             table,

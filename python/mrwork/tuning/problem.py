@@ -101,6 +101,7 @@ class Bench(Summarised):
                 largest_commands=np.array([candidates[n].largest_command for n in places])
                 if together
                 else None,
+                shaping=_shaping_of([candidates[n] for n in places]),
                 threads=self.threads,
             )
             # A law without gains has one candidate, whatever the number of its settings.
@@ -138,7 +139,8 @@ class Bench(Summarised):
         """
         hardware = self.study.hardware
         sound = not any(fault.channel == "command" for fault in hardware.faults)
-        alike = control_law(law).sends_share and sound and math.isinf(hardware.command_rate)
+        slopes = (hardware.command_rate, *(each.command_slope for each in candidates))
+        alike = control_law(law).sends_share and sound and all(map(math.isinf, slopes))
         if alike and len(candidates) > 1:
             return [(list(range(len(candidates))), True)]
         levels = dict.fromkeys(each.largest_command for each in candidates)
@@ -168,7 +170,7 @@ class Bench(Summarised):
             return DesignNotes()
         assert isinstance(made, ControlLaw)
         weights = () if made.weights is None else (*made.weights.in_words, made.weights.advice)
-        return DesignNotes(weights=weights, loop=made.notes)
+        return DesignNotes(weights=weights, loop=(*made.notes, *made.shaping_notes))
 
 
 def arrange_law(
@@ -176,12 +178,20 @@ def arrange_law(
 ) -> Arrangement:
     """The dampers of an arrangement at i = 0 under a law with these settings."""
     limited = problem.limited_to(candidate.largest_command)
+    designed = design_law(law, limited, settings_of(law, candidate.settings))
     return replace(
         at_zero,
         row=Row(label=label, kind="controller"),
         devices=tuple(limited.devices),
-        law=design_law(law, limited, settings_of(law, candidate.settings)),
+        law=replace(designed, dead_zone=candidate.dead_zone, command_slope=candidate.command_slope),
     )
+
+
+def _shaping_of(candidates: Sequence[LawCandidate]) -> Floats | None:
+    """Dead zone and slope of each candidate; `None` where no command is shaped."""
+    if not any(each.shaping for each in candidates):
+        return None
+    return np.array([(each.dead_zone, each.command_slope) for each in candidates])
 
 
 def check_controllable(study: Study) -> None:
@@ -321,8 +331,8 @@ def _middle(values: Floats) -> float:
 
 
 def describe(candidate: LawCandidate) -> Mapping[str, object]:
-    """The settings of a candidate with its largest command, as a study file states them."""
-    return {**candidate.settings, "largest_command": candidate.largest_command}
+    """The settings of a candidate with those of its command, as a study file states them."""
+    return {**candidate.settings, "largest_command": candidate.largest_command, **candidate.shaping}
 
 
 # That of a study, whatever a table minimises, so that all laws are compared by one number.

@@ -38,7 +38,14 @@ from mrwork.study.results import RealisationBand
 from mrwork.study.study import StudyFile
 from mrwork.summary import Summarised, Summary, list_names
 from mrwork.table import csv_text
-from mrwork.tuning.space import LARGEST, FreeSetting, LawCandidate
+from mrwork.tuning.space import (
+    COMMAND_SLOPE,
+    DEAD_ZONE,
+    LARGEST,
+    SHAPING_SPANS,
+    FreeSetting,
+    LawCandidate,
+)
 
 _MARGIN = 0.01
 _SAME = 5e-4
@@ -166,17 +173,27 @@ class LawResult(Summarised, Related):
         return _candidate_of(self.settings)
 
     def disagreement(self) -> str:
-        """Whether the largest command is a number, and is there where it is one of the settings."""
-        if LARGEST not in self.settings:
-            return f"{self.label} has no {LARGEST} among its settings" if self.limited else ""
-        value = self.settings[LARGEST]
-        is_number = isinstance(value, int | float) and not isinstance(value, bool)
-        return "" if is_number else f"{LARGEST} of {self.label} is not a number"
+        """Whether the settings of the command are numbers, and the largest is there where it is one of them."""
+        if LARGEST not in self.settings and self.limited:
+            return f"{self.label} has no {LARGEST} among its settings"
+        for name, value in _part_settings(self.settings)[1].items():
+            if not isinstance(value, int | float) or isinstance(value, bool):
+                return f"{name} of {self.label} is not a number"
+        return ""
+
+
+_OF_COMMAND = (LARGEST, *SHAPING_SPANS)
+
+
+def _part_settings(settings: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The settings of a law, and those of the command of any law."""
+    of_law = {name: value for name, value in settings.items() if name not in _OF_COMMAND}
+    return of_law, {name: settings[name] for name in _OF_COMMAND if name in settings}
 
 
 def _candidate_of(settings: Mapping[str, Any]) -> LawCandidate:
-    others = {name: value for name, value in settings.items() if name != LARGEST}
-    return LawCandidate(largest_command=settings[LARGEST], settings=others)
+    of_law, of_command = _part_settings(settings)
+    return LawCandidate(settings=of_law, **of_command)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -453,10 +470,17 @@ def _at_ends(law: LawResult) -> list[tuple[str, str]]:
 
 
 def settings_in_words(settings: Mapping[str, Any], command_unit: str) -> str:
-    """Settings in one line, the largest command last."""
-    parts = [f"{name} {_value(value)}" for name, value in settings.items() if name != LARGEST]
-    if LARGEST in settings:
-        parts.append(f"at most {format_rounded(settings[LARGEST])} {command_unit}")
+    """Settings in one line, those of the command last."""
+    of_law, of_command = _part_settings(settings)
+    parts = [f"{name} {_value(value)}" for name, value in of_law.items()]
+    words = {
+        LARGEST: ("at most", command_unit),
+        DEAD_ZONE: ("dead zone", "m/s"),
+        COMMAND_SLOPE: ("slope at most", f"{command_unit}/s"),
+    }
+    for name, value in of_command.items():
+        word, unit = words[name]
+        parts.append(f"{word} {format_rounded(value)} {unit}")
     return ", ".join(parts)
 
 
@@ -558,13 +582,15 @@ def _without_folder(text: str) -> str:
 
 
 def _controller(law: LawResult) -> str:
-    settings = {name: value for name, value in law.settings.items() if name != LARGEST}
+    settings, of_command = _part_settings(law.settings)
+    if not law.limited:
+        of_command.pop(LARGEST, None)
     lines = [
         "[[controller]]",
         f"law = {_text(law.law)}",
         f"label = {_text(law.label)}",
         *([f"settings = {_toml(settings)}"] if settings else []),
-        *([f"{LARGEST} = {_toml(law.settings[LARGEST])}"] if law.limited else []),
+        *(f"{name} = {_toml(value)}" for name, value in of_command.items()),
     ]
     return "\n".join(lines) + "\n"
 

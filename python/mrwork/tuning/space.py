@@ -194,6 +194,16 @@ def refuse_within(table: TuneTable, sentence: str, *keys: str) -> NoReturn:
 
 LARGEST = "largest_command"
 """Name of the largest command of a law among its settings."""
+DEAD_ZONE, COMMAND_SLOPE = "dead_zone", "command_slope"
+"""Names of what is done to the command of any law, among the settings of a tuned one."""
+SHAPING_SPANS: Mapping[str, Span] = {
+    DEAD_ZONE: Span(lower=1e-3, upper=0.3, of=(("rate", 1.0),), free=False),
+    # Rate over stroke is the first natural frequency.
+    COMMAND_SLOPE: Span(
+        lower=0.3, upper=100.0, of=(("command", 1.0), ("rate", 1.0), ("stroke", -1.0)), free=False
+    ),
+}
+"""Ranges of these, for every law of a current or voltage."""
 BUDGET_SCALE = "budget_scale"
 """Name of the factor of the budget of designed weights among the settings of a law."""
 _SHARES = 10
@@ -203,18 +213,30 @@ _DIGITS = 4
 _WIDEST = 1e100
 
 
+_UNSHAPED = {DEAD_ZONE: 0.0, COMMAND_SLOPE: math.inf}
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LawCandidate:
-    """Settings of a law, in SI, and the largest command that it sends [A or V]."""
+    """Settings of a law, in SI, its largest command [A or V], and dead zone [m/s] and slope of its command."""
 
     _made_by: ClassVar[str] = "mr.tune(study)"
 
     settings: Mapping[str, Any]
     largest_command: float
+    dead_zone: float = 0.0
+    command_slope: float = math.inf
 
     def __repr__(self) -> str:
         # Digests of journals have this word.
-        return f"Candidate(settings={self.settings!r}, largest_command={self.largest_command!r})"
+        shaping = "".join(f", {name}={value!r}" for name, value in self.shaping.items())
+        return f"Candidate(settings={self.settings!r}, largest_command={self.largest_command!r}{shaping})"
+
+    @property
+    def shaping(self) -> dict[str, float]:
+        """Dead zone and slope of the command by name, where they change it."""
+        found = {DEAD_ZONE: self.dead_zone, COMMAND_SLOPE: self.command_slope}
+        return {name: value for name, value in found.items() if value != _UNSHAPED[name]}
 
 
 Candidate = LawCandidate
@@ -298,20 +320,22 @@ class SettingSpace(Summarised):
             value = each.value(float(place), exact=exact)
             values[each.name] = value if each.entry is None else (*values.get(each.name, ()), value)
         largest = values.pop(LARGEST, self.largest_command)
-        return LawCandidate(settings={**self.held, **values}, largest_command=largest)
+        shaping = {name: values.pop(name) for name in SHAPING_SPANS if name in values}
+        return LawCandidate(settings={**self.held, **values}, largest_command=largest, **shaping)
 
     def unit(self, candidate: LawCandidate) -> Floats | None:
         """The point of a candidate, shape (n_free,); `None` where it is outside of the space.
 
-        A weight that is free and that the candidate does not have is taken for the least of its range.
+        A weight or dead zone that is free and that the candidate does not have is taken for the least of its range, a
+        slope for the largest.
         """
         held = {name: value for name, value in candidate.settings.items() if name not in self._names}
         if held != {name: value for name, value in self.held.items() if name not in self._names}:
             return None
-        given = {**candidate.settings, LARGEST: candidate.largest_command}
+        given = {**candidate.settings, LARGEST: candidate.largest_command, **candidate.shaping}
         places = []
         for each in self.free:
-            value = given.get(each.name, each.lower)
+            value = given.get(each.name, each.upper if each.name == COMMAND_SLOPE else each.lower)
             if each.entry is not None and isinstance(value, tuple) and each.entry < len(value):
                 value = value[each.entry]
             place = each.unit(value) if isinstance(value, int | float) else None
@@ -342,10 +366,15 @@ def space_of(table: TuneTable, law: str, magnitudes: Magnitudes) -> SettingSpace
     """The free settings of a law with their ranges, from a table and from what the law declares."""
     _check_law(table, law)
     kind = SETTINGS[law]
-    spans: dict[str, Span] = {
-        entry.name: entry.metadata["span"] for entry in keys_of(kind) if entry.metadata["span"] is not None
-    }
     held = _held_settings(table, law, kind)
+    spans: dict[str, Span] = {
+        entry.name: span
+        for entry in keys_of(kind)
+        if (declared := entry.metadata["span"]) is not None
+        and (span := kind.span_of(entry.name, declared, held)) is not None
+    }
+    if not (control_law(law).commands_force or kind.constant):
+        spans |= SHAPING_SPANS
     weights = {name: value for name, value in held.items() if name in kind.weight_names()}
     magnitudes = replace(magnitudes, cost=kind.cost(weights, magnitudes))
     free = []

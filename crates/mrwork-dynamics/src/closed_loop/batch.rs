@@ -1,12 +1,12 @@
 //! The arguments of a batch of closed-loop runs.
 
 use super::hardware::{Hardware, Observer};
-use crate::building::Building;
-use crate::control::{CurveModel, Law, LoopModel, Mounting};
+use crate::building::{Building, Springs};
+use crate::control::{CurveModel, Law, LoopModel, LoopSizes, Mounting, Signal};
 use crate::current_law::CurrentLaws;
 use crate::ground_motion::GroundMotion;
 
-/// One run: a set of gains, a ground motion, a draw of the damper parameters.
+/// One run: a set of gains, a ground motion, a draw of the damper parameters, a realisation of building and delay.
 #[derive(Clone, Copy, Debug)]
 pub struct Run {
     /// Row of the gains.
@@ -15,6 +15,10 @@ pub struct Run {
     pub motion: u32,
     /// Row of the damper parameters.
     pub draw: u32,
+    /// Index of stiffness and damping of the building; 0 without any.
+    pub springs: u32,
+    /// Integration steps of delay beyond that of the hardware.
+    pub delay_steps: u32,
     /// Stream of the sensor noise; runs with the same stream have the same noise.
     pub stream: u64,
 }
@@ -68,6 +72,8 @@ pub trait OutsideLaw: Sync {
 pub struct Batch<'a> {
     /// The building, with the rows of its devices.
     pub building: &'a Building,
+    /// Stiffness and damping of the building in runs that have others than its own; empty if none has.
+    pub springs: &'a [Springs],
     /// Current law of each damper parameter.
     pub laws: &'a CurrentLaws,
     /// Damper parameters, shape (draws, devices, columns).
@@ -84,6 +90,8 @@ pub struct Batch<'a> {
     pub gains: &'a [f64],
     /// Its tables.
     pub tables: &'a [Vec<f64>],
+    /// Further signals that it takes.
+    pub signals: &'a [Signal],
     /// Dead zone and slope of each candidate; empty if none has any.
     pub shaping: &'a [Shaping],
     /// The controller's own model of the dampers.
@@ -104,6 +112,28 @@ impl<'a> Batch<'a> {
     /// Dead zone and slope of a candidate.
     pub(super) fn shaping_of(&self, candidate: usize) -> Shaping {
         self.shaping.get(candidate).copied().unwrap_or(Shaping::NONE)
+    }
+
+    /// Stiffness and damping of the building in a run.
+    pub(super) fn springs_of(&self, run: usize) -> &'a Springs {
+        self.springs.get(self.runs[run].springs as usize).unwrap_or(&self.building.springs)
+    }
+
+    /// Integration steps of the hardware from a measurement of a run until its command is sent.
+    pub(super) fn delay_of(&self, run: usize) -> usize {
+        self.hardware.delay_steps + self.runs[run].delay_steps as usize
+    }
+
+    /// Sizes of the gains of the law.
+    pub(super) fn sizes(&self) -> LoopSizes {
+        let (n_devices, n_states) = (self.mountings.len(), 2 * self.building.n);
+        LoopSizes { n_devices, n_states, n_signals: self.signals.len() }
+    }
+
+    /// Whether the law reads the absolute accelerations of floors.
+    pub(super) fn reads_acceleration(&self) -> bool {
+        let further = self.signals.iter().any(|signal| signal.source.is_acceleration());
+        further || self.law.spec().reads_acceleration || self.outside.is_some()
     }
 
     /// Number of rows of damper parameters; 1 without devices.

@@ -113,6 +113,51 @@ impl<'a> Ground<'a> {
     }
 }
 
+/// Commands on their way from the controller to the drivers; lanes differ in the delay.
+struct Arrivals<R> {
+    /// Delays in integration steps, each with 1 in the lanes that have it, else 0.
+    delays: Vec<(usize, R)>,
+    /// Integration steps of a sample.
+    steps: usize,
+    /// Commands that have arrived last.
+    received: Vec<R>,
+}
+
+impl<R: Lanes> Arrivals<R> {
+    fn new(batch: &Batch<'_>, runs: &[usize], steps: u32) -> Self {
+        let finer = (steps / batch.hardware.steps) as usize;
+        let own: Vec<usize> = runs.iter().map(|&run| batch.delay_of(run) * finer).collect();
+        let (mut distinct, last) = (own.clone(), own.len() - 1);
+        distinct.sort_unstable();
+        distinct.dedup();
+        let lanes = |delay| R::from_fn(|lane| f64::from(u8::from(own[lane.min(last)] == delay)));
+        Self {
+            delays: distinct.into_iter().map(|delay| (delay, lanes(delay))).collect(),
+            steps: steps as usize,
+            received: vec![R::splat(0.0); batch.mountings.len()],
+        }
+    }
+
+    /// Takes the commands that arrive at a step; returns whether there are any.
+    ///
+    /// A driver that receives its command once more does not change.
+    #[inline(always)]
+    fn take(&mut self, index: usize, controller: &Controller<'_, R>) -> bool {
+        let mut arrived = false;
+        for &(delay, lanes) in &self.delays {
+            // The first command is in force from the start, without delay.
+            if index == 0 || (index >= delay && (index - delay).is_multiple_of(self.steps)) {
+                arrived = true;
+                let sent = controller.sent_at(index.saturating_sub(delay) / self.steps);
+                for (received, &sent) in self.received.iter_mut().zip(sent) {
+                    *received = R::select(R::splat(0.5).less(lanes), sent, *received);
+                }
+            }
+        }
+        arrived
+    }
+}
+
 /// Integrates a block to its end; returns its reductions, and a number above zero in lanes with an invalid command.
 ///
 /// Classical Runge-Kutta in the form for second-order systems: the displacement increment is h v + h^2 (a1 + a2 + a3)/6.
@@ -125,13 +170,14 @@ fn integrate_block<M: DamperModel, R: Lanes>(
     let Batch { building, hardware, .. } = *batch;
     let step = hardware.sample_time / f64::from(steps);
     let (half, sixth, third) = (0.5 * step, step / 6.0, step / 3.0);
-    let delay = hardware.delay_steps * (steps / hardware.steps) as usize;
     let last = runs.len() - 1;
+    let springs: Vec<_> = runs.iter().map(|&run| &batch.springs_of(run).rows).collect();
     let streams: Vec<u64> = (0..R::WIDTH).map(|lane| batch.runs[runs[lane.min(last)]].stream).collect();
     let ground = Ground::new(&block.motions);
 
-    let mut plant = Plant::<R>::at_rest(building, step);
+    let mut plant = Plant::<R>::at_rest(building, &springs, step);
     let mut dampers = Dampers::<M, R>::new(batch, runs, step);
+    let mut arrivals = Arrivals::<R>::new(batch, runs, steps);
     let mut controller = Controller::<'_, R>::new(batch, runs);
     let mut reductions = Reductions::<R>::new(building, step);
     let mut end = ground.acceleration::<R>(0.0);
@@ -142,6 +188,7 @@ fn integrate_block<M: DamperModel, R: Lanes>(
             }
             R::out_of_line(BalanceEnergies {
                 building,
+                springs: &plant.springs,
                 displacement: &plant.displacement,
                 velocity: &plant.velocity,
                 into: &mut reductions,
@@ -168,14 +215,9 @@ fn integrate_block<M: DamperModel, R: Lanes>(
                 });
                 reductions.take_commands(sample, controller.sent_at(sample), batch.ranges);
             }
-            // The first command is in force from the start, without delay.
-            let arrived = index == 0 || (index >= delay && (index - delay).is_multiple_of(steps as usize));
-            if arrived {
-                let commands = controller.sent_at(index.saturating_sub(delay) / steps as usize);
-                if dampers.receive(commands, index == 0) {
-                    dampers.evaluate_forces(&plant.elongation, &plant.rate, END);
-                    plant.accelerate(0, &dampers.force, start);
-                }
+            if arrivals.take(index, &controller) && dampers.receive(&arrivals.received, index == 0) {
+                dampers.evaluate_forces(&plant.elongation, &plant.rate, END);
+                plant.accelerate(0, &dampers.force, start);
             }
             R::out_of_line(ReduceStep {
                 building,
@@ -215,6 +257,7 @@ fn integrate_block<M: DamperModel, R: Lanes>(
     }
     R::out_of_line(BalanceEnergies {
         building,
+        springs: &plant.springs,
         displacement: &plant.displacement,
         velocity: &plant.velocity,
         into: &mut reductions,

@@ -3,7 +3,7 @@
 use super::batch::{Batch, Run};
 use super::hardware::{Channel, Observer};
 use crate::building::Building;
-use crate::control::{LoopModel, Timing};
+use crate::control::{LoopModel, Source, Timing};
 use crate::error::DynamicsError;
 
 /// Most integration steps per control sample that the hardware may ask for; finer runs multiply them.
@@ -17,10 +17,10 @@ impl Batch<'_> {
     /// # Errors
     /// If a size or an index does not match the building, the law or the hardware.
     pub fn check(&self) -> Result<(), DynamicsError> {
-        let (n_devices, n_states) = (self.mountings.len(), 2 * self.building.n);
+        let n_devices = self.mountings.len();
         let n_columns = self.laws.n_columns();
         let spec = self.law.spec();
-        let n_gains = spec.n_gains(n_devices, n_states);
+        let n_gains = spec.n_gains(self.sizes());
         let sizes = [
             ("devices", self.building.n_devices(), n_devices),
             ("ranges", self.ranges.len(), n_devices),
@@ -42,12 +42,10 @@ impl Batch<'_> {
                 expected: n_gains,
             });
         }
-        self.law.check_tables(self.tables)?;
+        self.check_signals()?;
+        self.law.check_tables(self.tables, self.signals.len())?;
         if spec.needs_curve && self.curve.is_none() {
             return Err(DynamicsError::NoCurve(spec.name));
-        }
-        if spec.reads_acceleration && self.building.device_floors.is_none() {
-            return Err(DynamicsError::NoAcceleration(spec.name));
         }
         if let Some(candidate) = self
             .shaping
@@ -69,21 +67,26 @@ impl Batch<'_> {
         self.timing()?;
         let limits = [
             ("steps", self.hardware.steps as usize, MOST_STEPS as usize),
-            ("delay_steps", self.hardware.delay_steps, LONGEST_DELAY * self.hardware.steps as usize),
+            ("delay_steps", self.longest_delay(), LONGEST_DELAY * self.hardware.steps as usize),
         ];
         for (name, found, most) in limits {
             if found > most {
                 return Err(DynamicsError::TooLarge { name, found, most });
             }
         }
+        if let Some(other) = self.springs.iter().find(|each| each.n_coordinates() != self.building.n) {
+            let (found, expected) = (other.n_coordinates(), self.building.n);
+            return Err(DynamicsError::MatrixSize { name: "stiffness", found, expected });
+        }
         let n_candidates = self.gains.len().checked_div(n_gains).unwrap_or(usize::MAX);
         let n_draws = self.n_draws();
         let n_shaped = if self.shaping.is_empty() { usize::MAX } else { self.shaping.len() };
-        for (run, &Run { candidate, motion, draw, .. }) in self.runs.iter().enumerate() {
+        for (run, &Run { candidate, motion, draw, springs, .. }) in self.runs.iter().enumerate() {
             let asked = [
                 ("candidate", candidate as usize, n_candidates),
                 ("motion", motion as usize, self.motions.len()),
                 ("draw", draw as usize, n_draws),
+                ("the stiffness", springs as usize, self.springs.len().max(1)),
                 ("the dead zone of candidate", candidate as usize, n_shaped),
             ];
             for (what, index, count) in asked {
@@ -105,6 +108,38 @@ impl Batch<'_> {
             }
         }
         self.observer.map_or(Ok(()), |observer| observer.check(self.building, n_devices))
+    }
+}
+
+impl Batch<'_> {
+    /// The longest delay of a run, in integration steps of the hardware.
+    fn longest_delay(&self) -> usize {
+        let later = self.runs.iter().map(|run| run.delay_steps as usize).max().unwrap_or(0);
+        self.hardware.delay_steps.saturating_add(later)
+    }
+
+    fn check_signals(&self) -> Result<(), DynamicsError> {
+        let spec = self.law.spec();
+        if !(self.signals.is_empty() || spec.takes_signals) {
+            return Err(DynamicsError::NoSignals(spec.name));
+        }
+        for (index, signal) in self.signals.iter().enumerate() {
+            let (what, count) = ("the floor of a signal", self.building.n_floors());
+            match signal.source {
+                Source::Floor(floor) if floor >= count => {
+                    return Err(DynamicsError::NoSuchEntry { run: 0, what, index: floor, count });
+                }
+                _ if !signal.time_constant.is_none_or(|time| time > 0.0 && time.is_finite()) => {
+                    return Err(DynamicsError::TimeConstant(index));
+                }
+                _ => {}
+            }
+        }
+        let across = self.signals.iter().any(|signal| signal.source == Source::Acceleration);
+        if (spec.reads_acceleration || across) && self.building.device_floors.is_none() {
+            return Err(DynamicsError::NoAcceleration(spec.name));
+        }
+        Ok(())
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::elements::Elements;
 use super::reductions::{Motion, Reductions};
-use crate::building::Building;
+use crate::building::{Building, Coefficient, OfLanes, SpringRows};
 use crate::lanes::{Lanes, OutOfLine};
 use crate::real::Real;
 
@@ -15,6 +15,8 @@ const STAGES: usize = 4;
 /// h v + h^2 (a1 + a2 + a3)/6, the velocity increment h (a1 + 2 a2 + 2 a3 + a4)/6.
 pub(super) struct Plant<'a, R: Real> {
     building: &'a Building,
+    /// Its stiffness and damping.
+    pub(super) springs: LaneSprings<'a, R>,
     step: f64,
     pub(super) displacement: Vec<R>,
     pub(super) velocity: Vec<R>,
@@ -36,10 +38,12 @@ pub(super) struct Plant<'a, R: Real> {
 }
 
 impl<'a, R: Lanes> Plant<'a, R> {
-    pub(super) fn at_rest(building: &'a Building, step: f64) -> Self {
+    /// The building at rest; `springs` are those of each run, of one pattern.
+    pub(super) fn at_rest(building: &'a Building, springs: &[&'a SpringRows<f64>], step: f64) -> Self {
         let zero = || vec![R::splat(0.0); building.n];
         Self {
             building,
+            springs: LaneSprings::of(springs),
             step,
             displacement: zero(),
             velocity: zero(),
@@ -92,6 +96,51 @@ impl<'a, R: Lanes> Plant<'a, R> {
     }
 }
 
+/// Stiffness and damping in lanes: those of all runs, or of each.
+pub(super) enum LaneSprings<'a, R> {
+    Shared(&'a SpringRows<f64>),
+    Each(SpringRows<OfLanes<R>>),
+}
+
+impl<'a, R: Lanes> LaneSprings<'a, R> {
+    fn of(each: &[&'a SpringRows<f64>]) -> Self {
+        if each.iter().all(|springs| core::ptr::eq(*springs, each[0])) {
+            return Self::Shared(each[0]);
+        }
+        Self::Each(SpringRows::of_lanes(each))
+    }
+
+    /// Force of the stiffness on a coordinate [N].
+    #[inline(always)]
+    pub(super) fn sprung(&self, coordinate: usize, displacement: &[R]) -> R {
+        match self {
+            Self::Shared(springs) => springs.sprung(coordinate, displacement),
+            Self::Each(springs) => springs.sprung(coordinate, displacement),
+        }
+    }
+}
+
+/// Writes the force of stiffness and damping on each coordinate; returns the power of the damping and the momentum that the
+/// ground pushes.
+#[inline(always)]
+fn restrain<N: Coefficient<R>, R: Lanes>(
+    springs: &SpringRows<N>,
+    pushed_mass: &[f64],
+    displacement: &[R],
+    velocity: &[R],
+    resisting: &mut [R],
+) -> [R; 2] {
+    let (mut damping, mut momentum) = (R::splat(0.0), R::splat(0.0));
+    for (coordinate, resisting) in resisting.iter_mut().enumerate() {
+        let [sprung, damped] = springs.coupling(coordinate, displacement, velocity);
+        let own = velocity[coordinate];
+        damping = damped.mul_add(own, damping);
+        momentum = own.mul_add(R::splat(pushed_mass[coordinate]), momentum);
+        *resisting = sprung + damped;
+    }
+    [damping, momentum]
+}
+
 struct Accelerate<'a, 'b, R: Real> {
     plant: &'a mut Plant<'b, R>,
     stage: usize,
@@ -109,14 +158,11 @@ impl<R: Lanes> OutOfLine for Accelerate<'_, '_, R> {
         let displacement = &plant.staged_displacement[..n];
         let velocity = &plant.staged_velocity[..n];
         let resisting = &mut plant.resisting[..n];
-        let (mut damping, mut momentum) = (R::splat(0.0), R::splat(0.0));
-        for coordinate in 0..n {
-            let [sprung, damped] = building.coupling(coordinate, displacement, velocity);
-            let own = velocity[coordinate];
-            damping = damped.mul_add(own, damping);
-            momentum = own.mul_add(R::splat(building.pushed_mass[coordinate]), momentum);
-            resisting[coordinate] = sprung + damped;
-        }
+        let pushed_mass = &building.pushed_mass[..n];
+        let [damping, momentum] = match &plant.springs {
+            LaneSprings::Shared(springs) => restrain(springs, pushed_mass, displacement, velocity, resisting),
+            LaneSprings::Each(springs) => restrain(springs, pushed_mass, displacement, velocity, resisting),
+        };
         for (device, &force) in force.iter().enumerate() {
             for &(coordinate, reach) in building.devices.row(device) {
                 resisting[coordinate] = force.mul_add(R::splat(reach), resisting[coordinate]);

@@ -1,5 +1,6 @@
 //! Reductions of a run: peaks, mean squares, energies. Memory does not grow with the length of the motion.
 
+use super::plant::LaneSprings;
 use super::quantity::{Axis, Quantity};
 use crate::building::Building;
 use crate::lanes::{Lanes, OutOfLine};
@@ -388,6 +389,7 @@ impl<R: Lanes> OutOfLine for ReduceCommand<'_, R> {
 /// Updates kinetic and strain energy and the energy balance.
 pub(super) struct BalanceEnergies<'a, R> {
     pub(super) building: &'a Building,
+    pub(super) springs: &'a LaneSprings<'a, R>,
     pub(super) displacement: &'a [R],
     pub(super) velocity: &'a [R],
     pub(super) into: &'a mut Reductions<R>,
@@ -396,11 +398,11 @@ pub(super) struct BalanceEnergies<'a, R> {
 impl<R: Lanes> OutOfLine for BalanceEnergies<'_, R> {
     #[inline(always)]
     fn run(self) {
-        let Self { building, displacement, velocity, into } = self;
+        let Self { building, springs, displacement, velocity, into } = self;
         let (mut kinetic, mut strain) = (R::splat(0.0), R::splat(0.0));
         for coordinate in 0..building.n {
             kinetic = building.mass.dot(coordinate, velocity).mul_add(velocity[coordinate], kinetic);
-            let force = building.stiffness.dot(coordinate, displacement);
+            let force = springs.sprung(coordinate, displacement);
             strain = force.mul_add(displacement[coordinate], strain);
         }
         into.kinetic = kinetic * R::splat(0.5);

@@ -5,7 +5,7 @@ use super::batch::Batch;
 use super::elements::UNLOADING;
 use super::hardware::Hardware;
 use crate::any_damper::Damper;
-use crate::building::Building;
+use crate::building::{Building, Springs};
 use crate::current_law::CurrentLaws;
 use crate::damper::fastest_relaxation;
 use crate::damper::model::{Motion, Severity};
@@ -31,8 +31,23 @@ pub(super) fn steps_for(hardware: &Hardware, bound: f64) -> Option<u32> {
     wanted.is_finite().then_some(steps)
 }
 
-/// Largest rate [1/s] of the building with the dampers of a draw, without the dampers' own states.
-pub(super) fn building_bound(damper: &dyn Damper, batch: &Batch<'_>, draw: usize) -> f64 {
+/// What dampers and passive elements add to the largest rate of the building.
+pub(super) struct Addition {
+    /// Of their stiffness [1/s2].
+    stiffening: f64,
+    /// Of their damping [1/s].
+    decay: f64,
+}
+
+impl Addition {
+    /// Largest rate [1/s] of the building with the dampers, without the dampers' own states.
+    pub(super) fn rate_with(&self, springs: &Springs) -> f64 {
+        springs.fastest.hypot(self.stiffening.sqrt()) + self.decay
+    }
+}
+
+/// What the dampers of a draw and the passive elements add to the rate of the building.
+pub(super) fn addition_of(damper: &dyn Damper, batch: &Batch<'_>, draw: usize) -> Addition {
     let (mut decay, mut stiffening) = (0.0, 0.0);
     for (device, &mass) in batch.building.device_mass.iter().enumerate() {
         let [over_velocity, over_displacement] =
@@ -45,7 +60,7 @@ pub(super) fn building_bound(damper: &dyn Damper, batch: &Batch<'_>, draw: usize
     for (element, &mass) in batch.building.element_parameters.iter().zip(&batch.building.element_mass) {
         stiffening += element.yield_force * element.slope / mass;
     }
-    batch.building.fastest.hypot(stiffening.sqrt()) + decay
+    Addition { stiffening, decay }
 }
 
 /// Largest slopes of the force of one damper at these commands, over velocity [N s/m] and over displacement [N/m].
@@ -101,7 +116,7 @@ pub(super) fn damper_bound(
 }
 
 /// Largest rate of the passive elements [1/s] under the simulated motion: that of a loop, or of a loss of head.
-pub(super) fn element_bound(building: &Building, severity: &[[f64; 2]], step: f64) -> f64 {
+pub(super) fn element_bound(building: &Building, springs: &Springs, severity: &[[f64; 2]], step: f64) -> f64 {
     let mut bound: f64 = 0.0;
     for (index, &[peak_velocity, change]) in severity.iter().enumerate() {
         let element = building.element_parameters[index];
@@ -112,7 +127,7 @@ pub(super) fn element_bound(building: &Building, severity: &[[f64; 2]], step: f6
             0.0
         };
         let losing = 2.0 * element.head_loss * peak_velocity / building.element_mass[index];
-        bound = bound.max(yielding).max(losing + building.fastest);
+        bound = bound.max(yielding).max(losing + springs.fastest);
     }
     bound
 }

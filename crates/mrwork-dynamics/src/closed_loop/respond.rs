@@ -3,7 +3,7 @@
 use super::batch::{Batch, n_samples};
 use super::history;
 use super::reductions::width;
-use super::resolution::{building_bound, damper_bound, element_bound, steps_for};
+use super::resolution::{addition_of, damper_bound, element_bound, steps_for};
 use super::round::{Output, round};
 use crate::any_damper::Damper;
 use crate::error::{DynamicsError, Outcome};
@@ -59,15 +59,14 @@ pub fn respond(
     for rows in histories.iter_mut().flat_map(|histories| histories.iter_mut()) {
         rows.fill(f64::INFINITY);
     }
-    let first_steps: Vec<Option<u32>> = (0..batch.n_draws())
-        .map(|draw| steps_for(batch.hardware, building_bound(damper, batch, draw)))
-        .collect();
+    let additions: Vec<_> = (0..batch.n_draws()).map(|draw| addition_of(damper, batch, draw)).collect();
     let unresolved = RunResult { outcome: Outcome::Unresolved, steps: 0 };
     let mut results = vec![unresolved; batch.runs.len()];
     let mut tried_finer = vec![false; batch.runs.len()];
     let mut pending: Vec<(usize, u32)> = (0..batch.runs.len())
         .filter_map(|run| {
-            let steps = first_steps[batch.runs[run].draw as usize]?;
+            let addition = &additions[batch.runs[run].draw as usize];
+            let steps = steps_for(batch.hardware, addition.rate_with(batch.springs_of(run)))?;
             Some((run, steps * settings.step_factor))
         })
         .collect();
@@ -80,7 +79,8 @@ pub fn respond(
             let finite = is_bounded(output.row(run), batch.building.n_floors());
             let wanted = if finite {
                 let bound = damper_bound(damper, batch, draw, &lane.severity, step);
-                let elements = element_bound(batch.building, &lane.element_severity, step);
+                let elements =
+                    element_bound(batch.building, batch.springs_of(run), &lane.element_severity, step);
                 // A bound of the dampers that is not a number is kept.
                 let bound = if elements > bound { elements } else { bound };
                 steps_for(batch.hardware, bound).map(|own| own * settings.step_factor)

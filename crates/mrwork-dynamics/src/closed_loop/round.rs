@@ -44,15 +44,22 @@ pub(super) fn round(
 ) -> Result<Vec<(usize, u32, LaneResult)>, DynamicsError> {
     let set = settings.instruction_set.or_plain();
     let threads = thread_count(settings.threads);
-    let mut groups: BTreeMap<(u32, usize), Vec<usize>> = BTreeMap::new();
+    // Lanes of a block have equal operations: places of the springs of the first run with the pattern of each.
+    let mut patterns: Vec<usize> = Vec::with_capacity(batch.springs.len());
+    for (place, own) in batch.springs.iter().enumerate() {
+        let known = (0..place).find(|&known| batch.springs[known].rows.has_pattern_of(&own.rows));
+        patterns.push(known.unwrap_or(place));
+    }
+    let pattern = |run: usize| patterns.get(batch.runs[run].springs as usize).copied().unwrap_or(0);
+    let mut groups: BTreeMap<(u32, usize, usize), Vec<usize>> = BTreeMap::new();
     for &(run, steps) in pending {
         let samples = n_samples(&batch.motions[batch.runs[run].motion as usize], batch.hardware);
-        groups.entry((steps, samples)).or_default().push(run);
+        groups.entry((steps, samples, pattern(run))).or_default().push(run);
     }
     let mut results = Vec::with_capacity(pending.len());
-    for ((steps, samples), mut runs) in groups {
-        // Runs under the same motion share a block where possible.
-        runs.sort_by_key(|&run| batch.runs[run].motion);
+    for ((steps, samples, _), mut runs) in groups {
+        // Runs under the same motion share a block where possible, and those of one realisation of the building.
+        runs.sort_by_key(|&run| (batch.runs[run].motion, batch.runs[run].springs));
         let width = set.middle_width();
         let n_blocks = runs.len().div_ceil(width).next_multiple_of(threads).min(runs.len());
         let cut: Vec<&[usize]> = runs.chunks(runs.len().div_ceil(n_blocks).min(width)).collect();

@@ -3,12 +3,15 @@
 use super::batch::{Batch, BlockSample, OutsideLaw};
 use super::hardware::{Channel, Observer, Sensor};
 use super::noise::normal;
-use crate::control::{ForceCurve, Gains, Measurement, Memory, ground_reach, plan, within};
+use crate::control::{
+    ForceCurve, Further, Gains, LoopSizes, Measurement, Memory, ground_reach, plan, within,
+};
 use crate::lanes::{Lanes, OutOfLine};
 
 /// State of the controller between two samples, for a block of lanes.
 pub(super) struct Controller<'a, R: Lanes> {
     columns: Vec<R>,
+    reads_acceleration: bool,
     /// Zero; not a number in lanes where a gain is not a number.
     unknown: R,
     curves: Vec<ForceCurve<R>>,
@@ -41,8 +44,9 @@ impl<'a, R: Lanes + 'a> Controller<'a, R> {
     /// The controller before the first sample.
     pub(super) fn new(batch: &Batch<'a>, runs: &[usize]) -> Self {
         let Batch { building, gains, tables, mountings, ranges, hardware, law, .. } = *batch;
-        let (n_states, n_devices) = (2 * building.n, mountings.len());
-        let n_gains = law.spec().n_gains(n_devices, n_states);
+        let sizes = batch.sizes();
+        let LoopSizes { n_states, n_devices, .. } = sizes;
+        let n_gains = law.spec().n_gains(sizes);
         let last = runs.len() - 1;
         let columns: Vec<R> = (0..n_gains)
             .map(|column| {
@@ -65,15 +69,17 @@ impl<'a, R: Lanes + 'a> Controller<'a, R> {
         let shaping = |lane: usize| batch.shaping_of(batch.runs[runs[lane.min(last)]].candidate as usize);
         // The batch was checked: a law that predicts the motion has its model.
         let plan = batch.timing().ok().flatten().and_then(|(model, timing)| {
-            let gains = Gains { spec: law.spec(), columns: &columns, tables, n_devices, n_states };
+            let gains = Gains { spec: law.spec(), columns: &columns, tables, sizes };
             plan(model, timing, &gains, ranges)
         });
-        let depth = hardware.delay_steps / hardware.steps as usize + 2;
+        let delay = runs.iter().map(|&run| batch.delay_of(run)).max().unwrap_or(0);
+        let depth = delay / hardware.steps as usize + 2;
         let zero = R::splat(0.0);
         let n_measured =
             batch.observer.map_or(0, |observer| observer.accelerations.len() + observer.deformations.len());
         Self {
             columns,
+            reads_acceleration: batch.reads_acceleration(),
             unknown,
             curves,
             ground_reach: ground_reach(&building.devices, &building.influence),
@@ -82,7 +88,11 @@ impl<'a, R: Lanes + 'a> Controller<'a, R> {
             furthest: R::from_fn(|lane| {
                 hardware.command_rate.min(shaping(lane).slope) * hardware.sample_time
             }),
-            memory: Memory { numbers: vec![zero; law.spec().memory * n_devices], plan },
+            memory: Memory {
+                numbers: vec![zero; law.spec().memory * n_devices],
+                further: Further::new(batch.signals, n_devices, hardware.sample_time),
+                plan,
+            },
             state: vec![zero; n_states],
             next_state: vec![zero; n_states],
             acceleration: vec![zero; building.n_floors()],
@@ -194,8 +204,8 @@ impl<R: Lanes> OutOfLine for Sample<'_, '_, R> {
 impl<R: Lanes> Sample<'_, '_, R> {
     #[inline(always)]
     fn measure(&mut self) {
-        let Batch { building, hardware, observer, law, outside, .. } = *self.batch;
-        let every = law.spec().reads_acceleration || outside.is_some();
+        let Batch { building, hardware, observer, .. } = *self.batch;
+        let every = self.controller.reads_acceleration;
         for floor in 0..building.n_floors() {
             if every || observer.is_some_and(|observer| observer.accelerations.contains(&floor)) {
                 let value = building.floors.add_dot(floor, self.acceleration, self.ground_acceleration);
@@ -262,13 +272,8 @@ impl<R: Lanes> Sample<'_, '_, R> {
         let n_devices = self.force.len();
         let controller = &mut *self.controller;
         let earlier = (self.number.wrapping_sub(1) % controller.depth) * n_devices;
-        let gains = Gains {
-            spec: law.spec(),
-            columns: &controller.columns,
-            tables,
-            n_devices,
-            n_states: 2 * building.n,
-        };
+        let gains =
+            Gains { spec: law.spec(), columns: &controller.columns, tables, sizes: self.batch.sizes() };
         let (displacement, velocity) =
             known_state(observer, &controller.state, self.displacement, self.velocity);
         let measured = Measurement {

@@ -27,6 +27,7 @@ impl ControlLaw for AccelerationDriven {
         needs_model: false,
         commands_force: false,
         reads_acceleration: true,
+        takes_signals: false,
     };
 
     #[inline(always)]
@@ -70,6 +71,7 @@ impl ControlLaw for MixedSkyhook {
         needs_model: false,
         commands_force: false,
         reads_acceleration: true,
+        takes_signals: false,
     };
 
     #[inline(always)]

@@ -22,6 +22,7 @@ impl ControlLaw for Active {
         needs_model: false,
         commands_force: true,
         reads_acceleration: false,
+        takes_signals: false,
     };
 
     #[inline(always)]

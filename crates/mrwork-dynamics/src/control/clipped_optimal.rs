@@ -36,6 +36,7 @@ impl ControlLaw for ClippedOptimal {
         needs_model: false,
         commands_force: false,
         reads_acceleration: false,
+        takes_signals: false,
     };
 
     #[inline(always)]
@@ -75,6 +76,7 @@ impl ControlLaw for ModifiedClippedOptimal {
         needs_model: false,
         commands_force: false,
         reads_acceleration: false,
+        takes_signals: false,
     };
 
     #[inline(always)]
@@ -113,6 +115,7 @@ impl ControlLaw for ProportionalClippedOptimal {
         needs_model: false,
         commands_force: false,
         reads_acceleration: false,
+        takes_signals: false,
     };
 
     #[inline(always)]

@@ -22,6 +22,7 @@ impl ControlLaw for DecentralisedBangBang {
         needs_model: false,
         commands_force: false,
         reads_acceleration: false,
+        takes_signals: false,
     };
 
     #[inline(always)]

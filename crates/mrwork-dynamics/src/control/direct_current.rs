@@ -33,6 +33,7 @@ impl ControlLaw for LyapunovDirect {
         needs_model: false,
         commands_force: false,
         reads_acceleration: false,
+        takes_signals: false,
     };
 
     #[inline(always)]
@@ -67,6 +68,7 @@ impl ControlLaw for LyapunovParabola {
         needs_model: false,
         commands_force: false,
         reads_acceleration: false,
+        takes_signals: false,
     };
 
     #[inline(always)]
@@ -115,6 +117,7 @@ impl ControlLaw for LyapunovDirectBangBang {
         needs_model: false,
         commands_force: false,
         reads_acceleration: false,
+        takes_signals: false,
     };
 
     #[inline(always)]
@@ -159,6 +162,7 @@ impl ControlLaw for ProportionalDirect {
         needs_model: false,
         commands_force: false,
         reads_acceleration: false,
+        takes_signals: false,
     };
 
     #[inline(always)]
@@ -193,6 +197,7 @@ impl ControlLaw for InverseDirect {
         needs_model: false,
         commands_force: false,
         reads_acceleration: false,
+        takes_signals: false,
     };
 
     #[inline(always)]
@@ -226,6 +231,7 @@ impl ControlLaw for InverseParabola {
         needs_model: false,
         commands_force: false,
         reads_acceleration: false,
+        takes_signals: false,
     };
 
     #[inline(always)]

@@ -35,6 +35,7 @@ impl ControlLaw for Fuzzy {
         needs_model: false,
         commands_force: false,
         reads_acceleration: false,
+        takes_signals: false,
     };
 
     #[inline(always)]
@@ -54,7 +55,7 @@ impl ControlLaw for Fuzzy {
         }
     }
 
-    fn check_tables(tables: &[Vec<f64>]) -> Result<(), DynamicsError> {
+    fn check_tables(tables: &[Vec<f64>], _: usize) -> Result<(), DynamicsError> {
         let found = tables[0].len();
         let side = found.isqrt();
         if side < 2 || side * side != found {

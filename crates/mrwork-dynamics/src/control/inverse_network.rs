@@ -29,6 +29,7 @@ impl ControlLaw for InverseNetwork {
         needs_model: false,
         commands_force: false,
         reads_acceleration: false,
+        takes_signals: false,
     };
 
     #[inline(always)]
@@ -60,7 +61,7 @@ impl ControlLaw for InverseNetwork {
         }
     }
 
-    fn check_tables(tables: &[Vec<f64>]) -> Result<(), DynamicsError> {
+    fn check_tables(tables: &[Vec<f64>], _: usize) -> Result<(), DynamicsError> {
         let law = Self::SPEC.name;
         let (layer, output, inputs) = (tables[0].len(), tables[1].len(), tables[2].len());
         if inputs != SIGNALS && inputs != 2 * SIGNALS {

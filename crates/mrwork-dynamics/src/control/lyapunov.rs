@@ -27,6 +27,7 @@ impl ControlLaw for Lyapunov {
         needs_model: false,
         commands_force: false,
         reads_acceleration: false,
+        takes_signals: false,
     };
 
     #[inline(always)]

@@ -21,6 +21,7 @@ impl ControlLaw for MaximumEnergyDissipation {
         needs_model: false,
         commands_force: false,
         reads_acceleration: false,
+        takes_signals: false,
     };
 
     #[inline(always)]

@@ -18,12 +18,15 @@ mod maximum_energy_dissipation;
 mod passive;
 mod rollout;
 mod signal_feedback;
+mod signals;
 mod sliding_mode;
 
 pub(crate) use force_curve::ForceCurve;
 pub use force_curve::{CurveModel, Mounting};
 pub use loop_model::LoopModel;
 pub(crate) use rollout::{Plan, Timing, plan};
+pub(crate) use signals::Further;
+pub use signals::{Signal, Source};
 
 use crate::building::SparseRows;
 use crate::error::DynamicsError;
@@ -39,8 +42,21 @@ pub enum Shape {
     State,
     /// That many per device.
     Numbers(usize),
+    /// That many per device and further signal of the law.
+    Signal(usize),
     /// One for all devices.
     Loop,
+}
+
+/// Numbers on which the shapes of gains depend.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LoopSizes {
+    /// Number of devices.
+    pub n_devices: usize,
+    /// Number of states.
+    pub n_states: usize,
+    /// Number of further signals of the law.
+    pub n_signals: usize,
 }
 
 impl Shape {
@@ -51,17 +67,29 @@ impl Shape {
             Self::Device => "device",
             Self::State => "state",
             Self::Numbers(_) => "numbers",
+            Self::Signal(_) => "signal",
             Self::Loop => "loop",
         }
     }
 
-    /// Number of entries for these numbers of devices and states.
+    /// Numbers of a device, or of a device and signal, where there are several.
     #[must_use]
-    pub const fn size(self, n_devices: usize, n_states: usize) -> usize {
+    pub const fn numbers(self) -> usize {
+        match self {
+            Self::Numbers(count) | Self::Signal(count) => count,
+            Self::Device | Self::State | Self::Loop => 1,
+        }
+    }
+
+    /// Number of entries.
+    #[must_use]
+    pub const fn size(self, sizes: LoopSizes) -> usize {
+        let LoopSizes { n_devices, n_states, n_signals } = sizes;
         match self {
             Self::Device => n_devices,
             Self::State => n_devices * n_states,
             Self::Numbers(count) => n_devices * count,
+            Self::Signal(count) => n_devices * n_signals * count,
             Self::Loop => 1,
         }
     }
@@ -137,13 +165,15 @@ pub struct LawSpec {
     pub commands_force: bool,
     /// Whether it reads the absolute accelerations of floors.
     pub reads_acceleration: bool,
+    /// Whether it takes further signals, where some are given.
+    pub takes_signals: bool,
 }
 
 impl LawSpec {
     /// Number of gain entries of one candidate.
     #[must_use]
-    pub fn n_gains(&self, n_devices: usize, n_states: usize) -> usize {
-        self.gains.iter().map(|gain| gain.shape.size(n_devices, n_states)).sum()
+    pub fn n_gains(&self, sizes: LoopSizes) -> usize {
+        self.gains.iter().map(|gain| gain.shape.size(sizes)).sum()
     }
 }
 
@@ -183,6 +213,8 @@ pub(crate) struct Measurement<'a, R: Real> {
 pub(crate) struct Memory<'a, R: Lanes> {
     /// Numbers of each device.
     pub(crate) numbers: Vec<R>,
+    /// The further signals.
+    pub(crate) further: Further<'a, R>,
     /// The rollout of a law that predicts the motion.
     pub(crate) plan: Option<Box<dyn Plan<R> + 'a>>,
 }
@@ -209,8 +241,7 @@ pub(crate) struct Gains<'a, R> {
     pub(crate) spec: &'static LawSpec,
     pub(crate) columns: &'a [R],
     pub(crate) tables: &'a [Vec<f64>],
-    pub(crate) n_devices: usize,
-    pub(crate) n_states: usize,
+    pub(crate) sizes: LoopSizes,
 }
 
 impl<R: Real> Gains<'_, R> {
@@ -218,7 +249,7 @@ impl<R: Real> Gains<'_, R> {
     fn start(&self, gain: usize) -> usize {
         let mut start = 0;
         for earlier in &self.spec.gains[..gain] {
-            start += earlier.shape.size(self.n_devices, self.n_states);
+            start += earlier.shape.size(self.sizes);
         }
         start
     }
@@ -238,7 +269,7 @@ impl<R: Real> Gains<'_, R> {
     /// Entries of a device, of a gain of several numbers for each.
     #[inline(always)]
     fn numbers(&self, gain: usize, device: usize) -> &[R] {
-        let count = self.spec.gains[gain].shape.size(1, self.n_states);
+        let count = self.spec.gains[gain].shape.size(LoopSizes { n_devices: 1, ..self.sizes });
         let start = self.start(gain) + device * count;
         &self.columns[start..start + count]
     }
@@ -246,8 +277,8 @@ impl<R: Real> Gains<'_, R> {
     /// Product of the state gain of a device with the state.
     #[inline(always)]
     fn of_state(&self, gain: usize, device: usize, measured: &Measurement<'_, R>) -> R {
-        let start = self.start(gain) + device * self.n_states;
-        let weights = &self.columns[start..start + self.n_states];
+        let start = self.start(gain) + device * self.sizes.n_states;
+        let weights = &self.columns[start..start + self.sizes.n_states];
         let (of_displacement, of_velocity) = weights.split_at(measured.displacement.len());
         let mut sum = R::splat(0.0);
         for (weight, value) in of_displacement.iter().zip(measured.displacement) {
@@ -278,7 +309,7 @@ trait ControlLaw {
     );
 
     /// Refuses tables of the wrong size.
-    fn check_tables(_: &[Vec<f64>]) -> Result<(), DynamicsError> {
+    fn check_tables(_: &[Vec<f64>], _n_signals: usize) -> Result<(), DynamicsError> {
         Ok(())
     }
 }
@@ -307,8 +338,8 @@ macro_rules! laws {
                 match self { $(Self::$law => $module::$law::command(gains, measured, memory, command),)+ }
             }
 
-            pub(crate) fn check_tables(self, tables: &[Vec<f64>]) -> Result<(), DynamicsError> {
-                match self { $(Self::$law => $module::$law::check_tables(tables),)+ }
+            pub(crate) fn check_tables(self, tables: &[Vec<f64>], n_signals: usize) -> Result<(), DynamicsError> {
+                match self { $(Self::$law => $module::$law::check_tables(tables, n_signals),)+ }
             }
         }
     };

@@ -26,6 +26,7 @@ impl ControlLaw for Passive {
         needs_model: false,
         commands_force: false,
         reads_acceleration: false,
+        takes_signals: false,
     };
 
     #[inline(always)]

@@ -29,12 +29,13 @@ impl ControlLaw for SignalNetwork {
     const SPEC: LawSpec = LawSpec {
         name: "signal_network",
         title: "Network of measured signals",
-        equation: "i = i_max (1 + tanh(b + sum_k v_k (tanh(b_k + w_k'c) + tanh(b_k - w_k'c))))/2, c = (d, d', f, f_c), \
-                   f_c = -K s",
+        equation: "i = i_max (1 + tanh(b + sum_k v_k (tanh(b_k + u_k'r + w_k'c) + tanh(b_k + u_k'r - w_k'c))))/2, \
+                   c = (d, d', f, f_c), f_c = -K s",
         description: "A small network of the damper displacement, its rate, the damper force and the desired force of a \
                       regulator, of numbers that are learned. It sends the same command where all signals change \
                       sign, and between 0 and i_max whatever its numbers are, so a semi-active damper only resists \
-                      motion. Needs the measured force.",
+                      motion. Needs the measured force. Further signals, where some are given: accelerations, which \
+                      are added to c, and running root mean squares r, which move the bias of each hidden unit.",
         source: "our definition",
         gains: &[
             GAIN,
@@ -45,6 +46,12 @@ impl ControlLaw for SignalNetwork {
                 description: "for each of four hidden units its bias b_k, the weights w_k of its four inputs and its \
                               weight v_k in the output; last the bias b of the output",
             },
+            GainSpec {
+                name: "further",
+                unit: Unit::Of("inputs in SI units"),
+                shape: Shape::Signal(UNITS),
+                description: "for each further signal its weight in each of the four hidden units",
+            },
         ],
         tables: &[],
         memory: 0,
@@ -52,26 +59,37 @@ impl ControlLaw for SignalNetwork {
         needs_model: false,
         commands_force: false,
         reads_acceleration: false,
+        takes_signals: true,
     };
 
     #[inline(always)]
     fn command<R: Lanes>(
         gains: &Gains<'_, R>,
         measured: &Measurement<'_, R>,
-        _: &mut Memory<'_, R>,
+        memory: &mut Memory<'_, R>,
         command: &mut [R],
     ) {
         let (half, one) = (R::splat(0.5), R::splat(1.0));
         for (device, command) in command.iter_mut().enumerate() {
             let inputs = signals(gains, measured, device);
             let (units, bias) = gains.numbers(1, device).split_at(UNITS * OF_UNIT);
+            let further = gains.numbers(2, device);
+            memory.further.read(measured, device);
             let mut sum = bias[0];
-            for unit in units.chunks_exact(OF_UNIT) {
-                let mut inner = R::splat(0.0);
+            for (number, unit) in units.chunks_exact(OF_UNIT).enumerate() {
+                let (mut inner, mut bias) = (R::splat(0.0), unit[0]);
                 for (&input, &weight) in inputs.iter().zip(&unit[1..=SIGNALS]) {
                     inner = input.mul_add(weight, inner);
                 }
-                let even = tanh(unit[0] + inner) + tanh(unit[0] - inner);
+                for (index, (&value, signal)) in memory.further.values().enumerate() {
+                    let weight = further[index * UNITS + number];
+                    // A root mean square does not change its sign with the signals.
+                    match signal.time_constant {
+                        None => inner = value.mul_add(weight, inner),
+                        Some(_) => bias = value.mul_add(weight, bias),
+                    }
+                }
+                let even = tanh(bias + inner) + tanh(bias - inner);
                 sum = even.mul_add(unit[SIGNALS + 1], sum);
             }
             *command = half * (one + tanh(sum)) * R::splat(measured.largest[device]);
@@ -90,7 +108,9 @@ impl ControlLaw for SignalPolynomial {
                    1; f_c = -K s",
         description: "A polynomial of the damper displacement, its rate, the damper force and the desired force of a regulator, \
                       limited to 0 and i_max. `terms` has a row for each term: its coefficient, and the power of each \
-                      signal, a whole number from 0 to 9; `reach` is the largest magnitude of each signal.",
+                      signal, a whole number from 0 to 9; `reach` is the largest magnitude of each signal. Further \
+                      signals, where some are given, follow as c5 and so on: accelerations, and running root mean \
+                      squares.",
         source: "our definition",
         gains: &[GAIN],
         tables: &["terms", "reach"],
@@ -99,28 +119,30 @@ impl ControlLaw for SignalPolynomial {
         needs_model: false,
         commands_force: false,
         reads_acceleration: false,
+        takes_signals: true,
     };
 
     #[inline(always)]
     fn command<R: Lanes>(
         gains: &Gains<'_, R>,
         measured: &Measurement<'_, R>,
-        _: &mut Memory<'_, R>,
+        memory: &mut Memory<'_, R>,
         command: &mut [R],
     ) {
         let [terms, reach] = gains.tables else { return };
         let (zero, one) = (R::splat(0.0), R::splat(1.0));
         for (device, command) in command.iter_mut().enumerate() {
             let mut inputs = signals(gains, measured, device);
+            let further = memory.further.read(measured, device);
             let mut sum = zero;
-            for (input, &reach) in inputs.iter_mut().zip(reach) {
+            for (input, &reach) in inputs.iter_mut().chain(further.iter_mut()).zip(reach) {
                 *input = within(*input / R::splat(reach), -one, one);
                 // An input that is not a number counts, even one of which no term has a power.
                 sum = input.mul_add(zero, sum);
             }
-            for term in terms.chunks_exact(SIGNALS + 1) {
+            for term in terms.chunks_exact(reach.len() + 1) {
                 let mut product = R::splat(term[0]);
-                for (&input, &power) in inputs.iter().zip(&term[1..]) {
+                for (&input, &power) in inputs.iter().chain(further.iter()).zip(&term[1..]) {
                     let mut raised = 0.0;
                     while raised < power {
                         product = product * input;
@@ -133,17 +155,20 @@ impl ControlLaw for SignalPolynomial {
         }
     }
 
-    fn check_tables(tables: &[Vec<f64>]) -> Result<(), DynamicsError> {
+    fn check_tables(tables: &[Vec<f64>], n_signals: usize) -> Result<(), DynamicsError> {
         let law = Self::SPEC.name;
         let (terms, reach) = (&tables[0], &tables[1]);
+        let of_term = SIGNALS + n_signals + 1;
         let whole = |power: &f64| (0.0..=MOST_POWERS).contains(power) && power.fract() == 0.0;
-        let powers = || terms.chunks_exact(SIGNALS + 1).flat_map(|term| &term[1..]);
-        if terms.is_empty() || !terms.len().is_multiple_of(SIGNALS + 1) || !powers().all(whole) {
-            let expected = "5 for each term, its coefficient and powers that are whole numbers from 0 to 9";
+        let powers = || terms.chunks_exact(of_term).flat_map(|term| &term[1..]);
+        if terms.is_empty() || !terms.len().is_multiple_of(of_term) || !powers().all(whole) {
+            let expected = "5 for each term, its coefficient and powers that are whole numbers from 0 to 9, and a power of \
+                            each further signal";
             return Err(DynamicsError::TableSize { law, table: "terms", found: terms.len(), expected });
         }
-        if reach.len() != SIGNALS || !reach.iter().all(|&each| each > 0.0 && each.is_finite()) {
-            let expected = "4, all positive: of displacement, velocity, force and desired force";
+        if reach.len() + 1 != of_term || !reach.iter().all(|&each| each > 0.0 && each.is_finite()) {
+            let expected = "4, all positive: of displacement, velocity, force and desired force, and one of each further \
+                            signal";
             return Err(DynamicsError::TableSize { law, table: "reach", found: reach.len(), expected });
         }
         Ok(())

@@ -47,6 +47,7 @@ impl ControlLaw for SlidingMode {
         needs_model: false,
         commands_force: false,
         reads_acceleration: false,
+        takes_signals: false,
     };
 
     #[inline(always)]
@@ -112,6 +113,7 @@ impl ControlLaw for AdaptiveSlidingMode {
         needs_model: false,
         commands_force: false,
         reads_acceleration: false,
+        takes_signals: false,
     };
 
     #[inline(always)]
@@ -180,6 +182,7 @@ impl ControlLaw for SuperTwisting {
         needs_model: false,
         commands_force: false,
         reads_acceleration: false,
+        takes_signals: false,
     };
 
     #[inline(always)]

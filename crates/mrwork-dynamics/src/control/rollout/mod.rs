@@ -89,6 +89,7 @@ impl ControlLaw for PredictiveRollout {
         needs_model: true,
         commands_force: false,
         reads_acceleration: false,
+        takes_signals: false,
     };
 
     #[inline(always)]
@@ -104,7 +105,7 @@ impl ControlLaw for PredictiveRollout {
         }
     }
 
-    fn check_tables(tables: &[Vec<f64>]) -> Result<(), DynamicsError> {
+    fn check_tables(tables: &[Vec<f64>], _: usize) -> Result<(), DynamicsError> {
         let law = Self::SPEC.name;
         let positive = |number: f64| number > 0.0 && number.is_finite();
         let not_negative = |number: f64| number >= 0.0 && number.is_finite();
@@ -176,7 +177,7 @@ impl Timing {
     ) -> Result<Self, DynamicsError> {
         let law = PredictiveRollout::SPEC.name;
         let [hold, given, delay, peak_velocity, reversal_acceleration] = tables[0][..] else {
-            return PredictiveRollout::check_tables(tables).and(Err(DynamicsError::NoModel(law)));
+            return PredictiveRollout::check_tables(tables, 0).and(Err(DynamicsError::NoModel(law)));
         };
         let samples = (hold / sample_time).round();
         if samples < 1.0 || (samples * sample_time - hold).abs() > 1e-6 * sample_time {
@@ -232,6 +233,6 @@ fn largest_rate(model: &LoopModel<'_>, ranges: &[[f64; 2]], severity: Severity) 
             states = own;
         }
     }
-    let of_building = model.building.fastest.hypot(f64::sqrt(stiffening)) + decay;
+    let of_building = model.building.springs.fastest.hypot(f64::sqrt(stiffening)) + decay;
     if of_building < states || states.is_nan() { states } else { of_building }
 }

@@ -410,7 +410,7 @@ impl<M: DamperModel, R: Lanes> Planner<'_, M, R> {
 fn twice_energy<R: Real>(building: &Building, displacement: &[R], velocity: &[R]) -> R {
     let mut sum = R::splat(0.0);
     for coordinate in 0..building.n {
-        sum = building.stiffness.dot(coordinate, displacement).mul_add(displacement[coordinate], sum);
+        sum = building.springs.rows.sprung(coordinate, displacement).mul_add(displacement[coordinate], sum);
         sum = building.mass.dot(coordinate, velocity).mul_add(velocity[coordinate], sum);
     }
     sum

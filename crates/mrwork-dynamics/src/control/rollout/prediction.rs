@@ -284,7 +284,7 @@ impl<R: Lanes> OutOfLine for Accelerate<'_, R> {
         let (displacement, velocity) = (&self.displacement[..n], &self.velocity[..n]);
         let (resisting, acceleration) = (&mut self.resisting[..n], &mut self.acceleration[..n]);
         for (coordinate, resisting) in resisting.iter_mut().enumerate() {
-            let [sprung, damped] = building.coupling(coordinate, displacement, velocity);
+            let [sprung, damped] = building.springs.rows.coupling(coordinate, displacement, velocity);
             *resisting = sprung + damped;
         }
         for (device, &force) in force.iter().enumerate() {

@@ -1,0 +1,109 @@
+"""Dead zone and slope of the command are searched where a table frees them, and stand in the chosen study."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import tuning_samples
+from sentences import Refused
+
+import mrwork as mr
+from mrwork.study import TuneTable
+from mrwork.tuning import LawCandidate, tune
+from mrwork.tuning.problem import Clock, benches_of, magnitudes_of
+from mrwork.tuning.results import chosen_study, settings_in_words
+from mrwork.tuning.space import space_of
+
+TUNE = """
+[[tune]]
+laws = ["clipped_optimal"]
+free = { control_weight = [], dead_zone = [1e-3, 0.05], command_slope = [], largest_command = [] }
+budget = 16
+population = 8
+"""
+
+
+def test_a_free_dead_zone_and_slope_stand_in_the_chosen_study_with_its_score(tmp_path: Path) -> None:
+    source = tuning_samples.study_file(tmp_path, tune=TUNE)
+    results = tune(mr.read_study(source), threads=1)
+    tuned = results.laws[0]
+    assert {"control_weight", "dead_zone", "command_slope", "largest_command"} == {
+        each.name for each in tuned.free
+    }
+    (tmp_path / "out").mkdir()
+    chosen = tmp_path / "out" / "chosen.toml"
+    chosen.write_text(chosen_study(results, mr.read_study(source).file), encoding="utf-8")
+    found = mr.run_study(mr.read_study(chosen), threads=1)
+    row = [each.label for each in found.rows].index(tuned.label)
+    assert tuned.test is not None
+    assert found.score(row) == pytest.approx(tuned.test.score, rel=1e-12)
+
+
+def test_a_candidate_states_its_dead_zone_and_slope(tmp_path: Path) -> None:
+    """Where the search has chosen them: the controller of the chosen study, the words of pages, the law of the row."""
+    study = mr.read_study(tuning_samples.study_file(tmp_path, tune=TUNE))
+    results = tune(study, threads=1)
+    settings = {"drifts": 1.0, "control_weight": 1e-12, "largest_command": 1.5}
+    shaped = {**settings, "dead_zone": 0.004, "command_slope": 25.0}
+    law = replace(results.laws[0], settings=shaped)
+    text = chosen_study(replace(results, laws=(law,)), study.file)
+    assert "\ndead_zone = 0.004\ncommand_slope = 25.0\n" in text
+    (tmp_path / "chosen.toml").write_text(text, encoding="utf-8")
+    chosen = mr.read_study(tmp_path / "chosen.toml")
+    made = next(each.law for each in chosen.arrangements if each.row.label == law.label)
+    assert isinstance(made, mr.ControlLaw)
+    assert (made.dead_zone, made.command_slope) == (0.004, 25.0)
+    assert settings_in_words(shaped, "A").endswith("at most 1.5 A, dead zone 0.004 m/s, slope at most 25 A/s")
+    assert law.chosen_candidate.shaping == {"dead_zone": 0.004, "command_slope": 25.0}
+    assert replace(law, settings=settings).chosen_candidate.shaping == {}
+
+
+def test_candidates_of_different_shapes_are_simulated_together_as_alone(tmp_path: Path) -> None:
+    bench = benches_of(
+        mr.read_study(tuning_samples.study_file(tmp_path)), journal=None, threads=1, clock=Clock()
+    ).training
+    shapes = [(0.0, np.inf), (0.002, np.inf), (0.01, 40.0), (0.0, 40.0), (0.05, np.inf)]
+    for name, settings in (
+        ("clipped_optimal", {"drifts": 1.0, "control_weight": 1e-12}),
+        ("maximum_energy_dissipation", {}),
+    ):
+        candidates = [
+            LawCandidate(settings=settings, largest_command=1.5, dead_zone=zone, command_slope=slope)
+            for zone, slope in shapes
+        ]
+        together = bench.run(name, candidates)
+        for place, candidate in enumerate(candidates):
+            alone = bench.run(name, [candidate])
+            for criterion, numbers in alone.numbers.items():
+                np.testing.assert_array_equal(
+                    together.numbers[criterion][place], numbers[0], err_msg=f"{criterion} of {candidate}"
+                )
+        assert np.unique(together.numbers["command_travel"][:, 0, 0]).size == len(shapes)
+
+
+def test_they_are_searched_only_where_asked(tmp_path: Path, refused: Refused) -> None:
+    study = mr.read_study(tuning_samples.study_file(tmp_path))
+    bench = benches_of(study, journal=None, threads=1, clock=Clock()).training
+    magnitudes = magnitudes_of(bench)
+
+    def names(table: TuneTable) -> list[str]:
+        return [each.name for each in space_of(table, table.laws[0], magnitudes).free]
+
+    plain = TuneTable(laws=("clipped_optimal",))
+    assert not {"dead_zone", "command_slope"} & {*names(plain)}
+    asked = TuneTable(laws=("mixed_skyhook",), free={"crossover": (), "dead_zone": (), "command_slope": ()})
+    assert names(asked) == ["crossover", "dead_zone", "command_slope"]
+    space = space_of(asked, "mixed_skyhook", magnitudes)
+    # A law that is sent as it is begins where its command is shaped least.
+    unshaped = LawCandidate(
+        settings=dict(space.candidate(space.start).settings), largest_command=space.largest_command
+    )
+    place = space.unit(unshaped)
+    assert place is not None
+    np.testing.assert_array_equal(place[1:], [0.0, 1.0])
+    refused(names, TuneTable(laws=("passive",), free={"dead_zone": ()}))
+    refused(names, TuneTable(laws=("active",), free={"command_slope": ()}))
+    refused(names, TuneTable(laws=("clipped_optimal",), settings={"dead_zone": 0.01}))
