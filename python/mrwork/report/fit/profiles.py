@@ -90,7 +90,7 @@ def _end(value: float | None) -> str:
 @style.drawn_in_style()
 def _panel(profile: Profile, threshold: float) -> Panel:
     figure, axes = small_axes()
-    _draw_profile(axes, profile, threshold)
+    add_profile(axes, profile, threshold)
     if axes.get_xscale() == "linear":
         axes.xaxis.set_major_locator(MaxNLocator(nbins=2, steps=[1, 2, 4, 5, 10]))
         plain_ticks(axes, 5)
@@ -108,7 +108,7 @@ def profiles_figure(profiles: Profiles) -> Figure:
     """Likelihood ratio against each parameter: threshold dashed, interval shaded, an arrow where it is open."""
     figure, panels = grid_of_axes(len(profiles.profiles), _COLUMNS, (SMALL_WIDTH, _HEIGHT))
     for number, (axes, profile) in enumerate(zip(panels, profiles.profiles, strict=True)):
-        _draw_profile(axes, profile, profiles.threshold)
+        add_profile(axes, profile, profiles.threshold)
         if number % _COLUMNS:
             axes.tick_params(labelleft=False)
         else:
@@ -116,7 +116,7 @@ def profiles_figure(profiles: Profiles) -> Figure:
     return figure
 
 
-def _draw_profile(axes: Axes, profile: Profile, threshold: float) -> None:
+def add_profile(axes: Axes, profile: Profile, threshold: float) -> None:
     """Profile of one parameter: a line through its points, the threshold, the interval or its open ends."""
     left, right = _span(profile)
     line, ratio = _line(profile, left, right)
