@@ -5,6 +5,7 @@ from . import dampers as dampers
 from . import errors as errors
 from . import identification as identification
 from . import motions as motions
+from . import plots as plots
 from . import records as records
 from . import report as report
 from . import search as search

@@ -190,7 +190,7 @@ def corner_figure(draws: Draws, fitted: Mapping[str, float]) -> Figure:
             )
     add_corner(panels, draws, names, fitted)
     for (row, column), axes in panels.items():
-        _label(axes, names[column] if row == count - 1 else "", names[row] if column == 0 < row else "")
+        label_corner(axes, names[column] if row == count - 1 else "", names[row] if column == 0 < row else "")
     return figure
 
 
@@ -249,7 +249,8 @@ def _pair(
     axes.set_ylim(*up)
 
 
-def _label(axes: Axes, below: str, left: str) -> None:
+def label_corner(axes: Axes, below: str, left: str) -> None:
+    """Names below and left of axes of a corner, where they are not empty, with few ticks."""
     axes.grid(False)
     axes.tick_params(labelbottom=bool(below), labelleft=bool(left))
     axes.set(xlabel=below, ylabel=left)

@@ -14,7 +14,7 @@ from mrwork.numbers import shortest
 from mrwork.report import style
 from mrwork.report.canvas import SMALL_WIDTH, grid_of_axes, plain_ticks, small_axes
 from mrwork.report.figures import Comparison
-from mrwork.report.fit.parameters import shown_unit
+from mrwork.report.fit.parameters import shown_unit, with_unit
 from mrwork.report.section import Absent, Group, Panel, Section, SectionKind, panel
 from mrwork.stored import StoredRun
 from mrwork.table import Table, TableColumn, page_table
@@ -91,6 +91,7 @@ def _end(value: float | None) -> str:
 def _panel(profile: Profile, threshold: float) -> Panel:
     figure, axes = small_axes()
     add_profile(axes, profile, threshold)
+    _add_title(axes, profile)
     if axes.get_xscale() == "linear":
         axes.xaxis.set_major_locator(MaxNLocator(nbins=2, steps=[1, 2, 4, 5, 10]))
         plain_ticks(axes, 5)
@@ -109,6 +110,7 @@ def profiles_figure(profiles: Profiles) -> Figure:
     figure, panels = grid_of_axes(len(profiles.profiles), _COLUMNS, (SMALL_WIDTH, _HEIGHT))
     for number, (axes, profile) in enumerate(zip(panels, profiles.profiles, strict=True)):
         add_profile(axes, profile, profiles.threshold)
+        _add_title(axes, profile)
         if number % _COLUMNS:
             axes.tick_params(labelleft=False)
         else:
@@ -159,8 +161,10 @@ def add_profile(axes: Axes, profile: Profile, threshold: float) -> None:
     for closed, way in zip(inner, (-1, 1), strict=True):
         if not closed:
             _mark_open(axes, way)
-    unit = shown_unit(profile.unit)
-    axes.set_title(f"{profile.name} ({unit})" if unit else profile.name, loc="left", pad=6)
+
+
+def _add_title(axes: Axes, profile: Profile) -> None:
+    axes.set_title(with_unit(profile.name, profile.unit), loc="left", pad=6)
 
 
 def _tick(value: float) -> str:

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from mrwork.closed_loop.responses import Labelled, axis_of
+from mrwork.closed_loop.responses import axis_of
 from mrwork.numbers import format_fixed, significant
 from mrwork.report import style
 from mrwork.report.canvas import (
@@ -106,7 +107,7 @@ def energy_figure(results: StudyResults, motion: int, rows: Collection[int]) -> 
     shown = [row for row in results.finished_rows(motion) if row in rows]
     names = [short(results.rows[row].label, 29) for row in reversed(shown)]
     figure, axes = column_axes(left=room_for(names), top=0.42, height=0.95 + _BAR * len(shown))
-    add_energy_bars(axes, names, [energy_parts(results.runs[row, motion]) for row in reversed(shown)])
+    add_energy_bars(axes, names, [energy_parts(results.runs[row, motion].numbers) for row in reversed(shown)])
     axes.set_xlabel("Energy (J)")
     axes.grid(visible=False, axis="y")
     axes.grid(visible=True, axis="x")
@@ -119,13 +120,11 @@ ENERGY_PARTS = {"Dampers": style.MODEL, "Structure": style.BAND_EDGE, "Still mov
 """Where the input energy is at the end of a motion, with the tones."""
 
 
-def energy_parts(run: Labelled) -> tuple[float, ...]:
-    """The energy of each of `ENERGY_PARTS` at the end of a run [J]."""
-    return (
-        float(np.sum(run.device_energy)),
-        float(run.damping_energy),
-        float(run.kinetic_energy + run.strain_energy),
-    )
+def energy_parts(numbers: Mapping[str, Any]) -> tuple[float, float, float]:
+    """The energy of each of `ENERGY_PARTS` at the end of a run, of which these are the quantities [J]."""
+    devices = np.sum(numbers["device_energy"]) + np.sum(numbers.get("element_energy", 0.0))
+    moving = numbers["kinetic_energy"] + numbers["strain_energy"]
+    return float(devices), float(numbers["damping_energy"]), float(moving)
 
 
 def add_energy_bars(axes: Axes, names: Sequence[str], parts: Sequence[Sequence[float]]) -> None:
