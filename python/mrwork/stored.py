@@ -30,7 +30,7 @@ from mrwork.uncertainty.posterior.draws import Draws, read_draws
 from mrwork.values import Floats
 
 if TYPE_CHECKING:
-    from mrwork.plots.short_forms import RunPlots
+    from mrwork.plots.fit_forms import RunPlots
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)

@@ -24,7 +24,7 @@ from mrwork.tested_range import Exceedance, OperatingRange, Outside, least_strok
 from mrwork.values import Floats, array_dataclass
 
 if TYPE_CHECKING:
-    from mrwork.plots.short_forms import HistoryPlots, ResponsesPlots
+    from mrwork.plots.building_forms import HistoryPlots, ResponsesPlots
 
 ENERGY_TOLERANCE = 1e-6
 """Energy errors above this are reported: 1e-8 is normal, a chattering law or a long step gives more."""

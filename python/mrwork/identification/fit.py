@@ -26,7 +26,7 @@ from mrwork.tested_range import outside_of
 from mrwork.values import Floats, array_dataclass
 
 if TYPE_CHECKING:
-    from mrwork.plots.short_forms import FitPlots
+    from mrwork.plots.fit_forms import FitPlots
 
 # Decided in `uncertainty/identifiability/verdicts.py` alone, and read from `Fit.verdict_on`.
 VerdictName = Literal["identifiable", "weakly identifiable", "sign unknown", "negligible", "not identifiable"]

@@ -21,7 +21,7 @@ from mrwork.summary import Summarised, Summary
 from mrwork.values import Floats, array_dataclass, keep_arrays
 
 if TYPE_CHECKING:
-    from mrwork.plots.short_forms import MotionPlots
+    from mrwork.plots.building_forms import MotionPlots
 
 
 @checked

@@ -21,7 +21,7 @@ from mrwork.summary import Summarised, Summary
 from mrwork.values import Floats, array_dataclass
 
 if TYPE_CHECKING:
-    from mrwork.plots.short_forms import SpectrumPlots
+    from mrwork.plots.building_forms import SpectrumPlots
 
 Complexes = NDArray[np.complex128]
 

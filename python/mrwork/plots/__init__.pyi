@@ -12,14 +12,14 @@ from .of_time import loops as loops
 from .of_time import residuals as residuals
 
 if True:  # the lower tier
-    from .short_forms import DrawsPlots as DrawsPlots
-    from .short_forms import FitPlots as FitPlots
-    from .short_forms import FrontPlots as FrontPlots
-    from .short_forms import HistoryPlots as HistoryPlots
-    from .short_forms import MotionPlots as MotionPlots
-    from .short_forms import PredictionPlots as PredictionPlots
-    from .short_forms import ProfilesPlots as ProfilesPlots
-    from .short_forms import ResponsesPlots as ResponsesPlots
-    from .short_forms import RunPlots as RunPlots
-    from .short_forms import SpectrumPlots as SpectrumPlots
-    from .short_forms import TestPlots as TestPlots
+    from .building_forms import FrontPlots as FrontPlots
+    from .building_forms import HistoryPlots as HistoryPlots
+    from .building_forms import MotionPlots as MotionPlots
+    from .building_forms import ResponsesPlots as ResponsesPlots
+    from .building_forms import SpectrumPlots as SpectrumPlots
+    from .fit_forms import DrawsPlots as DrawsPlots
+    from .fit_forms import FitPlots as FitPlots
+    from .fit_forms import PredictionPlots as PredictionPlots
+    from .fit_forms import ProfilesPlots as ProfilesPlots
+    from .fit_forms import RunPlots as RunPlots
+    from .fit_forms import TestPlots as TestPlots

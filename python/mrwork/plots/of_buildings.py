@@ -92,9 +92,9 @@ def storey_profiles(
     Raises
     ------
     SettingError
-        If there is no such motion or row, or none of the runs finished.
+        If there is no motion or row of this number, or none of the runs finished.
     UnknownNameError
-        If storeys and floors have no such quantity.
+        If there is none of this name, or storeys and floors have no such quantity.
 
     Examples
     --------

@@ -184,12 +184,12 @@ def profiles(
     """
     if isinstance(result, StoredRun):
         if result.profiles is None:
-            raise _absent(result, "profile likelihoods", "profile", "mr.profile(fit, tests)")
+            raise _absent(result, "profile likelihoods", "profile", "draw those of `mr.profile(fit, tests)`")
         result = result.profiles
     several = [result] if isinstance(result, Profile) else list(result.profiles)
     threshold = _THRESHOLD if isinstance(result, Profile) else result.threshold
     by_name = {each.name: each for each in several}
-    names = _choose(parameters, list(by_name), "profile of a parameter")
+    names = _choose(parameters, list(by_name), "profiled parameter")
     if data:
         table = result.to_pandas()
         return table if isinstance(result, Profile) else table.loc[names]
@@ -257,7 +257,7 @@ def posterior(
     if isinstance(result, StoredRun):
         fitted = {each.name: each.value for each in result.fit.estimates}
         if result.draws is None:
-            raise _absent(result, "posterior", "sample", "mr.sample(fit, tests)")
+            raise _absent(result, "posterior", "sample", "draw that of `mr.sample(fit, tests)`")
         result = result.draws
     units = {each.name: each.unit for each in result.varied}
     names = _choose(parameters, list(units), "parameter that varied")
@@ -396,7 +396,7 @@ def _banded(
             )
         return result, calibration.band(result, level)
     if result.bands is None:
-        raise _absent(result, "calibrated band", "calibrate", "mr.calibrate(predictions, held_out=...)")
+        raise _absent(result, "calibrated band", "calibrate", "draw a prediction with its `calibration`")
     predictions = result.bands.predictions
     prediction = predictions[chosen(test, [each.test.name for each in predictions], "test")]
     others = result.bands.others(prediction) if calibration is None and len(predictions) > 1 else []
@@ -406,9 +406,9 @@ def _banded(
     return prediction, used.band(prediction, level)
 
 
-def _absent(run: StoredRun, what: str, verb: str, function: str) -> SettingError:
+def _absent(run: StoredRun, what: str, verb: str, otherwise: str) -> SettingError:
     return SettingError(
-        f"the run {run.place} has no {what}; add it with `mrwork {verb} {run.place}`, or draw what `{function}` returns"
+        f"the run {run.place} has no {what}; add it with `mrwork {verb} {run.place}`, or {otherwise}"
     )
 
 

@@ -82,9 +82,9 @@ def histories(
     Raises
     ------
     SettingError
-        If there is no such test, or the fit was read from its file and has no tests.
+        If the fit was read from its file and has no tests, or there is no test of this number.
     UnknownNameError
-        If a history has no such signal.
+        If there is no test, or a history has no signal, of this name.
 
     Examples
     --------

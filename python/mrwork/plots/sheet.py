@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from mrwork.errors import SettingError
+from mrwork.errors import SettingError, UnknownNameError
 from mrwork.keys import suggestion
 from mrwork.report import canvas, style
 from mrwork.report.fit.parameters import with_unit
@@ -75,13 +75,13 @@ def chosen(name: str | int | None, names: Sequence[str], what: str) -> int:
     """Number of the one that is asked for by its name or number, the first by default."""
     if isinstance(name, str):
         if name not in names:
-            raise SettingError(f"there is no {what} {name!r}{suggestion(name, names, otherwise='there is')}")
+            raise UnknownNameError(
+                f"there is no {what} {name!r}{suggestion(name, names, otherwise='there is')}"
+            )
         return names.index(name)
     number = 0 if name is None else name
     if not 0 <= number < len(names):
-        raise SettingError(
-            f"there are {len(names)} of the kind `{what}`, counted from 0; give one of them, not {number}"
-        )
+        raise SettingError(f"there are {len(names)} {what}s, counted from 0; give one of them, not {number}")
     return number
 
 
@@ -95,7 +95,7 @@ def include_zero(axes: Axes, values: Floats) -> None:
     """A range of the ordinate that contains zero, so that slopes and steps are not exaggerated."""
     low, high = min(float(values.min()), 0.0), max(float(values.max()), 0.0)
     margin = 0.06 * (high - low or 1.0)
-    axes.set_ylim(low - margin if low < 0.0 else 0.0, high + margin)
+    axes.set_ylim(low - margin, high + margin)
 
 
 def add_key(axes: Axes) -> None:
@@ -112,7 +112,7 @@ def add_key(axes: Axes) -> None:
 
 
 def _given(ax: GivenAxes, shape: tuple[int, ...], figure: str) -> Panels:
-    given = np.array([ax] if isinstance(ax, Axes) else list(ax or ()), dtype=object)
+    given = np.array([ax] if isinstance(ax, Axes) or ax is None else list(ax), dtype=object)
     count = int(np.prod(shape))
     if given.size != count or not all(isinstance(each, Axes) for each in given.flat):
         raise SettingError(

@@ -32,7 +32,7 @@ from mrwork.units import COMMAND_SCALES, CommandUnit
 from mrwork.values import Floats, array_dataclass, freeze_samples, keep_arrays
 
 if TYPE_CHECKING:
-    from mrwork.plots.short_forms import TestPlots
+    from mrwork.plots.fit_forms import TestPlots
 
 RANGES: Final = {
     "delay_seconds": (-1e6, 1e6, "s"),

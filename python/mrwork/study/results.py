@@ -30,7 +30,7 @@ from mrwork.values import Floats
 
 if TYPE_CHECKING:
     from mrwork.labelled import DataFrame, DataTree
-    from mrwork.plots.short_forms import ResponsesPlots
+    from mrwork.plots.building_forms import ResponsesPlots
 
 Key = tuple[int, int]
 """Indices of the row and the motion of a run."""

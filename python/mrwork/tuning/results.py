@@ -42,7 +42,7 @@ from mrwork.table import csv_text
 from mrwork.tuning.space import LARGEST, FreeSetting, LawCandidate
 
 if TYPE_CHECKING:
-    from mrwork.plots.short_forms import FrontPlots
+    from mrwork.plots.building_forms import FrontPlots
 
 _MARGIN = 0.01
 _SAME = 5e-4

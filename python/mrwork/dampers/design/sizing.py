@@ -27,7 +27,7 @@ from mrwork.summary import Summarised, Summary
 from mrwork.values import Floats
 
 if TYPE_CHECKING:
-    from mrwork.plots.short_forms import FrontPlots
+    from mrwork.plots.building_forms import FrontPlots
 
 # Free dimensions with their ranges, in log scale: shares of the largest outer diameter, the gap over the least one,
 # and the depth of a groove as a share of what the rod leaves.

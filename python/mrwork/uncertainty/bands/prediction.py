@@ -26,7 +26,7 @@ from mrwork.tested_range import Outside
 from mrwork.values import Floats, array_dataclass
 
 if TYPE_CHECKING:
-    from mrwork.plots.short_forms import PredictionPlots
+    from mrwork.plots.fit_forms import PredictionPlots
 
 Fold = Literal["test", "motion", "command"]
 """Unit that is left out: each test by itself, all of one amplitude and frequency, all at one current or voltage."""

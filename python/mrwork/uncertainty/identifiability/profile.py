@@ -54,7 +54,7 @@ from mrwork.uncertainty.identifiability.verdicts import (
 from mrwork.values import Floats
 
 if TYPE_CHECKING:
-    from mrwork.plots.short_forms import ProfilesPlots
+    from mrwork.plots.fit_forms import ProfilesPlots
 
 _MISFIT = "least misfit with the parameter held"
 _RATIO = "likelihood ratio"

@@ -34,7 +34,7 @@ from mrwork.values import Floats, array_dataclass
 if TYPE_CHECKING:
     from xarray import DataTree
 
-    from mrwork.plots.short_forms import DrawsPlots
+    from mrwork.plots.fit_forms import DrawsPlots
 
 
 # Limits on R-hat and effective sizes: Vehtari et al. (2021); on the length in autocorrelation times: emcee.
