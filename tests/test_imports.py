@@ -30,6 +30,7 @@ HOMES = {
     ("python_calamine",): ("store.child_formats",),
     ("matplotlib",): ("report", "plots"),
     ("fontTools", "jinja2"): ("report",),
+    ("ipywidgets",): ("plots.explore",),
     ("control",): ("buildings.state_space",),
     ("cvxpy", "clarabel"): ("control.design",),
     ("shtab",): ("cli.completion",),
