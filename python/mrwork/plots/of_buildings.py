@@ -220,28 +220,28 @@ def _runs(
     """The runs of these rows or candidates under a motion that finished."""
     if isinstance(result, StudyResults):
         place = chosen(motion, [each.name for each in result.motions], "motion")
-        labels, of_row = [each.label for each in result.rows], strokes(result)
-        found = {
-            row: _Run(label=labels[row], numbers=result.runs[row, place].numbers, stroke=of_row[row])
-            for row in result.finished_rows(place)
-        }
+        labels = [each.label for each in result.rows]
+        numbers = {row: result.runs[row, place].numbers for row in result.finished_rows(place)}
     else:
         n_candidates, n_motions, n_draws = result.shape
         names = result.motions if len(result.motions) == n_motions else [str(n) for n in range(n_motions)]
         place = chosen(motion, names, "motion")
         labels = [f"candidate {number}" for number in range(n_candidates)]
         at = [(number * n_motions + place) * n_draws for number in range(n_candidates)]
-        found = {
-            number: _Run(
-                label=labels[number],
-                numbers={name: values[run] for name, values in result.numbers.items()},
-                stroke=_stroke(number, n_candidates),
-            )
+        numbers = {
+            number: {name: values[run] for name, values in result.numbers.items()}
             for number, run in enumerate(at)
             if np.isfinite(result.energy_error[run])
         }
     asked = [chosen(row, labels, "row") for row in rows] or list(range(len(labels)))
-    finished = [found[row] for row in asked if row in found]
+    of_row = (
+        dict(enumerate(strokes(result)))
+        if isinstance(result, StudyResults)
+        else {row: _stroke(place, len(asked)) for place, row in enumerate(asked)}
+    )
+    finished = [
+        _Run(label=labels[row], numbers=numbers[row], stroke=of_row[row]) for row in asked if row in numbers
+    ]
     if not finished:
         raise SettingError("none of these runs finished, and there is nothing to draw; see `outcome`")
     return finished
