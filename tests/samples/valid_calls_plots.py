@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
 from plotted_results import RESULTS, calibration
-from wrong_arguments import Calls, call
+from wrong_arguments import Calls, ValidCall, call
 
+import mrwork as mr
 from mrwork import plots
+
+
+def _exploring() -> ValidCall:
+    return call(mr.explore, model="bingham", test=None, theta=mr.damper("bingham").nominal, command=None)
 
 
 def plots_calls(_: Path) -> Calls:
     """Every figure, into axes that are no one's."""
     axes = Figure().subplots()
     return {
+        **({} if find_spec("ipywidgets") is None else {"explore": _exploring}),
         "histories": lambda: call(
             plots.histories, result=RESULTS["Fit"](), ax=axes, test="0.7 A", signal="drift", data=False
         ),
