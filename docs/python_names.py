@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from inspect import isfunction
 from typing import Any
 
 from docutils import nodes
@@ -9,6 +10,7 @@ from numpy.typing import ArrayLike
 from sphinx.addnodes import pending_xref
 from sphinx.application import Sphinx
 from sphinx.environment import BuildEnvironment
+from sphinx.pycode import ModuleAnalyzer
 from sphinx.util import logging
 from sphinx.util.typing import stringify_annotation
 
@@ -37,6 +39,11 @@ def _without_notes(
     signature: str | None,
     returned: str | None,
 ) -> tuple[str | None, str | None]:
+    if isfunction(value):
+        # Functions that return a table instead of axes are overloaded, and are described by the whole signature.
+        analyzer = ModuleAnalyzer.for_module(value.__module__)
+        analyzer.analyze()
+        analyzer.overloads.pop(value.__qualname__, None)
     return _plain(signature), _plain(returned)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from mrwork.escaping import escape_text
 from mrwork.identification.equivalent import identifiable_form
 from mrwork.identification.fit import Fit, Intervals
 from mrwork.identification.fit_file import read_addition, read_fit
+from mrwork.plotted import plots_of
 from mrwork.store.codec import read_document
 from mrwork.store.input_file import exists, is_file
 from mrwork.store.run_folder import FIT, LAWS, PLAN, PROFILES, RANKING, RESULTS
@@ -27,6 +29,9 @@ from mrwork.uncertainty.planning.plan import CheckedPlan
 from mrwork.uncertainty.posterior.draws import Draws, read_draws
 from mrwork.values import Floats
 
+if TYPE_CHECKING:
+    from mrwork.plots.fit_forms import RunPlots
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class StoredRun(Summarised):
@@ -37,6 +42,8 @@ class StoredRun(Summarised):
     `plan` of `mrwork plan`, `ranking` of `mrwork identify` with several models, `laws` of
     `mrwork identify --law auto`.
     """
+
+    _made_by: ClassVar[str] = "mr.load(run)"
 
     place: Path
     fit: Fit
@@ -51,6 +58,12 @@ class StoredRun(Summarised):
     def calibration(self) -> Calibration | None:
         """The calibration of the bands."""
         return None if self.bands is None else self.bands.calibration
+
+    @property
+    def plot(self) -> RunPlots:
+        """Figures of the run, see `mr.plots`."""
+        made: RunPlots = plots_of(self, "RunPlots")
+        return made
 
     def _summary(self) -> Summary:
         present = [each.name for each in fields(self) if getattr(self, each.name) is not None]

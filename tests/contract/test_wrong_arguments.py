@@ -17,6 +17,7 @@ import valid_calls_dampers
 import valid_calls_design
 import valid_calls_fits
 import valid_calls_loop
+import valid_calls_plots
 from wrong_arguments import Calls, ValidCall, smallest, wrong
 
 from mrwork.errors import MrworkError, MrworkWarning
@@ -26,6 +27,7 @@ ROOMS = (
     *valid_calls_design.ROOMS,
     *valid_calls_fits.ROOMS,
     *valid_calls_loop.ROOMS,
+    *valid_calls_plots.ROOMS,
 )
 # A refusal takes milliseconds; what takes this long would run for hours.
 SECONDS = 20.0

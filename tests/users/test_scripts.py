@@ -20,10 +20,17 @@ FOUND: dict[str, Callable[[dict[str, Any]], bool]] = {
     "own_search": lambda found: found["theta"][3] == 0.0 and found["budgeted"].stop_reason == "target",
     "rank_parameters": lambda found: set(found["table"].index) == set(found["spec"].names),
     "tune_weights": lambda found: found["table"]["peak_drift"].shape == (400, 5),
+    "figures_in_own_axes": lambda found: (
+        found["shown"] == ["Force (N)", "Residual (N)", "Pseudo-acceleration (m/s²)"]
+        and found["table"]["pseudo_acceleration"].shape == (50,)
+    ),
     "identify_and_predict": lambda found: list(found["parameters"].index) == list(found["fit"].spec.names),
 }
 
 
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.stem)
-def test_a_script_of_a_user_runs_to_its_end(script: Path) -> None:
+def test_a_script_of_a_user_runs_to_its_end(
+    script: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
     assert FOUND[script.stem](runpy.run_path(str(script)))

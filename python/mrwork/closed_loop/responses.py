@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import Any, ClassVar, Literal, Self, cast
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,9 +18,13 @@ from mrwork.errors import SettingError, UnknownNameError
 from mrwork.keys import suggestion
 from mrwork.labelled import NamedArray, NamedArrays, WithAxes, labels_of, number_labels
 from mrwork.numbers import counted, format_rounded
+from mrwork.plotted import plots_of
 from mrwork.summary import Summarised, Summary
 from mrwork.tested_range import Exceedance, OperatingRange, Outside, least_stroke, worst_of
 from mrwork.values import Floats, array_dataclass
+
+if TYPE_CHECKING:
+    from mrwork.plots.building_forms import HistoryPlots, ResponsesPlots
 
 ENERGY_TOLERANCE = 1e-6
 """Energy errors above this are reported: 1e-8 is normal, a chattering law or a long step gives more."""
@@ -180,6 +184,12 @@ class History(Labelled, WithAxes, Summarised):
         displacement = self._of(building)[:, : len(building.mass)]
         return np.asarray(0.5 * np.einsum("ti,ij,tj->t", displacement, building.stiffness, displacement))
 
+    @property
+    def plot(self) -> HistoryPlots:
+        """Figures of the history, see `mr.plots`."""
+        made: HistoryPlots = plots_of(self, "HistoryPlots")
+        return made
+
     def _named_arrays(self) -> NamedArrays:
         return NamedArrays(
             title="History of a closed loop",
@@ -252,6 +262,12 @@ class Responses(Labelled, WithAxes, Summarised):
 
     def _over_axes(self, values: NDArray[Any]) -> NDArray[Any]:
         return values.reshape(*self.shape, *values.shape[1:])
+
+    @property
+    def plot(self) -> ResponsesPlots:
+        """Figures of the runs, see `mr.plots`."""
+        made: ResponsesPlots = plots_of(self, "ResponsesPlots")
+        return made
 
     def _named_arrays(self) -> NamedArrays:
         first = ("candidate", "motion", "realisation")

@@ -439,7 +439,7 @@ def law_limits(spec: DamperSpec, theta: ArrayLike, commands: tuple[float, float]
         return ()
     command = np.linspace(*commands, _N_COMMANDS)
     limits = []
-    for parameter, value in _values(spec, np.asarray(theta, dtype=np.float64), command):
+    for parameter, value in law_values(spec, np.asarray(theta, dtype=np.float64), command):
         used = np.clip(value, parameter.lower, parameter.upper)
         beyond = np.abs(value - used)
         if parameter.lower > 0.0:
@@ -472,8 +472,8 @@ def worst_laws(limits: Iterable[LawLimit]) -> list[LawLimit]:
     return list(worst.values())
 
 
-def _values(spec: DamperSpec, theta: Floats, command: Floats) -> Iterator[tuple[ParamSpec, Floats]]:
-    """Each parameter that follows the command, with the values that its law gives."""
+def law_values(spec: DamperSpec, theta: Floats, command: Floats) -> Iterator[tuple[ParamSpec, Floats]]:
+    """Each parameter that follows the command, with the values that its law gives at commands, shape (n,)."""
     assert spec.current is not None
     start = 0
     for parameter, name in zip(spec.plain, spec.current.laws, strict=True):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, replace
-from typing import Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from mrwork.arguments import Count, Level, NotNegative, Positive, Samples, Whole, checked
 from mrwork.dampers.parameters import CurrentLaws
@@ -15,6 +15,7 @@ from mrwork.identification.settings import FitSettings, Reading
 from mrwork.keys import suggestion
 from mrwork.labelled import NamedArray, NamedArrays, WithAxes, columns_of, labels_of, number_labels
 from mrwork.numbers import format_rounded, of_unit
+from mrwork.plotted import plots_of
 from mrwork.records import AS_IT_IS, DamperTest, Observation, observed
 from mrwork.records.damper_test import OperatingRange, Outside, range_of_test
 from mrwork.records.likeness import Likeness, RecordedMotion, likest_of_other_force, likest_of_same_force
@@ -23,6 +24,9 @@ from mrwork.store.codec import LowerBound, OrInfinite, Related, UpperBound, dige
 from mrwork.summary import Summarised, Summary, list_names
 from mrwork.tested_range import outside_of
 from mrwork.values import Floats, array_dataclass
+
+if TYPE_CHECKING:
+    from mrwork.plots.fit_forms import FitPlots
 
 # Decided in `uncertainty/identifiability/verdicts.py` alone, and read from `Fit.verdict_on`.
 VerdictName = Literal["identifiable", "weakly identifiable", "sign unknown", "negligible", "not identifiable"]
@@ -348,12 +352,12 @@ class Fit(WithAxes, Summarised, Related):
     `intervals` are those of `profile` or `sample`; where there are any, tables show them and not the standard errors.
     `evaluations` counts the simulated candidates of the search and of the selection of starting points;
     `refinement_steps` counts those of the final fit, one simulation with its derivatives each. `identifiability` is
-    the result of `uncertainty.identifiability_of`, `None` where it was not computed. `forces` are those of the free
-    runs, one for each test, [N], shape (n_time,); `warnings` are sentences on what could mislead in the result, and
-    `status_reason` says why it has not converged, or what a converged fit costs in a building; `motions` recognise the
-    tests of the fit and others of the same motion and command; `tested` are the ranges of motion, command and load of
-    the tests; `live_settings` are the settings with
-    the search that ran. A fit that was read from its file has neither forces nor live settings.
+    the result of `uncertainty.identifiability_of`, `None` where it was not computed. `tests` are those of the fit, and
+    `forces` those of the free runs on them, [N], shape (n_time,); `warnings` are sentences on what could mislead in
+    the result, and `status_reason` says why it has not converged, or what a converged fit costs in a building;
+    `motions` recognise the tests of the fit and others of the same motion and command; `tested` are the ranges of
+    motion, command and load of the tests; `live_settings` are the settings with the search that ran. A fit that was
+    read from its file has neither tests nor forces nor live settings.
     """
 
     _made_by: ClassVar[str] = "mr.identify(model, tests)"
@@ -382,6 +386,7 @@ class Fit(WithAxes, Summarised, Related):
     status_reason: str = ""
     motions: tuple[RecordedMotion, ...] = ()
     tested: OperatingRange | None = None
+    tests: tuple[DamperTest, ...] = field(default=(), compare=False)
     forces: tuple[Floats, ...] = field(default=(), compare=False)
     live_settings: FitSettings | None = field(default=None, compare=False)
 
@@ -598,6 +603,12 @@ class Fit(WithAxes, Summarised, Related):
         interval = self.intervals.of(estimate.name)
         return "-" if interval is None else interval.in_words(format_rounded)
 
+    @property
+    def plot(self) -> FitPlots:
+        """Figures of the fit, see `mr.plots`."""
+        made: FitPlots = plots_of(self, "FitPlots")
+        return made
+
     def _named_arrays(self) -> NamedArrays:
         parameters = columns_of(
             self.estimates,
@@ -659,9 +670,9 @@ class Fit(WithAxes, Summarised, Related):
         )
 
     def as_dict(self) -> dict[str, Any]:
-        """Nested dictionaries and lists for JSON, without the forces and the live settings."""
-        document = asdict(replace(self, forces=(), live_settings=None))
-        del document["forces"], document["live_settings"]
+        """Nested dictionaries and lists for JSON, without the tests, the forces and the live settings."""
+        document = asdict(replace(self, tests=(), forces=(), live_settings=None))
+        del document["tests"], document["forces"], document["live_settings"]
         return document
 
     def _summary(self) -> Summary:

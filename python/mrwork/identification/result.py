@@ -238,6 +238,7 @@ def fit_at(
         nuisances=objective.settings.nuisances,
         motions=tuple(RecordedMotion.of(test) for test in objective.tests),
         n_effective=n_effective,
+        tests=objective.tests,
         forces=tuple(force for force, _ in runs),
         live_settings=problem.settings,
         warnings=(*problem.warnings, *_law_warnings(spec, values, tested)),

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from fractions import Fraction
-from typing import Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import numpy as np
 from numpy.polynomial import Legendre
@@ -16,8 +16,12 @@ from numpy.polynomial import Legendre
 from mrwork.arguments import AnyNumbers, May, checked
 from mrwork.errors import RecordError, SettingError
 from mrwork.hints import SMALLEST
+from mrwork.plotted import plots_of
 from mrwork.summary import Summarised, Summary
 from mrwork.values import Floats, array_dataclass, keep_arrays
+
+if TYPE_CHECKING:
+    from mrwork.plots.building_forms import MotionPlots
 
 
 @checked
@@ -90,6 +94,12 @@ class GroundMotion(Summarised):
         a, h = self.acceleration, self.dt
         steps = h * self.velocity[:-1] + h * h * (2.0 * a[:-1] + a[1:]) / 6.0
         return np.concatenate(([0.0], np.cumsum(steps)))
+
+    @property
+    def plot(self) -> MotionPlots:
+        """Figures of the motion, see `mr.plots`."""
+        made: MotionPlots = plots_of(self, "MotionPlots")
+        return made
 
     def _summary(self) -> Summary:
         return Summary(

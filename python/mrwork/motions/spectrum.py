@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,8 +16,12 @@ from mrwork.hints import SMALLEST, Within
 from mrwork.motions.ground_motion import GroundMotion, replace_samples, resampled, scaled
 from mrwork.motions.spectral_density import CloughPenzien, KanaiTajimi, SpectralDensity
 from mrwork.numbers import format_rounded
+from mrwork.plotted import plots_of
 from mrwork.summary import Summarised, Summary
 from mrwork.values import Floats, array_dataclass
+
+if TYPE_CHECKING:
+    from mrwork.plots.building_forms import SpectrumPlots
 
 Complexes = NDArray[np.complex128]
 
@@ -62,6 +66,12 @@ class ResponseSpectrum(Summarised):
     def pseudo_acceleration(self) -> Floats:
         """Circular frequency squared times peak displacement [m/s^2]."""
         return (2.0 * np.pi / self.periods) ** 2 * self.displacement
+
+    @property
+    def plot(self) -> SpectrumPlots:
+        """Figure of the spectrum, see `mr.plots`."""
+        made: SpectrumPlots = plots_of(self, "SpectrumPlots")
+        return made
 
     def _summary(self) -> Summary:
         shown = np.unique(np.linspace(0, len(self.periods) - 1, 9).astype(int))

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from math import ceil
-from typing import Annotated, ClassVar, Final, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,7 @@ from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import RecordError, SettingError
 from mrwork.hints import Within
 from mrwork.labelled import NamedArray, NamedArrays, WithAxes, labels_of
+from mrwork.plotted import plots_of
 from mrwork.records.motion import cycle_lengths
 from mrwork.simulation import Loading
 from mrwork.summary import Summarised, Summary
@@ -29,6 +30,9 @@ from mrwork.tested_range import Outside as Outside
 from mrwork.tested_range import covering, least_stroke
 from mrwork.units import COMMAND_SCALES, CommandUnit
 from mrwork.values import Floats, array_dataclass, freeze_samples, keep_arrays
+
+if TYPE_CHECKING:
+    from mrwork.plots.fit_forms import TestPlots
 
 RANGES: Final = {
     "delay_seconds": (-1e6, 1e6, "s"),
@@ -369,6 +373,12 @@ class DamperTest(WithAxes, Summarised):
     def time(self) -> Floats:
         """Sample times [s], shape (n_time,)."""
         return self.start_time + self.dt * np.arange(self.n_time, dtype=np.float64)
+
+    @property
+    def plot(self) -> TestPlots:
+        """Figures of the test, see `mr.plots`."""
+        made: TestPlots = plots_of(self, "TestPlots")
+        return made
 
     def _named_arrays(self) -> NamedArrays:
         compared = np.zeros(self.n_time, dtype=np.bool_)

@@ -48,8 +48,13 @@ class Comparison:
 
     @property
     def data_label(self) -> str:
-        """Name of the data in a legend; synthetic data are never called measured."""
-        return "synthetic" if self.test.synthetic else "measured"
+        """Name of the data in a legend."""
+        return data_label(self.test)
+
+
+def data_label(test: DamperTest) -> str:
+    """Name of the data of a test in a legend; synthetic data are never called measured."""
+    return "synthetic" if test.synthetic else "measured"
 
 
 def envelope(time: Floats, signal: Floats, bins: int) -> tuple[Floats, Floats]:
@@ -228,18 +233,20 @@ def draw_record(figure: Figure, column: int, comparison: Comparison, unit: Displ
     """The whole record as lines; the part that the next panel enlarges is shaded."""
     test = comparison.test
     upper, lower = _history_axes(figure, column)
-    upper.plot(
-        test.time, test.force * unit.factor, color=style.DATA, linewidth=1.7, label=comparison.data_label
-    )
-    upper.plot(
-        test.time, comparison.model_force * unit.factor, color=style.MODEL, linewidth=0.8, label="model"
-    )
+    add_record(upper, test, comparison.model_force, unit)
     _finish_force(upper, comparison, unit)
     _draw_residual(lower, comparison, unit, slice(0, test.n_time), linewidth=0.8)
     window = zoom_window(test.displacement)
     for axes in (upper, lower):
         ends = test.time[window.start], test.time[window.stop - 1]
         axes.axvspan(*ends, color=style.WINDOW, linewidth=0, zorder=-1)
+
+
+def add_record(axes: Axes, test: DamperTest, model_force: Floats | None, unit: DisplayUnit) -> None:
+    """Lines of the force of a whole record and, where there is one, of the model."""
+    axes.plot(test.time, test.force * unit.factor, color=style.DATA, linewidth=1.7, label=data_label(test))
+    if model_force is not None:
+        axes.plot(test.time, model_force * unit.factor, color=style.MODEL, linewidth=0.8, label="model")
 
 
 def draw_cycles(figure: Figure, column: int, comparison: Comparison, unit: DisplayUnit) -> None:
@@ -262,7 +269,7 @@ def draw_command(figure: Figure, column: int, comparison: Comparison, unit: Disp
     axes = _axes(figure, column, canvas.BOTTOM, style.PANEL_HEIGHT - canvas.TOP)
     for command, symbol in test.commands:
         if isinstance(command, np.ndarray):
-            axes.plot(test.time, command, color=style.DATA, linewidth=1.1, drawstyle="steps-post")
+            add_command(axes, test.time, command)
             finish_signed(axes, f"Command ({symbol})", "Time (s)")
             break
     window = zoom_window(test.displacement)
@@ -272,6 +279,11 @@ def draw_command(figure: Figure, column: int, comparison: Comparison, unit: Disp
     axes.set_xlim(float(test.time[0]), float(test.time[-1]))
 
 
+def add_command(axes: Axes, time: Floats, command: Floats) -> None:
+    """Line of a command that is held between samples."""
+    axes.plot(time, command, color=style.DATA, linewidth=1.1, drawstyle="steps-post")
+
+
 def _draw_residual(
     axes: Axes, comparison: Comparison, unit: DisplayUnit, samples: slice, *, linewidth: float
 ) -> None:
@@ -279,12 +291,17 @@ def _draw_residual(
     time = comparison.test.time[samples]
     unit = style.residual_unit(_largest(comparison.residual), unit)
     residual = comparison.residual * unit.factor
-    axes.plot(time, residual[samples], color=style.RESIDUAL, linewidth=linewidth)
+    add_residual(axes, time, residual[samples], linewidth=linewidth)
     largest = _largest(residual) or 1.0
     axes.set_ylim(-1.1 * largest, 1.1 * largest)
     finish_signed(axes, f"Residual ({unit.symbol})", "Time (s)", y_bins=3)
     margin = 0.0 if time.size > 1 else 0.5
     axes.set_xlim(float(time[0]) - margin, float(time[-1]) + margin)
+
+
+def add_residual(axes: Axes, time: Floats, residual: Floats, *, linewidth: float = 0.8) -> None:
+    """Line of a residual over time."""
+    axes.plot(time, residual, color=style.RESIDUAL, linewidth=linewidth)
 
 
 def motion_of(test: DamperTest, over: Motion) -> tuple[Floats, str]:
@@ -300,12 +317,28 @@ def draw_loop(over: Motion, figure: Figure, column: int, comparison: Comparison,
     abscissa, label = motion_of(comparison.test, over)
     axes = _axes(figure, column, canvas.BOTTOM, style.PANEL_HEIGHT - canvas.TOP)
     axes.grid(True, axis="both")
-    measured = comparison.test.force * unit.factor
-    drawn = scattered_samples(abscissa, measured, POINTS_IN_LOOP)
-    draw_points(axes, abscissa[drawn], measured[drawn], size=_POINT, label=comparison.data_label)
-    axes.plot(abscissa, comparison.model_force * unit.factor, color=style.MODEL, linewidth=1.1, label="model")
+    add_loop(axes, abscissa, comparison.test, comparison.model_force, unit)
     _finish_force(axes, comparison, unit)
     axes.set_xlabel(label)
+
+
+def add_loop(
+    axes: Axes,
+    abscissa: Floats,
+    test: DamperTest,
+    model_force: Floats | None,
+    unit: DisplayUnit,
+    *,
+    colours: tuple[str, str] = (style.DATA, style.MODEL),
+    labels: tuple[str, str] | None = None,
+) -> None:
+    """Points of the force of a test over an abscissa, shape (n_time,), and the line of the model, if there is one."""
+    data, model = labels or (data_label(test), "model")
+    measured = test.force * unit.factor
+    drawn = scattered_samples(abscissa, measured, POINTS_IN_LOOP)
+    draw_points(axes, abscissa[drawn], measured[drawn], size=_POINT, colour=colours[0], label=data)
+    if model_force is not None:
+        axes.plot(abscissa, model_force * unit.factor, color=colours[1], linewidth=1.1, label=model)
 
 
 def small_velocity_loops(comparisons: Sequence[Comparison], unit: DisplayUnit) -> Iterator[Figure]:

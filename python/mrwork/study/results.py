@@ -19,6 +19,7 @@ from mrwork.closed_loop.responses import ENERGY_TOLERANCE
 from mrwork.errors import SettingError
 from mrwork.labelled import tree_of
 from mrwork.numbers import counted, format_rounded
+from mrwork.plotted import plots_of
 from mrwork.store.codec import OrInfinite, OrNan
 from mrwork.study.labelled import HALF_STEP, LabelledRuns
 from mrwork.study.run_result import DeviceDemand, RunEnd, RunResult, damper_warnings, demands_of
@@ -29,6 +30,7 @@ from mrwork.values import Floats
 
 if TYPE_CHECKING:
     from mrwork.labelled import DataFrame, DataTree
+    from mrwork.plots.building_forms import ResponsesPlots
 
 Key = tuple[int, int]
 """Indices of the row and the motion of a run."""
@@ -312,6 +314,12 @@ class StudyResults(StudyCriteria):
     facts: tuple[tuple[str, str], ...] = ()
     devices: tuple[Device, ...] = ()
     clairvoyants: Mapping[int, Clairvoyant] = field(default_factory=dict)
+
+    @property
+    def plot(self) -> ResponsesPlots:
+        """Figures of the runs, see `mr.plots`."""
+        made: ResponsesPlots = plots_of(self, "ResponsesPlots")
+        return made
 
     def __post_init__(self) -> None:
         whole = self.quantities.runs(0)

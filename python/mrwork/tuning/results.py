@@ -8,7 +8,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from mrwork.errors import RecordError, SettingError, UnknownNameError
 from mrwork.keys import suggestion
 from mrwork.labelled import NamedArray, NamedArrays, WithAxes, labels_of, number_labels
 from mrwork.numbers import counted, format_rounded, percent, with_decimals
+from mrwork.plotted import plots_of
 from mrwork.store.codec import OrInfinite, OrNan, Related, finite, json_document, read_document
 from mrwork.store.output_folder import Destination, write_folder
 from mrwork.store.parse import toml_table
@@ -46,6 +47,9 @@ from mrwork.tuning.space import (
     FreeSetting,
     LawCandidate,
 )
+
+if TYPE_CHECKING:
+    from mrwork.plots.building_forms import FrontPlots
 
 _MARGIN = 0.01
 _SAME = 5e-4
@@ -244,6 +248,12 @@ class Front(WithAxes, Summarised):
             key=lambda point: sum(weight * point.train[name] for name, weight in given.items()),
         )
 
+    @property
+    def plot(self) -> FrontPlots:
+        """Figure of the front, see `mr.plots`."""
+        made: FrontPlots = plots_of(self, "FrontPlots")
+        return made
+
     def _named_arrays(self) -> NamedArrays:
         arrays = {}
         for use in ("train", "test"):
@@ -359,6 +369,12 @@ class TuningResults(WithAxes, Summarised):
         scores = {each.label: [motion.score for motion in each.judged.motions] for each in finished}
         first = finished[0].label
         return (*in_effect, *ties_in_words(first, scores.pop(first), scores))
+
+    @property
+    def plot(self) -> FrontPlots:
+        """Figure of the front, see `mr.plots`."""
+        made: FrontPlots = plots_of(self, "FrontPlots")
+        return made
 
     def _named_arrays(self) -> NamedArrays:
         judged = (*self.laws, *self.references)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import numpy as np
 
@@ -19,11 +19,15 @@ from mrwork.dampers.design.materials import MRFluid, Steel
 from mrwork.dampers.design.ranges import Current, Length, Speed, Voltage
 from mrwork.errors import Interrupted, SettingError, UnknownNameError
 from mrwork.hints import Within
+from mrwork.plotted import plots_of
 from mrwork.search import SearchResult, StopRules, run_search
 from mrwork.search.peers import run_front, select_nondominated
 from mrwork.search.registry import ALL_OPTIMISERS
 from mrwork.summary import Summarised, Summary
 from mrwork.values import Floats
+
+if TYPE_CHECKING:
+    from mrwork.plots.building_forms import FrontPlots
 
 # Free dimensions with their ranges, in log scale: shares of the largest outer diameter, the gap over the least one,
 # and the depth of a groove as a share of what the rod leaves.
@@ -375,6 +379,12 @@ class SizeFront(Summarised):
 
     designs: tuple[DamperDesign, ...]
     evaluations: int
+
+    @property
+    def plot(self) -> FrontPlots:
+        """Figure of the front, see `mr.plots`."""
+        made: FrontPlots = plots_of(self, "FrontPlots")
+        return made
 
     def _summary(self) -> Summary:
         return Summary(

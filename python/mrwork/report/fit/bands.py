@@ -315,11 +315,21 @@ class Banded:
 @style.drawn_in_style()
 def time_figure(banded: Banded, unit: DisplayUnit) -> Figure:
     """Force over one cycle from the middle of the record, with the bands that exist."""
-    figure, axes, samples, time = _empty_cycle(banded)
-    _fill_over(axes, time, banded, samples, unit, np.zeros(time.size))
-    _draw_lines(axes, time, banded, samples, unit)
+    figure, axes, _, time = _empty_cycle(banded)
+    add_bands(axes, banded, unit)
     _finish_cycle(axes, time, f"Force ({unit.symbol})")
     return figure
+
+
+def add_bands(axes: Axes, banded: Banded, unit: DisplayUnit, over: Motion | None = None) -> None:
+    """Force over one cycle with the bands that exist, over time or along the loop over displacement or velocity."""
+    samples, test = middle_cycle(banded.prediction), banded.prediction.test
+    across = (test.time if over is None else motion_of(test, over)[0])[test.counted][samples]
+    if over is None:
+        _fill_over(axes, across, banded, samples, unit, np.zeros(across.size))
+    elif banded.predicted is not None:
+        _fill_loop(axes, across, banded.predicted, samples, unit)
+    _draw_lines(axes, across, banded, samples, unit)
 
 
 @style.drawn_in_style()
@@ -397,15 +407,10 @@ def middle_cycle(prediction: Prediction) -> slice:
 @style.drawn_in_style()
 def loop_figure(banded: Banded, unit: DisplayUnit, over: Motion) -> Figure:
     """Force over displacement or velocity, one cycle, with its prediction band."""
-    samples = middle_cycle(banded.prediction)
-    abscissa, label = motion_of(banded.prediction.test, over)
-    across = abscissa[banded.prediction.test.counted][samples]
     figure, axes = column_axes()
     axes.grid(True, axis="both")
-    if banded.predicted is not None:
-        _fill_loop(axes, across, banded.predicted, samples, unit)
-    _draw_lines(axes, across, banded, samples, unit)
-    finish_signed(axes, f"Force ({unit.symbol})", label)
+    add_bands(axes, banded, unit, over)
+    finish_signed(axes, f"Force ({unit.symbol})", motion_of(banded.prediction.test, over)[1])
     legend(axes)
     return figure
 

@@ -113,6 +113,12 @@ def shown_unit(unit: str) -> str:
     return unit.replace(" ", "\N{NO-BREAK SPACE}").replace("^2", "²").replace("^3", "³")
 
 
+def with_unit(name: str, unit: str) -> str:
+    """A name for an axis, with its unit in parentheses if it has one."""
+    shown = shown_unit(unit)
+    return f"{name} ({shown})" if shown else name
+
+
 def _align_texts(texts: Sequence[str]) -> list[Aligned]:
     parts = [numbers.at_point(text) for text in texts]
     width = max((len(tail) for _, tail in parts), default=0)

@@ -178,27 +178,40 @@ def rank_figure(name: str, chain: Floats, ess: float) -> Figure:
 def corner_figure(draws: Draws, fitted: Mapping[str, float]) -> Figure:
     """Density of every parameter on the diagonal, of every pair below it; a cross where the fit is."""
     names = [each.name for each in draws.varied]
-    values = [draws.chain(name).reshape(-1) for name in names]
     count = len(names)
     size = count * _SIDE + _EDGE
+    figure = Figure(figsize=(size, size - _EDGE + _BELOW + 0.1))
+    panels = {}
+    for row in range(count):
+        for column in range(row + 1):
+            left, bottom = _EDGE + column * _SIDE, _BELOW + (count - 1 - row) * _SIDE
+            panels[row, column] = axes_between(
+                figure, left=left, right=left + _SIDE - 0.1, bottom=bottom, top=bottom + _SIDE - 0.1
+            )
+    add_corner(panels, draws, names, fitted)
+    for (row, column), axes in panels.items():
+        label_corner(axes, names[column] if row == count - 1 else "", names[row] if column == 0 < row else "")
+    return figure
+
+
+def add_corner(
+    panels: Mapping[tuple[int, int], Axes],
+    draws: Draws,
+    names: Sequence[str],
+    fitted: Mapping[str, float],
+) -> None:
+    """Densities of these parameters and their pairs, in axes by row and column of the lower triangle."""
+    values = [draws.chain(name).reshape(-1) for name in names]
     # Single outliers would compress the rest.
     spans = [
         (float(low), float(high)) for low, high in (np.quantile(each, [0.002, 0.998]) for each in values)
     ]
-    figure = Figure(figsize=(size, size - _EDGE + _BELOW + 0.1))
-    for row in range(count):
-        for column in range(row + 1):
-            left, bottom = _EDGE + column * _SIDE, _BELOW + (count - 1 - row) * _SIDE
-            axes = axes_between(
-                figure, left=left, right=left + _SIDE - 0.1, bottom=bottom, top=bottom + _SIDE - 0.1
-            )
-            if row == column:
-                _density(axes, values[row], spans[row], fitted.get(names[row]))
-            else:
-                at = (fitted.get(names[column]), fitted.get(names[row]))
-                _pair(axes, values[column], values[row], spans[column], spans[row], at)
-            _label(axes, names[column] if row == count - 1 else "", names[row] if column == 0 < row else "")
-    return figure
+    for (row, column), axes in panels.items():
+        if row == column:
+            _density(axes, values[row], spans[row], fitted.get(names[row]))
+        else:
+            at = (fitted.get(names[column]), fitted.get(names[row]))
+            _pair(axes, values[column], values[row], spans[column], spans[row], at)
 
 
 def _density(axes: Axes, values: Floats, span: tuple[float, float], fitted: float | None) -> None:
@@ -236,7 +249,8 @@ def _pair(
     axes.set_ylim(*up)
 
 
-def _label(axes: Axes, below: str, left: str) -> None:
+def label_corner(axes: Axes, below: str, left: str) -> None:
+    """Names below and left of axes of a corner, where they are not empty, with few ticks."""
     axes.grid(False)
     axes.tick_params(labelbottom=bool(below), labelleft=bool(left))
     axes.set(xlabel=below, ylabel=left)

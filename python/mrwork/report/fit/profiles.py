@@ -14,7 +14,7 @@ from mrwork.numbers import shortest
 from mrwork.report import style
 from mrwork.report.canvas import SMALL_WIDTH, grid_of_axes, plain_ticks, small_axes
 from mrwork.report.figures import Comparison
-from mrwork.report.fit.parameters import shown_unit
+from mrwork.report.fit.parameters import shown_unit, with_unit
 from mrwork.report.section import Absent, Group, Panel, Section, SectionKind, panel
 from mrwork.stored import StoredRun
 from mrwork.table import Table, TableColumn, page_table
@@ -90,7 +90,8 @@ def _end(value: float | None) -> str:
 @style.drawn_in_style()
 def _panel(profile: Profile, threshold: float) -> Panel:
     figure, axes = small_axes()
-    _draw_profile(axes, profile, threshold)
+    add_profile(axes, profile, threshold)
+    _add_title(axes, profile)
     if axes.get_xscale() == "linear":
         axes.xaxis.set_major_locator(MaxNLocator(nbins=2, steps=[1, 2, 4, 5, 10]))
         plain_ticks(axes, 5)
@@ -108,7 +109,8 @@ def profiles_figure(profiles: Profiles) -> Figure:
     """Likelihood ratio against each parameter: threshold dashed, interval shaded, an arrow where it is open."""
     figure, panels = grid_of_axes(len(profiles.profiles), _COLUMNS, (SMALL_WIDTH, _HEIGHT))
     for number, (axes, profile) in enumerate(zip(panels, profiles.profiles, strict=True)):
-        _draw_profile(axes, profile, profiles.threshold)
+        add_profile(axes, profile, profiles.threshold)
+        _add_title(axes, profile)
         if number % _COLUMNS:
             axes.tick_params(labelleft=False)
         else:
@@ -116,7 +118,7 @@ def profiles_figure(profiles: Profiles) -> Figure:
     return figure
 
 
-def _draw_profile(axes: Axes, profile: Profile, threshold: float) -> None:
+def add_profile(axes: Axes, profile: Profile, threshold: float) -> None:
     """Profile of one parameter: a line through its points, the threshold, the interval or its open ends."""
     left, right = _span(profile)
     line, ratio = _line(profile, left, right)
@@ -159,8 +161,10 @@ def _draw_profile(axes: Axes, profile: Profile, threshold: float) -> None:
     for closed, way in zip(inner, (-1, 1), strict=True):
         if not closed:
             _mark_open(axes, way)
-    unit = shown_unit(profile.unit)
-    axes.set_title(f"{profile.name} ({unit})" if unit else profile.name, loc="left", pad=6)
+
+
+def _add_title(axes: Axes, profile: Profile) -> None:
+    axes.set_title(with_unit(profile.name, profile.unit), loc="left", pad=6)
 
 
 def _tick(value: float) -> str:

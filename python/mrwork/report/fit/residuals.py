@@ -12,6 +12,7 @@ from statistics import NormalDist
 from typing import get_args
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator
 from numpy.typing import NDArray
@@ -582,18 +583,21 @@ def _over(
 ) -> Figure:
     residual = comparison.residual[comparison.test.counted]
     unit = style.residual_unit(float(np.max(np.abs(residual), initial=0.0)), unit)
-    residual = residual * unit.factor
-    drawn = scattered_samples(abscissa, residual, _POINTS)
-    centre, mean = _means(abscissa, residual)
     figure, axes = column_axes()
-    draw_points(axes, abscissa[drawn], residual[drawn], size=2.6, label="residual")
-    axes.plot(centre, mean, color=style.RESIDUAL, linewidth=1.8, label="mean")
+    add_residual_points(axes, abscissa, residual * unit.factor)
     finish_signed(axes, f"Residual ({unit.symbol})", label)
     if degrees:
         axes.set_xlim(-180, 180)
         axes.xaxis.set_major_locator(FixedLocator([-180, -90, 0, 90, 180]))
     legend(axes)
     return figure
+
+
+def add_residual_points(axes: Axes, abscissa: Floats, residual: Floats) -> None:
+    """Points of a residual over an abscissa, both of shape (n,), and its mean in equal bins."""
+    drawn = scattered_samples(abscissa, residual, _POINTS)
+    draw_points(axes, abscissa[drawn], residual[drawn], size=2.6, label="residual")
+    axes.plot(*_means(abscissa, residual), color=style.RESIDUAL, linewidth=1.8, label="mean")
 
 
 def _means(abscissa: Floats, residual: Floats) -> tuple[Floats, Floats]:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -45,7 +46,6 @@ _LEFT_OF_NAMES = 0.95
 _KEY_LINE = 0.178
 _KEY_FONT = style.SMALL_TEXT_SIZE
 _BAR = 0.30
-_TONES = {"damping": style.BAND_EDGE, "devices": style.MODEL, "left": style.RULE}
 HUES = (style.MODEL, style.RESIDUAL, "#3c8d5a", "#8a5aa8", "#c79a1e", "#3aa0b8", "#a83c5c", "#6b6b2a")
 """Colours of rows; they differ in lightness, too, as those of `style` do."""
 _PATTERNS = ("-", (0, (5, 1.6)), (0, (1.2, 1.4)))
@@ -90,23 +90,13 @@ def profile_figure(results: StudyResults, motion: int, quantity: str, rows: Coll
         top=0.12 + _KEY_LINE * key_lines,
         height=2.1 + _KEY_LINE * key_lines + min(0.19 * len(names), 4.0),
     )
-    heights = np.arange(1, len(names) + 1)
     of_row = strokes(results)
     for row in shown:
-        stroke = of_row[row]
-        axes.plot(
-            getattr(results.runs[row, motion], quantity) * factor,
-            heights,
-            color=stroke.colour,
-            linestyle=stroke.pattern,
-            linewidth=stroke.width,
-            marker="o",
-            markersize=3.2,
-            label=results.rows[row].label,
-        )
+        values = getattr(results.runs[row, motion], quantity) * factor
+        add_height_line(axes, values, of_row[row], results.rows[row].label)
     axes.set_xlim(left=0.0)
     axes.set_xlabel(f"Peak {'drift' if drift else 'acceleration'} ({label})")
-    _name_heights(axes, names)
+    name_heights(axes, names)
     _key(axes)
     return figure
 
@@ -117,28 +107,7 @@ def energy_figure(results: StudyResults, motion: int, rows: Collection[int]) -> 
     shown = [row for row in results.finished_rows(motion) if row in rows]
     names = [short(results.rows[row].label, 29) for row in reversed(shown)]
     figure, axes = column_axes(left=room_for(names), top=0.42, height=0.95 + _BAR * len(shown))
-    largest = 0.0
-    for place, row in enumerate(reversed(shown)):
-        run = results.runs[row, motion]
-        start = 0.0
-        parts = (
-            ("devices", "Dampers", float(np.sum(run.device_energy))),
-            ("damping", "Structure", run.damping_energy),
-            ("left", "Still moving", run.kinetic_energy + run.strain_energy),
-        )
-        for name, label, amount in parts:
-            axes.barh(
-                place,
-                amount,
-                left=start,
-                height=0.62,
-                color=_TONES[name],
-                label=label if place == 0 else None,
-            )
-            start += amount
-        largest = max(largest, start)
-    axes.set_yticks(range(len(shown)), names)
-    axes.set_xlim(0.0, 1.02 * largest or 1.0)
+    add_energy_bars(axes, names, [energy_parts(results.runs[row, motion].numbers) for row in reversed(shown)])
     axes.set_xlabel("Energy (J)")
     axes.grid(visible=False, axis="y")
     axes.grid(visible=True, axis="x")
@@ -147,7 +116,44 @@ def energy_figure(results: StudyResults, motion: int, rows: Collection[int]) -> 
     return figure
 
 
-def _name_heights(axes: Axes, names: Sequence[str]) -> None:
+ENERGY_PARTS = {"Dampers": style.MODEL, "Structure": style.BAND_EDGE, "Still moving": style.RULE}
+"""Where the input energy is at the end of a motion, with the tones."""
+
+
+def energy_parts(numbers: Mapping[str, Any]) -> tuple[float, float, float]:
+    """The energy of each of `ENERGY_PARTS` at the end of a run, of which these are the quantities [J]."""
+    devices = np.sum(numbers["device_energy"]) + np.sum(numbers.get("element_energy", 0.0))
+    moving = numbers["kinetic_energy"] + numbers["strain_energy"]
+    return float(devices), float(numbers["damping_energy"]), float(moving)
+
+
+def add_energy_bars(axes: Axes, names: Sequence[str], parts: Sequence[Sequence[float]]) -> None:
+    """A bar for each of the names, the first at the bottom, of its `ENERGY_PARTS` [J] one behind the other."""
+    ends = np.cumsum(np.reshape(parts, (len(names), len(ENERGY_PARTS))), axis=1)
+    for number, (label, tone) in enumerate(ENERGY_PARTS.items()):
+        starts = ends[:, number - 1] if number else np.zeros(len(names))
+        amounts = [each[number] for each in parts]
+        axes.barh(range(len(names)), amounts, left=starts, height=0.62, color=tone, label=label)
+    axes.set_yticks(range(len(names)), names)
+    axes.set_xlim(0.0, 1.02 * float(ends[:, -1].max(initial=0.0)) or 1.0)
+
+
+def add_height_line(axes: Axes, values: Floats, stroke: Stroke, label: str) -> None:
+    """Line of a quantity of storeys or floors, shape (n,), over their numbers from 1."""
+    axes.plot(
+        values,
+        np.arange(1, len(values) + 1),
+        color=stroke.colour,
+        linestyle=stroke.pattern,
+        linewidth=stroke.width,
+        marker="o",
+        markersize=3.2,
+        label=label,
+    )
+
+
+def name_heights(axes: Axes, names: Sequence[str]) -> None:
+    """Names of storeys or floors at their numbers on the ordinate."""
     # Of many floors only every second, fifth or tenth is labelled.
     step = next(step for step in (1, 2, 5, 10, 20) if len(names) <= 14 * step or step == 20)
     places = [n for n in range(1, len(names) + 1) if step == 1 or n % step == 0]
@@ -273,23 +279,21 @@ def switching_figure(history: RunHistory, device: int, unit: str, largest: float
 def energy_history_figure(history: RunHistory) -> Figure:
     """Input energy and its distribution, cumulative from the start and stacked."""
     figure, axes = small_axes(labelled=True)
-    step = max(1, len(history.time) // _SMALL_BINS)
-    time = history.time[::step]
-    _, kinetic, strain, damping, devices = history.energy[::step].T
-    axes.stackplot(
-        time,
-        devices,
-        damping,
-        kinetic + strain,
-        colors=[style.MODEL, style.BAND_EDGE, style.RULE],
-        linewidth=0.0,
-    )
-    axes.plot(time, history.energy[::step, 0], color=style.INK, linewidth=0.9)
-    # An actuator may supply energy; the energy that it takes up is then negative.
-    axes.set_ylim(0.0, 1.05 * max(float(history.energy[:, 0].max()), float((damping + devices).max()), 1e-9))
-    axes.margins(x=0.0)
+    given, kinetic, strain, damping, devices = history.energy.T
+    add_energies(axes, history.time, given, (devices, damping, kinetic + strain))
     name_small_axes(axes, "Energy (J)", "Time (s)")
     return figure
+
+
+def add_energies(axes: Axes, time: Floats, given: Floats, parts: Sequence[Floats]) -> None:
+    """Line of the energy that was given, cumulative over time, above its `ENERGY_PARTS`, stacked [J]."""
+    every = slice(None, None, max(1, len(time) // _SMALL_BINS))
+    time, shown = time[every], [each[every] for each in parts]
+    axes.stackplot(time, *shown, colors=[*ENERGY_PARTS.values()], labels=[*ENERGY_PARTS], linewidth=0.0)
+    axes.plot(time, given[every], color=style.INK, linewidth=0.9, label="Input")
+    # An actuator may supply energy; the energy that it takes up is then negative.
+    axes.set_ylim(0.0, 1.05 * max(float(given.max()), float((shown[0] + shown[1]).max()), 1e-9))
+    axes.margins(x=0.0)
 
 
 ReadHistory = Callable[[int, int], RunHistory | None]

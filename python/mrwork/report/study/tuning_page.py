@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
@@ -93,6 +94,16 @@ def course_figure(laws: Sequence[LawResult]) -> Figure:
 def front_figure(front: Front) -> Figure:
     """The first two objectives of a Pareto front, on the training and on the test motions."""
     figure, axes = column_axes()
+    add_front(axes, front)
+    first, second = front.objectives[:2]
+    axes.set_xlabel(f"{criterion(first).title} over i = 0")
+    axes.set_ylabel(f"{criterion(second).title} over i = 0")
+    axes.legend(loc="upper right")
+    return figure
+
+
+def add_front(axes: Axes, front: Front) -> None:
+    """Points of a front over its first two objectives, joined on the training motions."""
     first, second = front.objectives[:2]
     for label, colour, numbers in (
         ("training", style.FAINT_INK, [each.train for each in front.points]),
@@ -108,10 +119,6 @@ def front_figure(front: Front) -> Figure:
                 color=colour,
                 label=label,
             )
-    axes.set_xlabel(f"{criterion(first).title} over i = 0")
-    axes.set_ylabel(f"{criterion(second).title} over i = 0")
-    axes.legend(loc="upper right")
-    return figure
 
 
 _DECIMALS = 3

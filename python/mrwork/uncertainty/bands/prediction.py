@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import ClassVar, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 from warnings import warn
 
 import numpy as np
@@ -16,6 +16,7 @@ from mrwork.identification.problem import prediction_warning
 from mrwork.identification.residual import NuisanceName, ObservedTest
 from mrwork.identification.result import explain_failures
 from mrwork.labelled import NamedArray, NamedArrays, WithAxes
+from mrwork.plotted import plots_of
 from mrwork.records import DamperTest, Likeness, RecordedMotion
 from mrwork.records.damper_test import same_commands
 from mrwork.records.likeness import alike_groups, likenesses_in_words, likest
@@ -23,6 +24,9 @@ from mrwork.records.motion import regular_cycles, whole_cycles
 from mrwork.summary import Summarised, Summary
 from mrwork.tested_range import Outside
 from mrwork.values import Floats, array_dataclass
+
+if TYPE_CHECKING:
+    from mrwork.plots.fit_forms import PredictionPlots
 
 Fold = Literal["test", "motion", "command"]
 """Unit that is left out: each test by itself, all of one amplitude and frequency, all at one current or voltage."""
@@ -103,6 +107,12 @@ class Prediction(WithAxes, Summarised):
     def nrmse(self) -> float:
         """Root mean square of the residual, per standard deviation of the measured force."""
         return _rms(self.residual) / float(np.std(self.measured))
+
+    @property
+    def plot(self) -> PredictionPlots:
+        """Figures of the prediction, see `mr.plots`."""
+        made: PredictionPlots = plots_of(self, "PredictionPlots")
+        return made
 
     def _named_arrays(self) -> NamedArrays:
         test = self.test._named_arrays()

@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from math import inf, nan
 from statistics import NormalDist
-from typing import Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 import numpy as np
 
@@ -26,6 +26,7 @@ from mrwork.identification.settings import ROOT_MEAN_SQUARE
 from mrwork.keys import suggestion
 from mrwork.labelled import NamedArray, NamedArrays, WithAxes, columns_of, labels_of, number_labels
 from mrwork.numbers import format_rounded, of_unit
+from mrwork.plotted import plots_of
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
 from mrwork.store.codec import OrInfinite, Related
@@ -51,6 +52,9 @@ from mrwork.uncertainty.identifiability.verdicts import (
     judge_interval,
 )
 from mrwork.values import Floats
+
+if TYPE_CHECKING:
+    from mrwork.plots.fit_forms import ProfilesPlots
 
 _MISFIT = "least misfit with the parameter held"
 _RATIO = "likelihood ratio"
@@ -98,6 +102,12 @@ class Profile(WithAxes, Summarised, Related):
             return f"{self.name} has a value of {min(self.values):g} on a logarithmic scale"
         return ""
 
+    @property
+    def plot(self) -> ProfilesPlots:
+        """Figures of the profile likelihood, see `mr.plots`."""
+        made: ProfilesPlots = plots_of(self, "ProfilesPlots")
+        return made
+
     def _named_arrays(self) -> NamedArrays:
         return NamedArrays(
             title=f"Profile of {self.name}",
@@ -132,6 +142,8 @@ class Profiles(WithAxes, Summarised):
     `threshold` of the likelihood ratio is the quantile of chi-squared with one degree of freedom at `level`.
     """
 
+    _made_by: ClassVar[str] = "mr.profile(fit, tests)"
+
     model: str
     level: Level
     threshold: Positive
@@ -161,6 +173,12 @@ class Profiles(WithAxes, Summarised):
                 for each in self.profiles
             ),
         )
+
+    @property
+    def plot(self) -> ProfilesPlots:
+        """Figures of the profile likelihood, see `mr.plots`."""
+        made: ProfilesPlots = plots_of(self, "ProfilesPlots")
+        return made
 
     def _named_arrays(self) -> NamedArrays:
         n_points = max((len(each.values) for each in self.profiles), default=0)

@@ -20,6 +20,7 @@ from mrwork.errors import RecordError
 from mrwork.identification.fit import Fit, Interval, Intervals, Provenance, VerdictName
 from mrwork.labelled import NamedArray, NamedArrays, WithAxes, number_labels
 from mrwork.numbers import format_rounded, with_decimals
+from mrwork.plotted import plots_of
 from mrwork.store.child_reader import Member, UnreadableError, read_members
 from mrwork.store.codec import Related, record_of
 from mrwork.store.input_file import bytes_of, is_there, make_stored_kind
@@ -32,6 +33,8 @@ from mrwork.values import Floats, array_dataclass
 
 if TYPE_CHECKING:
     from xarray import DataTree
+
+    from mrwork.plots.fit_forms import DrawsPlots
 
 
 # Limits on R-hat and effective sizes: Vehtari et al. (2021); on the length in autocorrelation times: emcee.
@@ -315,6 +318,12 @@ class Draws(WithAxes, Summarised):
             if summary.verdict is not None:
                 attributes |= {"verdict": summary.verdict, "reason": summary.reason}
         return tree
+
+    @property
+    def plot(self) -> DrawsPlots:
+        """Figures of the draws, see `mr.plots`."""
+        made: DrawsPlots = plots_of(self, "DrawsPlots")
+        return made
 
     def _named_arrays(self) -> NamedArrays:
         n_walkers, n_kept, _ = self.chains.shape

@@ -1,0 +1,10 @@
+"""Figures of results, drawn into axes of yours or new ones; `data=True` returns the numbers as a table instead.
+
+Each function is a method of the results that it takes: `mr.plots.loops(fit)` is `fit.plot.loops()`. Tables are in SI,
+axes in the units of their labels. Without `ax` a function opens a figure of Matplotlib's pyplot in the style of the
+pages, which is yours to save, show and close. With `ax` nothing is opened. Settings of Matplotlib are never changed.
+"""
+
+from mrwork.namespace import attach
+
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

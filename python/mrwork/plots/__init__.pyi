@@ -1,0 +1,25 @@
+from .of_buildings import energies as energies
+from .of_buildings import storey_profiles as storey_profiles
+from .of_fits import bands as bands
+from .of_fits import laws as laws
+from .of_fits import posterior as posterior
+from .of_fits import profiles as profiles
+from .of_fronts import fronts as fronts
+from .of_motions import spectra as spectra
+from .of_time import commands as commands
+from .of_time import histories as histories
+from .of_time import loops as loops
+from .of_time import residuals as residuals
+
+if True:  # the lower tier
+    from .building_forms import FrontPlots as FrontPlots
+    from .building_forms import HistoryPlots as HistoryPlots
+    from .building_forms import MotionPlots as MotionPlots
+    from .building_forms import ResponsesPlots as ResponsesPlots
+    from .building_forms import SpectrumPlots as SpectrumPlots
+    from .fit_forms import DrawsPlots as DrawsPlots
+    from .fit_forms import FitPlots as FitPlots
+    from .fit_forms import PredictionPlots as PredictionPlots
+    from .fit_forms import ProfilesPlots as ProfilesPlots
+    from .fit_forms import RunPlots as RunPlots
+    from .fit_forms import TestPlots as TestPlots

@@ -1,0 +1,41 @@
+"""The figures of motions, closed loops, studies and fronts as methods, see `short_forms`."""
+
+from __future__ import annotations
+
+from mrwork.plots import of_buildings, of_fronts, of_motions, of_time
+from mrwork.plots.short_forms import Plots, short
+
+
+class HistoryPlots(Plots):
+    """Figures of the history of a closed loop."""
+
+    histories = short(of_time.histories)
+    loops = short(of_time.loops)
+    commands = short(of_time.commands)
+    energies = short(of_buildings.energies)
+
+
+class ResponsesPlots(Plots):
+    """Figures of runs of closed loops: a batch, or a study."""
+
+    storey_profiles = short(of_buildings.storey_profiles)
+    energies = short(of_buildings.energies)
+
+
+class MotionPlots(Plots):
+    """Figures of a ground motion."""
+
+    histories = short(of_time.histories)
+    spectra = short(of_motions.spectra)
+
+
+class SpectrumPlots(Plots):
+    """Figures of a response spectrum."""
+
+    spectra = short(of_motions.spectra)
+
+
+class FrontPlots(Plots):
+    """Figures of Pareto fronts."""
+
+    fronts = short(of_fronts.fronts)

@@ -1,0 +1,243 @@
+"""Sliders over the parameters of a model with its loops, for notebooks; ipywidgets is imported here only."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+from typing import Any, ClassVar, get_args
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from mrwork.arguments import AnyArrayLike, NotNegative, checked
+from mrwork.dampers.spec import DamperSpec, damper
+from mrwork.errors import LibraryError, MrworkError, SettingError, SimulationError
+from mrwork.identification.candidates import objective, simulate
+from mrwork.identification.fit import Fit, SearchTrace
+from mrwork.identification.identify import identify_from
+from mrwork.identification.settings import FitSettings
+from mrwork.numbers import format_fixed
+from mrwork.records.damper_test import DamperTest
+from mrwork.records.read import test_from_arrays
+from mrwork.report import style
+from mrwork.report.canvas import png_bytes
+from mrwork.report.figures import Motion, add_loop, motion_of
+from mrwork.report.fit.parameters import with_unit
+from mrwork.simulation import Loading, simulate_force
+from mrwork.values import Floats
+
+# The motion without a test: that of Spencer et al. 1997, in three cycles.
+_AMPLITUDE, _FREQUENCY, _CYCLES, _PER_CYCLE = 0.015, 2.5, 3, 400
+_STEPS = 400
+_SIZE = (8.0, 3.4)
+_WIDTH, _PICTURE_WIDTH = "420px", "720px"
+
+
+class Explorer:
+    """Sliders, loops and a button of `mr.explore`; a notebook shows it.
+
+    `sliders` are by parameter, `theta` are the parameters that they make, `lines` those of the model over displacement
+    and velocity, and `fit` the last fit from these values, `None` before the first.
+    """
+
+    _made_by: ClassVar[str] = "mr.explore(model, test)"
+
+    def __init__(self, spec: DamperSpec, test: DamperTest, theta: Floats | None, *, measured: bool) -> None:
+        import ipywidgets
+
+        self.spec, self.test = spec, test
+        self.fit: Fit | None = None
+        # While several sliders are set, nothing is drawn.
+        self._is_setting = False
+        self._objective = objective(spec, test)
+        self._held = self._objective.theta(self._objective.start)
+        start = self._held if theta is None else theta
+        self.sliders = {
+            name: _slider(spec, name, float(start[spec.names.index(name)]), ends)
+            for name, ends in zip(self._objective.names, self._objective.bounds, strict=True)
+        }
+        self.figure, self.lines, self._unit = _empty_loops(test, measured=measured)
+        self._picture = ipywidgets.Image(format="png", layout=ipywidgets.Layout(width=_PICTURE_WIDTH))
+        self._status = ipywidgets.Label()
+        self.button = ipywidgets.Button(description="Fit from these values", disabled=not measured)
+        self.button.on_click(self._fit)
+        for slider in self.sliders.values():
+            slider.observe(self._draw, names="value")
+        controls = ipywidgets.VBox([*self.sliders.values(), self.button, self._status])
+        self.widget = ipywidgets.HBox([controls, self._picture])
+        self._draw()
+
+    @property
+    def theta(self) -> Floats:
+        """The parameters of the sliders, with those that are held, shape (n_params,)."""
+        theta = self._held.copy()
+        for name, slider in self.sliders.items():
+            theta[self.spec.names.index(name)] = slider.value
+        return theta
+
+    @property
+    def status(self) -> str:
+        """The line below the button: how well the model agrees, or why there is no force."""
+        return str(self._status.value)
+
+    def _repr_mimebundle_(self, **options: Any) -> Any:
+        return self.widget._repr_mimebundle_(**options)
+
+    def _draw(self, _: object = None) -> None:
+        """Simulate the values of the sliders, and show loops and agreement."""
+        if self._is_setting:
+            return
+        theta = self.theta
+        try:
+            force = simulate(self.spec, theta, self.test)
+            self._status.value = f"fit {format_fixed(100.0 * (1.0 - self._misfit()), 2)} %"
+        except SimulationError as reason:
+            force = np.full(self.test.n_time, np.nan)
+            self._status.value = str(reason)
+        for line in self.lines:
+            line.set_ydata(force * self._unit.factor)
+            axes = line.axes
+            assert axes is not None
+            axes.relim()
+            axes.autoscale_view()
+        self._picture.value = png_bytes(self.figure)
+
+    def _misfit(self) -> float:
+        return float(self._objective([slider.value for slider in self.sliders.values()]))
+
+    def _fit(self, _: object = None) -> None:
+        """Fit locally from the values of the sliders, and set these to the result."""
+        start = dict(zip(self.spec.names, self.theta.tolist(), strict=True))
+        self._status.value = "fitting ..."
+        try:
+            self.fit = identify_from(
+                self.spec,
+                self.test,
+                FitSettings(starts=(start,)),
+                box=self._objective.box,
+                trace=SearchTrace(evaluations=(), best=(), median=(), stop_reason="given"),
+            )
+        except MrworkError as reason:
+            self._status.value = str(reason)
+            return
+        self._is_setting = True
+        # Without a driver's lag that the test does not show.
+        for each in self.fit.estimates:
+            if each.name in self.sliders:
+                self.sliders[each.name].value = each.value
+        self._is_setting = False
+        self._draw()
+
+
+@checked
+def explore(
+    model: DamperSpec | str,
+    test: DamperTest | None = None,
+    *,
+    theta: AnyArrayLike | None = None,
+    command: NotNegative | None = None,
+) -> Explorer:
+    """Sliders over the parameters of a model beside its loops on a test, and a button for a fit from their values.
+
+    The sliders span the ranges in which an identification searches first. The fit is local; `mr.identify` also searches
+    for other minima. It needs ipywidgets, of the extra `notebook`.
+
+    Parameters
+    ----------
+    model
+        A model or its name.
+    test
+        A test; by default the nominal force under 15 mm at 2.5 Hz, which nothing is fitted to.
+    theta
+        First values, in spec order, shape (n_params,); by default the nominal ones, with a test moved into the ranges.
+    command
+        Constant command of a model with current laws where there is no test, in its unit; zero by default.
+
+    Returns
+    -------
+    Explorer
+        What a notebook shows; `fit` is the last fit.
+
+    Raises
+    ------
+    LibraryError
+        If ipywidgets is not installed.
+    SettingError
+        If `theta` does not fit the model, or a command is given together with a test or to a model without laws.
+
+    Examples
+    --------
+    >>> import mrwork as mr
+    >>> explorer = mr.explore("bingham", mr.synthetic_test("spencer1997"))  # doctest: +SKIP
+    >>> explorer.sliders["c0"].value = 2000.0  # doctest: +SKIP
+    """
+    if find_spec("ipywidgets") is None:
+        raise LibraryError("exploring needs ipywidgets; run: pip install 'mrwork[notebook]'")
+    spec = damper(model) if isinstance(model, str) else model
+    if command is not None and (test is not None or spec.current is None):
+        raise SettingError(
+            "`command` is that of a model with current laws where there is no test; leave it out, or leave out `test`"
+        )
+    given = None if theta is None else np.asarray(theta, dtype=np.float64)
+    if given is not None and given.shape != (len(spec.names),):
+        raise SettingError(f"`theta` has shape {given.shape}, {spec.name} takes ({len(spec.names)},)")
+    if test is not None:
+        return Explorer(spec, test, given, measured=True)
+    first = np.array(spec.nominal) if given is None else given
+    return Explorer(spec, _nominal_test(spec, command), first, measured=False)
+
+
+def _nominal_test(spec: DamperSpec, command: float | None) -> DamperTest:
+    """The nominal force under a sinusoid."""
+    time = np.arange(_CYCLES * _PER_CYCLE + 1) / (_PER_CYCLE * _FREQUENCY)
+    phase = 2.0 * np.pi * _FREQUENCY * time
+    displacement = _AMPLITUDE * np.sin(phase)
+    velocity = 2.0 * np.pi * _FREQUENCY * _AMPLITUDE * np.cos(phase)
+    unit = None if spec.current is None else spec.current.unit
+    given = None if unit is None else command or 0.0
+    loading = Loading(
+        dt=float(time[1]), displacement=displacement, velocity=velocity, command=given, command_unit=unit
+    )
+    force = simulate_force(spec, spec.nominal, loading)
+    return test_from_arrays(
+        time, displacement, force, velocity=velocity, name="nominal", command=given, command_unit=unit
+    )
+
+
+def _slider(spec: DamperSpec, name: str, value: float, ends: tuple[float, float]) -> Any:
+    """A slider from bound to bound, or further where its first value lies outside; of powers on a logarithmic scale."""
+    import ipywidgets
+
+    parameter = spec.parameters[spec.names.index(name)]
+    lower, upper = min(ends[0], value), max(ends[1], value)
+    shown: dict[str, Any] = {
+        "description": with_unit(name, parameter.unit),
+        "tooltip": parameter.description,
+        "readout_format": ".4g",
+        "style": {"description_width": "38%"},
+        "layout": ipywidgets.Layout(width=_WIDTH),
+    }
+    if parameter.scale == "log" and lower > 0.0:
+        low, high = float(np.log10(lower)), float(np.log10(upper))
+        # Rounded powers of ten must not shut out the bounds themselves.
+        return ipywidgets.FloatLogSlider(
+            value=value, base=10.0, min=low - 1e-9, max=high + 1e-9, step=(high - low) / _STEPS, **shown
+        )
+    return ipywidgets.FloatSlider(value=value, min=lower, max=upper, step=(upper - lower) / _STEPS, **shown)
+
+
+@style.drawn_in_style()
+def _empty_loops(test: DamperTest, *, measured: bool) -> tuple[Figure, tuple[Line2D, ...], style.DisplayUnit]:
+    """The loops of a test, and the lines of a model over both, still of no force; the unit of their forces."""
+    figure = Figure(figsize=_SIZE, layout="constrained")
+    unit = style.force_unit(float(np.abs(test.force).max()))
+    labels = None if measured else ("nominal", "model")
+    lines = []
+    for axes, over in zip(figure.subplots(1, 2, sharey=True), get_args(Motion), strict=True):
+        abscissa, label = motion_of(test, over)
+        add_loop(axes, abscissa, test, test.force, unit, labels=labels)
+        axes.set_xlabel(label)
+        lines.append(axes.get_lines()[-1])
+    figure.axes[0].set_ylabel(f"Force ({unit.symbol})")
+    figure.axes[1].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2)
+    return figure, tuple(lines), unit

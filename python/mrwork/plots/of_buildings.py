@@ -1,0 +1,290 @@
+"""Figures of runs of closed loops: quantities over the height, and where the energy goes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal, overload
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import to_hex
+
+from mrwork.arguments import checked
+from mrwork.closed_loop.responses import History, Responses, description_of, own_axis, run_quantities, unit_of
+from mrwork.errors import SettingError, UnknownNameError
+from mrwork.keys import suggestion
+from mrwork.labelled import NamedArray, NamedArrays, labels_of
+from mrwork.plots.sheet import add_key, axes_for, chosen, shown_unit_of
+from mrwork.report import style
+from mrwork.report.fit.parameters import with_unit
+from mrwork.report.study.figures import (
+    ENERGY_PARTS,
+    HUES,
+    Stroke,
+    add_energies,
+    add_energy_bars,
+    add_height_line,
+    energy_parts,
+    name_heights,
+    strokes,
+)
+from mrwork.study.results import StudyResults
+from mrwork.values import Floats
+
+if TYPE_CHECKING:
+    from mrwork.labelled import DataFrame
+
+_OF_HEIGHT = ("storey", "floor")
+# Bars that fit into a figure.
+_MOST_BARS = 60
+
+
+@overload
+def storey_profiles(
+    result: Responses | StudyResults,
+    ax: Axes | None = None,
+    *,
+    quantity: str = "peak_drift",
+    motion: str | int | None = None,
+    rows: Sequence[str | int] = (),
+    data: Literal[False] = False,
+) -> Axes: ...
+@overload
+def storey_profiles(
+    result: Responses | StudyResults,
+    ax: Axes | None = None,
+    *,
+    quantity: str = "peak_drift",
+    motion: str | int | None = None,
+    rows: Sequence[str | int] = (),
+    data: Literal[True],
+) -> DataFrame: ...
+@checked
+@style.drawn_in_style()
+def storey_profiles(
+    result: Responses | StudyResults,
+    ax: Axes | None = None,
+    *,
+    quantity: str = "peak_drift",
+    motion: str | int | None = None,
+    rows: Sequence[str | int] = (),
+    data: bool = False,
+) -> Axes | DataFrame:
+    """A quantity of storeys or floors over the height, a line for each row or candidate that finished.
+
+    Parameters
+    ----------
+    result
+        Runs of a batch, of which the first draw is shown, or of a study.
+    ax
+        Axes to draw into; by default those of a new figure.
+    quantity
+        Quantity of a run that storeys or floors have, such as "peak_drift" or "peak_acceleration".
+    motion
+        Name or number of the ground motion, by default the first.
+    rows
+        Labels or numbers of rows of a study, or numbers of candidates; by default all. More than eight are drawn in
+        tones from light to dark.
+    data
+        Whether to return the table behind the figure instead.
+
+    Raises
+    ------
+    SettingError
+        If there is no motion or row of this number, or none of the runs finished.
+    UnknownNameError
+        If there is none of this name, or storeys and floors have no such quantity.
+
+    Examples
+    --------
+    >>> import mrwork as mr
+    >>> responses = mr.simulate_loop(frame, dampers, law, motions)  # doctest: +SKIP
+    >>> axes = responses.plot.storey_profiles(rows=[0, 5])  # doctest: +SKIP
+    """
+    known = [each.name for each in run_quantities() if each.axis in _OF_HEIGHT]
+    if quantity not in known:
+        near = suggestion(quantity, known, otherwise="they have")
+        raise UnknownNameError(f"storeys and floors have no quantity {quantity!r}{near}")
+    runs = _runs(result, motion, rows)
+    values = np.array([each.numbers[quantity] for each in runs])
+    (axis,) = own_axis(quantity)
+    names = _heights(result, axis, values.shape[1])
+    if data:
+        return NamedArrays(
+            title=description_of(quantity),
+            rows=("run", axis),
+            labels={"run": labels_of([each.label for each in runs]), axis: labels_of(names)},
+            arrays={
+                quantity: NamedArray.of(
+                    values, "run", axis, unit=unit_of(quantity), long_name=description_of(quantity)
+                )
+            },
+        ).to_pandas()
+    axes, unit = axes_for(ax), shown_unit_of(unit_of(quantity), float(values.max()))
+    for each, line in zip(runs, values, strict=True):
+        add_height_line(axes, line * unit.factor, each.stroke, each.label)
+    axes.set_xlim(left=0.0)
+    axes.set_xlabel(with_unit(quantity.replace("_", " ").capitalize(), unit.symbol))
+    name_heights(axes, names)
+    if len(runs) <= len(HUES):
+        add_key(axes)
+    return axes
+
+
+@overload
+def energies(
+    result: Responses | StudyResults | History,
+    ax: Axes | None = None,
+    *,
+    motion: str | int | None = None,
+    rows: Sequence[str | int] = (),
+    data: Literal[False] = False,
+) -> Axes: ...
+@overload
+def energies(
+    result: Responses | StudyResults | History,
+    ax: Axes | None = None,
+    *,
+    motion: str | int | None = None,
+    rows: Sequence[str | int] = (),
+    data: Literal[True],
+) -> DataFrame: ...
+@checked
+@style.drawn_in_style()
+def energies(
+    result: Responses | StudyResults | History,
+    ax: Axes | None = None,
+    *,
+    motion: str | int | None = None,
+    rows: Sequence[str | int] = (),
+    data: bool = False,
+) -> Axes | DataFrame:
+    """Input energy and its distribution: a bar for each run at the end of the motion, or the course of one run.
+
+    Of a history, what dampers and structure have not dissipated is still moving: kinetic and strain energy.
+
+    Parameters
+    ----------
+    result, ax, motion, rows, data
+        As in `storey_profiles`; also the history of a run, which has neither motions nor rows.
+
+    Raises
+    ------
+    SettingError
+        As `storey_profiles`; also for more than sixty bars.
+
+    Examples
+    --------
+    >>> import mrwork as mr
+    >>> axes = mr.run_study(study).plot.energies()  # doctest: +SKIP
+    """
+    if isinstance(result, History):
+        return _course(result, ax, data=data)
+    runs = _runs(result, motion, rows)
+    parts = np.array([energy_parts(each.numbers) for each in runs])
+    if data:
+        return NamedArrays(
+            title="Energy at the end of the motion",
+            rows=("run",),
+            labels={"run": labels_of([each.label for each in runs])},
+            arrays=_energy_arrays(dict(zip(ENERGY_PARTS, parts.T, strict=True)), "run"),
+        ).to_pandas()
+    if len(runs) > _MOST_BARS:
+        raise SettingError(
+            f"there are {len(runs)} runs, and {_MOST_BARS} bars can be read; choose some by `rows`"
+        )
+    axes = axes_for(ax, rows=len(runs))
+    backwards = slice(None, None, -1)
+    add_energy_bars(axes, [each.label for each in runs][backwards], parts[backwards].tolist())
+    if ax is None:
+        axes.grid(visible=True, axis="x")
+        axes.grid(visible=False, axis="y")
+    axes.set_xlabel("Energy (J)")
+    add_key(axes)
+    return axes
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Run:
+    """A run that finished: its label, its quantities and the stroke of its line."""
+
+    label: str
+    numbers: Mapping[str, Any]
+    stroke: Stroke
+
+
+def _runs(
+    result: Responses | StudyResults, motion: str | int | None, rows: Sequence[str | int]
+) -> list[_Run]:
+    """The runs of these rows or candidates under a motion that finished."""
+    if isinstance(result, StudyResults):
+        place = chosen(motion, [each.name for each in result.motions], "motion")
+        labels = [each.label for each in result.rows]
+        numbers = {row: result.runs[row, place].numbers for row in result.finished_rows(place)}
+    else:
+        n_candidates, n_motions, n_draws = result.shape
+        names = result.motions if len(result.motions) == n_motions else [str(n) for n in range(n_motions)]
+        place = chosen(motion, names, "motion")
+        labels = [f"candidate {number}" for number in range(n_candidates)]
+        at = [(number * n_motions + place) * n_draws for number in range(n_candidates)]
+        numbers = {
+            number: {name: values[run] for name, values in result.numbers.items()}
+            for number, run in enumerate(at)
+            if np.isfinite(result.energy_error[run])
+        }
+    asked = [chosen(row, labels, "row") for row in rows] or list(range(len(labels)))
+    of_row = (
+        dict(enumerate(strokes(result)))
+        if isinstance(result, StudyResults)
+        else {row: _stroke(place, len(asked)) for place, row in enumerate(asked)}
+    )
+    finished = [
+        _Run(label=labels[row], numbers=numbers[row], stroke=of_row[row]) for row in asked if row in numbers
+    ]
+    if not finished:
+        raise SettingError("none of these runs finished, and there is nothing to draw; see `outcome`")
+    return finished
+
+
+def _stroke(number: int, count: int) -> Stroke:
+    """A hue for each of a few candidates; of many a tone, and thin lines."""
+    if count <= len(HUES):
+        return Stroke(colour=HUES[number], pattern="-")
+    return Stroke(colour=to_hex(style.TONES(number / (count - 1))), pattern="-", width=0.6)
+
+
+def _heights(result: Responses | StudyResults, axis: str, count: int) -> tuple[str, ...]:
+    """Names of the storeys or floors."""
+    if isinstance(result, StudyResults):
+        return result.storey_names if axis == "storey" else result.floor_names
+    return tuple(f"{axis} {number}" for number in range(1, count + 1))
+
+
+def _course(history: History, ax: Axes | None, *, data: bool) -> Axes | DataFrame:
+    numbers: Mapping[str, Floats] = history.numbers
+    devices = numbers["device_energy"].sum(axis=1) + numbers["element_energy"].sum(axis=1)
+    damping, given = numbers["damping_energy"], numbers["input_energy"]
+    parts = (devices, damping, given - devices - damping)
+    if data:
+        return NamedArrays(
+            title="Energies of a closed loop",
+            rows=("time",),
+            labels={"time": labels_of(history.time, unit="s", long_name="time")},
+            arrays=_energy_arrays({**dict(zip(ENERGY_PARTS, parts, strict=True)), "Input": given}, "time"),
+        ).to_pandas()
+    axes = axes_for(ax)
+    add_energies(axes, history.time, given, parts)
+    axes.set_xlabel("Time (s)")
+    axes.set_ylabel("Energy (J)")
+    add_key(axes)
+    return axes
+
+
+def _energy_arrays(parts: Mapping[str, Floats], axis: str) -> dict[str, NamedArray]:
+    return {
+        name.lower().replace(" ", "_"): NamedArray.of(
+            values, axis, unit="J", long_name=f"energy, {name.lower()}"
+        )
+        for name, values in parts.items()
+    }

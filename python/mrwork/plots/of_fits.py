@@ -1,0 +1,421 @@
+"""Figures of what is known about a fit: its laws, profile likelihoods, posterior and prediction bands."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import chain
+from typing import TYPE_CHECKING, Literal, overload
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from mrwork.arguments import Level, checked
+from mrwork.dampers.spec import law_values
+from mrwork.errors import SettingError, UnknownNameError
+from mrwork.identification.fit import Fit
+from mrwork.keys import suggestion
+from mrwork.labelled import NamedArray, NamedArrays, labels_of
+from mrwork.plots.sheet import (
+    GivenAxes,
+    Panels,
+    add_key,
+    axes_for,
+    chosen,
+    include_zero,
+    panels_for,
+    triangle_for,
+)
+from mrwork.report import style
+from mrwork.report.canvas import draw_points
+from mrwork.report.figures import Motion, motion_of
+from mrwork.report.fit.bands import Banded, add_bands, middle_cycle
+from mrwork.report.fit.parameters import with_unit
+from mrwork.report.fit.posterior import add_corner, label_corner
+from mrwork.report.fit.profiles import add_profile
+from mrwork.stored import StoredRun
+from mrwork.uncertainty.bands.band import Band
+from mrwork.uncertainty.bands.conformal import Calibration, calibrate
+from mrwork.uncertainty.bands.prediction import Prediction
+from mrwork.uncertainty.identifiability.profile import Profile, Profiles
+from mrwork.uncertainty.posterior.draws import Draws
+
+if TYPE_CHECKING:
+    from mrwork.labelled import DataFrame
+
+_COMMANDS = 101
+# Ratio that a single profile shows as its threshold: 95 % of chi-squared with one degree of freedom.
+_THRESHOLD = 3.841458820694124
+
+
+@overload
+def laws(
+    result: Fit | StoredRun,
+    ax: GivenAxes = None,
+    *,
+    parameters: Sequence[str] = (),
+    data: Literal[False] = False,
+) -> Panels: ...
+@overload
+def laws(
+    result: Fit | StoredRun,
+    ax: GivenAxes = None,
+    *,
+    parameters: Sequence[str] = (),
+    data: Literal[True],
+) -> DataFrame: ...
+@checked
+@style.drawn_in_style()
+def laws(
+    result: Fit | StoredRun,
+    ax: GivenAxes = None,
+    *,
+    parameters: Sequence[str] = (),
+    data: bool = False,
+) -> Panels | DataFrame:
+    """Each parameter that follows the command, over the commands of the tests; marks are at the ends of the range.
+
+    Parameters
+    ----------
+    result
+        A fit with current laws.
+    ax
+        Axes to draw into, one for each parameter; by default those of a new figure.
+    parameters
+        Parameters of the plain model; by default all that follow the command.
+    data
+        Whether to return the table behind the figure instead.
+
+    Raises
+    ------
+    SettingError
+        If no parameter of the fit follows the command, or there are not as many axes as parameters.
+    UnknownNameError
+        If a parameter does not follow the command.
+
+    Examples
+    --------
+    >>> import mrwork as mr
+    >>> laws = {"f_c": "linear"}
+    >>> tests = [mr.synthetic_test(name) for name in ("rd1005_0a", "rd1005_1a")]  # doctest: +SKIP
+    >>> mr.identify(mr.damper("bingham").with_current_laws(laws), tests).plot.laws()  # doctest: +SKIP
+    """
+    fit = result.fit if isinstance(result, StoredRun) else result
+    spec, tested = fit.spec, fit.tested
+    if spec.current is None:
+        raise SettingError(
+            f"no parameter of the fit of {fit.model} follows the command; identify "
+            "`mr.damper(model).with_current_laws(laws)` from tests at several commands"
+        )
+    ends = (0.0, 1.0) if tested is None or tested.command is None else tested.command
+    commands = np.linspace(*ends, _COMMANDS)
+    found = {each.name: (each, values) for each, values in law_values(spec, np.array(fit.theta), commands)}
+    names = _choose(parameters, list(found), "parameter that follows the command")
+    if data:
+        return NamedArrays(
+            title=f"Laws of {fit.model}",
+            rows=("command",),
+            labels={"command": labels_of(commands, unit=spec.current.unit, long_name="command")},
+            arrays={
+                name: NamedArray.of(
+                    found[name][1], "command", unit=found[name][0].unit, long_name=found[name][0].description
+                )
+                for name in names
+            },
+        ).to_pandas()
+    panels = panels_for(ax, names, "laws")
+    for axes, name in zip(panels, names, strict=True):
+        parameter, values = found[name]
+        axes.plot(commands, values, color=style.MODEL, linewidth=1.4)
+        draw_points(axes, commands[[0, -1]], values[[0, -1]], size=3.5, colour=style.MODEL)
+        axes.set_xlabel(f"Command ({spec.current.unit})")
+        axes.set_ylabel(with_unit(name, parameter.unit))
+        include_zero(axes, values)
+    return panels
+
+
+@overload
+def profiles(
+    result: Profiles | Profile | StoredRun,
+    ax: GivenAxes = None,
+    *,
+    parameters: Sequence[str] = (),
+    data: Literal[False] = False,
+) -> Panels: ...
+@overload
+def profiles(
+    result: Profiles | Profile | StoredRun,
+    ax: GivenAxes = None,
+    *,
+    parameters: Sequence[str] = (),
+    data: Literal[True],
+) -> DataFrame: ...
+@checked
+@style.drawn_in_style()
+def profiles(
+    result: Profiles | Profile | StoredRun,
+    ax: GivenAxes = None,
+    *,
+    parameters: Sequence[str] = (),
+    data: bool = False,
+) -> Panels | DataFrame:
+    """Likelihood ratio over each parameter: threshold dashed, interval shaded, an arrow where it is open.
+
+    Parameters
+    ----------
+    result
+        Profiles, or a run that holds them. The threshold of a single one is that of 95 %.
+    ax, data
+        As in `laws`.
+    parameters
+        Parameters to draw; by default all that were profiled.
+
+    Raises
+    ------
+    SettingError
+        If the run has no profiles, or there are not as many axes as parameters.
+    UnknownNameError
+        If a parameter was not profiled.
+
+    Examples
+    --------
+    >>> import mrwork as mr
+    >>> profiles = mr.profile(fit, tests)  # doctest: +SKIP
+    >>> figure = profiles.plot.profiles()[0].figure  # doctest: +SKIP
+    """
+    if isinstance(result, StoredRun):
+        if result.profiles is None:
+            raise _absent(result, "profile likelihoods", "profile", "draw those of `mr.profile(fit, tests)`")
+        result = result.profiles
+    several = [result] if isinstance(result, Profile) else list(result.profiles)
+    threshold = _THRESHOLD if isinstance(result, Profile) else result.threshold
+    by_name = {each.name: each for each in several}
+    names = _choose(parameters, list(by_name), "profiled parameter")
+    if data:
+        table = result.to_pandas()
+        return table if isinstance(result, Profile) else table.loc[names]
+    panels = panels_for(ax, names, "profiles")
+    for axes, name in zip(panels, names, strict=True):
+        add_profile(axes, by_name[name], threshold)
+        axes.set_xlabel(with_unit(name, by_name[name].unit))
+        axes.set_ylabel("Likelihood ratio")
+    return panels
+
+
+@overload
+def posterior(
+    result: Draws | StoredRun,
+    ax: GivenAxes = None,
+    *,
+    parameters: Sequence[str] = (),
+    data: Literal[False] = False,
+) -> Panels: ...
+@overload
+def posterior(
+    result: Draws | StoredRun,
+    ax: GivenAxes = None,
+    *,
+    parameters: Sequence[str] = (),
+    data: Literal[True],
+) -> DataFrame: ...
+@checked
+@style.drawn_in_style()
+def posterior(
+    result: Draws | StoredRun,
+    ax: GivenAxes = None,
+    *,
+    parameters: Sequence[str] = (),
+    data: bool = False,
+) -> Panels | DataFrame:
+    """Densities of the parameters on the diagonal, and of their pairs below it: dark holds 50 %, light 90 %.
+
+    Parameters
+    ----------
+    result
+        Draws, or a run that holds them; a run also marks its fit.
+    ax
+        Axes to draw into, shape (n_parameters, n_parameters), one alone for a single parameter; by default those of a
+        new figure. Axes above the diagonal are switched off.
+    parameters
+        Parameters to draw; by default all that varied.
+    data
+        Whether to return the table behind the figure instead, a row for each draw.
+
+    Raises
+    ------
+    SettingError
+        If the run has no draws, or there are not as many axes as densities.
+    UnknownNameError
+        If a parameter did not vary.
+
+    Examples
+    --------
+    >>> import mrwork as mr
+    >>> draws = mr.sample(fit, tests)  # doctest: +SKIP
+    >>> corner = draws.plot.posterior(parameters=["k_w", "rho"])  # doctest: +SKIP
+    """
+    fitted: dict[str, float] = {}
+    if isinstance(result, StoredRun):
+        fitted = {each.name: each.value for each in result.fit.estimates}
+        if result.draws is None:
+            raise _absent(result, "posterior", "sample", "draw that of `mr.sample(fit, tests)`")
+        result = result.draws
+    units = {each.name: each.unit for each in result.varied}
+    names = _choose(parameters, list(units), "parameter that varied")
+    if data:
+        walkers, kept = result.chain(names[0]).shape
+        return NamedArrays(
+            title=f"Draws of {result.model}",
+            rows=("walker", "draw"),
+            labels={"walker": labels_of(np.arange(walkers)), "draw": labels_of(np.arange(kept))},
+            arrays={
+                name: NamedArray.of(
+                    result.chain(name), "walker", "draw", unit=units[name], long_name=f"draws of {name}"
+                )
+                for name in names
+            },
+        ).to_pandas()
+    panels = triangle_for(ax, len(names), "posterior")
+    lower = {
+        (row, column): panels[row, column]
+        for row, column in chain.from_iterable(
+            ((row, column) for column in range(row + 1)) for row in range(len(names))
+        )
+    }
+    add_corner(lower, result, names, fitted)
+    for (row, column), axes in lower.items():
+        below, left = (with_unit(name, units[name]) for name in (names[column], names[row]))
+        label_corner(axes, below if row == len(names) - 1 else "", left if column == 0 < row else "")
+    return panels
+
+
+@overload
+def bands(
+    result: Prediction | StoredRun,
+    ax: Axes | None = None,
+    *,
+    calibration: Calibration | None = None,
+    over: Literal["time", "displacement", "velocity"] = "time",
+    test: str | int | None = None,
+    level: Level = 0.9,
+    data: Literal[False] = False,
+) -> Axes: ...
+@overload
+def bands(
+    result: Prediction | StoredRun,
+    ax: Axes | None = None,
+    *,
+    calibration: Calibration | None = None,
+    over: Literal["time", "displacement", "velocity"] = "time",
+    test: str | int | None = None,
+    level: Level = 0.9,
+    data: Literal[True],
+) -> DataFrame: ...
+@checked
+@style.drawn_in_style()
+def bands(
+    result: Prediction | StoredRun,
+    ax: Axes | None = None,
+    *,
+    calibration: Calibration | None = None,
+    over: Literal["time", "displacement", "velocity"] = "time",
+    test: str | int | None = None,
+    level: Level = 0.9,
+    data: bool = False,
+) -> Axes | DataFrame:
+    """Measured force, model and prediction band over the cycle in the middle of a test.
+
+    Parameters
+    ----------
+    result
+        A prediction, with its `calibration`; or a run with calibrated bands, of which a test that was held out is drawn
+        with the band that the others give.
+    ax
+        Axes to draw into; by default those of a new figure.
+    calibration
+        Calibration of the band of a prediction.
+    over
+        The abscissa.
+    test
+        Name or number of the test of a run, by default the first.
+    level
+        Nominal coverage.
+    data
+        Whether to return the table behind the figure instead.
+
+    Raises
+    ------
+    SettingError
+        If there is no calibration, or no such test.
+
+    Examples
+    --------
+    >>> import mrwork as mr
+    >>> calibration = mr.calibrate([mr.predict(fit, other)], held_out="by hand")  # doctest: +SKIP
+    >>> axes = mr.predict(fit, next_test).plot.bands(calibration=calibration)  # doctest: +SKIP
+    """
+    prediction, band = _banded(result, calibration, test, level)
+    cycle = middle_cycle(prediction)
+    record = prediction.test
+    if data:
+        channels = {
+            "displacement": (record.displacement[record.counted], "m", "damper displacement"),
+            "velocity": (record.velocity[record.counted], "m/s", "damper velocity"),
+            "force": (prediction.measured, "N", "damper force, as recorded"),
+            "model_force": (prediction.force, "N", "force of the model"),
+            "lower": (np.asarray(band.lower), "N", "lower end of the prediction band"),
+            "upper": (np.asarray(band.upper), "N", "upper end of the prediction band"),
+        }
+        return NamedArrays(
+            title=f"Band of {record.name}, {band.basis}",
+            rows=("time",),
+            labels={"time": labels_of(record.time[record.counted][cycle], unit="s", long_name="time")},
+            arrays={
+                name: NamedArray.of(values[cycle], "time", unit=unit, long_name=words)
+                for name, (values, unit, words) in channels.items()
+            },
+        ).to_pandas()
+    axes = axes_for(ax)
+    unit = style.force_unit(float(np.abs(prediction.measured).max()))
+    motion: Motion | None = None if over == "time" else over
+    add_bands(axes, Banded(prediction=prediction, predicted=band), unit, motion)
+    axes.set_xlabel("Time (s)" if motion is None else motion_of(record, motion)[1])
+    axes.set_ylabel(f"Force ({unit.symbol})")
+    add_key(axes)
+    return axes
+
+
+def _banded(
+    result: Prediction | StoredRun, calibration: Calibration | None, test: str | int | None, level: float
+) -> tuple[Prediction, Band]:
+    """A prediction and its band; one of a run is left out of the calibration of its own band."""
+    if isinstance(result, Prediction):
+        if calibration is None:
+            raise SettingError(
+                "a prediction has no band by itself; give `calibration`, made by `mr.calibrate(predictions, "
+                "held_out=...)`"
+            )
+        return result, calibration.band(result, level)
+    if result.bands is None:
+        raise _absent(result, "calibrated band", "calibrate", "draw a prediction with its `calibration`")
+    predictions = result.bands.predictions
+    prediction = predictions[chosen(test, [each.test.name for each in predictions], "test")]
+    others = result.bands.others(prediction) if calibration is None and len(predictions) > 1 else []
+    used = calibration or result.bands.calibration
+    if others:
+        used = calibrate(others, held_out=used.held_out)
+    return prediction, used.band(prediction, level)
+
+
+def _absent(run: StoredRun, what: str, verb: str, otherwise: str) -> SettingError:
+    return SettingError(
+        f"the run {run.place} has no {what}; add it with `mrwork {verb} {run.place}`, or {otherwise}"
+    )
+
+
+def _choose(asked: Sequence[str], known: Sequence[str], what: str) -> list[str]:
+    for name in asked:
+        if name not in known:
+            raise UnknownNameError(
+                f"there is no {what} {name!r}{suggestion(name, known, otherwise='there is')}"
+            )
+    return list(asked or known)

@@ -1,0 +1,140 @@
+"""Where figures of users are drawn: the axes that were given, or those of a new figure; their names, units and keys."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
+
+from mrwork.errors import SettingError, UnknownNameError
+from mrwork.keys import suggestion
+from mrwork.report import canvas, style
+from mrwork.report.fit.parameters import with_unit
+from mrwork.report.style import DisplayUnit
+from mrwork.values import Floats
+
+GivenAxes = Axes | Iterable[Axes] | None
+"""Axes of a figure of several panels: as many as it has, or `None` for new ones."""
+
+Panels = NDArray[np.object_]
+"""Axes of a figure of several panels, as `matplotlib.pyplot.subplots` returns them."""
+
+_COLUMNS = 3
+_PANEL = (2.6, 2.3)
+_CORNER = 1.7
+# Entries of a key side by side.
+_KEY_COLUMNS = 3
+
+_SHOWN = {
+    "m": style.MILLIMETRE,
+    "m/s": style.MILLIMETRE_PER_SECOND,
+    "m/s^2": DisplayUnit(symbol="m/s²", factor=1.0),
+}
+
+
+def shown_unit_of(unit: str, peak: float) -> DisplayUnit:
+    """The unit in which numbers with this SI unit are drawn, of which the largest is `peak`."""
+    if unit == "N":
+        return style.force_unit(peak)
+    return _SHOWN.get(unit, DisplayUnit(symbol=unit, factor=1.0))
+
+
+def axes_for(ax: Axes | None, *, rows: int = 0) -> Axes:
+    """The axes that were given, or those of a new figure of pyplot; `rows` is the number of bars, if there are any."""
+    if ax is not None:
+        return ax
+    height = style.PANEL_HEIGHT if not rows else 1.1 + 0.26 * rows
+    axes: Axes = _new_axes(1, 1, (style.PANEL_WIDTH, height))[0, 0]
+    return axes
+
+
+def panels_for(ax: GivenAxes, names: Sequence[str], figure: str) -> Panels:
+    """The axes that were given, one for each of the names, or those of a new figure of pyplot, shape (n,)."""
+    if ax is not None:
+        return _given(ax, (len(names),), figure)
+    columns = min(_COLUMNS, len(names))
+    rows = -(-len(names) // columns)
+    panels = _new_axes(rows, columns, _PANEL).reshape(-1)
+    for spare in panels[len(names) :]:
+        spare.remove()
+    return panels[: len(names)]
+
+
+def triangle_for(ax: GivenAxes, count: int, figure: str) -> Panels:
+    """The axes that were given, or those of a new figure of pyplot, shape (count, count); the upper half is empty."""
+    size = _PANEL if count == 1 else (_CORNER, _CORNER)
+    panels = _new_axes(count, count, size) if ax is None else _given(ax, (count, count), figure)
+    for row, column in zip(*np.triu_indices(count, 1), strict=True):
+        panels[row, column].set_axis_off()
+    return panels
+
+
+def chosen(name: str | int | None, names: Sequence[str], what: str) -> int:
+    """Number of the one that is asked for by its name or number, the first by default."""
+    if isinstance(name, str):
+        if name not in names:
+            raise UnknownNameError(
+                f"there is no {what} {name!r}{suggestion(name, names, otherwise='there is')}"
+            )
+        return names.index(name)
+    number = 0 if name is None else name
+    if not 0 <= number < len(names):
+        raise SettingError(f"there are {len(names)} {what}s, counted from 0; give one of them, not {number}")
+    return number
+
+
+def name_axes(axes: Axes, abscissa: tuple[str, str], ordinate: tuple[str, str]) -> None:
+    """Name both axes, each by words and unit."""
+    axes.set_xlabel(with_unit(*abscissa))
+    axes.set_ylabel(with_unit(*ordinate))
+
+
+def include_zero(axes: Axes, values: Floats) -> None:
+    """A range of the ordinate that contains zero, so that slopes and steps are not exaggerated."""
+    low, high = min(float(values.min()), 0.0), max(float(values.max()), 0.0)
+    margin = 0.06 * (high - low or 1.0)
+    axes.set_ylim(low - margin, high + margin)
+
+
+def add_key(axes: Axes) -> None:
+    """A legend above the axes, where there is something to tell apart."""
+    labels = axes.get_legend_handles_labels()[1]
+    if len(labels) > 1:
+        axes.legend(
+            loc="lower right",
+            bbox_to_anchor=(1.0, 1.0),
+            ncols=min(_KEY_COLUMNS, len(labels)),
+            fontsize="small",
+            frameon=False,
+        )
+
+
+def _given(ax: GivenAxes, shape: tuple[int, ...], figure: str) -> Panels:
+    given = np.array([ax] if isinstance(ax, Axes) or ax is None else list(ax), dtype=object)
+    count = int(np.prod(shape))
+    if given.size != count or not all(isinstance(each, Axes) for each in given.flat):
+        raise SettingError(
+            f"`ax` of {figure} has {given.size} entries where {count} axes were expected; give as many, or choose by "
+            "`parameters`"
+        )
+    return given.reshape(shape)
+
+
+def _new_axes(rows: int, columns: int, size: tuple[float, float]) -> Panels:
+    """Axes of a new figure of pyplot, shape (rows, columns), each of this size [in]."""
+    # It chooses a way to show figures, which whoever gives axes has done.
+    from matplotlib import pyplot
+
+    with style.drawn_in_style():
+        made = pyplot.figure(figsize=(columns * size[0], rows * size[1]), layout="constrained")
+        panels = np.array(made.subplots(rows, columns, squeeze=False), dtype=object)
+        for axes in panels.flat:
+            # Ticks are made when the figure is shown, out of this style.
+            axes.tick_params(color=style.FAINT_INK, labelcolor=style.INK, labelsize=style.SMALL_TEXT_SIZE)
+            axes.tick_params(axis="y", length=0.0)
+            axes.tick_params(grid_color=style.RULE, grid_linewidth=0.6)
+            if rows * columns > 1:
+                canvas.few_ticks(axes)
+    return panels

@@ -1,0 +1,201 @@
+"""A result of each type that figures take, made in little time."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+import warnings
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import study_samples
+from loop_samples import devices, five_storeys, rd1005
+from posterior_samples import MODEL, small_fit, small_test
+
+import mrwork as mr
+from mrwork.dampers.design import SizeFront
+from mrwork.errors import MrworkWarning
+from mrwork.identification import Multistart
+from mrwork.identification.fit_file import write_run
+from mrwork.identification.settings import Reading
+from mrwork.store.output_folder import Destination
+from mrwork.store.run_folder import FIT_RUN
+from mrwork.tuning import Front, FrontPoint
+from mrwork.uncertainty import StoredBands
+
+_QUICK = Multistart(samples=32, starts=2)
+
+
+@cache
+def fit_with_laws() -> mr.Fit:
+    """Three tests of a damper whose friction and damping follow the current."""
+    spec = mr.damper("bingham").with_current_laws({"f_c": "linear", "c0": "linear"}, unit="A")
+    known = {"f_c.0": 100.0, "f_c.1": 400.0, "v_s": 0.005, "c0.0": 500.0, "c0.1": 300.0, "f0": 0.0}
+    theta = [known[name] for name in spec.names]
+    tests = [moved_test(spec, theta, command) for command in (0.0, 0.7, 1.5)]
+    return mr.identify(spec, tests, search=_QUICK, rng=1)
+
+
+def moved_test(spec: mr.DamperSpec, theta: list[float], command: float) -> mr.DamperTest:
+    """Two cycles at a current."""
+    time = np.linspace(0.0, 1.0, 201)
+    x, v = 0.01 * np.sin(4.0 * np.pi * time), 0.04 * np.pi * np.cos(4.0 * np.pi * time)
+    loading = mr.Loading(dt=time[1], displacement=x, velocity=v, command=command, command_unit="A")
+    force = mr.simulate_force(spec, theta, loading)
+    force = force + 3.0 * np.random.default_rng(1).standard_normal(len(time))
+    return mr.test_from_arrays(
+        time, x, force, velocity=v, name=f"{command:g} A", command=command, command_unit="A"
+    )
+
+
+@cache
+def switched_test() -> mr.DamperTest:
+    """A test whose current is switched on and off."""
+    test = small_test()
+    return replace(test, current=np.where(test.time % 1.0 < 0.5, 0.0, 1.5))
+
+
+@cache
+def predictions() -> tuple[mr.Prediction, ...]:
+    """Of tests at other frequencies than that of the fit, with their commands."""
+    time = 0.01 * np.arange(150)
+    found = []
+    for number, frequency in enumerate((2.0, 3.0, 4.0)):
+        w = 2.0 * np.pi * frequency
+        x, v = 0.005 * np.sin(w * time), 0.005 * w * np.cos(w * time)
+        force = mr.simulate_force(
+            mr.damper(MODEL), small_fit().theta, mr.Loading(dt=0.01, displacement=x, velocity=v)
+        )
+        test = mr.records.build_damper_test(
+            name=f"{frequency:g} Hz",
+            time=time,
+            displacement=x,
+            velocity=v,
+            force=(1.05 + 0.05 * number) * force,
+        )
+        found.append(mr.predict(small_fit(), replace(test, current=float(number))))
+    return tuple(found)
+
+
+@cache
+def calibration() -> mr.Calibration:
+    return mr.calibrate(list(predictions()[1:]), held_out="the fit has not seen")
+
+
+@cache
+def draws() -> mr.Draws:
+    return mr.sample(small_fit(), small_test(), walkers=16, most_steps=40, tempering="effective", threads=1)
+
+
+@cache
+def profiles() -> Any:
+    return mr.profile(small_fit(), small_test(), parameters=["k_w", "rho"], threads=1)
+
+
+@cache
+def run() -> mr.StoredRun:
+    """A run folder of a fit of a file with a current, and what later verbs add to one."""
+    test, folder = small_test(), Path(tempfile.mkdtemp())
+    columns = {
+        "time_s": test.time,
+        "displacement_m": test.displacement,
+        "velocity_m_per_s": test.velocity,
+        "force_N": test.force,
+        "current_A": np.where(test.time % 1.0 < 0.5, 0.5, 1.5),
+    }
+    lines = [columns, *np.stack([*columns.values()], axis=1).tolist()]
+    (folder / "test.csv").write_text("\n".join(",".join(map(str, line)) for line in lines))
+    reading = Reading(files=(str(folder / "test.csv"),))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", MrworkWarning)  # no parameter follows the current
+        fit = mr.identify(MODEL, reading.tests(), search=_QUICK, rng=1)
+    fit = fit.with_command("mrwork identify", reading)
+    place = folder / "run"
+    write_run(Destination(path=place, kind=FIT_RUN), fit=fit, report_html="", manifest={}, journal=os.devnull)
+    bands = StoredBands(calibration=calibration(), coverage=(), predictions=predictions())
+    return replace(mr.load(place), draws=draws(), profiles=profiles(), bands=bands)
+
+
+@cache
+def run_with_laws() -> mr.StoredRun:
+    """A run whose fit has current laws."""
+    return replace(run(), fit=fit_with_laws())
+
+
+@cache
+def responses() -> mr.Responses:
+    """Three candidates under two motions, with histories."""
+    frame = five_storeys()
+    law = mr.ControlLaw(name="passive", gains={"command": [[0.0, 0.0], [0.5, 1.0], [1.5, 1.0]]})
+    motions = [
+        mr.synthetic_motion(rng=seed, duration=1.0, peak=3.0, name=f"motion {seed}") for seed in (1, 2)
+    ]
+    return mr.simulate_loop(frame, list(devices(rd1005(), of=frame)), law, motions, histories=True)
+
+
+def history() -> mr.closed_loop.History:
+    histories = responses().histories
+    assert histories is not None
+    return histories[-1]
+
+
+def motion() -> mr.GroundMotion:
+    return mr.synthetic_motion(rng=1, duration=2.0)
+
+
+def front() -> Front:
+    """Three points of a law."""
+    points = tuple(
+        FrontPoint(
+            settings={"control_weight": weight},
+            train={"peak_drift": drift, "rms_drift": 1.0 - drift},
+            test={"peak_drift": 1.1 * drift, "rms_drift": 1.1 - drift},
+            certificate="",
+        )
+        for weight, drift in ((1e-9, 0.6), (1e-8, 0.7), (1e-7, 0.9))
+    )
+    objectives = ("peak_drift", "rms_drift")
+    return Front(law="clipped_optimal", label="A", objectives=objectives, points=points, candidates=8)
+
+
+def tuning(*fronts: Front) -> mr.TuningResults:
+    return mr.TuningResults(
+        title="Small",
+        status="finished",
+        laws=(),
+        references=(),
+        training=("one",),
+        testing=(),
+        command_unit="A",
+        realisations=0,
+        fronts=fronts,
+    )
+
+
+def size_front() -> SizeFront:
+    small = mr.dampers.design.twenty_ton_damper()
+    return SizeFront(designs=(small, replace(small, turns=small.turns + 10)), evaluations=2)
+
+
+RESULTS: dict[str, Callable[[], Any]] = {
+    "Fit": fit_with_laws,
+    "StoredRun": run,
+    "Prediction": lambda: predictions()[0],
+    "DamperTest": switched_test,
+    "Draws": draws,
+    "Profiles": profiles,
+    "Profile": lambda: profiles().profiles[0],
+    "History": history,
+    "Responses": responses,
+    "StudyResults": study_samples.results,
+    "GroundMotion": motion,
+    "ResponseSpectrum": lambda: mr.response_spectrum(motion(), np.linspace(0.1, 2.0, 20)),
+    "Front": front,
+    "TuningResults": lambda: tuning(front()),
+    "SizeFront": size_front,
+}
+"""By the name of the type."""
