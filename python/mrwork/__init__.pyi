@@ -24,6 +24,7 @@ from .dampers.spec import DamperSpec as DamperSpec
 from .dampers.spec import damper as damper
 from .dampers.spec import damper_models as damper_models
 from .errors import MrworkError as MrworkError
+from .exporting.export import export as export
 from .identification.candidates import objective as objective
 from .identification.candidates import sensitivities as sensitivities
 from .identification.fit import Fit as Fit

@@ -148,10 +148,13 @@ def identification_calls(_: Path) -> Calls:
     }
 
 
-def uncertainty_calls(_: Path) -> Calls:
+def uncertainty_calls(folder: Path) -> Calls:
     """Predictions, bands, posteriors and plans."""
     fit, test = small_fit(), small_test()
     return {
+        "export": lambda: call(
+            mr.export, run=fit, to="csv", output=folder / "fit.csv", command=None, replace=True
+        ),
         "predict": lambda: call(mr.predict, fit=fit, test=_other_test(), nuisances=("offset",)),
         "predict_left_out": lambda: call(
             uncertainty.predict_left_out,

@@ -6,12 +6,12 @@ A number outside its range is refused before anything is read, in one sentence t
 from __future__ import annotations
 
 import argparse
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from mrwork.arguments import Threads
-from mrwork.dampers.conversions import USUAL_OPENSEES_ERROR
+from mrwork.dampers.conversions import USUAL_OPENSEES_ERROR, OpenSeesError, OpenSeesTimeStep
 from mrwork.hints import Within, node_of
 from mrwork.keys import LARGEST_SEED
 from mrwork.search.rules import LARGEST_POPULATION
@@ -140,8 +140,8 @@ AMPLITUDES = Listed(AMPLITUDE)
 FREQUENCIES = Listed(FREQUENCY)
 COMMANDS = Listed(_of(COMMAND_RANGE, "A or V"))
 SCALE = Range(lower=1e-12, upper=1e12)
-OPENSEES_ERROR = Range(lower=1e-6, upper=0.2)
-TIME_STEP = Range(lower=1e-6, upper=1.0, unit="s")
+OPENSEES_ERROR = Range.of(OpenSeesError)
+TIME_STEP = replace(Range.of(OpenSeesTimeStep), unit="s")
 
 
 def add_number(

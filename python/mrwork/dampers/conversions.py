@@ -157,6 +157,8 @@ def rescaled_bouc_wen(theta: AnyArray, A: float) -> Array:
     )
 
 
+OpenSeesError = Annotated[float, Within(least=1e-6, most=0.2)]
+OpenSeesTimeStep = Annotated[float, Within(least=1e-6, most=1.0)]
 USUAL_OPENSEES_ERROR: Final = 0.005
 """Error of z in OpenSees, as a share of its largest value, for which a strain step is stated where none is wanted."""
 
@@ -205,7 +207,7 @@ class OpenSeesBoucWen:
         return self.beta >= self.gamma and log(_NEWTON_START / self.z_max) / gain <= _FAR_ITERATIONS
 
     @checked
-    def strain_step(self, error: Annotated[float, Within(least=1e-9, most=1.0)]) -> float:
+    def strain_step(self, error: OpenSeesError) -> float:
         """Strain step [m] up to which OpenSees keeps the error of z below a share `error` of its largest value.
 
         Its backward Euler rule is of first order in the strain step d. With w = z/z_max, rho = Ao/z_max,
