@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from posterior_samples import MODEL, small_fit, small_sampling, small_test
+from posterior_samples import MODEL, small_draws, small_fit, small_sampling, small_test
 from wrong_arguments import Calls, call
 
 import mrwork as mr
@@ -208,6 +208,17 @@ def uncertainty_calls(folder: Path) -> Calls:
             tempering=0.5,
             walkers=16,
             most_steps=2,
+            rng=0,
+            threads=1,
+        ),
+        "inference_data": lambda: call(
+            uncertainty.inference_data,
+            draws=small_draws(),
+            fit=fit,
+            tests=test,
+            priors={},
+            pointwise="blocks",
+            most_draws=16,
             rng=0,
             threads=1,
         ),
