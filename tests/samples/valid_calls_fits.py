@@ -152,6 +152,7 @@ def uncertainty_calls(folder: Path) -> Calls:
     """Predictions, bands, posteriors and plans."""
     fit, test = small_fit(), small_test()
     return {
+        "show_progress": lambda: call(mr.show_progress, patience=1.0),
         "export": lambda: call(
             mr.export, run=fit, to="csv", output=folder / "fit.csv", command=None, replace=True
         ),
