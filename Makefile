@@ -38,6 +38,7 @@ lint: $(VENV)/.built $(VENV)/.dev
 	$(BIN)/ruff format --check
 	$(BIN)/ruff check
 	$(BIN)/mypy
+	$(BIN)/basedpyright
 	$(BIN)/lint-imports
 	cd python && MYPYPATH=. ../$(BIN)/stubtest --mypy-config-file ../.ci/stubtest.toml mrwork._rust
 

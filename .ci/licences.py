@@ -51,12 +51,22 @@ _CLASSIFIERS = {
 _NAMES = {"Apache 2.0": "Apache-2.0", "BSD": "BSD", "ISC license": "ISC"}
 _TEXTS = {"Permission is hereby granted, free of charge": "MIT", "Apache License": "Apache-2.0"}
 
+# Extras that no check installs; the head of the table has their licences.
+_NOT_INSTALLED = {"arviz-plots", "opensees"}
+
 HEAD = """# Licences of the dependencies
 
 Written by `make licences`: the versions of `constraints.txt` and `Cargo.lock`, each with the licence that it declares.
 `required` is what everybody installs or compiles, `dev` what tests and checks need, `unused` a crate behind a feature
 that is off; other words are the optional dependencies of `pyproject.toml`. A required one is never GPL, AGPL, LGPL or
 unknown: the command refuses it. The licence of mrwork itself is in `LICENSE`.
+
+Two optional dependencies are not in the table, because no check installs them. `arviz-plots`, of the extra of that
+name, is Apache-2.0. With `openseespy`, of the extra `opensees`, tests compare an exported damper. Its metadata declare:
+"OpenSeesPy is free for research, education, and internal use. Commercial redistribution of OpenSeesPy, such as, but not
+limited to, an application or cloud-based service that uses import openseespy, requires a license similar to that
+required for commercial redistribution of OpenSees.exe." That is no open source licence. The text that
+`mrwork export --to opensees` writes needs OpenSees when it is used, and has no part of it.
 """
 
 
@@ -154,6 +164,8 @@ def python_packages() -> list[Dependency]:
     extras: dict[str, list[str]] = project["optional-dependencies"]
     needed_by = {name: {REQUIRED} for name in needed_packages(project["dependencies"], extras)}
     for extra, requirements in extras.items():
+        if extra in _NOT_INSTALLED:
+            continue
         for name in needed_packages(requirements, extras):
             needed_by.setdefault(name, set()).add(extra)
     rows = []

@@ -25,6 +25,7 @@ from .dampers.spec import DamperSpec as DamperSpec
 from .dampers.spec import damper as damper
 from .dampers.spec import damper_models as damper_models
 from .errors import MrworkError as MrworkError
+from .exporting.export import export as export
 from .identification.candidates import objective as objective
 from .identification.candidates import sensitivities as sensitivities
 from .identification.fit import Fit as Fit
@@ -36,6 +37,7 @@ from .motions.read import read_motions as read_motions
 from .motions.spectrum import response_spectrum as response_spectrum
 from .motions.synthetic import synthetic_motion as synthetic_motion
 from .plots.explore import explore as explore
+from .progress_display import show_progress as show_progress
 from .records.damper_test import DamperTest as DamperTest
 from .records.read import read_damper_test as read_damper_test
 from .records.read import read_damper_tests as read_damper_tests

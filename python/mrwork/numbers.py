@@ -157,3 +157,21 @@ def with_decimals(value: float, decimals: int) -> str:
 def of_unit(value: float | None, unit: str, digits: int = 4) -> str:
     """A number with its unit, which "1" is not."""
     return f"{format_rounded(value, digits)} {unit if unit != '1' else ''}".rstrip()
+
+
+def format_rate(rate: float) -> str:
+    """Three digits, as in 950, 1.25k, 3.10M."""
+    for unit in ("", "k", "M"):
+        if rate < 1000.0:
+            return f"{rate:.3g}{unit}"
+        rate /= 1000.0
+    return f"{rate:.3g}G"
+
+
+def duration_in_words(seconds: float) -> str:
+    """A time in seconds, minutes or hours, as in "3 min"."""
+    if seconds < 60.0:
+        return f"{seconds:.0f} s"
+    if seconds < 3600.0:
+        return f"{seconds / 60.0:.0f} min"
+    return f"{seconds / 3600.0:.1f} h"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 
 import pytest
 from sentences import Refused
@@ -69,8 +70,22 @@ def test_opensees_is_printed_as_its_command_with_the_dashpot_beside_it(convert) 
     assert "note: the factors" in stdout
 
 
+def test_a_smaller_error_wants_a_smaller_strain_step_in_opensees(convert) -> None:
+    def remark(*error: str) -> str:
+        _, stdout, _ = convert("spencer", *SPENCER, "--to", "opensees", "--json", *error)
+        return json.loads(stdout)["remarks"][-1]
+
+    assert remark() == remark("--error", "0.005")
+    assert "0.5 %" in remark()
+    step, finer = (
+        float(re.search(r"at most (\S+) m", remark("--error", error))[1]) for error in ("0.01", "0.001")
+    )
+    assert step == pytest.approx(10.0 * finer, rel=0.01)
+
+
 def test_bad_input_is_one_sentence(refused: Refused) -> None:
     for arguments in (
+        ["spencer", *SPENCER, "--to", "normalised", "--error", "0.01"],
         ["spencer", *SPENCER, "--to", "spencer"],
         ["spencer", *SPENCER[1:-1], "--to", "normalised"],
         ["spencer", *SPENCER, "n=3", "--to", "normalised"],

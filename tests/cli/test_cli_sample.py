@@ -15,7 +15,6 @@ import pytest
 from command_line import COMMAND, PATIENCE, mrwork, started, wait_until
 
 from mrwork.cli import main
-from mrwork.cli.progress import sampling_described
 from mrwork.identification.fit_file import read_fit
 from mrwork.uncertainty.posterior.draws import read_draws
 from mrwork.uncertainty.posterior.sample import SamplingProgress
@@ -152,6 +151,6 @@ def test_the_line_tells_rate_agreement_and_time_left() -> None:
         steps=200, most_steps=1000, seconds=4.0, steps_per_second=50.0, diagnosis=diagnosis
     )
     assert (
-        sampling_described(progress)
+        progress.in_words
         == "step 200, 50 steps/s, R-hat 1.020, 15 autocorrelation times, 4 s, at most 16 s left"
     )

@@ -9,8 +9,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from mrwork.cli.progress import IdentificationInWords, ProgressLine, choice_described, reading_line
+from mrwork.cli.progress import progress_line, reading_line
 from mrwork.identification import Progress
+from mrwork.identification.progress import IdentificationInWords
 from mrwork.identification.settings import Reading
 from mrwork.uncertainty.choice.choose import ChoiceProgress
 
@@ -109,26 +110,25 @@ def test_a_comparison_tells_which_model_how_many_there_are_and_how_long_it_may_t
         seconds_left=600.0,
         within=NOW,
     )
-    assert choice_described(progress) == (
+    assert progress.in_words == (
         "dahl, model 3 of 15, left out 2 of 6, best 92.08 %, 1 min, about 10 min left"
     )
-    assert choice_described(replace(progress, within=None, seconds_left=None)) == (
+    assert replace(progress, within=None, seconds_left=None).in_words == (
         "dahl, model 3 of 15, left out 2 of 6, 1 min"
     )
 
 
-def test_without_a_terminal_a_plain_line_is_written_once_a_minute(
+def test_without_a_terminal_a_plain_line_is_written_every_half_minute(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     seconds = [0.0]
     monkeypatch.setattr("time.monotonic", lambda: seconds[0])
-    line: ProgressLine[int] = ProgressLine("step {}".format, quiet=False)
-    for number in range(150):
-        seconds[0] = float(number)
-        line(number)
-    line.close()
-    assert capsys.readouterr().err == "mrwork: step 60\nmrwork: step 120\n"
-    silent: ProgressLine[int] = ProgressLine("step {}".format, quiet=True)
-    seconds[0] = 300.0
-    silent(1)
+    with progress_line("step {}".format, quiet=False) as line:
+        for number in range(80):
+            seconds[0] = float(number)
+            line(number)
+    assert capsys.readouterr().err == "mrwork: step 30\nmrwork: step 60\n"
+    with progress_line("step {}".format, quiet=True) as silent:
+        seconds[0] = 300.0
+        silent(1)
     assert capsys.readouterr().err == ""

@@ -11,6 +11,7 @@ from itertools import pairwise
 import jax
 import numpy as np
 import pytest
+from opensees_bouc_wen import force_in_opensees
 from scipy.integrate import solve_ivp
 from sentences import Refused
 
@@ -192,11 +193,90 @@ def test_a_set_that_reads_both_ways_is_remarked() -> None:
     assert "not passive" in passive
 
 
-def test_a_z_too_small_for_the_tolerance_of_opensees_is_remarked() -> None:
+def full_reversals(amplitude: float, step: float) -> np.ndarray:
+    """A path from 0 up, down and up again in equal steps."""
+    n = max(2, round(amplitude / step))
+    turns = (0.0, amplitude, -amplitude, amplitude)
+    legs = (np.linspace(a, b, n * (1 if a == 0.0 else 2) + 1)[1:] for a, b in pairwise(turns))
+    return np.concatenate([[0.0], *legs])
+
+
+@pytest.mark.parametrize("sigma", [0.3, 0.5, 0.8, 1.0])
+@pytest.mark.parametrize("n", [1.0, 2.0, 4.0])
+def test_the_strain_step_of_opensees_keeps_the_wanted_error(sigma: float, n: float) -> None:
+    rho, k_w = 15_000.0, 700.0
+    theta = np.array([0.0, 0.0, 0.0, k_w, rho, sigma, n])
+    material, _ = opensees_from_bouc_wen(bouc_wen_from_normalised(theta, A=120.0), Ao=rho)
+    for error in (0.03, 0.003):
+        path = full_reversals(5.0 / rho, material.strain_step(error))
+        missed = np.abs(force_in_opensees(material, path) - opensees_force(material, path)).max() / k_w
+        # The margin is for motions that reverse within the loop.
+        assert 0.5 * error < missed < error
+
+
+@pytest.mark.parametrize(("sigma", "n"), [(0.5, 1.0), (0.5, 2.0), (1.0, 3.0), (0.3, 2.0), (0.8, 8.0)])
+def test_where_the_iteration_of_opensees_may_fail_a_scale_is_remarked_that_mends_it(
+    sigma: float, n: float
+) -> None:
+    theta = bouc_wen_from_normalised(np.array([0.0, 0.0, 0.0, 700.0, 15_000.0, sigma, n]), A=120.0)
+    material, _ = opensees_from_bouc_wen(theta)
+    path = full_reversals(5.0 / 15_000.0, material.strain_step(0.02))
+    if material.finds_its_root:
+        assert len(solver_remarks(material, 0.02)) == 1
+        assert np.abs(force_in_opensees(material, path)).max() < 700.0
+        return
+    with pytest.raises(AssertionError, match="no z was found"):
+        force_in_opensees(material, path)
+    assert "the scale 15000," in solver_remarks(material, 0.02)[0]
+    mended, _ = opensees_from_bouc_wen(theta, Ao=15_000.0)
+    assert mended.finds_its_root
+    assert np.abs(force_in_opensees(mended, path)).max() < 700.0
+
+
+def test_the_strain_step_of_opensees_keeps_the_error_of_irregular_motions() -> None:
+    rho, k_w = 15_000.0, 700.0
+    time = np.linspace(0.0, 1.0, 3001)
+    rng = np.random.default_rng(3)
+    for sigma in (0.3, 0.5, 0.9):
+        theta = np.array([0.0, 0.0, 0.0, k_w, rho, sigma, 2.0])
+        material, _ = opensees_from_bouc_wen(bouc_wen_from_normalised(theta, A=120.0), Ao=rho)
+        for peak in (0.3, 1.0, 3.0):
+            phases = rng.uniform(0.0, 2.0 * np.pi, 3)
+            sines = (np.sin(2.0 * np.pi * f * time + p) for f, p in zip((3, 7, 11), phases, strict=True))
+            path = sum(sines, np.zeros_like(time))
+            path = (path - path[0]) * peak / rho / np.abs(path - path[0]).max()
+            step = float(np.abs(np.diff(path)).max())
+            error = 0.01 * step / material.strain_step(0.01)
+            missed = np.abs(force_in_opensees(material, path) - opensees_force(material, path)).max() / k_w
+            assert missed < error
+
+
+def test_the_error_of_opensees_is_of_first_order_and_not_of_its_tolerance() -> None:
     material, _ = opensees_from_bouc_wen(replace_parameter(NOMINAL, "x0", 0.0))
-    # z_max is 7.7 mm / 120.
-    assert "1.5e-04" in solver_remarks(material)[0]
-    assert solver_remarks(replace(material, gamma=0.5, beta=0.5)) == ()
+    step = material.strain_step(0.02)
+    missed = []
+    for finer in (1, 2, 4):
+        path = full_reversals(3e-4, step / finer)
+        force = force_in_opensees(material, path)
+        missed.append(np.abs(force - opensees_force(material, path)).max())
+        by_tolerance = np.abs(force - force_in_opensees(material, path, tolerance=1e-14)).max()
+        assert by_tolerance < 1e-4 * missed[-1]
+    assert missed[0] / missed[1] == pytest.approx(2.0, rel=0.15)
+    assert missed[1] / missed[2] == pytest.approx(2.0, rel=0.08)
+
+
+def test_the_remark_states_the_step_of_the_wanted_error() -> None:
+    material, _ = opensees_from_bouc_wen(replace_parameter(NOMINAL, "x0", 0.0))
+    (remark,) = solver_remarks(material, 0.005)
+    assert f"{material.strain_step(0.005):.3g} m" in remark
+    assert "0.5 %" in remark
+    assert solver_remarks(replace(material, beta=-material.gamma), 0.005) == ()
+
+
+def test_the_strain_step_of_a_loop_that_degrades_is_refused(refused: Refused) -> None:
+    material, _ = opensees_from_bouc_wen(replace_parameter(NOMINAL, "x0", 0.0))
+    refused(lambda: replace(material, deltaA=0.1).strain_step(0.01))
+    refused(lambda: replace(material, beta=-1.0, gamma=2.0).strain_step(0.01))
 
 
 CONVERSIONS = {

@@ -99,6 +99,7 @@ JOBS = {
     "tune": Job(words=TUNED),
     "tune --resume": Job(words=f"{TUNED} --resume", before=(TUNED,)),
     "models": Job(words="models bingham --figure figure.svg"),
+    "export": Job(words="export run --to mat --output run.mat --replace", before=(FIT,)),
     "check": Job(words="check one.csv two.csv --table table.csv"),
 }
 # Verbs that write nothing.
@@ -107,7 +108,7 @@ READING = {"predict", "convert", "cite", "completion"}
 
 def done(words: str, folder: Path) -> Ended:
     with contextlib.chdir(folder):
-        quiet = ("--quiet",) if words.split()[0] not in ("models", "check", "init") else ()
+        quiet = ("--quiet",) if words.split()[0] not in ("models", "check", "init", "export") else ()
         return mrwork(*words.split(), *quiet, "--json")
 
 

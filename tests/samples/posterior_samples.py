@@ -11,8 +11,8 @@ from mrwork.dampers import damper
 from mrwork.identification import Fit
 from mrwork.records import DamperTest, build_damper_test
 from mrwork.simulation import Loading, simulate_force
-from mrwork.uncertainty import noise_model
-from mrwork.uncertainty.posterior.sample import SamplingProblem
+from mrwork.uncertainty import Draws, noise_model
+from mrwork.uncertainty.posterior.sample import SamplingProblem, sample
 
 MODEL = "viscous_dahl"
 NOISE_N = 20.0
@@ -52,3 +52,9 @@ def small_sampling(noise: str = "iid", **settings: object) -> SamplingProblem:
         "threads": 1,
     }
     return SamplingProblem.of_fit(small_fit(), (small_test(),), **(plain | settings))  # type: ignore[arg-type] # settings of several kinds by name
+
+
+@cache
+def small_draws(noise: str = "iid") -> Draws:
+    """Draws that are too few, and made in little time."""
+    return sample(small_fit(), small_test(), noise=noise, walkers=16, most_steps=60, threads=1)

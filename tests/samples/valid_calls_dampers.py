@@ -68,6 +68,10 @@ def damper_calls(_: Path) -> Calls:
         "OpenSeesBoucWen": lambda: call(
             dampers.OpenSeesBoucWen, alpha=0.1, ko=1e5, n=2.0, gamma=100.0, beta=100.0, Ao=1.0
         ),
+        "OpenSeesBoucWen.strain_step": lambda: call(
+            dampers.OpenSeesBoucWen(alpha=0.1, ko=1e5, n=2.0, gamma=100.0, beta=100.0, Ao=1.0).strain_step,
+            error=0.005,
+        ),
         "bouc_wen_from_opensees": lambda: call(
             dampers.bouc_wen_from_opensees,
             material=dampers.OpenSeesBoucWen(alpha=0.1, ko=1e5, n=2.0, gamma=100.0, beta=100.0, Ao=1.0),

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from posterior_samples import MODEL, small_fit, small_sampling, small_test
+from posterior_samples import MODEL, small_draws, small_fit, small_sampling, small_test
 from wrong_arguments import Calls, call
 
 import mrwork as mr
@@ -148,10 +148,14 @@ def identification_calls(_: Path) -> Calls:
     }
 
 
-def uncertainty_calls(_: Path) -> Calls:
+def uncertainty_calls(folder: Path) -> Calls:
     """Predictions, bands, posteriors and plans."""
     fit, test = small_fit(), small_test()
     return {
+        "show_progress": lambda: call(mr.show_progress, patience=1.0),
+        "export": lambda: call(
+            mr.export, run=fit, to="csv", output=folder / "fit.csv", command=None, replace=True
+        ),
         "predict": lambda: call(mr.predict, fit=fit, test=_other_test(), nuisances=("offset",)),
         "predict_left_out": lambda: call(
             uncertainty.predict_left_out,
@@ -205,6 +209,17 @@ def uncertainty_calls(_: Path) -> Calls:
             tempering=0.5,
             walkers=16,
             most_steps=2,
+            rng=0,
+            threads=1,
+        ),
+        "inference_data": lambda: call(
+            uncertainty.inference_data,
+            draws=small_draws(),
+            fit=fit,
+            tests=test,
+            priors={},
+            pointwise="blocks",
+            most_draws=16,
             rng=0,
             threads=1,
         ),

@@ -14,7 +14,6 @@ from sentences import Refused
 from sinusoidal_tests import MOTIONS, sinusoidal_test
 
 import mrwork as mr
-from mrwork.cli.progress import laws_described
 from mrwork.errors import Interrupted
 from mrwork.identification import FitSettings
 from mrwork.records import DamperTest
@@ -130,7 +129,7 @@ def test_interrupted_in_the_second_model_and_resumed_is_as_if_nothing_had_happen
     lines = []
 
     def stop(progress: LawProgress) -> None:
-        lines.append(laws_described(progress))
+        lines.append(progress.in_words)
         if progress.number == 2 and progress.task != "first laws":
             raise KeyboardInterrupt
 

@@ -24,12 +24,13 @@ from mrwork.cli.options import (
     read_tests,
 )
 from mrwork.cli.output import end_addition, told_findings
-from mrwork.cli.progress import IdentificationInWords, progress_line
+from mrwork.cli.progress import progress_line
 from mrwork.cli.terminal import note
 from mrwork.errors import SettingError
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import read_fit
 from mrwork.identification.identify import identify_again
+from mrwork.identification.progress import IdentificationInWords
 from mrwork.records import DamperTest, observed
 from mrwork.store.output_folder import adding
 from mrwork.store.run_folder import CALIBRATION, FOLDS

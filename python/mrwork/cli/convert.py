@@ -9,11 +9,12 @@ from typing import Literal, get_args
 import numpy as np
 
 from mrwork.cli.command_parser import CommandParser, examples
-from mrwork.cli.numbers import SCALE, add_number
+from mrwork.cli.numbers import SCALE, add_number, add_opensees_error
 from mrwork.cli.options import end_parser, parsed_number
 from mrwork.cli.output import print_json
 from mrwork.cli.terminal import show
 from mrwork.dampers.conversions import (
+    USUAL_OPENSEES_ERROR,
     OpenSeesBoucWen,
     bouc_wen_from_normalised,
     bouc_wen_from_opensees,
@@ -74,14 +75,17 @@ def add_options(parser: CommandParser) -> None:
         "from normalised, Ao 1",
         metavar="VALUE",
     )
+    add_opensees_error(conversion)
     end_parser(parser, run, quiet="")
 
 
 def run(options: argparse.Namespace) -> int:
     """Print the converted parameters."""
-    _check_scale(options)
+    _check_options(options)
     theta = _spencer(options.source, _parse(options.source, options.values), options.scale)
-    converted, remarks = _convert_parameters(options.to, theta, options.scale)
+    converted, remarks = _convert_parameters(
+        options.to, theta, options.scale, options.error or USUAL_OPENSEES_ERROR
+    )
     if options.source != "normalised":
         remarks = (*convention_remarks(theta), *remarks)
     if options.json:
@@ -101,9 +105,11 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _check_scale(options: argparse.Namespace) -> None:
+def _check_options(options: argparse.Namespace) -> None:
     if options.source == options.to and options.scale is None:
         raise SettingError(f"the values already are {options.to}; choose another --to, or a --scale")
+    if options.error is not None and options.to != "opensees":
+        raise SettingError("--error is of the solver of OpenSees; leave it out, or convert --to opensees")
     if options.scale is None:
         return
     if options.to == "normalised":
@@ -146,12 +152,12 @@ def _spencer(convention: Convention, values: dict[str, float], scale: float | No
 
 
 def _convert_parameters(
-    convention: Convention, theta: Floats, scale: float | None
+    convention: Convention, theta: Floats, scale: float | None, error: float
 ) -> tuple[dict[str, float], tuple[str, ...]]:
     """The parameters in a convention, and remarks on their use."""
     if convention == "opensees":
         material, c0 = opensees_from_bouc_wen(theta, Ao=1.0 if scale is None else scale)
-        return asdict(material) | {"c0": c0}, solver_remarks(material)
+        return asdict(material) | {"c0": c0}, solver_remarks(material, error)
     if convention == "normalised":
         require_bounded_loop(theta)
         return dict(zip(_NORMALISED, normalised_from_bouc_wen(theta).tolist(), strict=True)), ()

@@ -31,6 +31,7 @@ _VERBS = {
     "respond": "simulate a building with MR dampers under earthquakes",
     "tune": "tune control laws on training motions and judge them on test motions",
     "convert": "convert Bouc-Wen parameters between conventions",
+    "export": "write a run for MATLAB or OpenSees, or as a table",
     "cite": "print what to cite for a run, as BibTeX",
     "completion": "print the completion of commands for a shell",
 }

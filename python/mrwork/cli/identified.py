@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from mrwork.cli.options import is_quiet
 from mrwork.cli.output import as_plain, drawing, print_json, result_lines, stopped_in_words
-from mrwork.cli.progress import ProgressLine, progress_line, task_line
+from mrwork.cli.progress import progress_line, task_line
 from mrwork.cli.terminal import note, show
 from mrwork.dampers.spec import damper
 from mrwork.errors import Interrupted
@@ -24,6 +24,7 @@ from mrwork.identification.fit import Estimate, Fit
 from mrwork.identification.fit_file import manifest_of, write_run
 from mrwork.identification.result import FitSpread
 from mrwork.identification.settings import Reading
+from mrwork.progress_display import ProgressLine
 from mrwork.records import DamperTest
 from mrwork.records.findings import findings_for, findings_of_set, gathered_findings
 from mrwork.store.output_folder import Destination, check_destination

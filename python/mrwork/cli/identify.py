@@ -34,13 +34,14 @@ from mrwork.cli.options import (
     read_tests,
 )
 from mrwork.cli.output import as_plain
-from mrwork.cli.progress import IdentificationInWords, choice_described, laws_described
+from mrwork.cli.progress import in_words
 from mrwork.cli.terminal import note
 from mrwork.dampers.spec import ALL, DamperSpec, damper
 from mrwork.errors import SettingError
 from mrwork.identification.fit_file import read_fit
 from mrwork.identification.identify import identify_with
 from mrwork.identification.problem import start_from
+from mrwork.identification.progress import IdentificationInWords
 from mrwork.identification.settings import (
     Engine,
     FitSettings,
@@ -333,7 +334,7 @@ def run_choice_of_models(options: argparse.Namespace, settings: FitSettings) -> 
                 on_progress=line,
                 journal_of=journals,
             ),
-            choice_described,
+            in_words,
             before="any model was identified",
         )
         if choice is None:
@@ -401,7 +402,7 @@ def run_choice_of_laws(options: argparse.Namespace, settings: FitSettings, *, se
                 on_progress=line,
                 journal_of=journals,
             ),
-            laws_described,
+            in_words,
             before="any laws were fitted",
         )
         if choice is None:

@@ -6,11 +6,12 @@ A number outside its range is refused before anything is read, in one sentence t
 from __future__ import annotations
 
 import argparse
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from mrwork.arguments import Threads
+from mrwork.dampers.conversions import USUAL_OPENSEES_ERROR, OpenSeesError, OpenSeesTimeStep
 from mrwork.hints import Within, node_of
 from mrwork.keys import LARGEST_SEED
 from mrwork.search.rules import LARGEST_POPULATION
@@ -139,6 +140,8 @@ AMPLITUDES = Listed(AMPLITUDE)
 FREQUENCIES = Listed(FREQUENCY)
 COMMANDS = Listed(_of(COMMAND_RANGE, "A or V"))
 SCALE = Range(lower=1e-12, upper=1e12)
+OPENSEES_ERROR = Range.of(OpenSeesError)
+TIME_STEP = replace(Range.of(OpenSeesTimeStep), unit="s")
 
 
 def add_number(
@@ -154,6 +157,18 @@ def add_number(
     """Declare an option that takes a number, or several; its help ends with the range."""
     says = f"{help}; {numeric.in_words}"
     parser.add_argument(option, type=numeric, help=says, metavar=metavar, default=default, dest=dest)
+
+
+def add_opensees_error(parser: Any) -> None:
+    """--error, of the material BoucWen of OpenSees."""
+    add_number(
+        parser,
+        "--error",
+        OPENSEES_ERROR,
+        "wanted error of BoucWen in OpenSees, a share of the largest value of z, for which the strain step is stated; "
+        f"default {USUAL_OPENSEES_ERROR:g}",
+        metavar="SHARE",
+    )
 
 
 def named_path(text: str) -> Path:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from mrwork.cli.options import is_quiet
-from mrwork.cli.progress import page_described, progress_line
+from mrwork.cli.progress import in_words, progress_line
 from mrwork.cli.terminal import note, show
 from mrwork.errors import MrworkError, OutputError
 from mrwork.records import DamperTest
@@ -109,7 +109,7 @@ def drawing(folder: Path, draw: Callable[[OnDrawn], None], *, quiet: bool) -> in
     Return the exit status: 130 after Ctrl-C, when a message says how to draw the page later, otherwise 0.
     """
     try:
-        with progress_line(page_described, quiet=quiet) as line:
+        with progress_line(in_words, quiet=quiet) as line:
             draw(line)
     except KeyboardInterrupt:
         note(

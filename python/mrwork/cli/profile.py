@@ -12,7 +12,7 @@ from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.numbers import SHARE, add_number
 from mrwork.cli.options import add_run, add_threads, end_parser, is_quiet, opened_run
 from mrwork.cli.output import end_addition, print_result, result_lines, told_findings, verdicts_elsewhere
-from mrwork.cli.progress import profile_described, progress_line
+from mrwork.cli.progress import in_words, progress_line
 from mrwork.cli.terminal import note
 from mrwork.errors import Interrupted, RecordError
 from mrwork.identification.fit import Direction, Fit
@@ -67,7 +67,7 @@ def _profile(opened: OpenedRun, options: argparse.Namespace) -> int:
     # The file of the fit has the intervals of the draws: damaged ones are refused before the profiles are computed.
     draws = read_draws(opened.place, opened.fit)
     try:
-        with progress_line(profile_described, quiet=is_quiet(options)) as line:
+        with progress_line(in_words, quiet=is_quiet(options)) as line:
             profiles = profile(
                 opened.fit,
                 opened.tests,

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.numbers import named_path
 from mrwork.cli.options import add_out, add_seed, add_threads, end_parser, is_quiet
-from mrwork.cli.progress import progress_line, study_described
+from mrwork.cli.progress import in_words, progress_line
 from mrwork.cli.terminal import keep_stdout, show
 from mrwork.errors import SettingError
 from mrwork.store.run_folder import STUDY_RUN
@@ -87,7 +87,7 @@ def _verb(options: argparse.Namespace, study: Study, place: Path) -> StudyVerb[S
     def compute(journal: Journal) -> StudyResults:
         from mrwork.study.run import run_study
 
-        with progress_line(study_described, quiet=is_quiet(options)) as line, keep_stdout():
+        with progress_line(in_words, quiet=is_quiet(options)) as line, keep_stdout():
             return run_study(
                 study,
                 journal=journal,

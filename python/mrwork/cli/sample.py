@@ -24,7 +24,7 @@ from mrwork.cli.output import (
     told_findings,
     verdicts_elsewhere,
 )
-from mrwork.cli.progress import progress_line, sampling_described
+from mrwork.cli.progress import in_words, progress_line
 from mrwork.cli.terminal import note
 from mrwork.errors import Interrupted
 from mrwork.identification.fit import Fit
@@ -123,7 +123,7 @@ def _sample(
     from mrwork.uncertainty.posterior.sample import sample
 
     try:
-        with progress_line(sampling_described, quiet=is_quiet(options)) as line:
+        with progress_line(in_words, quiet=is_quiet(options)) as line:
             return sample(
                 opened.fit,
                 opened.tests,

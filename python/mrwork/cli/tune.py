@@ -12,7 +12,7 @@ from mrwork.cli.command_parser import SEARCH, CommandParser, examples
 from mrwork.cli.numbers import named_path
 from mrwork.cli.options import add_out, add_seed, add_threads, end_parser, is_quiet
 from mrwork.cli.output import table_lines
-from mrwork.cli.progress import progress_line, tuning_described
+from mrwork.cli.progress import in_words, progress_line
 from mrwork.numbers import with_decimals
 from mrwork.store.run_folder import CHOSEN, REPORT, TUNING_RUN
 
@@ -81,7 +81,7 @@ def _verb(options: argparse.Namespace, study: Study, place: Path) -> StudyVerb[T
     def compute(journal: Journal) -> TuningResults:
         from mrwork.tuning.run import tune
 
-        with progress_line(tuning_described, quiet=is_quiet(options)) as line:
+        with progress_line(in_words, quiet=is_quiet(options)) as line:
             return tune(
                 study, tables, rng=options.seed, journal=journal, threads=options.threads, on_progress=line
             )

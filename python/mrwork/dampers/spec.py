@@ -472,13 +472,33 @@ def worst_laws(limits: Iterable[LawLimit]) -> list[LawLimit]:
     return list(worst.values())
 
 
+def plain_parameters(spec: DamperSpec, theta: ArrayLike, command: float) -> Floats:
+    """Parameters of the plain model at a command, within their admissible range, shape (n_plain,)."""
+    given = np.asarray(theta, dtype=np.float64)
+    if spec.current is None:
+        return given
+    at = np.array([command])
+    return np.array(
+        [
+            float(np.clip(value[0], parameter.lower, parameter.upper)) if follows else float(value[0])
+            for parameter, value, follows in _all_values(spec, given, at)
+        ]
+    )
+
+
 def law_values(spec: DamperSpec, theta: Floats, command: Floats) -> Iterator[tuple[ParamSpec, Floats]]:
     """Each parameter that follows the command, with the values that its law gives at commands, shape (n,)."""
+    for parameter, value, follows in _all_values(spec, theta, command):
+        if follows:
+            yield parameter, value
+
+
+def _all_values(spec: DamperSpec, theta: Floats, command: Floats) -> Iterator[tuple[ParamSpec, Floats, bool]]:
+    """Each plain parameter with its values at commands, and whether it follows them."""
     assert spec.current is not None
     start = 0
     for parameter, name in zip(spec.plain, spec.current.laws, strict=True):
         law = law_named(name)
         coefficients = theta[start : start + law.n_coefficients]
         start += law.n_coefficients
-        if law.degree != 0:
-            yield parameter, law.values(coefficients, command, log=parameter.scale == "log")
+        yield parameter, law.values(coefficients, command, log=parameter.scale == "log"), law.degree != 0

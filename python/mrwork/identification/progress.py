@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import threading
 import time
@@ -13,6 +14,7 @@ import numpy as np
 
 from mrwork.errors import Interrupted
 from mrwork.hints import Within
+from mrwork.numbers import duration_in_words, format_rate
 from mrwork.store.codec import build_value
 from mrwork.store.journal import Journal
 
@@ -133,6 +135,11 @@ class Progress:
     evaluations: int
     steps: int
 
+    @property
+    def in_words(self) -> str:
+        """Progress in one line, without rates, which need an earlier report."""
+        return describe_progress(self, self, None)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reporter:
@@ -198,3 +205,70 @@ def interruptible(work: Callable[[], T]) -> T:
     if failure:
         raise failure[0]
     return outcome[0]
+
+
+# Seconds until the remaining time of a stage is first estimated, and within which it follows the estimate.
+_FIRST_ESTIMATE = 1.0
+_STEADY = 5.0
+
+
+class IdentificationInWords:
+    """Describes the progress of an identification; the line begins with `prefix`."""
+
+    def __init__(self, prefix: str = "") -> None:
+        self._prefix = prefix
+        self._began: Progress | None = None
+        self._time_left = _TimeLeft(share=0.0, seconds=0.0)
+
+    def __call__(self, progress: Progress) -> str:
+        """Progress in one line, with rates and the remaining time since its stage began."""
+        if self._began is None or self._began.stage != progress.stage:
+            self._began = progress
+            self._time_left = _TimeLeft(share=progress.share, seconds=progress.seconds)
+        left = self._time_left.after(progress.share, progress.seconds)
+        return self._prefix + describe_progress(progress, self._began, left)
+
+
+class _TimeLeft:
+    """Remaining time of a stage that began with this share done, at this time [s].
+
+    It runs down with the clock, and approaches the estimate from the share that is done within some seconds: searches
+    end early, and a share grows in steps.
+    """
+
+    def __init__(self, *, share: float, seconds: float) -> None:
+        self._began = self._share, self._seconds = share, seconds
+        self._left: float | None = None
+
+    def after(self, share: float, seconds: float) -> float | None:
+        """The time [s], not below 0; `None` where it is not known yet."""
+        first, began = self._began
+        self._share = max(self._share, min(share, 1.0))
+        passed, self._seconds = seconds - self._seconds, seconds
+        if self._share <= first or seconds - began < _FIRST_ESTIMATE:
+            return None
+        estimate = (seconds - began) * (1.0 - self._share) / (self._share - first)
+        if self._left is None:
+            self._left = estimate
+        else:
+            run_down = max(self._left - passed, 0.0)
+            self._left = estimate + (run_down - estimate) * math.exp(-passed / _STEADY)
+        return self._left
+
+
+def describe_progress(progress: Progress, began: Progress, left: float | None) -> str:
+    """Progress in one line; rates are measured since the stage `began`, of which this time is `left` [s]."""
+    generation = f" {progress.generation}" if progress.generation else ""
+    parts = [f"{progress.stage}{generation}", f"best {progress.fit_percent:.2f} %"]
+    if math.isfinite(progress.median_percent):
+        parts.append(f"median {progress.median_percent:.2f} %")
+    if progress.unit == "steps":
+        parts.append(f"{progress.count} steps")
+    running = progress.seconds - began.seconds
+    if running > 0.0 and progress.steps > began.steps:
+        parts.append(f"{format_rate((progress.evaluations - began.evaluations) / running)} evaluations/s")
+        parts.append(f"{format_rate((progress.steps - began.steps) / running)} steps/s")
+    parts.append(duration_in_words(progress.seconds))
+    if left is not None:
+        parts.append(f"at most {duration_in_words(left)} of this stage left")
+    return ", ".join(parts)

@@ -26,6 +26,16 @@ class PageProgress:
     total: int
     task: str
 
+    @property
+    def in_words(self) -> str:
+        """Progress of a page in one line: drawn parts, and the next one."""
+        return f"drawing the page, {self.done} of {self.total}: {self.task}"
+
+    @property
+    def share(self) -> float | None:
+        """Share that is done, `None` where it is not known."""
+        return self.done / self.total if self.total else None
+
 
 OnDrawn = Callable[[PageProgress], None]
 """Receives the progress of a page."""

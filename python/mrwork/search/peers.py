@@ -325,19 +325,29 @@ def _evolve(
 
 
 SeveralObjectives = Callable[[Floats], Floats]
-"""Maps points of the unit cube, shape (m, n_params), to objectives, shape (m, n_objectives); `inf` marks a failure."""
+"""Maps points of the unit cube, shape (m, n_params), to columns, shape (m, n_objectives + n_constraints).
+
+The last columns are constraints g, which hold where g <= 0; `inf` marks a failure.
+"""
 
 
 @array_dataclass(repr=False)
 class FrontResult(Summarised):
     """Points of which no other simulated one is lower in every objective, and the number of candidates.
 
-    `units` (n, n_params) with `objectives` (n, n_objectives), ordered by the first objective.
+    `units` (n, n_params) with `objectives` (n, n_objectives), ordered by the first objective, and `constraints` (n,
+    n_constraints). They are of points that meet every constraint; where none does, of the one with the least violation.
     """
 
     units: Floats
     objectives: Floats
     evaluations: int
+    constraints: Floats
+
+    @property
+    def feasible(self) -> bool:
+        """Whether the points meet the constraints."""
+        return bool((self.constraints <= 0.0).all())
 
 
 @array_dataclass()
@@ -350,6 +360,7 @@ def run_front(
     *,
     n_params: int,
     n_objectives: int,
+    n_constraints: int = 0,
     population: int,
     budget: int,
     rng: int,
@@ -360,10 +371,14 @@ def run_front(
     """Search a Pareto front by NSGA-II of pymoo within a budget of candidates; at most half a generation are starts.
 
     Deb, Pratap, Agarwal & Meyarivan, IEEE Trans. Evol. Comput. 6(2), 2002, 182-197; Blank & Deb, IEEE Access 8, 2020,
-    89497-89509. The journal records every generation, and recalls those of a search that was interrupted. The search
-    ends where `on_generation`, called with the number of candidates after every generation, returns true.
+    89497-89509. Of two points the one that meets the constraints comes first, then that with the smaller sum of
+    violations (Deb's rules): constraints of different units want a common scale. The journal records every generation,
+    and recalls those of a search that was interrupted. The search ends where `on_generation`, called with the number of
+    candidates after every generation, returns true.
     """
-    problem = library("pymoo.core.problem").Problem(n_var=n_params, n_obj=n_objectives, xl=0.0, xu=1.0)
+    problem = library("pymoo.core.problem").Problem(
+        n_var=n_params, n_obj=n_objectives, n_ieq_constr=n_constraints, xl=0.0, xu=1.0
+    )
     sampled = np.random.default_rng(rng).uniform(size=(population, n_params))
     kept = starts[: population // 2]
     sampled[: len(kept)] = kept
@@ -376,19 +391,39 @@ def run_front(
     )
     static = library("pymoo.problems.static").StaticProblem
     evaluator = library("pymoo.core.evaluator").Evaluator()
-    units, values = np.empty((0, n_params)), np.empty((0, n_objectives))
+    units, values = np.empty((0, n_params)), np.empty((0, n_objectives + n_constraints))
     while len(units) + population <= max(budget, population):
         asked = algorithm.ask()
         points = np.clip(np.asarray(asked.get("X"), dtype=np.float64), 0.0, 1.0)
         found = _simulate_points(objectives, points, journal)
-        evaluator.eval(static(problem, F=np.where(np.isfinite(found), found, _FAILURE)), asked)
+        if found.shape != (len(points), n_objectives + n_constraints):
+            raise SettingError(
+                f"the columns have the shape {found.shape}; give ({len(points)}, {n_objectives + n_constraints}), "
+                "objectives and then constraints"
+            )
+        columns = np.where(np.isfinite(found), found, _FAILURE)
+        constrained = {"G": columns[:, n_objectives:]} if n_constraints else {}
+        evaluator.eval(static(problem, F=columns[:, :n_objectives], **constrained), asked)
         algorithm.tell(infills=asked)
         units, values = np.vstack([units, points]), np.vstack([values, found])
         if on_generation(len(units)):
             break
-    first = select_nondominated(values)
+    values, constraints = values[:, :n_objectives], values[:, n_objectives:]
+    first = _select_feasible_front(values, constraints)
     order = first[np.lexsort(values[first].T[::-1])]
-    return FrontResult(units=units[order], objectives=values[order], evaluations=len(units))
+    return FrontResult(
+        units=units[order], objectives=values[order], evaluations=len(units), constraints=constraints[order]
+    )
+
+
+def _select_feasible_front(values: Floats, constraints: Floats) -> NDArray[np.int64]:
+    """Indices of the front of the points that meet the constraints, else of the one with the least violation."""
+    feasible = np.flatnonzero((constraints <= 0.0).all(axis=1))
+    if feasible.size or not np.isfinite(values).all(axis=1).any():
+        return feasible[select_nondominated(values[feasible])]
+    violation = np.where(constraints > 0.0, constraints, 0.0).sum(axis=1)
+    violation[~np.isfinite(values).all(axis=1)] = np.inf
+    return np.array([np.argmin(violation)], dtype=np.int64)
 
 
 def _simulate_points(objectives: SeveralObjectives, points: Floats, journal: Journal | None) -> Floats:

@@ -32,6 +32,7 @@ from mrwork.control.laws import ControlLaw
 from mrwork.dampers.spec import damper
 from mrwork.errors import Interrupted, JournalError, SettingError, SimulationError
 from mrwork.motions import GroundMotion
+from mrwork.numbers import duration_in_words
 from mrwork.store.codec import digest_of
 from mrwork.store.journal import Journal
 from mrwork.study.arrangements import constant_command, constant_commands
@@ -83,6 +84,20 @@ class StudyProgress:
     total: int
     label: str
     seconds: float
+
+    @property
+    def in_words(self) -> str:
+        """Progress in one line: completed runs, the next ones, the remaining time."""
+        parts = [f"{self.done} of {self.total} runs", self.label, duration_in_words(self.seconds)]
+        if self.done:
+            left = self.seconds * (self.total - self.done) / self.done
+            parts.append(f"about {duration_in_words(left)} left")
+        return ", ".join(parts)
+
+    @property
+    def share(self) -> float | None:
+        """Share that is done, `None` where it is not known."""
+        return self.done / self.total if self.total else None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

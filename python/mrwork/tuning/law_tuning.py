@@ -18,6 +18,7 @@ from mrwork.closed_loop.evaluation import criterion
 from mrwork.control.law_design import SETTINGS, design_law, settings_of
 from mrwork.control.laws import control_law
 from mrwork.errors import Interrupted, InvalidSettingError, SettingError
+from mrwork.numbers import duration_in_words
 from mrwork.search.loop import GenerationEvent, Optimiser, SearchResult, run_search
 from mrwork.search.peers import FrontResult, run_front
 from mrwork.search.registry import ALL_OPTIMISERS, PEERS
@@ -288,6 +289,19 @@ class TuningProgress:
     done: int
     total: int
     seconds: float
+
+    @property
+    def in_words(self) -> str:
+        """Progress in one line: the present law, its candidates, its least objective, laws done."""
+        return (
+            f"{self.label}: {self.candidates} candidates, least objective {self.least:.4f}, "
+            f"{self.done} of {self.total} laws done, {duration_in_words(self.seconds)}"
+        )
+
+    @property
+    def share(self) -> float | None:
+        """Share that is done, `None` where it is not known."""
+        return self.done / self.total if self.total else None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -300,6 +300,8 @@ class TuningResults(WithAxes, Summarised):
     demand of the tuned laws outside the tested ranges of the dampers.
     """
 
+    _made_by: ClassVar[str] = "mr.tune(study)"
+
     title: str
     status: Literal["finished", "interrupted"]
     laws: tuple[LawResult, ...]

@@ -21,10 +21,12 @@ import jax
 import jax.numpy as jnp
 from jax import Array
 
+from mrwork.compile_time import COMPILE_TIME
 from mrwork.dampers.parameters import CurrentLaws, interpolate, law_named
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import LibraryError, SettingError, UnknownNameError
 
+jax.monitoring.register_event_duration_secs_listener(COMPILE_TIME.count)
 # The Rust core computes in double precision, and the twins must agree with it.
 jax.config.update("jax_enable_x64", True)  # type: ignore[no-untyped-call] # jax leaves it unannotated
 

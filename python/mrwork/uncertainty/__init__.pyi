@@ -16,6 +16,7 @@ from .noise import noise_model as noise_model
 from .planning.plan import plan as plan
 from .posterior.draws import Draws as Draws
 from .posterior.draws import convergence as convergence
+from .posterior.inference_data import inference_data as inference_data
 from .posterior.nuts import sample_nuts as sample_nuts
 from .posterior.sample import sample as sample
 from .posterior.target import Lognormal as Lognormal

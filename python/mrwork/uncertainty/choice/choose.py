@@ -38,6 +38,7 @@ from mrwork.identification.progress import Progress
 from mrwork.identification.result import BuildingCost, effective_samples
 from mrwork.identification.settings import FitSettings
 from mrwork.labelled import NamedArrays, WithAxes
+from mrwork.numbers import duration_in_words
 from mrwork.records import DamperTest, observed
 from mrwork.records.damper_test import as_tests
 from mrwork.store.journal import Journal
@@ -188,6 +189,24 @@ class ChoiceProgress:
     seconds: float
     seconds_left: float | None
     within: Progress | None = None
+
+    @property
+    def in_words(self) -> str:
+        """Progress in one line: the model and its number, the task, the remaining time."""
+        parts = [f"{self.model}, model {self.number} of {self.n_models}", self.task]
+        if self.within is not None:
+            parts.append(f"best {self.within.fit_percent:.2f} %")
+        parts.append(duration_in_words(self.seconds))
+        if self.seconds_left is not None:
+            parts.append(f"about {duration_in_words(self.seconds_left)} left")
+        return ", ".join(parts)
+
+    @property
+    def share(self) -> float | None:
+        """Share that is done, `None` where it is not known."""
+        return (
+            None if self.seconds_left is None else self.seconds / max(self.seconds + self.seconds_left, 1e-9)
+        )
 
 
 @dataclass(slots=True, kw_only=True)

@@ -25,6 +25,7 @@ from mrwork.identification.progress import Progress
 from mrwork.identification.result import fit_at
 from mrwork.identification.settings import FitSettings
 from mrwork.labelled import NamedArrays, WithAxes
+from mrwork.numbers import duration_in_words
 from mrwork.records import DamperTest, observed
 from mrwork.records.damper_test import as_tests
 from mrwork.store.journal import Journal
@@ -65,6 +66,23 @@ class LawProgress:
     left_out_percent: float
     seconds: float
     within: Progress | None = None
+
+    @property
+    def in_words(self) -> str:
+        """Progress in one line: the model if one of several, the task, how many laws are done, the best of them."""
+        several = self.n_models > 1
+        parts = [f"{self.model}, model {self.number} of {self.n_models}"] if several else []
+        parts.append(self.task)
+        if self.n_tried:
+            parts.append(f"{self.n_tried} tried, best left-out fit {self.left_out_percent:.2f} %")
+        if self.within is not None:
+            parts.append(f"{self.within.stage} {self.within.fit_percent:.2f} %")
+        return ", ".join([*parts, duration_in_words(self.seconds)])
+
+    @property
+    def share(self) -> float | None:
+        """Share that is done, `None` where it is not known."""
+        return None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

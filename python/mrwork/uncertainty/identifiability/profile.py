@@ -336,6 +336,19 @@ class ProfileProgress:
     evaluations: int
     seconds: float
 
+    @property
+    def in_words(self) -> str:
+        """Progress in one line: completed sides of profiles, points on them, and the rate."""
+        return (
+            f"{self.ended} of {self.sides} sides, {self.points} points, "
+            f"{self.evaluations / self.seconds:.0f} evaluations/s, {self.seconds:.0f} s"
+        )
+
+    @property
+    def share(self) -> float | None:
+        """Share that is done, `None` where it is not known."""
+        return self.ended / self.sides if self.sides else None
+
 
 @checked
 def profile(

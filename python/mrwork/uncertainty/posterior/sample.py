@@ -26,6 +26,7 @@ from mrwork.hints import Within
 from mrwork.identification.fit import Fit
 from mrwork.identification.problem import Problem, provenance_with
 from mrwork.identification.result import Slopes
+from mrwork.numbers import duration_in_words, format_rate
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
 from mrwork.store.codec import array_of, digest_of, package_version
@@ -357,6 +358,24 @@ class SamplingProgress:
     seconds: float
     steps_per_second: float
     diagnosis: Diagnosis | None
+
+    @property
+    def in_words(self) -> str:
+        """Progress in one line; the remaining time is that of the most steps, as convergence cannot be predicted."""
+        parts = [f"step {self.steps}", f"{format_rate(self.steps_per_second)} steps/s"]
+        if self.diagnosis is not None:
+            rhat = float(self.diagnosis.rhat.max())
+            parts.append(f"R-hat {rhat:.3f}, {self.diagnosis.length:.0f} autocorrelation times")
+        parts.append(duration_in_words(self.seconds))
+        if self.steps_per_second > 0.0:
+            left = (self.most_steps - self.steps) / self.steps_per_second
+            parts.append(f"at most {duration_in_words(left)} left")
+        return ", ".join(parts)
+
+    @property
+    def share(self) -> float | None:
+        """Share that is done, `None` where it is not known."""
+        return self.steps / self.most_steps
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,0 +1,72 @@
+"""`mrwork export`: a run as a file for MATLAB or OpenSees, or as a table."""
+
+from __future__ import annotations
+
+import argparse
+
+from mrwork.cli.command_parser import OUTPUT, CommandParser, examples
+from mrwork.cli.numbers import TIME_STEP, add_number, add_opensees_error, named_path
+from mrwork.cli.options import end_parser
+from mrwork.cli.output import print_result
+from mrwork.errors import SettingError
+
+_TARGETS = ("mat", "opensees", "csv")
+
+
+def add_options(parser: CommandParser) -> None:
+    """Declare the options."""
+    parser.description = (
+        "Write a run for another program, in SI. mat: parameters, laws, measured and simulated forces for MATLAB, "
+        "and every array of a study or a tuning, with units. opensees: a Bouc-Wen damper at one command as "
+        "materials of OpenSees, in Tcl, or for openseespy where FILE ends with .py. csv: of a fit the force over "
+        "velocity and command, of a study or a tuning its criteria or scores."
+    )
+    parser.epilog = examples(
+        "mrwork export out/rig --to mat --output rig.mat",
+        "mrwork export out/rig --to opensees --command 0.5A --error 0.01",
+    )
+    parser.add_argument(
+        "run_folder", type=named_path, metavar="RUN", help="folder of mrwork identify, respond or tune"
+    )
+    target, output = parser.group("target"), parser.group(OUTPUT)
+    target.add_argument("--to", required=True, choices=_TARGETS, metavar="TO", help="mat, opensees or csv")
+    target.add_argument(
+        "--command",
+        metavar="COMMAND",
+        help="command at which the damper is exported, as in 0.5A; csv: default five over the tested ones",
+    )
+    add_opensees_error(target)
+    add_number(
+        target,
+        "--time-step",
+        TIME_STEP,
+        "step of the analysis in OpenSees, of which the sub-steps are told; default 0.001",
+        metavar="S",
+    )
+    output.add_argument(
+        "--output",
+        type=named_path,
+        metavar="FILE",
+        help="file to write; without it opensees and csv are printed",
+    )
+    output.add_argument("--replace", action="store_true", help="replace a file that is there")
+    end_parser(parser, run, quiet="")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Write the file, or print the text."""
+    # SciPy and the readers of runs are slow to load.
+    from mrwork.exporting.export import export, exported
+
+    wanted = {"command": options.command, "error": options.error, "time_step": options.time_step}
+    if options.output is not None:
+        place = export(options.run_folder, options.to, options.output, replace=options.replace, **wanted)
+        document = {"run": str(options.run_folder), "to": options.to, "output": str(place)}
+        print_result(options, document, f"Written: {place}")
+        return 0
+    if options.to == "mat":
+        raise SettingError("--to mat writes a file that is no text; give --output FILE")
+    text = exported(options.run_folder, options.to, language="tcl", **wanted).decode()
+    document = {"run": str(options.run_folder), "to": options.to, "text": text}
+    print_result(options, document, text.rstrip("\n"))
+    return 0
