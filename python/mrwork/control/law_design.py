@@ -133,9 +133,16 @@ SETTINGS: Mapping[str, type[LawSettings]] = {
 
 
 SettingValue = (
-    float | Sequence[float] | Sequence[Sequence[float]] | Floats | WeightWishes | Mapping[str, Any] | None
+    float
+    | str
+    | Sequence[float]
+    | Sequence[Sequence[float]]
+    | Floats
+    | WeightWishes
+    | Mapping[str, Any]
+    | None
 )
-"""A value of a setting of a control law; a weight may be an array or a matrix, designed weights are a table."""
+"""A value of a setting of a control law: a number, a word, an array or matrix of weights, a table of designed ones."""
 
 _NO_SETTINGS: Final[Mapping[str, SettingValue]] = MappingProxyType({})
 
