@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from generate.equations import tex
 from generate.markdown import code, directive, document, fenced, prose, table, toctree
 from generate.study_keys import documentation, key_table
 from mrwork.control import SETTINGS, ControlLawSpec, control_laws
 from mrwork.control.weights import WeightWishes
 from mrwork.study.arrangements import CONSTANT_LAWS
+
+
+_EXPLANATION = Path(__file__).resolve().parents[1] / "explanation"
 
 
 def law_pages() -> dict[str, str]:
@@ -56,6 +61,9 @@ def _page(spec: ControlLawSpec) -> str:
         f"(law-{spec.name})=\n# {prose(spec.title)}",
         f"Name: {code(spec.name)}",
         prose(spec.description),
+        f"{{doc}}`/explanation/{spec.name}` says more."
+        if (_EXPLANATION / f"{spec.name}.md").is_file()
+        else "",
         "## Command",
         directive("math", "", tex(spec.equation)),
         f"Source: {prose(spec.source)}" + (f". Needs {prose(needs)}." if needs else ""),
