@@ -48,17 +48,22 @@ class Part:
 
 PARTS = {
     "no forecast": Part(settings={"forecast": "zero"}),
+    "order 1": Part(settings={"order": 1}),
     "order 8": Part(settings={"order": 8}),
     "horizon 0.12 s": Part(settings={"horizon": 0.12}),
+    "horizon 0.18 s": Part(settings={"horizon": 0.18}),
     "horizon 0.34 s": Part(settings={"horizon": 0.34}),
     "decision every 5 ms": Part(settings={"decision": 5e-3}),
     "decision every 20 ms": Part(settings={"decision": 2e-2}),
     "nothing and the largest before the base, 3 trials": Part(levels=(0.0, 1.0), tails=1),
     "the base as the only tail, 6 trials": Part(tails=1),
+    "three levels, 10 trials": Part(levels=(0.0, 0.213, 1.0)),
     "base halved": Part(scaled={"base": 0.5}),
+    "base doubled, at most the largest": Part(scaled={"base": 2.0}),
     "mean squares alone": Part(settings={"peak_weight": 0.0}),
     "no energy at the horizon": Part(settings={"energy_weight": 0.0}),
     "A / 1.5": Part(scaled={"acceleration": 1.0 / 1.5}),
+    "A x 1.5": Part(scaled={"acceleration": 1.5}),
 }
 
 
@@ -96,7 +101,7 @@ _ALL = {**_OBSERVED, "stiffness": 0.9, "damper": 0.85, "delay": 5e-3}
 LOOPS = {
     "observer, noise, 2 ms": Case(**_OBSERVED, delay=2e-3),
     "observer, noise, 5 ms": Case(**_OBSERVED, delay=5e-3),
-    "observer without ground sensor, noise, 2 ms": Case(**_OBSERVED, delay=2e-3, known_ground=False),
+    "observer that estimates the ground, noise, 2 ms": Case(**_OBSERVED, delay=2e-3, known_ground=False),
     "all: stiffness - 10 %, force - 15 %, observer, noise, 5 ms": Case(**_ALL),
     "all, force corrected": Case(**_ALL, part=Part(settings={"force_correction": 1.0})),
 }
