@@ -11,7 +11,6 @@ from mrwork.control import SETTINGS, ControlLawSpec, control_laws
 from mrwork.control.weights import WeightWishes
 from mrwork.study.arrangements import CONSTANT_LAWS
 
-
 _EXPLANATION = Path(__file__).resolve().parents[1] / "explanation"
 
 
