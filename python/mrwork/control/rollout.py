@@ -17,8 +17,9 @@ LEVELS = (0.0, 0.08, 0.213, 0.426, 1.0)
 """Commands that are tried beside the base alone, as shares of the largest."""
 _TAILS = (0.4, 2.0)
 _FORGETTING, _COVARIANCE = 0.998, 100.0
-# Seconds over which forces are compared, and the share of the inertia force at the reference acceleration that counts.
-_COMPARED, _COUNTED = 5.0, 0.04
+# Seconds over which forces are compared, and the share of the inertia force of a first mode at the reference drift that
+# counts: not of that at the reference acceleration, which a search changes, because its candidates share their tables.
+_COMPARED, _COUNTED = 5.0, 0.16
 # Peak rate of a device over that of a first mode at the reference drift.
 _RATE = 3.0
 _MOST = 64
@@ -141,7 +142,7 @@ class RolloutSettings(LawSettings):
             tables={
                 "timing": np.array([self.decision, self.step or 0.0, problem.delay, rate, first * rate]),
                 "forecast": np.array([order, _FORGETTING, _COVARIANCE]),
-                "correction": np.array([_COMPARED, _COUNTED * building.total_mass * acceleration]),
+                "correction": np.array([_COMPARED, _COUNTED * building.total_mass * first**2 * drift]),
             },
         )
 
