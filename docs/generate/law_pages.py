@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from generate.equations import tex
 from generate.markdown import code, directive, document, fenced, prose, table, toctree
 from generate.study_keys import documentation, key_table
@@ -9,6 +11,8 @@ from mrwork.control import SETTINGS, ControlLawSpec, control_laws
 from mrwork.control.further_signals import SOURCES
 from mrwork.control.weights import WeightWishes
 from mrwork.study.arrangements import CONSTANT_LAWS
+
+_EXPLANATION = Path(__file__).resolve().parents[1] / "explanation"
 
 
 def law_pages() -> dict[str, str]:
@@ -58,6 +62,9 @@ def _page(spec: ControlLawSpec) -> str:
         f"(law-{spec.name})=\n# {prose(spec.title)}",
         f"Name: {code(spec.name)}",
         prose(spec.description),
+        f"{{doc}}`/explanation/{spec.name}` says more."
+        if (_EXPLANATION / f"{spec.name}.md").is_file()
+        else "",
         "## Command",
         directive("math", "", tex(spec.equation)),
         f"Source: {prose(spec.source)}" + (f". Needs {prose(needs)}." if needs else ""),

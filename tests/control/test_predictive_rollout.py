@@ -16,6 +16,7 @@ from mrwork import Device
 from mrwork.closed_loop import Fault, Hardware, LoopSample, Responses, UserLaw, simulate_loop
 from mrwork.control import ControlLaw, DesignProblem, LoopModel, design_law
 from mrwork.dampers import DamperSpec
+from mrwork.errors import SettingError
 from mrwork.simulation import Outcome
 
 Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
@@ -220,6 +221,13 @@ def test_the_settings_that_a_law_leaves_out_are_those_of_the_problem() -> None:
     given = design_law("predictive_rollout", problem(), REFERENCES)
     for name, gain in given.gains.items():
         np.testing.assert_array_equal(found.gains[name], gain)
+
+
+def test_a_forecast_is_chosen_by_name() -> None:
+    still = design_law("predictive_rollout", problem(), {**REFERENCES, "forecast": "zero"})
+    assert still.tables["forecast"][0] == 0.0
+    with pytest.raises(SettingError, match="zero"):
+        design_law("predictive_rollout", problem(), {**REFERENCES, "forecast": "exact"})
 
 
 def test_what_a_rollout_cannot_take_is_refused(refused: Refused) -> None:

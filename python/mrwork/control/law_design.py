@@ -134,6 +134,7 @@ SETTINGS: Mapping[str, type[LawSettings]] = {
 
 SettingValue = (
     float
+    | str
     | Sequence[float]
     | Sequence[str]
     | Sequence[Sequence[float]]
@@ -142,8 +143,8 @@ SettingValue = (
     | Mapping[str, Any]
     | None
 )
-"""A value of a setting of a control law; a weight may be an array or a matrix, designed weights are a table, further
-signals names."""
+"""A value of a setting of a control law: a number, a word, an array or matrix of weights, a table of designed ones,
+names of signals."""
 
 _NO_SETTINGS: Final[Mapping[str, SettingValue]] = MappingProxyType({})
 

@@ -1,0 +1,84 @@
+"""Findings as tables, for a terminal and for a page."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from mrwork.closed_loop import SCORE
+from mrwork.report import Table
+from studies.common.table import Cell, table_of
+from studies.robust_control.findings import CLAIRVOYANT
+from studies.rollout.loop import CLEARLY, FOUR, SIXTEEN, TRAINING
+
+_LARGER = "mean of the larger ratio"
+_RATIOS = ("peak drift", "peak acc.", "rms drift", "rms acc.")
+_NOTE = (
+    "Larger ratio: the larger one of peak drift and peak acceleration to those of the constant command that is best on "
+    "the same motions."
+)
+
+
+def tables(found: Mapping[str, Any]) -> Iterator[Table]:
+    """The tables of the README."""
+    for level, figures in found["levels"].items():
+        yield table_of(f"Laws at {level}", "law", figures["laws"], _law_columns(figures), note=_NOTE)
+        yield table_of(
+            f"Wrong models, sensors and delay at {level}, sixteen", "loop", figures["loops"], _columns()
+        )
+        yield table_of(
+            f"One change at {level}, true state, strong seconds of the sixteen",
+            "change",
+            figures["changes"],
+            _columns(),
+        )
+        if CLAIRVOYANT in figures:
+            yield table_of(
+                f"How much is left at {level}",
+                "motion",
+                figures[CLAIRVOYANT],
+                {name: f"{{{name}:.3f}}" for name in ("best constant", "rollout", CLAIRVOYANT)},
+                note="Scores. The clairvoyant knows the motion; a local optimum of several starts, not certified.",
+            )
+    cost = found["cost"]
+    yield Table(
+        title="Cost of the law on this machine, one thread",
+        columns=("quantity", "value"),
+        rows=(
+            ("decisions a second, loops in lanes", f"{cost['decisions_per_second']:,.0f}"),
+            ("time of a decision, loops in lanes [us]", f"{cost['microseconds']:.0f}"),
+            ("time of a decision, one loop alone [ms]", f"{cost['milliseconds_alone']:.1f}"),
+            ("time from one decision to the next [ms]", f"{cost['hold_ms']:.0f}"),
+            ("operations of a decision, estimated", f"{cost['operations']:,.0f}"),
+            ("lane-steps a second with the law", f"{cost['lane_steps_per_second']:,.0f}"),
+            ("lane-steps a second at i = 0", f"{cost['lane_steps_per_second_without']:,.0f}"),
+            ("a candidate under the sixteen motions [s]", f"{cost['candidate_s']:.0f}"),
+        ),
+    )
+
+
+def _columns() -> dict[str, Cell]:
+    return {
+        "score": "{score:.3f}",
+        _LARGER: "{larger:.3f}",
+        f"both by {CLEARLY:.0%}": lambda row: f"{row['clearly']} of {row['motions']}",
+        "both": lambda row: f"{row['both']} of {row['motions']}",
+    }
+
+
+def _law_columns(figures: Mapping[str, Any]) -> dict[str, Cell]:
+    groups = figures["constant"]
+
+    def of(group: str, text: Cell) -> Cell:
+        return lambda row: text.format_map(row[group]) if isinstance(text, str) else text(row[group])
+
+    columns = {group: of(group, "{score:.3f}") for group in (TRAINING, FOUR, SIXTEEN) if group in groups}
+    for title, name in zip(_RATIOS, SCORE, strict=True):
+        columns[title] = of(SIXTEEN, lambda row, name=name: f"{row['ratios'][name]:.3f}")
+    columns |= {title: of(SIXTEEN, cell) for title, cell in list(_columns().items())[1:]}
+    if FOUR in groups:
+        columns |= {
+            "four: larger ratio": of(FOUR, "{larger:.3f}"),
+            f"four: both by {CLEARLY:.0%}": of(FOUR, "{clearly} of {motions}"),
+        }
+    return columns
