@@ -263,6 +263,9 @@ def search_calls(_: Path) -> Calls:
             seconds=5.0,
             until=0.1,
         ),
+        "misfit_under_constraints": lambda: call(
+            search.misfit_under_constraints, columns=np.array([[1.0, -1.0], [2.0, 1.0]])
+        ),
         "StopRules": lambda: call(
             search.StopRules,
             target=0.1,

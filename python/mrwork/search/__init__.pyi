@@ -1,3 +1,4 @@
+from .constraints import misfit_under_constraints as misfit_under_constraints
 from .differential_evolution import DifferentialEvolution as DifferentialEvolution
 from .genetic import EfficientGA as EfficientGA
 from .genetic import StandardGA as StandardGA

@@ -206,7 +206,7 @@ def run_search(
         Settings of a search, such as `EfficientGA()`.
     objective
         Maps points (m, n_params) to misfits (m,) >= 0, infinite for a failure: a function of yours, or one of
-        `mr.objective` with the coordinates "unit".
+        `mr.objective` with the coordinates "unit"; constraints enter by `misfit_under_constraints`.
     rng
         Seed; the same seed gives the same bits.
     n_params
