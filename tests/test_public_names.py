@@ -41,7 +41,7 @@ INNER_NAMESPACES = ("dampers.design",)
 # Modules of one public purpose; `twins` needs JAX.
 OWN_PATHS = ("errors", "simulation", "synthetic", "twins")
 # Studies that measure the simulation itself, below the models of dampers.
-OF_KERNELS = ("studies/speed/", "studies/stiff_stepping/")
+OF_KERNELS = ("studies/speed/", "studies/stiff_stepping/", "studies/rollout/findings.py")
 
 # Dataclasses that are no results: their few numbers fit on a line, so they keep the `repr` that can be evaluated.
 SMALL_VALUES = {

@@ -13,10 +13,11 @@ from sentences import Refused
 import mrwork as mr
 from mrwork.plots.explore import Explorer
 
+pytest.importorskip("ipywidgets", reason="ipywidgets, of the extra notebook, is not installed")
+
 
 @pytest.fixture
 def explorer() -> Explorer:
-    pytest.importorskip("ipywidgets", reason="ipywidgets, of the extra notebook, is not installed")
     return mr.explore(MODEL, small_test())
 
 
@@ -62,7 +63,6 @@ def test_the_first_values_are_those_that_are_given(explorer: Explorer) -> None:
 
 
 def test_without_a_test_the_nominal_loop_is_shown_and_nothing_is_fitted() -> None:
-    pytest.importorskip("ipywidgets", reason="ipywidgets, of the extra notebook, is not installed")
     spec = mr.damper("bingham").with_current_laws({"f_c": "linear"}, unit="A")
     explorer = mr.explore(spec, command=1.0)
     assert np.allclose(explorer.theta, spec.nominal)
@@ -72,7 +72,6 @@ def test_without_a_test_the_nominal_loop_is_shown_and_nothing_is_fitted() -> Non
 
 
 def test_a_model_that_cannot_be_simulated_is_a_line_without_points() -> None:
-    pytest.importorskip("ipywidgets", reason="ipywidgets, of the extra notebook, is not installed")
     test = small_test()
     theta = np.array(mr.damper("bouc_wen").nominal)
     theta[mr.damper("bouc_wen").names.index("A")] = 1e6
@@ -87,7 +86,6 @@ def test_a_notebook_shows_the_sliders(explorer: Explorer) -> None:
 
 
 def test_what_cannot_be_explored_is_refused(refused: Refused, monkeypatch: pytest.MonkeyPatch) -> None:
-    pytest.importorskip("ipywidgets", reason="ipywidgets, of the extra notebook, is not installed")
     refused(mr.explore, MODEL, small_test(), theta=[1.0])
     refused(mr.explore, MODEL, small_test(), command=1.0)
     refused(mr.explore, fit_with_laws())

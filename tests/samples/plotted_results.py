@@ -25,7 +25,7 @@ from mrwork.identification.settings import Reading
 from mrwork.store.output_folder import Destination
 from mrwork.store.run_folder import FIT_RUN
 from mrwork.tuning import Front, FrontPoint
-from mrwork.uncertainty import StoredBands
+from mrwork.uncertainty.bands.calibration_files import StoredBands
 
 _QUICK = Multistart(samples=32, starts=2)
 

@@ -12,10 +12,10 @@ from sentences import Refused
 
 import mrwork as mr
 from mrwork.study import TuneTable
-from mrwork.tuning import LawCandidate, tune
+from mrwork.tuning import tune
 from mrwork.tuning.problem import Clock, benches_of, magnitudes_of
 from mrwork.tuning.results import chosen_study, settings_in_words
-from mrwork.tuning.space import space_of
+from mrwork.tuning.space import LawCandidate, space_of
 
 TUNE = """
 [[tune]]

@@ -11,7 +11,7 @@ from importlib import import_module
 from math import ceil
 from pathlib import Path
 from statistics import NormalDist
-from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Literal, NamedTuple
 
 import numpy as np
 
@@ -228,6 +228,8 @@ class Draws(WithAxes, Summarised):
     `measured` has the force of each test [N] by its name. Draws that were read from a file have no `provenance`; the
     file has it as text.
     """
+
+    _made_by: ClassVar[str] = "mr.sample(fit, tests)"
 
     model: str
     names: tuple[str, ...]
