@@ -188,8 +188,8 @@ def test_numbers_that_are_no_numbers_never_panic(call, argument, place, array):
 
 
 def test_runs_of_another_width_are_refused_with_the_right_one(refused: Refused):
-    for columns in (2, 4, 0):
-        # An array of two columns made the module panic, one of four lost its last.
+    for columns in (3, 4, 6, 0):
+        # An array of too few columns made the module panic, one of too many lost its last.
         runs = np.zeros((4, columns), dtype=np.uint32)
         refused(_rust.respond, **{**respond_arguments(), "runs": runs})
 
@@ -238,7 +238,7 @@ def test_no_draws_are_refused(refused: Refused):
     theta = np.empty((0, DEVICES, len(NOMINAL)))
     dampers = _rust.Dampers(**{**dampers_arguments(), "theta": theta})
     refused(_rust.respond, **{**respond_arguments(), "dampers": dampers})
-    nothing = {"dampers": dampers, "runs": np.empty((0, 3), np.uint32), "streams": np.empty(0, np.uint64)}
+    nothing = {"dampers": dampers, "runs": np.empty((0, 5), np.uint32), "streams": np.empty(0, np.uint64)}
     summary, *_ = _rust.respond(**{**respond_arguments(), **nothing})
     assert summary.shape[0] == 0
 

@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import matplotlib.pyplot as plt
 import pytest
 import valid_calls_dampers
 import valid_calls_design
@@ -46,6 +47,12 @@ REFUSED = {
         "with_tuned_law",
     ),
 }
+
+
+@pytest.fixture(autouse=True)
+def _figures_are_closed() -> Iterator[None]:
+    yield
+    plt.close("all")
 
 
 @contextmanager

@@ -135,7 +135,9 @@ def respond_arguments() -> dict[str, Any]:
         "controller": _rust.Controller(**controller_arguments()),
         "hardware": hardware(),
         "motions": [(0.01, np.ones(4)), (0.01, np.ones(3))],
-        "runs": np.array([[0, 0, 0], [1, 1, 1], [2, 0, 1], [2, 1, 0]], dtype=np.uint32),
+        "runs": np.array(
+            [[0, 0, 0, 0, 0], [1, 1, 1, 0, 0], [2, 0, 1, 0, 0], [2, 1, 0, 0, 0]], dtype=np.uint32
+        ),
         "streams": np.arange(4, dtype=np.uint64),
         "observer": _rust.Observer(**observer_arguments()),
         "histories": True,
