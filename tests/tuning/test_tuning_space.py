@@ -26,6 +26,7 @@ MAGNITUDES = Magnitudes(
     rate=0.1,
     ground=1.0,
     command=1.88,
+    constant_drift=2e-3,
     constant_acceleration=2.0,
 )
 

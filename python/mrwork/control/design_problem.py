@@ -185,6 +185,7 @@ Magnitude = Literal[
     "rate",
     "ground",
     "command",
+    "constant_drift",
     "constant_acceleration",
     "cost",
 ]
@@ -198,8 +199,8 @@ class Magnitudes(Summarised):
 
     Drift, floor displacement [m], floor velocity [m/s] and acceleration [m/s^2], twice the energy [J], stroke [m] and
     rate [m/s] of a device at i = 0, its force [N] at the largest command, peak of the ground motions [m/s^2], largest
-    command [A or V]. `constant_acceleration` [m/s^2] is the mean peak under the best constant command, where a law
-    refers to it. `cost` is what the weights that are not free add up to.
+    command [A or V]. `constant_drift` [m] and `constant_acceleration` [m/s^2] are mean peaks under the best constant
+    command, where a law refers to them. `cost` is what the weights that are not free add up to.
     """
 
     drift: float
@@ -212,6 +213,7 @@ class Magnitudes(Summarised):
     rate: float
     ground: float
     command: float
+    constant_drift: float = 0.0
     constant_acceleration: float = 0.0
     cost: float = 1.0
 

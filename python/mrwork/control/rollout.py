@@ -48,6 +48,8 @@ class RolloutSettings(LawSettings):
         unit="m",
         default=None,
         above=0.0,
+        # Only the ratio of A to D matters, so a search frees the other one.
+        span=Span(lower=0.3, upper=3.0, start=1.0, of=(("constant_drift", 1.0),), free=False),
     )
     acceleration: float | None = key(
         "reference acceleration A",

@@ -306,6 +306,7 @@ def magnitudes_of(bench: Bench, laws: Sequence[str] = ()) -> Magnitudes:
     if bench.problem.reference_peaks is not None and any(SETTINGS[law].chooses_levels for law in laws):
         constant = bench.problem.reference_peaks()
     return Magnitudes(
+        constant_drift=0.0 if constant is None else constant.drift,
         constant_acceleration=0.0 if constant is None else constant.acceleration,
         drift=off("peak_drift"),
         displacement=displacement,
