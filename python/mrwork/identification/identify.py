@@ -85,7 +85,7 @@ def identify(
         moved inside.
     ties
         Parameter name to an expression of others, such as {"k": "2*c"}: numbers, parameters, parentheses and
-        + - * / **. A tied parameter is none of the search; it stays inside its bounds, and its standard error follows
+        `+ - * / **`. A tied parameter is none of the search; it stays inside its bounds, and its standard error follows
         from those of the others.
     power
         The objective is (mean NRMSE^power)^(1/power) over the tests: 2 is the root mean square, a higher power gives

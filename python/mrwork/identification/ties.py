@@ -1,6 +1,6 @@
 """Parameters that are tied to others by an expression, such as k = 2*c: its grammar, its values and its derivatives.
 
-An expression has numbers, names of parameters, parentheses and + - * / **, an exponent being a number. It is read as
+An expression has numbers, names of parameters, parentheses and `+ - * / **`, an exponent being a number. It is read as
 syntax and walked; nothing is run.
 """
 
