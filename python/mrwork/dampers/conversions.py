@@ -211,7 +211,7 @@ class OpenSeesBoucWen:
         """Strain step [m] up to which OpenSees keeps the error of z below a share `error` of its largest value.
 
         Its backward Euler rule is of first order in the strain step d. With w = z/z_max, rho = Ao/z_max,
-        sigma = beta/(beta+gamma) and phi(w) = 1 - |w|^n (1 - sigma + sigma sgn(w)), a branch from w_0 has the error
+        sigma = beta/(beta+gamma) and ``phi(w) = 1 - |w|^n (1 - sigma + sigma sgn(w))``, a branch from w_0 has the error
         ``rho d phi ln(phi/phi_0) / 2`` to first order. Its largest value after a full reversal, from w_0 = -1, is
         ``rho d sigma / e`` for sigma >= 1/2; below, ``rho d max(1/e, ln(1/(2 sigma))) / 2``. Irregular motions with
         reversals within the loop reach up to 1.05 times this for sigma >= 1/2 and 1.42 times below, for which there is
