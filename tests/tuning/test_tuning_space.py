@@ -114,6 +114,11 @@ def test_a_space_that_cannot_be_searched_is_refused(refused: Refused) -> None:
         refused(space_of, TuneTable(laws=("clipped_optimal",), **keys), "clipped_optimal", MAGNITUDES)  # type: ignore[arg-type] # of several keys
 
 
+def test_a_setting_that_candidates_share_is_not_freed(refused: Refused) -> None:
+    table = TuneTable(laws=("predictive_rollout",), free={"drift": (), "horizon": ()})
+    refused(space_of, table, "predictive_rollout", MAGNITUDES)
+
+
 @pytest.mark.parametrize(
     ("lower", "upper", "scale", "levels"),
     [(1.0, 1.0, "linear", 0), (0.0, 1.0, "log", 0), (1e-300, 1e90, "log", 0), (0.0, 1.0, "linear", 1)],

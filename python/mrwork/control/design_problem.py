@@ -224,7 +224,8 @@ class Span:
 
     `lower`, `upper` and `start` are multiples of the product of the magnitudes `of`, each with its power; a `start` of
     `None` is the default of the setting. The search is uniform in the number or in its logarithm, by `scale`. It
-    changes the setting only if `free`, or where it is asked to; of an array each number, beginning with `entries`.
+    changes the setting only if `free`, or where it is asked to, and never where `held` says why; of an array each
+    number, beginning with `entries`.
     """
 
     lower: float
@@ -233,6 +234,7 @@ class Span:
     start: float | None = None
     scale: Literal["log", "linear"] = "log"
     free: bool = True
+    held: str = ""
     entries: tuple[float, ...] = ()
 
     def unit(self, magnitudes: Magnitudes) -> float:

@@ -48,8 +48,14 @@ class RolloutSettings(LawSettings):
         unit="m",
         default=None,
         above=0.0,
-        # Only the ratio of A to D matters, so a search frees the other one.
-        span=Span(lower=0.3, upper=3.0, start=1.0, of=(("constant_drift", 1.0),), free=False),
+        span=Span(
+            lower=0.3,
+            upper=3.0,
+            start=1.0,
+            of=(("constant_drift", 1.0),),
+            free=False,
+            held="only the ratio of acceleration to it matters; free acceleration",
+        ),
     )
     acceleration: float | None = key(
         "reference acceleration A",

@@ -453,6 +453,8 @@ def _free_names(
                     "free",
                     name,
                 )
+            if name in spans and spans[name].held:
+                refuse_within(table, f"{name} of {law} is not searched: {spans[name].held}", "free", name)
             if name in (table.settings or {}):
                 refuse_within(table, f"{name} is held among the settings and free; keep one", "free", name)
         return list(table.free)
