@@ -36,15 +36,15 @@ from mrwork.stored import StoredRun
 from mrwork.uncertainty.bands.band import Band
 from mrwork.uncertainty.bands.conformal import Calibration, calibrate
 from mrwork.uncertainty.bands.prediction import Prediction
-from mrwork.uncertainty.identifiability.profile import Profile, Profiles
+from mrwork.uncertainty.identifiability.profile import Profile, Profiles, likelihood_threshold
 from mrwork.uncertainty.posterior.draws import Draws
 
 if TYPE_CHECKING:
     from mrwork.labelled import DataFrame
 
 _COMMANDS = 101
-# Ratio that a single profile shows as its threshold: 95 % of chi-squared with one degree of freedom.
-_THRESHOLD = 3.841458820694124
+# Level of the threshold that a single profile shows.
+_LEVEL = 0.95
 
 
 @overload
@@ -187,7 +187,7 @@ def profiles(
             raise _absent(result, "profile likelihoods", "profile", "draw those of `mr.profile(fit, tests)`")
         result = result.profiles
     several = [result] if isinstance(result, Profile) else list(result.profiles)
-    threshold = _THRESHOLD if isinstance(result, Profile) else result.threshold
+    threshold = likelihood_threshold(_LEVEL) if isinstance(result, Profile) else result.threshold
     by_name = {each.name: each for each in several}
     names = _choose(parameters, list(by_name), "profiled parameter")
     if data:

@@ -96,9 +96,8 @@ def histories(
     if isinstance(result, GroundMotion | History):
         return _signals(result, ax, signal, data=data)
     pair = _one(result, test)
-    table = _table([pair], ("force",))
     if data:
-        return table.to_pandas()
+        return _table([pair], ("force",)).to_pandas()
     axes, (record, model_force) = axes_for(ax), pair
     unit = _force_unit([pair])
     add_record(axes, record, model_force, unit)

@@ -239,6 +239,11 @@ class Profiles(WithAxes, Summarised):
         )
 
 
+def likelihood_threshold(level: float) -> float:
+    """Quantile of chi-squared with one degree of freedom, the square of a normal variable."""
+    return NormalDist().inv_cdf(0.5 * (1.0 + level)) ** 2
+
+
 def _profile_of(
     parameter: ParamSpec,
     scaled: Scaled,
@@ -413,8 +418,7 @@ def profile(
     )
     n_effective = effective_samples(residuals_by_test(residuals, objective.tests))
     dof = n_effective * max(1.0 - len(box.free) / residuals.size, 0.0)
-    # Quantile of chi-squared with one degree of freedom, the square of a normal variable.
-    threshold = NormalDist().inv_cdf(0.5 * (1.0 + level)) ** 2
+    threshold = likelihood_threshold(level)
 
     def result(sides: Sides, status: Literal["finished", "interrupted"]) -> Profiles:
         least = min(each.squared for side in sides.values() for each in side.points)
