@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 
 import mrwork as mr
-from mrwork.compile_time import COMPILE_TIME
 from mrwork.progress_display import (
+    COMPILE_TIME,
     Display,
     NotebookBar,
     PlainLines,

@@ -16,7 +16,6 @@ from types import TracebackType
 from typing import Any, Generic, Protocol, TypeVar, runtime_checkable
 
 from mrwork.arguments import NotNegative, checked
-from mrwork.compile_time import COMPILE_TIME
 from mrwork.escaping import escape_text
 from mrwork.numbers import duration_in_words
 
@@ -26,6 +25,23 @@ Write = Callable[[str], None]
 _BAR = 20
 # Compilations that are shorter are not told [s].
 _TOLD = 1.0
+_COMPILED = "/jax/core/compile/backend_compile_duration"
+
+
+class CompileTime:
+    """Sum of the times that JAX reports as compilation [s]; `twins` lets JAX report them, where it is loaded."""
+
+    def __init__(self) -> None:
+        self.seconds = 0.0
+
+    def count(self, event: str, duration_secs: float, **_: str | int) -> None:
+        """Count an event of JAX, where it is a compilation."""
+        if event == _COMPILED:
+            self.seconds += duration_secs
+
+
+COMPILE_TIME = CompileTime()
+"""Of this process."""
 
 
 @runtime_checkable

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from importlib import import_module
 from math import inf, isfinite
-from typing import ClassVar, Literal, get_args
+from pathlib import Path
+from typing import Any, ClassVar, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -231,6 +233,15 @@ class FittedDamper:
     theta: tuple[float, ...]
     tested: OperatingRange | None = None
     draws: Callable[[], Floats | None] = lambda: None
+
+
+def fitted_damper(run: Path) -> Any:
+    """The `FittedDamper` in the folder of a run of `mrwork identify`.
+
+    The control of buildings does not import the identification, which reads run folders: the reader is named here, and
+    loaded when a study names a run.
+    """
+    return import_module("mrwork.stored").fitted_damper(run)
 
 
 def outside_of(

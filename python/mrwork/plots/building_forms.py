@@ -1,9 +1,9 @@
-"""The figures of motions, closed loops, studies and fronts as methods, see `short_forms`."""
+"""The figures of motions, closed loops, studies and fronts as methods, see `plotted`."""
 
 from __future__ import annotations
 
 from mrwork.plots import of_buildings, of_fronts, of_motions, of_time
-from mrwork.plots.short_forms import Plots, short
+from mrwork.plotted import Plots, short
 
 
 class HistoryPlots(Plots):

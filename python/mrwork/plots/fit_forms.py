@@ -1,9 +1,9 @@
-"""The figures of tests, fits and what is known about them as methods, see `short_forms`."""
+"""The figures of tests, fits and what is known about them as methods, see `plotted`."""
 
 from __future__ import annotations
 
 from mrwork.plots import of_fits, of_time
-from mrwork.plots.short_forms import Plots, short
+from mrwork.plotted import Plots, short
 
 
 class TestPlots(Plots):

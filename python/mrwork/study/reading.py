@@ -22,7 +22,6 @@ from mrwork.closed_loop.hardware import Hardware, refuse_unmeasured
 from mrwork.control.design_problem import ReferencePeaks
 from mrwork.control.laws import ControlLaw, control_laws
 from mrwork.errors import SettingError
-from mrwork.fitted_damper import fitted_damper
 from mrwork.keys import KeyPath, Place, read_table, suggestion
 from mrwork.motions import GroundMotion
 from mrwork.motions.ground_motion import (
@@ -65,7 +64,7 @@ from mrwork.study.study import (
     make_arrangement,
     realisations_of,
 )
-from mrwork.tested_range import FittedDamper
+from mrwork.tested_range import FittedDamper, fitted_damper
 from mrwork.units import STANDARD_GRAVITY
 from mrwork.values import Floats
 
