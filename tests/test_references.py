@@ -11,8 +11,8 @@ from command_line import mrwork
 
 import mrwork as mr
 from mrwork import buildings, control
+from mrwork.cli.cite import references_in, references_of
 from mrwork.dampers.spec import PUBLISHED_SETS  # of all models at once
-from mrwork.references import references_in, references_of
 from mrwork.search.registry import ALL_OPTIMISERS  # with those that other libraries bring
 
 SOURCES = {

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from mrwork.cli.progress import progress_line, reading_line
+from mrwork.cli.output import progress_line, reading_line
 from mrwork.identification import Progress
 from mrwork.identification.progress import IdentificationInWords
 from mrwork.identification.settings import Reading

@@ -27,7 +27,7 @@ from mrwork.motions import read_motion
 from mrwork.records import read_damper_test
 from mrwork.report import departures
 from mrwork.store.input_file import RECORD, read_arrays
-from mrwork.store.journal_file import line_of, read_lines
+from mrwork.store.journal import line_of, read_lines
 from mrwork.tuning import LawResult
 from mrwork.tuning.results import judgement_of_objective
 

@@ -47,13 +47,13 @@ OPENERS = {
     ),
 }
 ELSEWHERE = {
+    "cli/cite.py": "a file of the package",
     "cli/init.py": "a file of the package",
     "cli/terminal.py": "the null device in place of a closed output",
     "files/delimited.py": "lines in memory",
     "namespace.py": "stubs of the package",
     "files/open_table.py": "bytes in memory",
     "files/rows.py": "bytes in memory",
-    "references.py": "a file of the package",
     "report/style.py": "a file of the package",
     "report/html.py": "files of the package",
     "store/child_reader.py": "what its child process prints",

@@ -17,14 +17,12 @@ from mrwork.cli.options import (
     add_run,
     add_threads,
     end_parser,
-    is_quiet,
     nuisances_of,
     observation_of,
     opened_run,
     read_tests,
 )
-from mrwork.cli.output import end_addition, told_findings
-from mrwork.cli.progress import progress_line
+from mrwork.cli.output import end_addition, is_quiet, progress_line, told_findings
 from mrwork.cli.terminal import note
 from mrwork.errors import SettingError
 from mrwork.identification.fit import Fit

@@ -13,8 +13,7 @@ import numpy as np
 from mrwork.cli.command_parser import OUTPUT, CommandParser, examples
 from mrwork.cli.numbers import named_path
 from mrwork.cli.options import add_files, end_parser, reading_of
-from mrwork.cli.output import print_json
-from mrwork.cli.progress import reading_line
+from mrwork.cli.output import print_json, reading_line
 from mrwork.cli.terminal import note, show
 from mrwork.command_signal import Command, command_range
 from mrwork.errors import MrworkError, SettingError

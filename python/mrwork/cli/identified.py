@@ -13,9 +13,16 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from mrwork.cli.options import is_quiet
-from mrwork.cli.output import as_plain, drawing, print_json, result_lines, stopped_in_words
-from mrwork.cli.progress import progress_line, task_line
+from mrwork.cli.output import (
+    as_plain,
+    drawing,
+    is_quiet,
+    print_json,
+    progress_line,
+    result_lines,
+    stopped_in_words,
+    task_line,
+)
 from mrwork.cli.terminal import note, show
 from mrwork.dampers.spec import damper
 from mrwork.errors import Interrupted

@@ -33,8 +33,7 @@ from mrwork.cli.options import (
     parse_ties,
     read_tests,
 )
-from mrwork.cli.output import as_plain
-from mrwork.cli.progress import in_words
+from mrwork.cli.output import as_plain, in_words
 from mrwork.cli.terminal import note
 from mrwork.dampers.spec import ALL, DamperSpec, damper
 from mrwork.errors import SettingError

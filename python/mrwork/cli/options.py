@@ -10,7 +10,7 @@ from typing import get_args
 
 from mrwork.cli.command_parser import COMPUTATION, MEASUREMENT, OUTPUT, RECORDS, CommandParser
 from mrwork.cli.numbers import EVERY, INSTANT, SEED, SETTLE, THREADS, add_number, named_path
-from mrwork.cli.progress import reading_line
+from mrwork.cli.output import is_quiet, reading_line
 from mrwork.cli.terminal import note
 from mrwork.dampers.parameters import LawName
 from mrwork.errors import SettingError
@@ -161,11 +161,6 @@ def end_parser(
         "--json", action="store_true", help="print one JSON object on stdout and nothing else"
     )
     parser.set_defaults(run=run)
-
-
-def is_quiet(options: argparse.Namespace) -> bool:
-    """Whether no progress line is shown."""
-    return bool(options.json or getattr(options, "quiet", False))
 
 
 def reading_of(options: argparse.Namespace, use: Use | EveryUse) -> Reading:

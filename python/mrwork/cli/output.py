@@ -1,18 +1,18 @@
-"""Output that verbs share: JSON, tables, and the page of a run, which is written again."""
+"""Output that verbs share: progress on stderr, JSON, tables, and the page of a run, which is written again."""
 
 from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
-from mrwork.cli.options import is_quiet
-from mrwork.cli.progress import in_words, progress_line
-from mrwork.cli.terminal import note, show
+from mrwork.cli.terminal import note, show, write_stderr
 from mrwork.errors import MrworkError, OutputError
+from mrwork.progress_display import ProgressLine, Told
 from mrwork.records import DamperTest
 from mrwork.records.findings import SharedFinding, Verb, findings_for
 from mrwork.store.codec import finite
@@ -21,7 +21,50 @@ from mrwork.summary import Summarised, align_rows
 
 if TYPE_CHECKING:
     from mrwork.identification.fit import Fit
+    from mrwork.identification.settings import OnRead
     from mrwork.report.section import OnDrawn
+
+Report = TypeVar("Report")
+
+PATIENCE = 2.0
+"""Seconds until the progress line appears, for computations that are often shorter."""
+
+
+def is_quiet(options: argparse.Namespace) -> bool:
+    """Whether no progress line is shown."""
+    return bool(options.json or getattr(options, "quiet", False))
+
+
+def in_words(report: Told) -> str:
+    """What a report says itself."""
+    return report.in_words
+
+
+def progress_line(
+    described: Callable[[Report], str], *, quiet: bool, patience: float = PATIENCE
+) -> ProgressLine[Report]:
+    """A line of progress, which is cleared at the end."""
+    return ProgressLine(described, write=write_stderr, note=note, quiet=quiet, patience=patience)
+
+
+@contextmanager
+def reading_line(*, quiet: bool) -> Iterator[OnRead]:
+    """Progress line with the number of tests that have been read."""
+    with progress_line(_reading_described, quiet=quiet, patience=0.0) as line:
+        yield lambda done, total: line((done, total))
+
+
+def _reading_described(read: tuple[int, int]) -> str:
+    done, total = read
+    return "reading the test" if total == 1 else f"reading {done + 1} of {total} tests"
+
+
+@contextmanager
+def task_line(task: str, *, quiet: bool) -> Iterator[None]:
+    """A line that names a task while it is done."""
+    with progress_line(str, quiet=quiet, patience=0.0) as line:
+        line(task)
+        yield
 
 
 def print_json(document: object) -> None:

@@ -6,8 +6,8 @@ import argparse
 from typing import TYPE_CHECKING
 
 from mrwork.cli.command_parser import CommandParser, examples
-from mrwork.cli.options import add_run, end_parser, is_quiet
-from mrwork.cli.output import drawing, print_json, told_findings
+from mrwork.cli.options import add_run, end_parser
+from mrwork.cli.output import drawing, is_quiet, print_json, told_findings
 from mrwork.cli.terminal import show
 from mrwork.records import DamperTest
 from mrwork.store.run_folder import FIGURES, REPORT

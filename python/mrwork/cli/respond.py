@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.numbers import named_path
-from mrwork.cli.options import add_out, add_seed, add_threads, end_parser, is_quiet
-from mrwork.cli.progress import in_words, progress_line
+from mrwork.cli.options import add_out, add_seed, add_threads, end_parser
+from mrwork.cli.output import in_words, is_quiet, progress_line
 from mrwork.cli.terminal import keep_stdout, show
 from mrwork.errors import SettingError
 from mrwork.store.run_folder import STUDY_RUN

@@ -10,21 +10,16 @@ from typing import TYPE_CHECKING, Any
 
 from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.numbers import TEMPERING, Range, add_number
-from mrwork.cli.options import (
-    add_run,
-    add_seed,
-    add_threads,
-    end_parser,
-    is_quiet,
-    opened_run,
-)
+from mrwork.cli.options import add_run, add_seed, add_threads, end_parser, opened_run
 from mrwork.cli.output import (
     end_addition,
+    in_words,
+    is_quiet,
+    progress_line,
     result_lines,
     told_findings,
     verdicts_elsewhere,
 )
-from mrwork.cli.progress import in_words, progress_line
 from mrwork.cli.terminal import note
 from mrwork.errors import Interrupted
 from mrwork.identification.fit import Fit

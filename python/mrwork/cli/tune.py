@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING
 
 from mrwork.cli.command_parser import SEARCH, CommandParser, examples
 from mrwork.cli.numbers import named_path
-from mrwork.cli.options import add_out, add_seed, add_threads, end_parser, is_quiet
-from mrwork.cli.output import table_lines
-from mrwork.cli.progress import in_words, progress_line
+from mrwork.cli.options import add_out, add_seed, add_threads, end_parser
+from mrwork.cli.output import in_words, is_quiet, progress_line, table_lines
 from mrwork.numbers import with_decimals
 from mrwork.store.run_folder import CHOSEN, REPORT, TUNING_RUN
 

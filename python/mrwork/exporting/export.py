@@ -9,9 +9,8 @@ from typing import Literal, assert_never
 from mrwork.arguments import checked
 from mrwork.dampers.conversions import OpenSeesError, OpenSeesTimeStep
 from mrwork.errors import OutputError, SettingError
-from mrwork.exporting.force_table import force_table
+from mrwork.exporting.damper_text import force_table, opensees_damper
 from mrwork.exporting.matlab_file import matlab_of_fit, matlab_of_groups
-from mrwork.exporting.opensees_text import opensees_damper
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import read_fit
 from mrwork.records.columns import StatedCommand

@@ -1,11 +1,11 @@
-from .of_buildings import energies as energies
-from .of_buildings import storey_profiles as storey_profiles
 from .of_fits import bands as bands
 from .of_fits import laws as laws
 from .of_fits import posterior as posterior
 from .of_fits import profiles as profiles
-from .of_fronts import fronts as fronts
-from .of_motions import spectra as spectra
+from .of_studies import energies as energies
+from .of_studies import fronts as fronts
+from .of_studies import spectra as spectra
+from .of_studies import storey_profiles as storey_profiles
 from .of_time import commands as commands
 from .of_time import histories as histories
 from .of_time import loops as loops

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from mrwork.plots import of_buildings, of_fronts, of_motions, of_time
+from mrwork.plots import of_studies, of_time
 from mrwork.plotted import Plots, short
 
 
@@ -12,30 +12,30 @@ class HistoryPlots(Plots):
     histories = short(of_time.histories)
     loops = short(of_time.loops)
     commands = short(of_time.commands)
-    energies = short(of_buildings.energies)
+    energies = short(of_studies.energies)
 
 
 class ResponsesPlots(Plots):
     """Figures of runs of closed loops: a batch, or a study."""
 
-    storey_profiles = short(of_buildings.storey_profiles)
-    energies = short(of_buildings.energies)
+    storey_profiles = short(of_studies.storey_profiles)
+    energies = short(of_studies.energies)
 
 
 class MotionPlots(Plots):
     """Figures of a ground motion."""
 
     histories = short(of_time.histories)
-    spectra = short(of_motions.spectra)
+    spectra = short(of_studies.spectra)
 
 
 class SpectrumPlots(Plots):
     """Figures of a response spectrum."""
 
-    spectra = short(of_motions.spectra)
+    spectra = short(of_studies.spectra)
 
 
 class FrontPlots(Plots):
     """Figures of Pareto fronts."""
 
-    fronts = short(of_fronts.fronts)
+    fronts = short(of_studies.fronts)

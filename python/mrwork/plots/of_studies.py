@@ -1,4 +1,4 @@
-"""Figures of runs of closed loops: quantities over the height, and where the energy goes."""
+"""Figures of studies: response spectra of motions, runs over the height, where the energy goes, Pareto fronts."""
 
 from __future__ import annotations
 
@@ -9,14 +9,20 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import to_hex
+from numpy.typing import ArrayLike
 
 from mrwork.arguments import checked
+from mrwork.closed_loop.evaluation import criterion
 from mrwork.closed_loop.responses import History, Responses, description_of, own_axis, run_quantities, unit_of
+from mrwork.dampers.design.sizing import SizeFront
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.keys import suggestion
-from mrwork.labelled import NamedArray, NamedArrays, labels_of
+from mrwork.labelled import NamedArray, NamedArrays, labels_of, number_labels
+from mrwork.motions.ground_motion import GroundMotion
+from mrwork.motions.spectrum import ResponseSpectrum, response_spectrum
 from mrwork.plots.sheet import add_key, axes_for, chosen, shown_unit_of
 from mrwork.report import style
+from mrwork.report.canvas import draw_points
 from mrwork.report.fit.parameters import with_unit
 from mrwork.report.study.figures import (
     ENERGY_PARTS,
@@ -29,11 +35,117 @@ from mrwork.report.study.figures import (
     name_heights,
     strokes,
 )
+from mrwork.report.study.tuning_page import add_front
 from mrwork.study.results import StudyResults
+from mrwork.tuning.results import Front, TuningResults
 from mrwork.values import Floats
 
 if TYPE_CHECKING:
     from mrwork.labelled import DataFrame
+
+SpectrumQuantity = Literal[
+    "pseudo_acceleration", "pseudo_velocity", "acceleration", "velocity", "displacement"
+]
+
+_UNITS: dict[SpectrumQuantity, str] = {
+    "pseudo_acceleration": "m/s^2",
+    "pseudo_velocity": "m/s",
+    "acceleration": "m/s^2",
+    "velocity": "m/s",
+    "displacement": "m",
+}
+# Periods of most buildings [s].
+_PERIODS = (0.05, 4.0, 120)
+
+
+@overload
+def spectra(
+    result: GroundMotion | ResponseSpectrum,
+    ax: Axes | None = None,
+    *,
+    quantity: SpectrumQuantity = "pseudo_acceleration",
+    periods: ArrayLike | None = None,
+    damping: float | None = None,
+    data: Literal[False] = False,
+) -> Axes: ...
+@overload
+def spectra(
+    result: GroundMotion | ResponseSpectrum,
+    ax: Axes | None = None,
+    *,
+    quantity: SpectrumQuantity = "pseudo_acceleration",
+    periods: ArrayLike | None = None,
+    damping: float | None = None,
+    data: Literal[True],
+) -> DataFrame: ...
+@checked
+@style.drawn_in_style()
+def spectra(
+    result: GroundMotion | ResponseSpectrum,
+    ax: Axes | None = None,
+    *,
+    quantity: SpectrumQuantity = "pseudo_acceleration",
+    periods: ArrayLike | None = None,
+    damping: float | None = None,
+    data: bool = False,
+) -> Axes | DataFrame:
+    """Response spectrum over the period; several motions are drawn one after the other into the same axes.
+
+    Parameters
+    ----------
+    result
+        A motion, or a spectrum of one.
+    ax
+        Axes to draw into; by default those of a new figure.
+    quantity
+        Ordinate.
+    periods, damping
+        Of the spectrum of a motion [s, 1]; by default from 0.05 to 4 s at 5 % damping.
+    data
+        Whether to return the table behind the figure instead, with all quantities.
+
+    Raises
+    ------
+    SettingError
+        As `mr.response_spectrum`; also if periods or damping are given for a spectrum, which has its own.
+
+    Examples
+    --------
+    >>> import mrwork as mr
+    >>> motion = mr.synthetic_motion(duration=5.0)
+    >>> motion.plot.spectra(data=True, periods=[0.5, 1.0]).index.tolist()
+    [0.5, 1.0]
+    """
+    if isinstance(result, GroundMotion):
+        label = result.name
+        shares = np.geomspace(*_PERIODS) if periods is None else periods
+        spectrum = response_spectrum(result, shares, damping=0.05 if damping is None else damping)
+    elif periods is None and damping is None:
+        label, spectrum = f"{100.0 * result.damping:g} % damping", result
+    else:
+        raise SettingError("a spectrum has its own periods and damping; leave both out, or give the motion")
+    if data:
+        return NamedArrays(
+            title=f"Response spectrum at {100.0 * spectrum.damping:g} % damping",
+            rows=("period",),
+            labels={"period": labels_of(spectrum.periods, unit="s", long_name="period")},
+            arrays={
+                name: NamedArray.of(
+                    getattr(spectrum, name), "period", unit=unit, long_name=f"peak {name.replace('_', '-')}"
+                )
+                for name, unit in _UNITS.items()
+            },
+        ).to_pandas()
+    axes, values = axes_for(ax), getattr(spectrum, quantity)
+    unit = shown_unit_of(_UNITS[quantity], float(values.max()))
+    colour = HUES[len(axes.get_lines()) % len(HUES)]
+    axes.plot(spectrum.periods, values * unit.factor, color=colour, linewidth=1.4, label=label)
+    axes.set_xlabel("Period (s)")
+    axes.set_ylabel(f"{quantity.replace('_', '-').capitalize()} ({unit.symbol})")
+    axes.set_ylim(bottom=0.0)
+    add_key(axes)
+    return axes
+
 
 _OF_HEIGHT = ("storey", "floor")
 # Bars that fit into a figure.
@@ -288,3 +400,97 @@ def _energy_arrays(parts: Mapping[str, Floats], axis: str) -> dict[str, NamedArr
         )
         for name, values in parts.items()
     }
+
+
+@overload
+def fronts(
+    result: Front | TuningResults | SizeFront,
+    ax: Axes | None = None,
+    *,
+    law: str | int | None = None,
+    data: Literal[False] = False,
+) -> Axes: ...
+@overload
+def fronts(
+    result: Front | TuningResults | SizeFront,
+    ax: Axes | None = None,
+    *,
+    law: str | int | None = None,
+    data: Literal[True],
+) -> DataFrame: ...
+@checked
+@style.drawn_in_style()
+def fronts(
+    result: Front | TuningResults | SizeFront,
+    ax: Axes | None = None,
+    *,
+    law: str | int | None = None,
+    data: bool = False,
+) -> Axes | DataFrame:
+    """Points of a front: the first two objectives of a law, or volume and dynamic range of dampers.
+
+    Parameters
+    ----------
+    result
+        A front, or a tuning with fronts.
+    ax
+        Axes to draw into; by default those of a new figure.
+    law
+        Label or number of the front of a tuning, by default the first.
+    data
+        Whether to return the table behind the figure instead.
+
+    Raises
+    ------
+    SettingError
+        If a tuning has no front, or not that of this law.
+
+    Examples
+    --------
+    >>> import mrwork as mr
+    >>> axes = mr.tune(study).plot.fronts()  # doctest: +SKIP
+    """
+    if isinstance(result, SizeFront):
+        return _designs(result, ax, data=data)
+    if isinstance(result, TuningResults):
+        if not result.fronts:
+            raise SettingError(
+                f"the tuning {result.title!r} has no front; give two `objectives` or more in its table [[tune]]"
+            )
+        result = result.fronts[chosen(law, [each.label for each in result.fronts], "law")]
+    if data:
+        return result.to_pandas()
+    axes = axes_for(ax)
+    add_front(axes, result)
+    first, second = (criterion(name).title for name in result.objectives[:2])
+    axes.set_xlabel(f"{first} over i = 0")
+    axes.set_ylabel(f"{second} over i = 0")
+    add_key(axes)
+    return axes
+
+
+def _designs(front: SizeFront, ax: Axes | None, *, data: bool) -> Axes | DataFrame:
+    columns = {
+        name: (np.array([getattr(each, name) for each in front.designs]), unit, words)
+        for name, unit, words in (
+            ("envelope_volume", "m^3", "volume of the envelope"),
+            ("dynamic_range", "1", "dynamic range"),
+            ("power", "W", "power"),
+        )
+    }
+    if data:
+        return NamedArrays(
+            title="Front of dampers",
+            rows=("design",),
+            labels={"design": number_labels(len(front.designs))},
+            arrays={
+                name: NamedArray.of(values, "design", unit=unit, long_name=words)
+                for name, (values, unit, words) in columns.items()
+            },
+        ).to_pandas()
+    axes = axes_for(ax)
+    volume, dynamic_range = columns["envelope_volume"][0], columns["dynamic_range"][0]
+    draw_points(axes, 1e3 * volume, dynamic_range, size=4.5, colour=style.MODEL)
+    axes.set_xlabel("Volume (l)")
+    axes.set_ylabel("Dynamic range")
+    return axes

@@ -1,13 +1,17 @@
-"""A fitted Bouc-Wen damper at one command as materials of OpenSees, in Tcl and in Python for openseespy."""
+"""The damper of a fit as text: a table of its force over velocity and command, and at one command for OpenSees.
+
+Of OpenSees these are materials in Tcl, and in Python for openseespy.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import astuple, dataclass
 from math import ceil
 
 import numpy as np
 
+from mrwork.command_signal import command_noise
 from mrwork.dampers.conversions import (
     USUAL_OPENSEES_ERROR,
     bouc_wen_from_normalised,
@@ -15,13 +19,121 @@ from mrwork.dampers.conversions import (
     opensees_from_bouc_wen,
     require_bounded_loop,
 )
-from mrwork.dampers.spec import damper
-from mrwork.errors import SettingError
-from mrwork.exporting.single_command import parameters_at, refuse_bounds
+from mrwork.dampers.spec import damper, law_limits, plain_parameters
+from mrwork.errors import SettingError, SimulationError
 from mrwork.identification.fit import Fit
 from mrwork.numbers import of_unit
 from mrwork.records.columns import StatedCommand
+from mrwork.simulation import Loading, Outcome, simulate_forces
+from mrwork.table import csv_text
+from mrwork.tested_range import OperatingRange
 from mrwork.values import Floats
+
+_SPEEDS = 20
+_COMMANDS = 5
+# The force is that of the third cycle: the hysteresis has forgotten the start.
+_CYCLES = 3
+_PER_CYCLE = 2000
+
+
+def force_table(fit: Fit, stated: StatedCommand | None) -> str:
+    """Force [N] in the middle of the stroke over peak velocity [m/s], both ways, and command.
+
+    Of harmonic tests of the largest tested stroke: a damper with hysteresis has no force over velocity alone. Rows go
+    over evenly spaced velocities up to the largest tested one, for the commands over the tested range, or for one.
+    """
+    refuse_bounds(fit)
+    tested = fit.tested
+    if tested is None or tested.velocity == 0.0:
+        raise SettingError(
+            "the tested ranges of this fit are not known, and the table goes over them; run mrwork identify again"
+        )
+    commands, rows = _commands(fit, stated, tested)
+    unit = "" if fit.spec.current is None else fit.spec.current.unit
+    heading = [f"command [{unit}]"] if unit else []
+    lines = [[*heading, "velocity [m/s]", "force [N]", "amplitude [m]", "frequency [Hz]"]]
+    speeds = tested.velocity * np.arange(1, _SPEEDS + 1) / _SPEEDS
+    forces = np.stack([_forces(fit, rows, tested.stroke, float(speed)) for speed in speeds])
+    both_ways = np.concatenate([-speeds[::-1], speeds])
+    force = np.concatenate([forces[::-1, :, 1], forces[:, :, 0]])
+    frequency = np.abs(both_ways) / (2.0 * np.pi * tested.stroke)
+    amplitude = np.full(both_ways.size, tested.stroke)
+    for index, command in enumerate(commands):
+        columns = np.column_stack([both_ways, force[:, index], amplitude, frequency]).tolist()
+        lines += [[*([] if command is None else [repr(command)]), *map(repr, numbers)] for numbers in columns]
+    return csv_text(lines)
+
+
+def _commands(
+    fit: Fit, stated: StatedCommand | None, tested: OperatingRange
+) -> tuple[Sequence[float | None], Floats]:
+    """Commands, and the parameters of the plain model at each, shape (n_commands, n_plain)."""
+    if stated is not None or not fit.spec.follows_command or tested.command is None:
+        theta, value = parameters_at(fit, stated)
+        return [value], theta[None]
+    levels = np.linspace(*tested.command, _COMMANDS).tolist()
+    return levels, np.stack([plain_parameters(fit.spec, fit.theta, each) for each in levels])
+
+
+def _forces(fit: Fit, theta: Floats, amplitude: float, speed: float) -> Floats:
+    """Force at the passages through the middle with and against `speed` [m/s], shape (n_commands, 2)."""
+    phase = 2.0 * np.pi * np.arange(_CYCLES * _PER_CYCLE) / _PER_CYCLE
+    loading = Loading(
+        dt=2.0 * np.pi * amplitude / speed / _PER_CYCLE,
+        displacement=amplitude * np.sin(phase),
+        velocity=speed * np.cos(phase),
+    )
+    run = simulate_forces(damper(fit.model), theta, loading.history())
+    if run.outcome.any():
+        outcome = Outcome(int(run.outcome.max()))
+        raise SimulationError(
+            f"{fit.model} ended as {outcome.name.lower()} at {speed:.3g} m/s: {outcome.remedy}"
+        )
+    first = (_CYCLES - 1) * _PER_CYCLE
+    return np.asarray(run.force[:, [first, first + _PER_CYCLE // 2]])
+
+
+def refuse_bounds(fit: Fit) -> None:
+    """Refuse a fit whose parameters lie on their bounds: a better one may lie beyond."""
+    for each in fit.estimates:
+        if each.remark in ("at lower bound", "at upper bound"):
+            raise SettingError(
+                f"{each.name} is {each.remark.replace('at', 'at its')}, {of_unit(each.value, each.unit)}, and a better "
+                "fit may lie beyond; fit again with a wider bound, or hold the parameter fixed, and export that"
+            )
+
+
+def parameters_at(fit: Fit, stated: StatedCommand | None) -> tuple[Floats, float | None]:
+    """Parameters of the plain model at a command, shape (n_plain,), and the command in the unit of the laws."""
+    current = fit.spec.current
+    if current is None:
+        if stated is not None:
+            raise SettingError(
+                "this fit has no current laws, so its damper is the same at any command; leave the command out"
+            )
+        return plain_parameters(fit.spec, fit.theta, 0.0), None
+    if stated is None:
+        raise SettingError(
+            f"the parameters follow the command; give one with its unit, as in 0.5{current.unit}"
+        )
+    unit = {"current": "A", "voltage": "V"}.get(stated.quantity or "", stated.unit)
+    if stated.value is None or unit != current.unit:
+        raise SettingError(
+            f"the laws of this fit take the command in {current.unit}; give a number with that unit, as in "
+            f"0.5{current.unit}"
+        )
+    value = stated.value
+    tested = None if fit.tested is None else fit.tested.command
+    noise = command_noise(0.0, current.unit)
+    if tested is not None and not tested[0] - noise <= value <= tested[1] + noise:
+        raise SettingError(
+            f"{of_unit(value, current.unit)} is outside the tested commands, {tested[0]:g} to "
+            f"{of_unit(tested[1], current.unit)}; give one within"
+        )
+    if limits := law_limits(fit.spec, fit.theta, (value, value)):
+        raise SettingError(f"{limits[0].in_words}; give another command")
+    return plain_parameters(fit.spec, fit.theta, value), value
+
 
 USUAL_TIME_STEP = 0.001
 """Step [s] of an analysis in OpenSees where none is given."""
