@@ -120,6 +120,24 @@ class NamedArrays:
         return table
 
 
+def over_axis(
+    title: str,
+    axis: str,
+    labels: NamedArray,
+    columns: Mapping[str, tuple[ArrayLike, str, str]],
+) -> NamedArrays:
+    """Columns over one axis with these labels, each with its unit and words."""
+    return NamedArrays(
+        title=title,
+        rows=(axis,),
+        labels={axis: labels},
+        arrays={
+            name: NamedArray.of(values, axis, unit=unit, long_name=words)
+            for name, (values, unit, words) in columns.items()
+        },
+    )
+
+
 class WithAxes:
     """A result that xarray and pandas can have, with the names, axes and units that its class declares."""
 
@@ -148,6 +166,11 @@ def columns_of(
         name: NamedArray.of([getattr(each, name) for each in records], axis, unit=unit, long_name=words)
         for name, (unit, words) in declared.items()
     }
+
+
+def time_labels(time: NDArray[np.float64]) -> NamedArray:
+    """Labels along the time [s]."""
+    return labels_of(time, unit="s", long_name="time")
 
 
 def number_labels(count: int) -> NamedArray:

@@ -16,23 +16,17 @@ class TestPlots(Plots):
     commands = short(of_time.commands)
 
 
-class PredictionPlots(Plots):
-    """Figures of a prediction."""
+class PredictionPlots(TestPlots):
+    """Figures of a prediction: those of its test, and of the force of the model beside it."""
 
-    histories = short(of_time.histories)
-    loops = short(of_time.loops)
     residuals = short(of_time.residuals)
-    commands = short(of_time.commands)
     bands = short(of_fits.bands)
 
 
-class FitPlots(Plots):
-    """Figures of a fit."""
+class FitPlots(TestPlots):
+    """Figures of a fit: those of its tests, and of its model."""
 
-    histories = short(of_time.histories)
-    loops = short(of_time.loops)
     residuals = short(of_time.residuals)
-    commands = short(of_time.commands)
     laws = short(of_fits.laws)
 
 

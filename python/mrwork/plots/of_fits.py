@@ -11,10 +11,9 @@ from matplotlib.axes import Axes
 
 from mrwork.arguments import Level, checked
 from mrwork.dampers.spec import law_values
-from mrwork.errors import SettingError, UnknownNameError
+from mrwork.errors import SettingError
 from mrwork.identification.fit import Fit
-from mrwork.keys import suggestion
-from mrwork.labelled import NamedArray, NamedArrays, labels_of
+from mrwork.labelled import NamedArray, NamedArrays, labels_of, over_axis, time_labels
 from mrwork.plots.sheet import (
     GivenAxes,
     Panels,
@@ -22,6 +21,7 @@ from mrwork.plots.sheet import (
     axes_for,
     chosen,
     include_zero,
+    motion_columns,
     panels_for,
     triangle_for,
 )
@@ -111,17 +111,10 @@ def laws(
     found = {each.name: (each, values) for each, values in law_values(spec, np.array(fit.theta), commands)}
     names = _choose(parameters, list(found), "parameter that follows the command")
     if data:
-        return NamedArrays(
-            title=f"Laws of {fit.model}",
-            rows=("command",),
-            labels={"command": labels_of(commands, unit=spec.current.unit, long_name="command")},
-            arrays={
-                name: NamedArray.of(
-                    found[name][1], "command", unit=found[name][0].unit, long_name=found[name][0].description
-                )
-                for name in names
-            },
-        ).to_pandas()
+        over = labels_of(commands, unit=spec.current.unit, long_name="command")
+        drawn = {name: found[name] for name in names}
+        columns = {name: (values, each.unit, each.description) for name, (each, values) in drawn.items()}
+        return over_axis(f"Laws of {fit.model}", "command", over, columns).to_pandas()
     panels = panels_for(ax, names, "laws")
     for axes, name in zip(panels, names, strict=True):
         parameter, values = found[name]
@@ -357,23 +350,18 @@ def bands(
     cycle = middle_cycle(prediction)
     record = prediction.test
     if data:
-        channels = {
-            "displacement": (record.displacement[record.counted], "m", "damper displacement"),
-            "velocity": (record.velocity[record.counted], "m/s", "damper velocity"),
-            "force": (prediction.measured, "N", "damper force, as recorded"),
-            "model_force": (prediction.force, "N", "force of the model"),
-            "lower": (np.asarray(band.lower), "N", "lower end of the prediction band"),
-            "upper": (np.asarray(band.upper), "N", "upper end of the prediction band"),
+        time, displacement, velocity = (
+            each[record.counted][cycle] for each in (record.time, record.displacement, record.velocity)
+        )
+        columns = {
+            **motion_columns(displacement, velocity),
+            "force": (prediction.measured[cycle], "N", "damper force, as recorded"),
+            "model_force": (prediction.force[cycle], "N", "force of the model"),
+            "lower": (band.lower[cycle], "N", "lower end of the prediction band"),
+            "upper": (band.upper[cycle], "N", "upper end of the prediction band"),
         }
-        return NamedArrays(
-            title=f"Band of {record.name}, {band.basis}",
-            rows=("time",),
-            labels={"time": labels_of(record.time[record.counted][cycle], unit="s", long_name="time")},
-            arrays={
-                name: NamedArray.of(values[cycle], "time", unit=unit, long_name=words)
-                for name, (values, unit, words) in channels.items()
-            },
-        ).to_pandas()
+        title = f"Band of {record.name}, {band.basis}"
+        return over_axis(title, "time", time_labels(time), columns).to_pandas()
     axes = axes_for(ax)
     unit = style.force_unit(float(np.abs(prediction.measured).max()))
     motion: Motion | None = None if over == "time" else over
@@ -413,9 +401,4 @@ def _absent(run: StoredRun, what: str, verb: str, otherwise: str) -> SettingErro
 
 
 def _choose(asked: Sequence[str], known: Sequence[str], what: str) -> list[str]:
-    for name in asked:
-        if name not in known:
-            raise UnknownNameError(
-                f"there is no {what} {name!r}{suggestion(name, known, otherwise='there is')}"
-            )
-    return list(asked or known)
+    return [known[chosen(name, known, what)] for name in asked or known]

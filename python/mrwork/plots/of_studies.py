@@ -17,7 +17,7 @@ from mrwork.closed_loop.responses import History, Responses, description_of, own
 from mrwork.dampers.design.sizing import SizeFront
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.keys import suggestion
-from mrwork.labelled import NamedArray, NamedArrays, labels_of, number_labels
+from mrwork.labelled import NamedArray, NamedArrays, labels_of, number_labels, over_axis, time_labels
 from mrwork.motions.ground_motion import GroundMotion
 from mrwork.motions.spectrum import ResponseSpectrum, response_spectrum
 from mrwork.plots.sheet import add_key, axes_for, chosen, shown_unit_of
@@ -125,17 +125,13 @@ def spectra(
     else:
         raise SettingError("a spectrum has its own periods and damping; leave both out, or give the motion")
     if data:
-        return NamedArrays(
-            title=f"Response spectrum at {100.0 * spectrum.damping:g} % damping",
-            rows=("period",),
-            labels={"period": labels_of(spectrum.periods, unit="s", long_name="period")},
-            arrays={
-                name: NamedArray.of(
-                    getattr(spectrum, name), "period", unit=unit, long_name=f"peak {name.replace('_', '-')}"
-                )
-                for name, unit in _UNITS.items()
-            },
-        ).to_pandas()
+        title = f"Response spectrum at {100.0 * spectrum.damping:g} % damping"
+        over = labels_of(spectrum.periods, unit="s", long_name="period")
+        columns: dict[str, tuple[Floats, str, str]] = {
+            name: (getattr(spectrum, name), unit, f"peak {name.replace('_', '-')}")
+            for name, unit in _UNITS.items()
+        }
+        return over_axis(title, "period", over, columns).to_pandas()
     axes, values = axes_for(ax), getattr(spectrum, quantity)
     unit = shown_unit_of(_UNITS[quantity], float(values.max()))
     colour = HUES[len(axes.get_lines()) % len(HUES)]
@@ -296,12 +292,9 @@ def energies(
     runs = _runs(result, motion, rows)
     parts = np.array([energy_parts(each.numbers) for each in runs])
     if data:
-        return NamedArrays(
-            title="Energy at the end of the motion",
-            rows=("run",),
-            labels={"run": labels_of([each.label for each in runs])},
-            arrays=_energy_arrays(dict(zip(ENERGY_PARTS, parts.T, strict=True)), "run"),
-        ).to_pandas()
+        of_runs = labels_of([each.label for each in runs])
+        columns = _energy_columns(dict(zip(ENERGY_PARTS, parts.T, strict=True)))
+        return over_axis("Energy at the end of the motion", "run", of_runs, columns).to_pandas()
     if len(runs) > _MOST_BARS:
         raise SettingError(
             f"there are {len(runs)} runs, and {_MOST_BARS} bars can be read; choose some by `rows`"
@@ -379,12 +372,8 @@ def _course(history: History, ax: Axes | None, *, data: bool) -> Axes | DataFram
     damping, given = numbers["damping_energy"], numbers["input_energy"]
     parts = (devices, damping, given - devices - damping)
     if data:
-        return NamedArrays(
-            title="Energies of a closed loop",
-            rows=("time",),
-            labels={"time": labels_of(history.time, unit="s", long_name="time")},
-            arrays=_energy_arrays({**dict(zip(ENERGY_PARTS, parts, strict=True)), "Input": given}, "time"),
-        ).to_pandas()
+        columns = _energy_columns({**dict(zip(ENERGY_PARTS, parts, strict=True)), "Input": given})
+        return over_axis("Energies of a closed loop", "time", time_labels(history.time), columns).to_pandas()
     axes = axes_for(ax)
     add_energies(axes, history.time, given, parts)
     axes.set_xlabel("Time (s)")
@@ -393,11 +382,9 @@ def _course(history: History, ax: Axes | None, *, data: bool) -> Axes | DataFram
     return axes
 
 
-def _energy_arrays(parts: Mapping[str, Floats], axis: str) -> dict[str, NamedArray]:
+def _energy_columns(parts: Mapping[str, Floats]) -> dict[str, tuple[Floats, str, str]]:
     return {
-        name.lower().replace(" ", "_"): NamedArray.of(
-            values, axis, unit="J", long_name=f"energy, {name.lower()}"
-        )
+        name.lower().replace(" ", "_"): (values, "J", f"energy, {name.lower()}")
         for name, values in parts.items()
     }
 
@@ -479,15 +466,7 @@ def _designs(front: SizeFront, ax: Axes | None, *, data: bool) -> Axes | DataFra
         )
     }
     if data:
-        return NamedArrays(
-            title="Front of dampers",
-            rows=("design",),
-            labels={"design": number_labels(len(front.designs))},
-            arrays={
-                name: NamedArray.of(values, "design", unit=unit, long_name=words)
-                for name, (values, unit, words) in columns.items()
-            },
-        ).to_pandas()
+        return over_axis("Front of dampers", "design", number_labels(len(front.designs)), columns).to_pandas()
     axes = axes_for(ax)
     volume, dynamic_range = columns["envelope_volume"][0], columns["dynamic_range"][0]
     draw_points(axes, 1e3 * volume, dynamic_range, size=4.5, colour=style.MODEL)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Literal, overload
 
 import numpy as np
@@ -15,9 +16,17 @@ from mrwork.errors import SettingError, UnknownNameError
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import reopen
 from mrwork.keys import suggestion
-from mrwork.labelled import NamedArray, NamedArrays, labels_of, number_labels
+from mrwork.labelled import NamedArray, NamedArrays, labels_of, number_labels, over_axis, time_labels
 from mrwork.motions.ground_motion import GroundMotion
-from mrwork.plots.sheet import add_key, axes_for, chosen, include_zero, name_axes, shown_unit_of
+from mrwork.plots.sheet import (
+    add_key,
+    axes_for,
+    chosen,
+    include_zero,
+    motion_columns,
+    name_axes,
+    shown_unit_of,
+)
 from mrwork.records.damper_test import DamperTest
 from mrwork.report import style
 from mrwork.report.figures import Motion, add_command, add_loop, add_record, add_residual, motion_of
@@ -237,19 +246,12 @@ def residuals(
     residual = record.force - model_force
     counted = slice(None) if over == "time" else record.counted
     if data:
-        channels = {
-            "displacement": (record.displacement, "m", "damper displacement"),
-            "velocity": (record.velocity, "m/s", "damper velocity"),
-            "residual": (residual, "N", "measured minus model force"),
+        columns = {
+            **motion_columns(record.displacement[counted], record.velocity[counted]),
+            "residual": (residual[counted], "N", "measured minus model force"),
         }
-        return _over_time(
-            f"Residual of {record.name}",
-            record.time[counted],
-            {
-                name: NamedArray.of(values[counted], "time", unit=unit, long_name=words)
-                for name, (values, unit, words) in channels.items()
-            },
-        ).to_pandas()
+        time = time_labels(record.time[counted])
+        return over_axis(f"Residual of {record.name}", "time", time, columns).to_pandas()
     axes = axes_for(ax)
     unit = style.residual_unit(_largest(residual), style.force_unit(_largest(record.force)))
     if over == "time":
@@ -320,7 +322,7 @@ def commands(
         _check_device(result, device)
         time, symbol = result.time, COMMAND_UNIT
         lines = {
-            name: (np.asarray(result.numbers[name][:, device]), description_of(name))
+            name: (np.asarray(result.numbers[name][:, device]), symbol, description_of(name))
             for name in ("command", "current")
         }
     else:
@@ -331,16 +333,10 @@ def commands(
                 "`mr.test_from_arrays`"
             )
         command, symbol = record.commands[0]
-        time, lines = record.time, {"command": (np.broadcast_to(command, record.time.shape), "command")}
+        time = record.time
+        lines = {"command": (np.broadcast_to(command, time.shape), symbol, "command")}
     if data:
-        return _over_time(
-            "Command",
-            time,
-            {
-                name: NamedArray.of(values, "time", unit=symbol, long_name=words)
-                for name, (values, words) in lines.items()
-            },
-        ).to_pandas()
+        return over_axis("Command", "time", time_labels(time), lines).to_pandas()
     axes = axes_for(ax)
     add_command(axes, time, lines["command"][0])
     if "current" in lines:
@@ -348,7 +344,7 @@ def commands(
         axes.plot(
             time, lines["current"][0], color=style.MODEL, linewidth=0.9, label="behind the driver's lag"
         )
-    include_zero(axes, np.stack([values for values, _ in lines.values()]))
+    include_zero(axes, np.stack([values for values, *_ in lines.values()]))
     name_axes(axes, _TIME, ("Command", symbol))
     add_key(axes)
     return axes
@@ -369,7 +365,7 @@ def _signals(result: GroundMotion | History, ax: Axes | None, signal: str, *, da
             title=words,
             rows=("time",),
             labels={
-                "time": labels_of(time, unit="s", long_name="time"),
+                "time": time_labels(time),
                 **({} if values.ndim == 1 else {axis: labels_of(np.arange(1, columns.shape[1] + 1))}),
             },
             arrays={
@@ -399,18 +395,9 @@ def _loop_of_device(
         np.asarray(history.numbers[name][:, device]) for name in ("force", "deformation", "rate")
     )
     if data:
-        return _over_time(
-            f"Loop of damper {device}",
-            history.time,
-            {
-                name: NamedArray.of(values, "time", unit=unit, long_name=words)
-                for name, values, unit, words in (
-                    ("displacement", deformation, "m", "damper displacement"),
-                    ("velocity", rate, "m/s", "damper velocity"),
-                    ("force", force, "N", "damper force"),
-                )
-            },
-        ).to_pandas()
+        columns = {**motion_columns(deformation, rate), "force": (force, "N", "damper force")}
+        time = time_labels(history.time)
+        return over_axis(f"Loop of damper {device}", "time", time, columns).to_pandas()
     axes, unit = axes_for(ax), style.force_unit(_largest(force))
     across = deformation if over == "displacement" else rate
     scale = style.MILLIMETRE if over == "displacement" else style.MILLIMETRE_PER_SECOND
@@ -460,37 +447,22 @@ def _largest(values: Floats) -> float:
     return float(np.nanmax(np.abs(values), initial=0.0))
 
 
-def _over_time(title: str, time: Floats, arrays: dict[str, NamedArray]) -> NamedArrays:
-    """Arrays over time."""
-    labels = {"time": labels_of(time, unit="s", long_name="time")}
-    return NamedArrays(title=title, rows=("time",), labels=labels, arrays=arrays)
-
-
 def _table(pairs: Sequence[Pair], channels: Sequence[str]) -> NamedArrays:
     """Channels of tests with the force of the model: over time, or of several tests one below the other."""
-    words = {"displacement": "m", "velocity": "m/s", "force": "N"}
+    units = {"displacement": "m", "velocity": "m/s", "force": "N"}
     columns = {
-        name: NamedArray.of(
-            np.concatenate([getattr(test, name) for test, _ in pairs]),
-            "sample",
-            unit=words[name],
-            long_name=f"damper {name}",
-        )
+        name: (np.concatenate([getattr(test, name) for test, _ in pairs]), units[name], f"damper {name}")
         for name in channels
     }
     forces = [force for _, force in pairs if force is not None]
     if forces:
-        columns["model_force"] = NamedArray.of(
-            np.concatenate(forces), "sample", unit="N", long_name="force of the model"
-        )
-    time = NamedArray.of(
-        np.concatenate([test.time for test, _ in pairs]), "sample", unit="s", long_name="time"
-    )
+        columns["model_force"] = np.concatenate(forces), "N", "force of the model"
+    time = np.concatenate([test.time for test, _ in pairs])
     names = np.concatenate([np.full(test.n_time, test.name) for test, _ in pairs])
-    return NamedArrays(
-        title="Damper tests",
-        rows=("sample",),
-        labels={"sample": number_labels(len(names))},
-        along={"test": NamedArray.of(names, "sample", long_name="test"), "time": time},
-        arrays=columns,
+    return replace(
+        over_axis("Damper tests", "sample", number_labels(len(names)), columns),
+        along={
+            "test": NamedArray.of(names, "sample", long_name="test"),
+            "time": NamedArray.of(time, "sample", unit="s", long_name="time"),
+        },
     )

@@ -85,6 +85,14 @@ def chosen(name: str | int | None, names: Sequence[str], what: str) -> int:
     return number
 
 
+def motion_columns(displacement: Floats, velocity: Floats) -> dict[str, tuple[Floats, str, str]]:
+    """The motion of a damper as columns of a table, each with its unit and words."""
+    return {
+        "displacement": (displacement, "m", "damper displacement"),
+        "velocity": (velocity, "m/s", "damper velocity"),
+    }
+
+
 def name_axes(axes: Axes, abscissa: tuple[str, str], ordinate: tuple[str, str]) -> None:
     """Name both axes, each by words and unit."""
     axes.set_xlabel(with_unit(*abscissa))
