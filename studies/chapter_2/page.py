@@ -6,10 +6,11 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from mrwork.report import SMALL, WIDE, blank, finish, finish_loop, panel, style, write_study_page
+from mrwork.report import SMALL, WIDE, blank, finish, panel, style, write_study_page
 from studies.chapter_2.device_families import FAMILIES
 from studies.chapter_2.findings import Chapter, Judged
 from studies.chapter_2.tables import SETS, findings, tables
+from studies.common.page import finish_loop
 
 _TONES = {"passive": style.DATA, "semi-active": style.MODEL, "active": style.RESIDUAL}
 # The setting over which a passive device is drawn, where it is one number.

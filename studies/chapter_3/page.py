@@ -20,7 +20,6 @@ from mrwork.report import (
     finish,
     panel,
     style,
-    tested_points,
     write_study_page,
 )
 from studies.chapter_3.findings import Chapter
@@ -30,6 +29,7 @@ from studies.chapter_3.sized_frame import SizedFrame
 from studies.chapter_3.sized_front import front_figure
 from studies.chapter_3.slot_flow import STRESSES, errors
 from studies.chapter_3.tables import tables
+from studies.common.page import tested_points
 
 Floats = NDArray[np.float64]
 

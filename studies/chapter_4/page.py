@@ -13,19 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, MaxNLocator, NullLocator, StrMethodFormatter
 
 from mrwork.identification import free_run
-from mrwork.report import (
-    SMALL,
-    WIDE,
-    Panel,
-    blank,
-    finish,
-    finish_loop,
-    panel,
-    style,
-    swatch,
-    tested_points,
-    write_study_page,
-)
+from mrwork.report import SMALL, WIDE, Panel, blank, finish, panel, style, write_study_page
 from studies.chapter_4.decay import at_budget, evaluations_to
 from studies.chapter_4.findings import QUANTILES, Comparison, Trial, TrialFinding
 from studies.chapter_4.search_cells import Floats
@@ -40,6 +28,7 @@ from studies.chapter_4.search_settings import (
 )
 from studies.chapter_4.tables import tables_of
 from studies.chapter_5.damper_tests import FORCE_NOISE_N
+from studies.common.page import finish_loop, swatch, tested_points
 
 _BUDGETS = 120
 

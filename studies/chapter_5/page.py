@@ -13,24 +13,12 @@ from matplotlib.figure import Figure
 
 import mrwork as mr
 from mrwork.identification import free_run
-from mrwork.report import (
-    SMALL,
-    WIDE,
-    Panel,
-    blank,
-    branches_figure,
-    finish,
-    finish_loop,
-    panel,
-    style,
-    swatch,
-    tested_points,
-    write_study_page,
-)
+from mrwork.report import SMALL, WIDE, Panel, blank, branches_figure, finish, panel, style, write_study_page
 from studies.chapter_5.damper_tests import FORCE_NOISE_N, Floats
 from studies.chapter_5.outcome import MODELS, STATIC, WITH_LAWS, Model, SetOutcome
 from studies.chapter_5.tables import law_rms_table, law_table, per_current_table, rms_table
 from studies.chapter_5.thickness_and_mean import STATIC_MODELS, forces, loops_table
+from studies.common.page import finish_loop, swatch, tested_points
 from studies.common.table import with_symbols
 
 _FINE = 60

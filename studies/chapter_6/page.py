@@ -8,13 +8,14 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from mrwork.report import Panel, panel, response_sheet_figure, style, swatch, write_study_page
+from mrwork.report import Panel, panel, response_sheet_figure, style, write_study_page
 from studies.chapter_6.conditions import CONDITIONS
 from studies.chapter_6.loop_findings import TUNED_LAWS
 from studies.chapter_6.tables import remarks, tables, title_of
 from studies.chapter_6.thesis_findings import CONSTANT, LYAPUNOV, SHOWN, sheets_at
 from studies.chapter_6.thesis_tables import thesis_tables
 from studies.common.frame import FRAME, LEVELS, Bench, bench, level_name, record_title
+from studies.common.page import swatch
 
 _COLOURS = dict(zip(LEVELS, (style.MODEL, style.RESIDUAL), strict=True))
 _BASELINES = ("best constant", "i_max")

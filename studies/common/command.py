@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
-from mrwork.report import departures
+from studies.common.expected import departures
 from studies.common.records import ROOT
 
 Say = Callable[[str], None]

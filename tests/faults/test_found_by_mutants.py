@@ -25,11 +25,11 @@ from mrwork.buildings import read_building
 from mrwork.errors import JournalError, MrworkError, MrworkWarning, RecordError
 from mrwork.motions import read_motion
 from mrwork.records import read_damper_test
-from mrwork.report import departures
 from mrwork.store.input_file import RECORD, read_arrays
 from mrwork.store.journal import line_of, read_lines
 from mrwork.tuning import LawResult
 from mrwork.tuning.results import judgement_of_objective
+from studies.common.expected import departures
 
 
 def record(change: Callable[[dict[str, np.ndarray]], None]) -> Callable[[Path], object]:

@@ -9,11 +9,11 @@ import pytest
 from result_tables import assert_alone, assert_filled
 
 import mrwork as mr
-from mrwork.report import departures
 from studies.chapter_2.device_families import FAMILIES
 from studies.chapter_2.findings import Chapter, chapter_of
 from studies.chapter_2.page import write_page
 from studies.chapter_2.tables import tables
+from studies.common.expected import departures
 
 STUDY = Path("studies/chapter_2")
 

@@ -11,7 +11,6 @@ import pytest
 from result_tables import assert_alone, assert_filled
 
 from mrwork.closed_loop import SCORE
-from mrwork.report import departures
 from studies.chapter_3 import sized_front
 from studies.chapter_3.findings import Chapter, chapter_of
 from studies.chapter_3.models_on_one_test import NOISE, SHOWN_TEST
@@ -19,6 +18,7 @@ from studies.chapter_3.page import write_page
 from studies.chapter_3.sized_frame import FORCES, PAIR, wishes
 from studies.chapter_3.slot_flow import errors, slot_of, yield_stress
 from studies.chapter_3.tables import tables
+from studies.common.expected import departures
 from studies.common.frame import RECORDS
 
 

@@ -12,12 +12,12 @@ import pytest
 from result_tables import assert_filled
 
 from mrwork.control import ControlLaw
-from mrwork.report import departures
 from studies.chapter_6 import tuning
 from studies.chapter_6.loop_findings import TUNED_LAWS, found_by
 from studies.chapter_6.tables import tables
 from studies.chapter_6.thesis_tables import thesis_tables
 from studies.chapter_6.tuning import Found, Tuned, about, control_law_of, grid
+from studies.common.expected import departures
 from studies.common.frame import LEVELS, bench, figures, level_name
 
 RECORDS = Path(os.environ.get("MRWORK_DATA", "../shared/data")) / "records"

@@ -11,7 +11,6 @@ import pytest
 from result_tables import assert_filled
 
 import mrwork as mr
-from mrwork.report import departures
 from studies.chapter_7.controlled_tests import CLIPPED, NO_DAMPER_NAME, OFF, QUANTITIES, figures
 from studies.chapter_7.earthquakes import LEAD, command, synthetic
 from studies.chapter_7.findings import Chapter, chapter_of
@@ -29,6 +28,7 @@ from studies.chapter_7.virtual_rig import (
     signals_of,
     true_rig,
 )
+from studies.common.expected import departures
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from result_tables import assert_filled
 
-from mrwork.report import departures
+from studies.common.expected import departures
 from studies.controller_weights.findings import found_by
 from studies.controller_weights.tables import tables
 

@@ -8,11 +8,8 @@ if True:  # the lower tier
     from .canvas import SMALL as SMALL
     from .canvas import WIDE as WIDE
     from .canvas import blank as blank
+    from .canvas import draw_points as draw_points
     from .canvas import finish as finish
-    from .canvas import finish_loop as finish_loop
-    from .canvas import tested_points as tested_points
-    from .html import departures as departures
-    from .html import swatch as swatch
     from .html import symbol as symbol
     from .html import write_study_page as write_study_page
     from .section import Panel as Panel

@@ -37,7 +37,6 @@ _LEGEND_GAP = 0.07
 # Mean width of a letter, and the widest margin for names.
 _LETTER, _WIDEST_NAMES = 0.082, 2.6
 _ROUND, _COARSE = [1, 2, 2.5, 5, 10], [1, 2, 5, 10]
-_LOOP_POINTS = 80
 
 
 def axes_between(
@@ -112,11 +111,6 @@ def finish_signed(axes: Axes, title: str, abscissa: str = "", *, y_bins: int = 6
     finish(axes, title, abscissa)
     axes.yaxis.set_major_locator(MaxNLocator(nbins=y_bins, steps=_ROUND, symmetric=y_bins == 3))
     axes.axhline(0.0, color=style.FAINT_INK, linewidth=0.6, zorder=0.9)
-
-
-def finish_loop(axes: Axes, *, over_velocity: bool) -> None:
-    """The same for a force loop in N and mm, or N and mm/s."""
-    finish(axes, "Force (N)", "Velocity (mm/s)" if over_velocity else "Displacement (mm)")
 
 
 def name_ordinate(axes: Axes, title: str) -> None:
@@ -200,12 +194,6 @@ def draw_points(
         label=label,
         zorder=zorder,
     )
-
-
-def tested_points(axes: Axes, abscissa: Floats, force: Floats, cycle: slice) -> None:
-    """One cycle of a test as points, thinned so that they can be distinguished."""
-    drawn = slice(cycle.start, cycle.stop, max(1, (cycle.stop - cycle.start) // _LOOP_POINTS))
-    draw_points(axes, abscissa[drawn], force[drawn], size=4.5)
 
 
 # Without a date, equal figures are equal files.

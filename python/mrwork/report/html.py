@@ -1,13 +1,8 @@
-"""Self-contained HTML pages: templates with their content, the style sheet, names and equations as mathematics.
-
-A study also compares its figures with those that a file expects.
-"""
+"""Self-contained HTML pages: templates with their content, the style sheet, names and equations as mathematics."""
 
 from __future__ import annotations
 
-import math
 import re
-from collections.abc import Iterator, Mapping
 from functools import cache
 from html import escape
 from importlib.resources import files
@@ -17,35 +12,15 @@ from typing import Any
 from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 
-from mrwork.errors import RecordError
 from mrwork.escaping import escaped_lines
 from mrwork.report import style
-from mrwork.store.input_file import TOML, text_of
-from mrwork.store.parse import toml_table
 from mrwork.table import breakable, format_code
 
 _GREEK = {
-    "alpha": "α",
-    "beta": "β",
-    "gamma": "γ",
-    "delta": "δ",
-    "epsilon": "ε",
-    "zeta": "ζ",
-    "eta": "η",
-    "theta": "θ",
-    "kappa": "κ",
-    "lambda": "λ",
-    "mu": "μ",
-    "nu": "ν",
-    "xi": "ξ",
-    "rho": "ρ",
-    "sigma": "σ",
-    "tau": "τ",
-    "phi": "φ",
-    "chi": "χ",
-    "psi": "ψ",
-    "omega": "ω",
-}
+    "alpha": "α", "beta": "β", "gamma": "γ", "delta": "δ", "epsilon": "ε", "zeta": "ζ", "eta": "η", "theta": "θ",
+    "kappa": "κ", "lambda": "λ", "mu": "μ", "nu": "ν", "xi": "ξ", "rho": "ρ", "sigma": "σ", "tau": "τ", "phi": "φ",
+    "chi": "χ", "psi": "ψ", "omega": "ω",
+}  # fmt: skip
 _FUNCTIONS = frozenset(
     ("sgn", "sign", "tanh", "exp", "ln", "log", "sqrt", "sin", "cos", "abs", "max", "min", "sat")
 )
@@ -112,15 +87,6 @@ def _name(name: str) -> str:
     return escape(name)
 
 
-# Stroke width and dash pattern of the lines a key can show.
-_STROKES = {
-    "line": (1.6, ""),
-    "dotted": (1.6, "2 2.5"),
-    "dashed": (1.6, "6 3"),
-    "wide": (6.0, ""),
-}
-
-
 def fill_template(name: str, **content: Any) -> str:
     """A template of the package with its content, whose control characters are shown; it may use `styles`."""
     return escaped_lines(_environment().get_template(name).render(**content))
@@ -131,17 +97,6 @@ def write_study_page(template: Path, path: Path, **content: Any) -> None:
     page = _environment().from_string(template.read_text(encoding="utf-8"))
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(escaped_lines(page.render(**content)), encoding="utf-8")
-
-
-def swatch(colour: str, kind: str) -> Markup:
-    """A sample of a mark for a key: "point", "line", "dotted", "dashed" or "wide"."""
-    if kind == "point":
-        mark = Markup('<circle cx="11" cy="4.5" r="3.5" fill="{}"/>').format(colour)
-    else:
-        width, pattern = _STROKES[kind]
-        dash = Markup(' stroke-dasharray="{}"').format(pattern) if pattern else ""
-        mark = Markup('<path d="M0 4.5H22" stroke="{}" stroke-width="{}"{}/>').format(colour, width, dash)
-    return Markup('<svg viewBox="0 0 22 9" aria-hidden="true">{}</svg>').format(mark)
 
 
 def _styles() -> str:
@@ -179,40 +134,3 @@ def _environment() -> Environment:
     environment.filters["coded"] = lambda sentence: Markup(format_code(sentence))
     environment.filters["symbol"] = lambda name: Markup(symbol(name))
     return environment
-
-
-def departures(found: Mapping[str, Any], file: Path) -> list[str]:
-    """One sentence for each value outside its limits; values that were not measured are not compared.
-
-    The file has tables like those of `found`; a value is expected to be equal, or in a range `{ least, most }`, or at a
-    `{ value, tolerance }`.
-    """
-    text = text_of(file, TOML)
-    try:
-        expected = toml_table(text)
-    except ValueError as reason:
-        raise RecordError(f"{file}: is not TOML ({reason}); correct it there") from None
-    try:
-        return list(_compared("", found, expected))
-    except (KeyError, TypeError, AttributeError) as reason:
-        raise RecordError(
-            f"{file}: an entry is neither a value, a range nor a table ({reason}); correct it there"
-        ) from None
-
-
-def _compared(path: str, found: Mapping[str, Any], expected: Mapping[str, Any]) -> Iterator[str]:
-    for name, below in expected.items():
-        if name not in found:
-            continue
-        inner = f"{path}, {name}" if path else name
-        value = found[name]
-        if not isinstance(below, dict):
-            if value != below:
-                yield f"{inner} is {value!r}, expected {below!r}"
-        elif not {"least", "most", "value"} & below.keys():
-            yield from _compared(inner, value, below)
-        elif "value" in below:
-            if not abs(value - below["value"]) <= below["tolerance"]:
-                yield f"{inner} is {value:.5g}, expected {below['value']:g} +- {below['tolerance']:g}"
-        elif not below.get("least", -math.inf) <= value <= below.get("most", math.inf):
-            yield f"{inner} is {value:.5g}, expected {below}"

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from mrwork.report import departures
+from studies.common.expected import departures
 
 EXPECTED = """
 a.b = { value = 1.0, tolerance = 0.1 }
