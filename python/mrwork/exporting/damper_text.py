@@ -168,6 +168,13 @@ class _Material:
     tag: _Tag
     arguments: tuple[float | _Tag, ...]
 
+    def words(self, tag: str) -> list[str]:
+        """The tag and the arguments as text, tags in the form `tag`."""
+        return [
+            tag.format(each.number) if isinstance(each, _Tag) else repr(each)
+            for each in (self.tag, *self.arguments)
+        ]
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OpenSeesDamper:
@@ -179,12 +186,8 @@ class OpenSeesDamper:
     @property
     def tcl(self) -> str:
         """Text for OpenSees; `damper TAG` makes the material."""
-
-        def word(argument: float | _Tag) -> str:
-            return f"[expr {{$tag + {argument.number}}}]" if isinstance(argument, _Tag) else repr(argument)
-
         commands = (
-            f"    uniaxialMaterial {each.kind} {' '.join(map(word, (each.tag, *each.arguments)))}"
+            f"    uniaxialMaterial {each.kind} {' '.join(each.words('[expr {{$tag + {}}}]'))}"
             for each in self.materials
         )
         return "\n".join([*(f"# {fact}" for fact in self.facts), "proc damper {tag} {", *commands, "}", ""])
@@ -192,12 +195,8 @@ class OpenSeesDamper:
     @property
     def python(self) -> str:
         """Text for openseespy; `damper(tag)` makes the material."""
-
-        def word(argument: float | _Tag) -> str:
-            return f"tag + {argument.number}" if isinstance(argument, _Tag) else repr(argument)
-
         calls = (
-            f'    ops.uniaxialMaterial("{each.kind}", {", ".join(map(word, (each.tag, *each.arguments)))})'
+            f'    ops.uniaxialMaterial("{each.kind}", {", ".join(each.words("tag + {}"))})'
             for each in self.materials
         )
         head = [*(f"# {fact}" for fact in self.facts), "import openseespy.opensees as ops", "", ""]

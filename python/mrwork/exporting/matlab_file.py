@@ -19,24 +19,10 @@ from mrwork.uncertainty.bands.prediction import predict_tests
 
 _LONGEST = 63
 # MATLAB's `iskeyword`.
-_KEYWORDS = frozenset(
-    {
-        *(
-            "break",
-            "case",
-            "catch",
-            "classdef",
-            "continue",
-            "else",
-            "elseif",
-            "end",
-            "for",
-            "function",
-            "global",
-        ),
-        *("if", "otherwise", "parfor", "persistent", "return", "spmd", "switch", "try", "while"),
-    }
-)
+_KEYWORDS = frozenset({
+    "break", "case", "catch", "classdef", "continue", "else", "elseif", "end", "for", "function", "global", "if",
+    "otherwise", "parfor", "persistent", "return", "spmd", "switch", "try", "while",
+})  # fmt: skip
 
 
 def matlab_names(names: Iterable[str]) -> dict[str, str]:

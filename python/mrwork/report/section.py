@@ -78,12 +78,12 @@ class Group:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Section:
-    """A section of the page; `summary` is its result, a sentence for the top of the page."""
+    """A section of the page; `summary` is its result, a sentence for the top of the page, if it has one."""
 
     anchor: str
     title: str
-    summary: str
     groups: tuple[Group, ...]
+    summary: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

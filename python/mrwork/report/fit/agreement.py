@@ -262,7 +262,7 @@ def overview(comparisons: Sequence[Comparison], *, on_test: Callable[[str], None
         groups.append(
             Group(title="Findings in several tests", points=tuple(each.in_words for each in shared))
         )
-    return Section(anchor=ANCHOR, title="All tests", summary="", groups=tuple(groups))
+    return Section(anchor=ANCHOR, title="All tests", groups=tuple(groups))
 
 
 def _small_panels(comparisons: Sequence[Comparison], on_test: Callable[[str], None]) -> tuple[Panel, ...]:

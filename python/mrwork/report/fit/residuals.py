@@ -92,11 +92,6 @@ class ResidualTests:
         return not self.ljung_box_p < LEVEL
 
     @property
-    def is_even(self) -> bool:
-        """Whether the residuals are no larger after steps of the command and at reversals than elsewhere."""
-        return not (self.after_steps.is_found or self.at_reversals.is_found)
-
-    @property
     def has_constant_variance(self) -> bool:
         """Whether the Breusch-Pagan test does not reject a constant variance."""
         return not self.breusch_pagan_p < LEVEL

@@ -26,7 +26,7 @@ from mrwork.report.canvas import (
     symmetric,
 )
 from mrwork.report.figures import envelope, strong_part
-from mrwork.report.section import Group, Panel, Section, panel
+from mrwork.report.section import Group, Section, panel
 from mrwork.report.study.tables import ShownRows, group_table, spread_table
 from mrwork.report.style import DisplayUnit
 from mrwork.study.comparison import (
@@ -248,10 +248,7 @@ def command_figure(history: RunHistory, device: int, unit: str, largest: float, 
     part = strong_part(history.time, history.force[:, device], _COMMAND_SECONDS)
     time, current = envelope(history.time[part], history.current[part, device], _SMALL_BINS)
     axes.plot(time, current, color=stroke.colour, linewidth=0.7)
-    axes.set_ylim(-0.04 * largest, 1.06 * largest)
-    axes.yaxis.set_major_locator(MaxNLocator(nbins=4, steps=[1, 2, 5, 10]))
-    plain_ticks(axes, 3, "y")
-    name_small_axes(axes, f"{'Current' if unit == 'A' else 'Voltage'} ({unit})", "Time (s)")
+    _finish_command(axes, f"{'Current' if unit == 'A' else 'Voltage'} ({unit})", largest)
     return figure
 
 
@@ -267,12 +264,16 @@ def switching_figure(history: RunHistory, device: int, unit: str, largest: float
         color=stroke.colour,
         linewidth=0.7,
     )
-    axes.set_ylim(-0.04 * largest, 1.06 * largest)
     axes.margins(x=0.0)
+    _finish_command(axes, f"Command ({unit})", largest)
+    return figure
+
+
+def _finish_command(axes: Axes, ordinate: str, largest: float) -> None:
+    axes.set_ylim(-0.04 * largest, 1.06 * largest)
     axes.yaxis.set_major_locator(MaxNLocator(nbins=4, steps=[1, 2, 5, 10]))
     plain_ticks(axes, 3, "y")
-    name_small_axes(axes, f"Command ({unit})", "Time (s)")
-    return figure
+    name_small_axes(axes, ordinate, "Time (s)")
 
 
 @style.drawn_in_style()
@@ -359,35 +360,31 @@ def device_section(
     groups, of_row = [], strokes(results)
     for row, history in shown:
         label, stroke = results.rows[row].label, of_row[row]
-        panels: list[Panel] = [
-            panel(
-                f"loop-{suffix}-{row}",
-                "",
-                loop_figure(history, 0, unit, stroke, over_velocity=suffix == "velocity"),
-                f"Force of {device} against {suffix} under {name}: {label}",
-            )
-            for suffix in ("displacement", "velocity")
-        ]
-        panels.append(
+        panels = (
+            *(
+                panel(
+                    f"loop-{suffix}-{row}",
+                    "",
+                    loop_figure(history, 0, unit, stroke, over_velocity=suffix == "velocity"),
+                    f"Force of {device} against {suffix} under {name}: {label}",
+                )
+                for suffix in ("displacement", "velocity")
+            ),
             panel(
                 f"command-{row}",
                 "",
                 command_figure(history, 0, results.command_unit, largest, stroke),
                 f"Command of {device} under {name}: {label}",
-            )
-        )
-        panels.append(
+            ),
             panel(
                 f"switching-{row}",
                 "",
                 switching_figure(history, 0, results.command_unit, most, stroke),
                 f"Command sent to {device} under {name}, sample by sample: {label}",
-            )
+            ),
+            panel(f"energy-{row}", "", energy_history_figure(history), f"Energies under {name}: {label}"),
         )
-        panels.append(
-            panel(f"energy-{row}", "", energy_history_figure(history), f"Energies under {name}: {label}")
-        )
-        groups.append(Group(title=label, panels=tuple(panels), layout="small"))
+        groups.append(Group(title=label, panels=panels, layout="small"))
     return Section(
         anchor="devices",
         title=f"Damper under {name}",

@@ -288,7 +288,7 @@ def _settings_section(results: TuningResults) -> Section | None:
         Group(title=f"Weights of {', '.join(labels)}", prose=sentences)
         for labels, sentences in results.designs
     ]
-    return Section(anchor="settings", title="Settings", summary="", groups=tuple(groups))
+    return Section(anchor="settings", title="Settings", groups=tuple(groups))
 
 
 def _format_value(value: Any) -> str:
@@ -354,7 +354,6 @@ def _demand_section(results: TuningResults) -> Section | None:
     return Section(
         anchor="demand",
         title="Demand on the dampers",
-        summary="",
         groups=(
             Group(
                 table=Table(
@@ -398,9 +397,7 @@ def _motion_section(results: TuningResults) -> Section | None:
                 ),
             )
         )
-    return (
-        Section(anchor="motions", title="Every motion", summary="", groups=tuple(groups)) if groups else None
-    )
+    return Section(anchor="motions", title="Every motion", groups=tuple(groups)) if groups else None
 
 
 def _search_section(results: TuningResults) -> Section | None:
@@ -414,4 +411,4 @@ def _search_section(results: TuningResults) -> Section | None:
         "Least objective of each law over the number of candidates",
         "First candidates, then generations of the search. A candidate that exceeds a limit has a higher objective.",
     )
-    return Section(anchor="searches", title="Searches", summary="", groups=(Group(panels=(figure,)),))
+    return Section(anchor="searches", title="Searches", groups=(Group(panels=(figure,)),))
