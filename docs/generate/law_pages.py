@@ -8,7 +8,7 @@ from generate.equations import tex
 from generate.markdown import code, directive, document, fenced, prose, table, toctree
 from generate.study_keys import documentation, key_table
 from mrwork.control import SETTINGS, ControlLawSpec, control_laws
-from mrwork.control.further_signals import SOURCES
+from mrwork.control.laws import SOURCES
 from mrwork.control.weights import WeightWishes
 from mrwork.study.arrangements import CONSTANT_LAWS
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, fields
 from typing import Annotated, ClassVar, Literal
 
 from mrwork.arguments import May, checked
-from mrwork.control.further_signals import FurtherSignal
+from mrwork.control.laws import FurtherSignal
 from mrwork.errors import InvalidSettingError, SettingError
 from mrwork.keys import key
 from mrwork.summary import Summarised, Summary

@@ -3,11 +3,11 @@ from .design.inverse import inverse_weights as inverse_weights
 from .design.limits import RmsLimits as RmsLimits
 from .design.limits import SemiActiveCondition as SemiActiveCondition
 from .design_problem import DesignProblem as DesignProblem
-from .further_signals import FurtherSignal as FurtherSignal
 from .inverse_network import train_inverse_network as train_inverse_network
 from .law_design import design_law as design_law
 from .law_design import settings_of as settings_of
 from .laws import ControlLaw as ControlLaw
+from .laws import FurtherSignal as FurtherSignal
 from .laws import control_law as control_law
 from .laws import control_laws as control_laws
 from .linear_loop import loop_margins as loop_margins
@@ -47,9 +47,9 @@ if True:  # the lower tier
     from .law_design import PassiveSettings as PassiveSettings
     from .law_design import design_candidates as design_candidates
     from .laws import ControlLawSpec as ControlLawSpec
+    from .laws import LoopModel as LoopModel
     from .linear_loop import DeviceMargins as DeviceMargins
     from .linear_loop import LoopMargins as LoopMargins
-    from .loop_model import LoopModel as LoopModel
     from .lqr import published_regulator as published_regulator
     from .lqr import regulator_as_published as regulator_as_published
     from .lyapunov import LyapunovSettings as LyapunovSettings

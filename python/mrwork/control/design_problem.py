@@ -20,7 +20,7 @@ from mrwork.buildings.matrices import Device, elongation_rows
 from mrwork.control.counterpart import is_curve, static_counterpart
 from mrwork.control.design.designed import DesignedWeights
 from mrwork.control.design.limits import LoopTiming
-from mrwork.control.further_signals import FurtherSignal
+from mrwork.control.laws import FurtherSignal
 from mrwork.control.linear_loop import LoopMargins
 from mrwork.control.plant import Plant, plant_of
 from mrwork.control.riccati import attempt_each

@@ -13,8 +13,7 @@ import numpy as np
 from mrwork.arguments import checked
 from mrwork.control.design_problem import Design, DesignProblem, LawSettings, Span
 from mrwork.control.fuzzy import FuzzySettings
-from mrwork.control.laws import ControlLaw, ControlLawSpec, control_law
-from mrwork.control.loop_model import LoopModel
+from mrwork.control.laws import ControlLaw, ControlLawSpec, LoopModel, control_law
 from mrwork.control.lyapunov import LyapunovSettings, ProportionalSettings
 from mrwork.control.regulator_settings import (
     ClippedSettings,

@@ -1,4 +1,4 @@
-"""Control laws as the Rust core declares them, and a law with its gains."""
+"""Control laws as the Rust core declares them, and a law with its gains, its model of the loop and further signals."""
 
 from __future__ import annotations
 
@@ -12,11 +12,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mrwork import _rust
-from mrwork.arguments import May, NotNegative, checked
+from mrwork.arguments import May, NotNegative, Positive, checked
+from mrwork.buildings.matrices import Building, Device
 from mrwork.control.design.designed import DesignedWeights
-from mrwork.control.further_signals import FurtherSignal
 from mrwork.control.linear_loop import LoopMargins
-from mrwork.control.loop_model import LoopModel
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.hints import Within
@@ -90,6 +89,94 @@ class ControlLawSpec:
         """Whether the command scales with the largest command."""
         absolute = any(gain.scales_with_command for gain in self.gains)
         return not (absolute or self.tables or self.needs_curve or self.needs_model or self.commands_force)
+
+
+SignalSource = Literal[
+    "deformation", "rate", "force", "acceleration", "floor_acceleration", "ground_acceleration"
+]
+"""What is measured: of a device, of a floor, or of the ground."""
+
+SignalName = Literal[
+    "acceleration",
+    "ground_acceleration",
+    "rms_deformation",
+    "rms_rate",
+    "rms_force",
+    "rms_acceleration",
+    "rms_ground_acceleration",
+]
+"""Further signals in a study; those of floors are chosen by the numbers of the floors."""
+
+
+@checked
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FurtherSignal:
+    """A reading that a law of measured signals takes besides those of its device, or its running root mean square.
+
+    The mean of the squares fades: `s = a s + (1 - a) y^2` at each control sample, `a = exp(-Ts / time_constant)`, from
+    zero on; the signal is its root. A reading that is not finite leaves it as it is, and sends no command.
+
+    Parameters
+    ----------
+    source
+        Elongation [m], rate [m/s] or force [N] of the device; its absolute acceleration [m/s^2], that of its upper end
+        less that of its lower end; that of a floor, or of the ground [m/s^2].
+    floor
+        Number of the floor, from 0, of a floor's acceleration.
+    time_constant
+        That of the running root mean square [s]; `None` for the reading itself.
+    """
+
+    source: SignalSource
+    floor: Annotated[int, Within(least=0)] = 0
+    time_constant: Positive | None = None
+
+    @property
+    def reads_acceleration(self) -> bool:
+        """Whether it is the absolute acceleration of floors."""
+        return self.source in {"acceleration", "floor_acceleration"}
+
+
+SOURCES: Mapping[SignalName, tuple[SignalSource, bool]] = {
+    "acceleration": ("acceleration", False),
+    "ground_acceleration": ("ground_acceleration", False),
+    "rms_deformation": ("deformation", True),
+    "rms_rate": ("rate", True),
+    "rms_force": ("force", True),
+    "rms_acceleration": ("acceleration", True),
+    "rms_ground_acceleration": ("ground_acceleration", True),
+}
+"""Source of each signal of a study, and whether it is a running root mean square."""
+
+
+@checked
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class LoopModel(Summarised):
+    """A building with its devices as a law believes them to be; of draws of a damper it has the first.
+
+    Passive elements count with the spring and the dashpot that they have in the matrices.
+
+    Raises
+    ------
+    SettingError
+        If there is no device, or their models or current laws differ.
+    """
+
+    _made_by: ClassVar[str] = "mr.control.design_law('predictive_rollout', problem)"
+
+    building: Building
+    devices: Sequence[Device]
+
+    def __post_init__(self) -> None:
+        if not self.devices:
+            raise SettingError("the model of a loop has no device; give one")
+        first = self.devices[0].spec
+        for device in self.devices[1:]:
+            if (device.spec.name, device.spec.current) != (first.name, first.current):
+                raise SettingError(
+                    f"{device.name} of the model is a {device.spec.name} and {self.devices[0].name} a {first.name}, or "
+                    "their current laws differ; give devices of one model with the same laws"
+                )
 
 
 @checked

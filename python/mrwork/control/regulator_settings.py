@@ -12,9 +12,8 @@ import numpy as np
 from mrwork.arguments import checked
 from mrwork.control.design_basis import AskedForce, asked_forces
 from mrwork.control.design_problem import NO_CERTIFICATE, Design, DesignProblem, LawSettings, Magnitude, Span
-from mrwork.control.further_signals import SOURCES, FurtherSignal, SignalName, SignalSource
 from mrwork.control.inverse_network import InverseNetwork, train_inverse_network
-from mrwork.control.laws import control_law
+from mrwork.control.laws import SOURCES, FurtherSignal, SignalName, SignalSource, control_law
 from mrwork.control.linear_loop import LoopMargins, loop_margins
 from mrwork.control.lqr import MatrixRows, Regulator, Weights, regulator_of_weights, regulators_of_costs
 from mrwork.control.riccati import attempt_each

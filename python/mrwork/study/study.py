@@ -21,8 +21,7 @@ from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.user_law import UserLaw
 from mrwork.control.design.designed import DesignedWeights
 from mrwork.control.design_problem import DesignProblem
-from mrwork.control.laws import ControlLaw
-from mrwork.control.loop_model import LoopModel
+from mrwork.control.laws import ControlLaw, LoopModel
 from mrwork.errors import SettingError
 from mrwork.motions import GroundMotion
 from mrwork.search.unit_cube import Streams, latin_hypercube
