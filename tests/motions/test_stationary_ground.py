@@ -8,7 +8,7 @@ from sentences import Refused
 
 import mrwork as mr
 from mrwork.motions import CloughPenzien, KanaiTajimi, mean_square_of, scaled, stationary_ground
-from mrwork.motions.spectrum import strong_part
+from mrwork.motions.spectral_density import strong_part
 
 
 def noise(soil: KanaiTajimi, seed: int) -> mr.GroundMotion:

@@ -25,7 +25,7 @@ from mrwork.control.design_basis import damper_forces
 from mrwork.control.design_problem import Magnitudes
 from mrwork.errors import SettingError
 from mrwork.motions import fitted_spectrum
-from mrwork.motions.spectrum import strong_part
+from mrwork.motions.spectral_density import strong_part
 from mrwork.study.arrangements import laws_text
 from mrwork.study.comparison import findings
 from mrwork.tested_range import OperatingRange

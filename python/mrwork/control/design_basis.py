@@ -13,9 +13,12 @@ from mrwork.control.design.system import DesignSystem, LyapunovEquations, system
 from mrwork.control.design_problem import DesignProblem
 from mrwork.control.riccati import attempt_each
 from mrwork.errors import SettingError
-from mrwork.motions.spectral_density import SpectralDensity
-from mrwork.motions.spectrum import SpectrumKind
-from mrwork.motions.stationary import StationaryGround, stationary_ground
+from mrwork.motions.spectral_density import (
+    SpectralDensity,
+    SpectrumKind,
+    StationaryGround,
+    stationary_ground,
+)
 from mrwork.numbers import of_unit
 from mrwork.summary import list_names
 from mrwork.values import Floats, array_dataclass

@@ -28,7 +28,7 @@ from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
 from mrwork.keys import DeclaredTable, plain_values, refuse_repeated
 from mrwork.motions import GroundMotion
-from mrwork.motions.stationary import StationaryGround
+from mrwork.motions.spectral_density import StationaryGround
 from mrwork.summary import Summarised
 from mrwork.values import Floats, array_dataclass
 

@@ -39,8 +39,14 @@ from mrwork.control.plant import (
 )
 from mrwork.errors import InvalidSettingError, SettingError
 from mrwork.keys import DeclaredTable, key, keys_of
-from mrwork.motions.spectral_density import CloughPenzien, KanaiTajimi, SpectralDensity
-from mrwork.motions.stationary import ground_in_words, with_intensity
+from mrwork.motions.spectral_density import (
+    CloughPenzien,
+    KanaiTajimi,
+    SpectralDensity,
+    fitted_spectrum,
+    ground_in_words,
+    with_intensity,
+)
 from mrwork.numbers import of_unit
 from mrwork.values import Floats
 
@@ -197,7 +203,6 @@ class WeightWishes(RmsLimits, metaclass=DeclaredTable):
                     "record", "the spectrum is fitted to the record, or given by its numbers; keep one"
                 )
             from mrwork.motions.read import read_motion
-            from mrwork.motions.spectrum import fitted_spectrum
 
             motion = read_motion(self.record)
             return fitted_spectrum(motion, self.spectrum), f"fitted to the record {motion.name}, as asked"

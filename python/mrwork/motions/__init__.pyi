@@ -9,11 +9,11 @@ from .ground_motion import trimmed as trimmed
 from .read import read_motion as read_motion
 from .read import read_motions as read_motions
 from .spectral_density import KanaiTajimi as KanaiTajimi
+from .spectral_density import fitted_spectrum as fitted_spectrum
+from .spectral_density import stationary_ground as stationary_ground
 from .spectrum import ResponseSpectrum as ResponseSpectrum
 from .spectrum import ShakeTable as ShakeTable
-from .spectrum import fitted_spectrum as fitted_spectrum
 from .spectrum import response_spectrum as response_spectrum
-from .stationary import stationary_ground as stationary_ground
 from .synthetic import near_fault_pulse as near_fault_pulse
 from .synthetic import sine as sine
 from .synthetic import sine_sweep as sine_sweep
@@ -23,9 +23,9 @@ from .synthetic import synthetic_motion as synthetic_motion
 if True:  # the lower tier
     from .ground_motion import brought_to_rest as brought_to_rest
     from .spectral_density import CloughPenzien as CloughPenzien
+    from .spectral_density import StationaryGround as StationaryGround
     from .spectral_density import mean_square_of as mean_square_of
-    from .stationary import StationaryGround as StationaryGround
-    from .stationary import with_intensity as with_intensity
+    from .spectral_density import with_intensity as with_intensity
     from .synthetic import Envelope as Envelope
     from .synthetic import GammaEnvelope as GammaEnvelope
     from .synthetic import ricker as ricker
