@@ -11,7 +11,7 @@ from command_line import mrwork
 
 import mrwork as mr
 from mrwork.study import read_results
-from mrwork.study.passive_labels import present_label, recorded_label
+from mrwork.study.schema import present_label, recorded_label
 
 FORMER = {
     "Passive-off": "i = 0",

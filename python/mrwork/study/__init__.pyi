@@ -7,8 +7,8 @@ from .run import run_study as run_study
 from .study import Study as Study
 
 if True:  # the lower tier
-    from .passive_labels import OPTIMAL_PASSIVE as OPTIMAL_PASSIVE
-    from .passive_labels import PASSIVE_OFF as PASSIVE_OFF
-    from .passive_labels import PASSIVE_ON as PASSIVE_ON
+    from .schema import OPTIMAL_PASSIVE as OPTIMAL_PASSIVE
+    from .schema import PASSIVE_OFF as PASSIVE_OFF
+    from .schema import PASSIVE_ON as PASSIVE_ON
     from .schema import TuneTable as TuneTable
     from .study import MotionOfStudy as MotionOfStudy

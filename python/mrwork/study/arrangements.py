@@ -32,8 +32,10 @@ from mrwork.errors import SettingError
 from mrwork.keys import Place, given_values, heading_lines, key_lines, keys_of, read_table, suggestion
 from mrwork.store.codec import digest_of
 from mrwork.store.input_file import FileKind, text_of
-from mrwork.study.passive_labels import OPTIMAL_PASSIVE, PASSIVE_OFF, PASSIVE_ON
 from mrwork.study.schema import (
+    OPTIMAL_PASSIVE,
+    PASSIVE_OFF,
+    PASSIVE_ON,
     BaselineTable,
     ClairvoyantTable,
     ControllerTable,

@@ -38,7 +38,6 @@ from mrwork.study.comparison import (
     motion_groups,
 )
 from mrwork.study.labelled import NOMINAL, criteria_of_runs
-from mrwork.study.passive_labels import present_label, present_sentence
 from mrwork.study.results import (
     Key,
     MotionFacts,
@@ -56,6 +55,7 @@ from mrwork.study.run_result import (
     names_outside,
     worst_by_quantity,
 )
+from mrwork.study.schema import present_label, present_sentence
 from mrwork.study.study import Kind, Row, Study, StudyFile
 from mrwork.summary import list_names
 from mrwork.table import csv_text

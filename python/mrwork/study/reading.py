@@ -53,8 +53,16 @@ from mrwork.study.dampers import (
     chosen_damper,
     equip_building,
 )
-from mrwork.study.passive_labels import PASSIVE_OFF, present_label
-from mrwork.study.schema import DamperTable, MotionTable, ReportTable, StudyTable, SuiteTable, TuneTable
+from mrwork.study.schema import (
+    PASSIVE_OFF,
+    DamperTable,
+    MotionTable,
+    ReportTable,
+    StudyTable,
+    SuiteTable,
+    TuneTable,
+    present_label,
+)
 from mrwork.study.study import (
     MotionOfStudy,
     Realisations,

@@ -1,4 +1,4 @@
-"""Declarations of the tables of a study file and their keys.
+"""Declarations of the tables of a study file and their keys, and the labels of its constant commands.
 
 Numbers are in SI units. A number with a unit may also be given as a text with another unit, as "1 ms" or "0.1 g".
 """
@@ -6,6 +6,7 @@ Numbers are in SI units. A number with a unit may also be given as a text with a
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
@@ -20,7 +21,6 @@ from mrwork.keys import LARGEST_SEED, Place, heading_lines, key, key_lines, refu
 from mrwork.motions.ground_motion import HIGHEST_ORDER
 from mrwork.motions.synthetic import MOST_OF_A_SUITE, USUAL_SOILS, Pulses, Soil
 from mrwork.search.rules import LARGEST_POPULATION
-from mrwork.study.passive_labels import present_label
 from mrwork.units import DriverUnit
 
 Risk = Literal["mean", "max", "cvar"]
@@ -434,3 +434,38 @@ def schema_text() -> str:
         "\n".join([*heading_lines(heading or "at the top", kind.__doc__ or ""), *key_lines(kind)])
         for heading, kind in tables(StudyTable)
     )
+
+
+PASSIVE_OFF, PASSIVE_ON, OPTIMAL_PASSIVE = "Passive-off", "Passive-on", "Optimal passive"
+"""Labels of the constant commands."""
+
+# Folders, journals and study files of earlier versions have these; they are read here, and nowhere else.
+_FORMER: Mapping[str, str] = {
+    "i = 0": PASSIVE_OFF,
+    "Largest command": PASSIVE_ON,
+    "Best constant command": OPTIMAL_PASSIVE,
+}
+# The label of the optimal passive ends with its command, as in "Best constant command, 1.32 A".
+_COMMAND = r"(?=$|, [^,]+ [AV]$)"
+# Warnings end the label of a row with a full stop or a semicolon.
+_IN_WARNING = re.compile(rf"(?<= with )({'|'.join(_FORMER)})(?=[;,.])")
+
+
+def present_label(label: str) -> str:
+    """The label that this version gives a row which an earlier one has labelled."""
+    return _replace(label, _FORMER)
+
+
+def present_sentence(sentence: str) -> str:
+    """A stored warning on a row, with the label that this version gives it."""
+    return _IN_WARNING.sub(lambda match: _FORMER[match.group()], sentence)
+
+
+def recorded_label(label: str) -> str:
+    """The label by which journals know a row: that of the first version, so that all can be resumed."""
+    return _replace(label, {present: former for former, present in _FORMER.items()})
+
+
+def _replace(label: str, names: Mapping[str, str]) -> str:
+    pattern = rf"^({'|'.join(map(re.escape, names))}){_COMMAND}"
+    return re.sub(pattern, lambda match: names[match.group()], label)

@@ -26,8 +26,7 @@ from mrwork.errors import SettingError
 from mrwork.motions import GroundMotion
 from mrwork.search.unit_cube import Streams, latin_hypercube
 from mrwork.store.codec import digest_of, package_version
-from mrwork.study.passive_labels import recorded_label
-from mrwork.study.schema import ReportTable, TuneTable, UncertaintyTable, Use
+from mrwork.study.schema import ReportTable, TuneTable, UncertaintyTable, Use, recorded_label
 from mrwork.summary import Summarised, Summary, list_names
 from mrwork.values import Floats, array_dataclass
 

@@ -16,9 +16,8 @@ from mrwork.control.law_design import SETTINGS
 from mrwork.control.lqr import PUBLISHED_REGULATORS, PublishedRegulator
 from mrwork.errors import SettingError
 from mrwork.store.codec import digest_of
-from mrwork.study.passive_labels import OPTIMAL_PASSIVE, PASSIVE_OFF, PASSIVE_ON
 from mrwork.study.run import LEVELS
-from mrwork.study.schema import TuneTable
+from mrwork.study.schema import OPTIMAL_PASSIVE, PASSIVE_OFF, PASSIVE_ON, TuneTable
 from mrwork.summary import Summarised
 from mrwork.tuning.problem import Bench, Benches, describe
 from mrwork.tuning.results import LawResult

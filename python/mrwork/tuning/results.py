@@ -34,8 +34,8 @@ from mrwork.store.run_folder import (
     check_manifest,
     read_manifest,
 )
-from mrwork.study.passive_labels import present_label
 from mrwork.study.results import RealisationBand
+from mrwork.study.schema import present_label
 from mrwork.study.study import StudyFile
 from mrwork.summary import Summarised, Summary, list_names
 from mrwork.table import csv_text

@@ -15,9 +15,8 @@ from mrwork.keys import suggestion
 from mrwork.search.peers import library
 from mrwork.search.registry import ALL_OPTIMISERS
 from mrwork.store.journal import Journal
-from mrwork.study.passive_labels import OPTIMAL_PASSIVE
 from mrwork.study.run_result import DeviceDemand, damper_warnings
-from mrwork.study.schema import Risk, TuneTable
+from mrwork.study.schema import OPTIMAL_PASSIVE, Risk, TuneTable
 from mrwork.study.study import Study, fingerprint_of
 from mrwork.tuning.first_candidates import basis_of, best_constant, references_of
 from mrwork.tuning.law_tuning import (
