@@ -39,7 +39,7 @@ def test_two_rules_balance_as_their_trapezia() -> None:
 
 
 def test_the_device_does_not_know_left_from_right() -> None:
-    share = fuzzy_table(deformation_scale=0.01, rate_scale=0.1).share
+    _, share = fuzzy_table()
     np.testing.assert_allclose(share, share[::-1, ::-1], atol=1e-12)
 
 
@@ -52,14 +52,13 @@ def test_it_yields_on_the_way_back_and_resists_on_the_way_out() -> None:
 
 
 def test_the_table_stands_for_the_inference_between_its_points() -> None:
-    table = fuzzy_table(deformation_scale=0.01, rate_scale=0.1)
+    points, share = fuzzy_table()
     rng = np.random.default_rng(13)
     x, v = rng.uniform(-1.0, 1.0, (2, 500))
-    step = table.points[1] - table.points[0]
+    step = points[1] - points[0]
     i, j = ((each + 1.0) // step for each in (x, v))
     i, j = np.minimum(i.astype(int), 39), np.minimum(j.astype(int), 39)
-    p, q = (x - table.points[i]) / step, (v - table.points[j]) / step
-    share = table.share
+    p, q = (x - points[i]) / step, (v - points[j]) / step
     between = (
         (1 - p) * (1 - q) * share[i, j]
         + p * (1 - q) * share[i + 1, j]
@@ -73,4 +72,4 @@ def test_the_table_stands_for_the_inference_between_its_points() -> None:
 
 
 def test_settings_that_cannot_be_are_refused(refused: Refused) -> None:
-    refused(fuzzy_table, deformation_scale=0.01, rate_scale=0.1, n_points=20)
+    refused(fuzzy_table, n_points=20)

@@ -185,7 +185,7 @@ def believed(plant: Plant) -> LoopModel:
 
 @cache
 def _shares() -> Floats:
-    return fuzzy_table(deformation_scale=2e-3, rate_scale=0.05).share.ravel()
+    return fuzzy_table()[1].ravel()
 
 
 def _network(strength: float) -> dict[str, Floats]:

@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from functools import cache
-from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mrwork.arguments import Positive, checked
+from mrwork.arguments import checked
 from mrwork.control.design_problem import Design, DesignProblem, LawSettings, Span
 from mrwork.errors import SettingError
-from mrwork.hints import Within
 from mrwork.keys import key
-from mrwork.summary import Summarised
-from mrwork.values import Floats, array_dataclass
+from mrwork.values import Floats
 
 # Centres of triangles of half-width 0.5 over [-1, 1]; values beyond belong to the outermost set.
 INPUT_SETS = {"NL": -1.0, "NS": -0.5, "ZE": 0.0, "PS": 0.5, "PL": 1.0}
@@ -36,41 +33,17 @@ RULES = (
 _UNIVERSE = np.linspace(-0.25, 1.25, 1201)
 
 
-@array_dataclass(repr=False)
-class FuzzyTable(Summarised):
-    """Share of the largest command, shape (n, n): rows by deformation, columns by rate, each over [-1, 1].
+@cache
+def fuzzy_table(n_points: int = 41) -> tuple[Floats, Floats]:
+    """Points along each scaled input, and the share of the largest command, shape (n, n): rows by deformation.
 
-    Inputs are divided by `deformation_scale` [m] and `rate_scale` [m/s] and clipped to [-1, 1]. Between the evenly
-    spaced `points`, shape (n,), the share is interpolated bilinearly.
-    """
-
-    points: Floats
-    share: Floats
-    deformation_scale: float
-    rate_scale: float
-
-
-def fuzzy_table(
-    *,
-    deformation_scale: Positive,
-    rate_scale: Positive,
-    n_points: Annotated[int, Within(least=5, most=1001)] = 41,
-) -> FuzzyTable:
-    """Tabulate the controller for expected peaks of deformation [m] and rate [m/s] of the device.
-
-    An odd number of points along each input has the centres of the sets among them.
+    Inputs are divided by their scales and clipped to [-1, 1]; between the points the share is interpolated bilinearly.
+    An odd number of points has the centres of the sets among them. Both are read-only, the same for all scales.
     """
     if n_points % 2 == 0:
         raise SettingError(f"`n_points` is {n_points}; give an odd number")
-    points, share = _shares(n_points)
-    return FuzzyTable(points=points, share=share, deformation_scale=deformation_scale, rate_scale=rate_scale)
-
-
-@cache
-def _shares(n_points: int) -> tuple[Floats, Floats]:
-    """Points and shares of the scaled inputs, read-only; the same for all scales, of which a search tries many."""
     points = np.linspace(-1.0, 1.0, n_points)
-    share = np.array([infer(points[row], points) for row in range(n_points)])
+    share = np.array([infer(deformation, points) for deformation in points])
     points.flags.writeable = share.flags.writeable = False
     return points, share
 
@@ -124,11 +97,10 @@ class FuzzySettings(LawSettings):
 
     def design(self, problem: DesignProblem) -> Design:
         """Scales of the inputs and the table of commands."""
-        table = fuzzy_table(deformation_scale=self.deformation, rate_scale=self.rate)
         return Design(
             gains={
                 "deformation_scale": problem.each(self.deformation),
                 "rate_scale": problem.each(self.rate),
             },
-            tables={"shares": table.share.ravel()},
+            tables={"shares": fuzzy_table()[1].ravel()},
         )
