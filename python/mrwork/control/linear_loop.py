@@ -9,11 +9,10 @@ from functools import partial
 from typing import ClassVar
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
 from mrwork.arguments import NotNegative, Positive, checked
-from mrwork.control.plant import Plant
+from mrwork.control.plant import Plant, hold_input
 from mrwork.errors import SettingError
 from mrwork.store.codec import OrInfinite, OrNan
 from mrwork.summary import Summarised, Summary
@@ -205,8 +204,8 @@ class _SampledLoop:
         K = np.hstack([K, np.zeros((m, len(lagged)))])
         whole = math.floor(delay / sample_time + 1e-9)
         rest = max(0.0, delay - whole * sample_time)
-        F, held = _hold(A, B, sample_time)
-        newest = _hold(A, B, sample_time - rest)[1]
+        F, held = hold_input(A, B, sample_time)
+        newest = hold_input(A, B, sample_time - rest)[1]
         poles, V = np.linalg.eig(F)
         try:
             pushed = np.linalg.solve(V, np.hstack([newest, held - newest]).astype(np.complex128))
@@ -273,13 +272,6 @@ class _SampledLoop:
             back = np.linalg.solve(closed, H[:, others, device][:, :, None])[:, :, 0]
             own = own - np.einsum("ki,ki->k", H[:, device][:, others], back)
         return own
-
-
-def _hold(A: Floats, B: Floats, duration: float) -> tuple[Floats, Floats]:
-    """Transition over a duration, and the effect of an input that is held."""
-    n, m = B.shape
-    both = scipy.linalg.expm(duration * np.block([[A, B], [np.zeros((m, n + m))]]))
-    return both[:n, :n], both[:n, n:]
 
 
 def _margins(

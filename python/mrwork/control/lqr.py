@@ -7,11 +7,10 @@ from dataclasses import dataclass
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
-import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from mrwork.arguments import NotNegative, Positive, Threads, checked
-from mrwork.control.plant import Outputs, Plant, accelerations, check_outputs
+from mrwork.control.plant import Outputs, Plant, accelerations, check_outputs, hold_input, symmetric
 from mrwork.control.riccati import (
     RiccatiStatus,
     attempt_each,
@@ -73,14 +72,14 @@ def weight_matrix(name: str, given: ArrayLike, size: int, each: str) -> Floats:
             f"{name} is not symmetric: row {row + 1}, column {column + 1} is {matrix[row, column]:g} and row "
             f"{column + 1}, column {row + 1} is {matrix[column, row]:g}; give a symmetric matrix",
         )
-    smallest = float(np.linalg.eigvalsh(0.5 * (scaled + scaled.T))[0])
+    smallest = float(np.linalg.eigvalsh(symmetric(scaled))[0])
     if smallest < -_SMALLEST:
         raise InvalidSettingError(
             name,
             f"{name} is not positive semidefinite: with a unit diagonal its smallest eigenvalue is {smallest:.3g}; "
             "give weights that are not negative, and a matrix without negative eigenvalues",
         )
-    return 0.5 * (matrix + matrix.T)
+    return symmetric(matrix)
 
 
 @array_dataclass()
@@ -430,7 +429,7 @@ def observer_of(
             f"give one number for each of one or more measurements"
         )
     noise = np.broadcast_to(noise, n_measurements)
-    Ad, Bd, Ed = _hold_input(plant, sample_time)
+    Ad, Bd, Ed = _hold_inputs(plant, sample_time)
     covariance, gain = _filter(
         plant, Ad, Ed, measurements, ground_intensity / sample_time, noise / sample_time, unmodelled
     )
@@ -448,19 +447,12 @@ def observer_of(
     )
 
 
-def _hold_input(plant: Plant, sample_time: float) -> tuple[Floats, Floats, Floats]:
-    """Transition over one sample with held inputs (zero-order hold), by the exponential of [A B E; 0 0 0]."""
-    size = 2 * plant.n_coordinates
-    T = plant.scaling
-    A_z = np.linalg.solve(T, plant.A @ T)
-    inputs = np.column_stack([plant.B, plant.E])
-    inputs_z = np.linalg.solve(T, inputs)
-    whole = np.zeros((size + inputs.shape[1], size + inputs.shape[1]))
-    whole[:size] = np.hstack([A_z, inputs_z]) * sample_time
-    exponential = scipy.linalg.expm(whole)
-    Ad = T @ exponential[:size, :size] @ np.linalg.inv(T)
-    held = T @ exponential[:size, size:]
-    return Ad, held[:, :-1], held[:, -1]
+def _hold_inputs(plant: Plant, sample_time: float) -> tuple[Floats, Floats, Floats]:
+    """Transition over one sample with held forces and ground (zero-order hold), in scaled coordinates."""
+    T, inputs = plant.scaling, np.column_stack([plant.B, plant.E])
+    A_z, inputs_z = (np.linalg.solve(T, each).astype(np.float64) for each in (plant.A @ T, inputs))
+    Ad, held = hold_input(A_z, inputs_z, sample_time)
+    return T @ Ad @ np.linalg.inv(T), (T @ held)[:, :-1], (T @ held)[:, -1]
 
 
 def _filter(

@@ -7,6 +7,7 @@ from dataclasses import field
 from typing import Any, ClassVar
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
 
 from mrwork.arguments import checked
@@ -99,7 +100,7 @@ def plant_of(building: Building, attachment: ArrayLike, device_names: Sequence[s
     B = np.vstack([np.zeros((n, len(rows))), -np.linalg.solve(mass, rows.T)])
     E = np.concatenate([np.zeros(n), -building.influence])
     zeros = np.zeros((n, n))
-    energy = np.block([[_symmetric(stiffness), zeros], [zeros, _symmetric(mass)]])
+    energy = np.block([[symmetric(stiffness), zeros], [zeros, symmetric(mass)]])
     return Plant(
         building=building,
         A=A,
@@ -112,8 +113,16 @@ def plant_of(building: Building, attachment: ArrayLike, device_names: Sequence[s
     )
 
 
-def _symmetric(matrix: Floats) -> Floats:
-    return 0.5 * (matrix + matrix.T)
+def symmetric(matrix: Floats) -> Floats:
+    """The symmetric part of a matrix."""
+    return np.asarray(0.5 * (matrix + matrix.T), dtype=np.float64)
+
+
+def hold_input(A: Floats, B: Floats, duration: float) -> tuple[Floats, Floats]:
+    """Transition over a duration, and the effect of an input that is held, by the exponential of [A B; 0 0]."""
+    n, m = B.shape
+    both = scipy.linalg.expm(duration * np.block([[A, B], [np.zeros((m, n + m))]]))
+    return both[:n, :n], both[:n, n:]
 
 
 def _scaling(A: Floats, energy: Floats) -> Floats:
@@ -122,9 +131,7 @@ def _scaling(A: Floats, energy: Floats) -> Floats:
         lower = np.linalg.cholesky(energy)
     except np.linalg.LinAlgError:
         # A building with a mode of no stiffness has no energy norm; A is balanced instead.
-        from scipy.linalg import matrix_balance
-
-        _, (diagonal, _) = matrix_balance(A, permute=False, separate=True)
+        _, (diagonal, _) = scipy.linalg.matrix_balance(A, permute=False, separate=True)
         return np.diag(np.asarray(diagonal, dtype=np.float64))
     return np.asarray(np.linalg.inv(lower.T), dtype=np.float64)
 
@@ -197,25 +204,26 @@ def check_outputs(plant: Plant, outputs: Outputs) -> None:
 @checked
 def drifts(plant: Plant) -> Outputs:
     """Drift of each storey [m]: "drift NAME"."""
-    return _positions(plant, plant.building.storeys, "drift", plant.building.storey_names)
+    return _of_state(plant, "drift", plant.building.storeys, plant.building.storey_names)
 
 
 @checked
 def displacements(plant: Plant) -> Outputs:
     """Displacement of each floor relative to the ground [m]: "displacement NAME"."""
-    return _positions(plant, plant.building.floors, "displacement", plant.building.floor_names)
+    return _of_state(plant, "displacement", plant.building.floors, plant.building.floor_names)
 
 
 @checked
 def velocities(plant: Plant) -> Outputs:
     """Velocity of each floor relative to the ground [m/s]: "velocity NAME"."""
-    return _rates(plant, plant.building.floors, "velocity", plant.building.floor_names)
+    return _of_state(plant, "velocity", plant.building.floors, plant.building.floor_names, rates=True)
 
 
 @checked
 def relative_velocities(plant: Plant) -> Outputs:
     """Rate of the drift of each storey [m/s]: "relative velocity NAME"."""
-    return _rates(plant, plant.building.storeys, "relative velocity", plant.building.storey_names)
+    building = plant.building
+    return _of_state(plant, "relative velocity", building.storeys, building.storey_names, rates=True)
 
 
 @checked
@@ -226,41 +234,35 @@ def accelerations(plant: Plant) -> Outputs:
     """
     n = plant.n_coordinates
     floors = plant.building.floors
+    direct = 1.0 + floors @ plant.E[n:]
     return Outputs(
-        names=_outputs_named("acceleration", plant.building.floor_names),
+        names=tuple(f"acceleration {name}" for name in plant.building.floor_names),
         C=floors @ plant.A[n:],
         D=floors @ plant.B[n:],
-        G=_clean(1.0 + floors @ plant.E[n:]),
+        # Rounding errors of a floor that follows the ground exactly become zero.
+        G=np.where(np.abs(direct) < 1e-12, 0.0, direct),
     )
 
 
 @checked
 def deformations(plant: Plant) -> Outputs:
     """Elongation of each device [m]: "deformation NAME"."""
-    return _positions(plant, plant.attachment, "deformation", plant.device_names)
+    return _of_state(plant, "deformation", plant.attachment, plant.device_names)
 
 
 def deformation_rates(plant: Plant) -> Outputs:
     """Rate of elongation of each device [m/s]: "rate NAME"."""
-    return _rates(plant, plant.attachment, "rate", plant.device_names)
+    return _of_state(plant, "rate", plant.attachment, plant.device_names, rates=True)
 
 
-def _outputs_named(quantity: str, places: Sequence[str]) -> tuple[str, ...]:
-    return tuple(f"{quantity} {place}" for place in places)
-
-
-def _positions(plant: Plant, rows: Floats, quantity: str, places: Sequence[str]) -> Outputs:
-    return _of_state(plant, np.hstack([rows, np.zeros_like(rows)]), _outputs_named(quantity, places))
-
-
-def _rates(plant: Plant, rows: Floats, quantity: str, places: Sequence[str]) -> Outputs:
-    return _of_state(plant, np.hstack([np.zeros_like(rows), rows]), _outputs_named(quantity, places))
-
-
-def _of_state(plant: Plant, C: Floats, names: tuple[str, ...]) -> Outputs:
-    return Outputs(names=names, C=C, D=np.zeros((len(C), plant.n_devices)), G=np.zeros(len(C)))
-
-
-def _clean(direct: Floats) -> Floats:
-    """The direct term of the ground; rounding errors of a floor that follows it exactly become zero."""
-    return np.where(np.abs(direct) < 1e-12, 0.0, direct)
+def _of_state(
+    plant: Plant, quantity: str, rows: Floats, places: Sequence[str], *, rates: bool = False
+) -> Outputs:
+    """Outputs of the displacements of a plant, or of their rates, without a direct term."""
+    none = np.zeros_like(rows)
+    return Outputs(
+        names=tuple(f"{quantity} {place}" for place in places),
+        C=np.hstack([none, rows] if rates else [rows, none]),
+        D=np.zeros((len(rows), plant.n_devices)),
+        G=np.zeros(len(rows)),
+    )

@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 
 from mrwork.arguments import checked
 from mrwork.control.design.limits import LimitedOutputs, RmsLimits, as_forces
-from mrwork.control.design.system import DesignSystem, LyapunovEquations, system_of
-from mrwork.control.plant import Plant
+from mrwork.control.design.system import LyapunovEquations, system_of
+from mrwork.control.plant import Plant, symmetric
 from mrwork.control.riccati import solve_riccati
 from mrwork.errors import SettingError
 from mrwork.hints import Within
@@ -122,13 +122,13 @@ def inverse_weights(
     outputs = LimitedOutputs.of(RmsLimits(rms_drift=1.0), plant)
     system = system_of(plant, outputs, spectrum, budgets=as_forces(1.0, plant))
     try:
-        X = _covariance(system, K)
+        loop = LyapunovEquations(system.A - system.B @ K @ system.state)
     except SettingError as error:
         raise SettingError(
             "the loop closed with this gain is not stable, so that it is no gain of any weights; give a stabilising one"
         ) from error
-    rms = np.sqrt(np.diag(system.state @ X @ system.state.T))
-    X = system.state @ X @ system.state.T
+    X = system.state @ loop.covariance(system.noise) @ system.state.T
+    rms = np.sqrt(np.diag(X))
     best: InverseWeights | None = None
     # Which coordinates the solver finds easy depends on the gain: states over their rms, or those of the energy.
     for T in (np.diag(rms), plant.scaling):
@@ -148,7 +148,7 @@ def inverse_weights(
 def _in_coordinates(plant: Plant, K: Floats, R: Floats, X: Floats, T: Floats) -> InverseWeights | None:
     """The weights from a program in coordinates z of s = T z; `None` where it fails."""
     back, scale = np.linalg.inv(T), np.sqrt(R)[:, None]
-    root: Floats = np.linalg.cholesky(_symmetric(back @ X @ back.T)).astype(np.float64)
+    root: Floats = np.linalg.cholesky(symmetric(back @ X @ back.T)).astype(np.float64)
     # Forces such that they cost one in all.
     size = np.linalg.norm(scale * K @ T @ root)
     force = size / np.sqrt(R)
@@ -158,10 +158,10 @@ def _in_coordinates(plant: Plant, K: Floats, R: Floats, X: Floats, T: Floats) ->
     if P is None:
         return None
     gain_z = B.T @ P / rate
-    values, vectors = np.linalg.eigh(_symmetric(gain_z.T @ gain_z - (A.T @ P + P @ A) / rate))
+    values, vectors = np.linalg.eigh(symmetric(gain_z.T @ gain_z - (A.T @ P + P @ A) / rate))
     Q_z = (vectors * np.maximum(values, 1e-12 * values[-1])) @ vectors.T
     # The cost of u'u in scaled forces is f'R f over size^2.
-    Q = _symmetric(size**2 * back.T @ Q_z @ back)
+    Q = symmetric(size**2 * back.T @ Q_z @ back)
     zero = np.zeros((len(Q), len(R)))
     try:
         gain = solve_riccati(plant.A, plant.B, Q, np.diag(R), zero, scaling=plant.scaling).gain
@@ -169,14 +169,6 @@ def _in_coordinates(plant: Plant, K: Floats, R: Floats, X: Floats, T: Floats) ->
         return None
     distance = float(np.linalg.norm(scale * (gain - K) @ T @ root) / size)
     return InverseWeights(state_weight=Q, control_weight=R.copy(), gain=gain, distance=distance)
-
-
-def _symmetric(matrix: Floats) -> Floats:
-    return 0.5 * (matrix + matrix.T)
-
-
-def _covariance(system: DesignSystem, gain: Floats) -> Floats:
-    return LyapunovEquations(system.A - system.B @ gain @ system.state).covariance(system.noise)
 
 
 def _nearest(A: Floats, B: Floats, gain: Floats, root: Floats) -> Floats | None:

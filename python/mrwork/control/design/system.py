@@ -13,7 +13,7 @@ import numpy as np
 import scipy
 
 from mrwork.control.design.limits import LimitedOutputs, LoopTiming, RmsLimits
-from mrwork.control.plant import Plant, deformation_rates
+from mrwork.control.plant import Plant, deformation_rates, hold_input, symmetric
 from mrwork.errors import SettingError
 from mrwork.motions.spectral_density import SpectralDensity
 from mrwork.values import Floats, array_dataclass
@@ -73,8 +73,8 @@ def sampled_gain(A: Floats, B: Floats, Q: Floats, R: Floats, N: Floats, step: fl
     one = np.eye(len(A))
     forward, entry = one + step * A, step * B
     of_N, of_B = np.linalg.solve(R, N.T), np.linalg.solve(R, entry.T)
-    F, G = forward - entry @ of_N, _symmetric(entry @ of_B / step)
-    H = _symmetric(step * (Q - N @ of_N))
+    F, G = forward - entry @ of_N, symmetric(entry @ of_B / step)
+    H = symmetric(step * (Q - N @ of_N))
     for _ in range(_DOUBLINGS):
         W = one + G @ H
         try:
@@ -82,7 +82,7 @@ def sampled_gain(A: Floats, B: Floats, Q: Floats, R: Floats, N: Floats, step: fl
         except np.linalg.LinAlgError:
             break
         added = F.T @ H @ right
-        F, G, H = F @ right, _symmetric(G + left @ G @ F.T), _symmetric(H + added)
+        F, G, H = F @ right, symmetric(G + left @ G @ F.T), symmetric(H + added)
         # A mode that is not stabilised grows quadratically.
         if not max(np.linalg.norm(F), np.linalg.norm(H)) < _LARGEST_NORM:
             break
@@ -92,10 +92,6 @@ def sampled_gain(A: Floats, B: Floats, Q: Floats, R: Floats, N: Floats, step: fl
     raise SettingError(
         f"the Riccati equation of the sampled loop has no stabilising solution; {SMALLER_BUDGET}"
     )
-
-
-def _symmetric(matrix: Floats) -> Floats:
-    return np.asarray(0.5 * (matrix + matrix.T), dtype=np.float64)
 
 
 PROCESS_NOISE = 0.02
@@ -205,17 +201,21 @@ def system_of(
     names = outputs.of_plant(plant)
     C = np.hstack([names.C @ modes, np.outer(names.G, soil.output)]) * rms
     rates = deformation_rates(plant).C @ modes
-    parts = _Parts(
+    continuous = DesignSystem(
         A=A,
         B=B,
         noise=noise,
         ground=shaking,
+        step=0.0,
         C=C,
         D=names.D,
         rates=np.hstack([rates, np.zeros((plant.n_devices, n_soil))]) * rms,
+        force=np.zeros((plant.n_devices, len(A))),
+        direct=np.eye(plant.n_devices),
         state=np.hstack([modes, np.zeros((2 * n, n_soil))]) * rms,
+        uncontrolled=LyapunovEquations(A).covariance(noise),
     )
-    return _continuous(parts) if timing is None else _sample(parts, timing, budgets, frequency)
+    return continuous if timing is None else _sample(continuous, timing, budgets, frequency)
 
 
 USEFUL_SHARE = 0.2
@@ -233,45 +233,13 @@ def useful_force(plant: Plant, spectrum: SpectralDensity) -> float:
     return USEFUL_SHARE * plant.building.total_mass * float(system.rms_without_control().max())
 
 
-@array_dataclass()
-class _Parts:
-    """Building and soil in continuous time, with forces that act at once."""
-
-    A: Floats
-    B: Floats
-    noise: Floats
-    ground: Floats
-    C: Floats
-    D: Floats
-    rates: Floats
-    state: Floats
-
-
-def _continuous(parts: _Parts) -> DesignSystem:
-    n_devices = parts.B.shape[1]
-    return DesignSystem(
-        A=parts.A,
-        B=parts.B,
-        noise=parts.noise,
-        ground=parts.ground,
-        step=0.0,
-        C=parts.C,
-        D=parts.D,
-        rates=parts.rates,
-        force=np.zeros((n_devices, len(parts.A))),
-        direct=np.eye(n_devices),
-        state=parts.state,
-        uncontrolled=LyapunovEquations(parts.A).covariance(parts.noise),
-    )
-
-
-def _sample(parts: _Parts, timing: LoopTiming, budgets: Floats, frequency: float) -> DesignSystem:
+def _sample(continuous: DesignSystem, timing: LoopTiming, budgets: Floats, frequency: float) -> DesignSystem:
     """Building, soil and driver between samples with the command held, and a chain of past commands for the delay.
 
     Commands and forces in the chain are in budgets.
     """
-    n, m = parts.B.shape
-    A, B, noise, ground = parts.A, parts.B, parts.noise, parts.ground
+    n, m = continuous.B.shape
+    A, B, noise, ground = continuous.A, continuous.B, continuous.noise, continuous.ground
     own = PROCESS_NOISE**2 * frequency
     force_states = 0
     if timing.driver_rate is not None:
@@ -313,21 +281,20 @@ def _sample(parts: _Parts, timing: LoopTiming, budgets: Floats, frequency: float
         noise=noise_step,
         ground=shaken / step,
         step=step,
-        C=np.pad(parts.C, ((0, 0), wide)) + parts.D @ force,
-        D=parts.D @ direct,
-        rates=np.pad(parts.rates, ((0, 0), wide)),
+        C=np.pad(continuous.C, ((0, 0), wide)) + continuous.D @ force,
+        D=continuous.D @ direct,
+        rates=np.pad(continuous.rates, ((0, 0), wide)),
         force=force,
         direct=direct,
-        state=np.pad(parts.state, ((0, 0), wide)),
+        state=np.pad(continuous.state, ((0, 0), wide)),
         uncontrolled=LyapunovEquations(A_step, step).covariance(noise_step),
     )
 
 
 def _hold_input(A: Floats, B: Floats, noise: Floats, step: float) -> tuple[Floats, Floats, Floats]:
     """Transition, effect of a held input, and covariance of the noise of a step (Van Loan, IEEE TAC 23(3), 1978)."""
-    n, m = B.shape
-    inputs = scipy.linalg.expm(step * np.block([[A, B], [np.zeros((m, n + m))]]))
+    n = len(A)
     pair = scipy.linalg.expm(step * np.block([[-A, noise], [np.zeros((n, n)), A.T]]))
     transition = pair[n:, n:].T
     added = transition @ pair[:n, n:]
-    return transition, np.asarray(inputs[:n, n:]), 0.5 * (added + added.T)
+    return transition, hold_input(A, B, step)[1], symmetric(added)
