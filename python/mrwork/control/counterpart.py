@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mrwork.arguments import Positive
-from mrwork.dampers.parameters import LawName
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import SettingError
 from mrwork.simulation import Loading, simulate_force
@@ -87,7 +86,9 @@ def static_counterpart(
         return StaticCounterpart(spec=spec, theta=values, fit_percent=100.0)
     cycles = _simulate(spec, values, largest_command, amplitude, velocity)
     model = damper(_COUNTERPART_MODEL)
-    laws = dict(zip(model.names, _counterpart_laws(), strict=True))
+    published = model.preset(_COUNTERPART_SET).spec.current
+    assert published is not None
+    laws = dict(zip(model.names, published.laws, strict=True))
     fitted_spec = model.with_current_laws(laws, unit=spec.current.unit)
     fitted = _fit(fitted_spec, cycles, largest_command)
     return StaticCounterpart(
@@ -98,13 +99,6 @@ def static_counterpart(
 def is_curve(spec: DamperSpec) -> bool:
     """Whether a model gives the force as a function of the command: static hysteretic, with any current laws."""
     return spec.name == _COUNTERPART_MODEL and spec.current is not None
-
-
-def _counterpart_laws() -> tuple[LawName, ...]:
-    """Current law of each parameter of a counterpart, those of Kwok et al. (2006) for the RD-1005-3."""
-    published = damper(_COUNTERPART_MODEL).preset(_COUNTERPART_SET).spec.current
-    assert published is not None
-    return published.laws
 
 
 def _simulate(

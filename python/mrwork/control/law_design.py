@@ -207,8 +207,7 @@ def design_law(
     spec = control_law(name)
     if isinstance(settings, Mapping):
         settings = settings_of(name, settings)
-    _check_class(name, settings)
-    _check_loop(spec, settings)
+    _check_settings(spec, settings)
     design = settings.design(problem)
     curve = problem.curve if spec.needs_curve else None
     rates = () if spec.commands_force else problem.driver_rates
@@ -259,8 +258,7 @@ def design_candidates(
     designed: list[int] = []
     refusals: dict[int, str] = {}
     for each in settings:
-        _check_class(name, each)
-        _check_loop(spec, each)
+        _check_settings(spec, each)
     for index, found in enumerate(SETTINGS[name].designs(problem, settings)):
         if isinstance(found, SettingError):
             refusals[index] = str(found)
@@ -285,15 +283,11 @@ def design_candidates(
     return DesignedCandidates(law=law, designed=tuple(designed), refusals=refusals)
 
 
-def _check_class(name: str, settings: LawSettings) -> None:
-    if type(settings) is not SETTINGS[name]:
-        raise SettingError(
-            f"the settings are {type(settings).__name__}; {name} takes {SETTINGS[name].__name__}"
-        )
-
-
-def _check_loop(spec: ControlLawSpec, settings: LawSettings) -> None:
-    """Refuse a sampled design for ideal actuators, which have no driver."""
+def _check_settings(spec: ControlLawSpec, settings: LawSettings) -> None:
+    """Refuse settings of another law, and a sampled design for ideal actuators, which have no driver."""
+    kind = SETTINGS[spec.name]
+    if type(settings) is not kind:
+        raise SettingError(f"the settings are {type(settings).__name__}; {spec.name} takes {kind.__name__}")
     if spec.commands_force and settings.sampled:
         raise InvalidSettingError(
             "designed",

@@ -241,11 +241,9 @@ def _power(factor: float) -> str:
 def _divide(weight: Weights | None, factor: float) -> Weights | None:
     """A control weight over a factor, in its form."""
     numbers = np.asarray(weight, dtype=np.float64) / factor
-    return float(numbers) if numbers.ndim == 0 else _as_rows(numbers)
-
-
-def _as_rows(numbers: Floats) -> Weights:
-    return tuple(numbers.tolist()) if numbers.ndim == 1 else tuple(map(tuple, numbers.tolist()))
+    if numbers.ndim == 2:
+        return tuple(map(tuple, numbers.tolist()))
+    return tuple(numbers.tolist()) if numbers.ndim else float(numbers)
 
 
 @checked
@@ -327,11 +325,6 @@ _NEAR_CLIPPED_BIAS = -4.6
 """A network that is about the clipped-optimal law: (f_c - f) f of the two forces as a sum of even functions."""
 
 
-def _has_acceleration(name: SignalName) -> bool:
-    source, _ = SOURCES[name]
-    return source in _ACCELERATIONS
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SignalSettings(RegulatorSettings):
     """A regulator, the scales of the signals of a device: elongation, its rate, and the two forces; further signals.
@@ -386,7 +379,11 @@ class SignalSettings(RegulatorSettings):
         """None of the scale of accelerations without one among the signals; a weight of 0 for each further signal."""
         names = held.get("signals", ())
         floors = (*held.get("floors", ()), *held.get("rms_floors", ()))
-        if name == "acceleration" and not floors and not any(map(_has_acceleration, names)):
+        if (
+            name == "acceleration"
+            and not floors
+            and not any(SOURCES[each][0] in _ACCELERATIONS for each in names)
+        ):
             return None
         if name == "further":
             count = cls.further_numbers * (len(names) + len(floors))

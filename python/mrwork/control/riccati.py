@@ -229,7 +229,8 @@ def kalman_gains(
     if cross_noise is not None:
         given["cross_weight"] = _stack("cross_noise", cross_noise, n, m)
     if scaling is not None:
-        given["scaling"] = _dual(_scaling(scaling, n))
+        # The scaling of A' that goes with that of A.
+        given["scaling"] = _transpose(np.linalg.inv(_scaling(scaling, n)).astype(np.float64))
     dual = _solve(given, time, threads)
     return RiccatiSolutions(gain=_transpose(dual.gain), P=dual.P, residual=dual.residual, status=dual.status)
 
@@ -320,11 +321,6 @@ def _scaling(given: ArrayLike, n: int) -> Floats:
     if np.any(np.linalg.slogdet(scaling)[0] == 0.0):
         raise SettingError("`scaling` is singular; give coordinates of the whole state")
     return scaling
-
-
-def _dual(scaling: Floats) -> Floats:
-    """The scaling of A' that goes with the scaling of A."""
-    return _transpose(np.asarray(np.linalg.inv(scaling), dtype=np.float64))
 
 
 def attempt_each(make: Callable[[T], U], many: Iterable[T]) -> list[U | SettingError]:

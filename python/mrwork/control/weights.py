@@ -130,11 +130,16 @@ class WeightWishes(RmsLimits, metaclass=DeclaredTable):
         self, problem: DesignProblem, timing: LoopTiming | None, budget_scale: float
     ) -> DesignedWeights:
         plant = problem.plant
-        spectrum, ground = self.spectral_density(problem)
+        spectrum, source = self._find_ground(problem)
+        ground = f"Ground: {ground_in_words(spectrum)}; {source}."
         forces, budget = self._budgets(problem, spectrum)
         if budget_scale != 1.0:
             budget = f"{budget} Times the budget_scale, {budget_scale:g}."
-        limits = {name: value for name, value in self._limits().items() if value is not None}
+        limits: dict[str, Limit] = {
+            entry.name: value
+            for entry in keys_of(RmsLimits)
+            if (value := getattr(self, entry.name)) is not None
+        }
 
         def design(share: float) -> DesignedWeights:
             return design_weights(
@@ -162,9 +167,6 @@ class WeightWishes(RmsLimits, metaclass=DeclaredTable):
             break
         return replace(designed, origin=(ground, budget))
 
-    def _limits(self) -> dict[str, Limit | None]:
-        return {entry.name: getattr(self, entry.name) for entry in keys_of(RmsLimits)}
-
     def _budgets(self, problem: DesignProblem, spectrum: SpectralDensity) -> tuple[Floats, str]:
         """The budget of each device [N], and a sentence on it."""
         if self.budget is not None:
@@ -186,12 +188,8 @@ class WeightWishes(RmsLimits, metaclass=DeclaredTable):
             )
         return found.budgets, f"Budget: {_newtons(found.budgets)} rms, {source}."
 
-    def spectral_density(self, problem: DesignProblem) -> tuple[SpectralDensity, str]:
-        """The spectrum as given, fitted to the record, or that of the motions of a problem; and a sentence on it."""
-        spectrum, source = self._find_ground(problem)
-        return spectrum, f"Ground: {ground_in_words(spectrum)}; {source}."
-
     def _find_ground(self, problem: DesignProblem) -> tuple[SpectralDensity, str]:
+        """The spectrum as given, fitted to the record, or that of the motions of a problem; and where it is from."""
         numbers = {
             name: getattr(self, name)
             for name in ("ground_frequency", "ground_damping", "intensity")

@@ -323,7 +323,7 @@ class WeightDesigner:
 
 
 def _rows(building: Building, devices: Sequence[Device] | ArrayLike) -> tuple[Floats, tuple[str, ...]]:
-    """SquaredRows of elongation and names of devices."""
+    """Rows of elongation and names of devices."""
     if isinstance(devices, Sequence) and devices and all(isinstance(each, Device) for each in devices):
         found = [each for each in devices if isinstance(each, Device)]
         return elongation_rows(building, found), tuple(each.name for each in found)

@@ -106,10 +106,8 @@ class LimitedOutputs:
     @classmethod
     def of(cls, limits: RmsLimits, plant: Plant) -> LimitedOutputs:
         """The outputs of a plant that have a limit."""
-        names: list[str] = []
-        units: list[str] = []
-        settings: list[str] = []
-        found: list[float] = []
+        found: list[tuple[str, str, str]] = []
+        numbers: list[float] = []
         for setting, (unit, each) in _QUANTITIES.items():
             given = getattr(limits, setting)
             if given is None:
@@ -124,17 +122,16 @@ class LimitedOutputs:
                 )
             for name, value in zip(outputs.names, np.broadcast_to(values, len(outputs.names)), strict=True):
                 if math.isfinite(value):
-                    names.append(name)
-                    units.append(unit)
-                    settings.append(setting)
-                    found.append(float(value))
-        if all(setting == "rms_force" for setting in settings):
+                    found.append((name, unit, setting))
+                    numbers.append(float(value))
+        if all(setting == "rms_force" for _, _, setting in found):
             raise InvalidSettingError(
                 "rms_drift",
                 "no response is limited, so that no force would be the best; give rms_drift, rms_acceleration or "
                 "rms_displacement",
             )
-        return cls(names=tuple(names), units=tuple(units), settings=tuple(settings), limits=np.array(found))
+        names, units, settings = zip(*found, strict=True)
+        return cls(names=names, units=units, settings=settings, limits=np.array(numbers))
 
     def of_plant(self, plant: Plant) -> Outputs:
         """These outputs of a plant of the same floors, storeys and devices."""

@@ -25,7 +25,7 @@ _TO_BOUNDARY = 0.99
 
 @array_dataclass()
 class SquaredRows:
-    """SquaredRows `c x + d u` of one system and the forms that add up their squares, `forms @ squares`.
+    """Rows `c x + d u` of one system and the forms that add up their squares, `forms @ squares`.
 
     The first rows are the limited outputs over their limits, then the desired forces over their budgets, then
     `f - c v` of the semi-active conditions over the budgets; the forms are in the same order.
