@@ -9,6 +9,7 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import NoReturn
 
 import numpy as np
 
@@ -147,15 +148,17 @@ def refuse_absurd(acceleration: Floats, *, source: str) -> None:
         )
 
 
+def _refuse_cut(lines: Lines, announced: str, numbers: Floats) -> NoReturn:
+    raise RecordError(
+        f"{lines.path}: {announced}, {numbers.size} follow; the file is cut off or damaged, fetch it again"
+    )
+
+
 _HEADER = 4
 _CONTENT = re.compile(r"(ACCELERATION|VELOCITY|DISPLACEMENT)\b.*?\bIN UNITS OF\s+([^\s.,;]+)", re.IGNORECASE)
 _NUMBER_AT2 = r"((?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:E[+-]?[0-9]+)?)"
 _NAMED = re.compile(rf"NPTS\s*=\s*([0-9]{{1,9}})[\s,]+DT\s*=\s*{_NUMBER_AT2}", re.IGNORECASE)
 _BARE = re.compile(rf"\s*([0-9]{{1,9}})[\s,]+{_NUMBER_AT2}[\s,]+NPTS\b[\s,]+DT\b", re.IGNORECASE)
-
-
-def _recognises_at2(lines: Lines) -> bool:
-    return _CONTENT.search(lines.at(2)) is not None and "NPTS" in lines.at(3).upper()
 
 
 def _read_at2(lines: Lines, stated: Stated) -> GroundMotion:
@@ -175,15 +178,16 @@ def _read_at2(lines: Lines, stated: Stated) -> GroundMotion:
     n_time, dt = int(size[1]), float(size[2])
     numbers = read_numbers(lines, _HEADER)
     if numbers.size != n_time:
-        raise RecordError(
-            f"{lines.path}: line 4 announces {n_time} samples, {numbers.size} follow; the file is cut off or "
-            "damaged, fetch it again"
-        )
+        _refuse_cut(lines, f"line 4 announces {n_time} samples", numbers)
     title = " ".join(lines.at(1).split())
     return make_motion(lines.path, dt=dt, acceleration=factor * numbers, source=title)
 
 
-PEER_AT2 = Format(name="a PEER AT2 record", recognises=_recognises_at2, read=_read_at2)
+PEER_AT2 = Format(
+    name="a PEER AT2 record",
+    recognises=lambda lines: _CONTENT.search(lines.at(2)) is not None and "NPTS" in lines.at(3).upper(),
+    read=_read_at2,
+)
 
 
 def refuse_false_at2(lines: Lines) -> None:
@@ -222,10 +226,6 @@ class _Series:
     unit: str
     dt: float
     numbers: Floats
-
-
-def _recognises_cosmos(lines: Lines) -> bool:
-    return _FIRST.search(lines.at(0)) is not None
 
 
 def _read_cosmos(lines: Lines, stated: Stated) -> GroundMotion:
@@ -343,7 +343,10 @@ def _step_cosmos(lines: Lines, real: Floats) -> float:
 
 
 COSMOS = Format(
-    name="a COSMOS record", recognises=_recognises_cosmos, read=_read_cosmos, needs=frozenset({"channel"})
+    name="a COSMOS record",
+    recognises=lambda lines: _FIRST.search(lines.at(0)) is not None,
+    read=_read_cosmos,
+    needs=frozenset({"channel"}),
 )
 
 
@@ -375,10 +378,7 @@ def _read_esm(lines: Lines, stated: Stated) -> GroundMotion:
     n_time = _number_esm(lines, header, "NDATA")
     numbers = read_numbers(lines, first)
     if numbers.size != n_time:
-        raise RecordError(
-            f"{lines.path}: the header announces {n_time:g} samples, {numbers.size} follow; the file is cut off or "
-            "damaged, fetch it again"
-        )
+        _refuse_cut(lines, f"the header announces {n_time:g} samples", numbers)
     parts = [
         header.get(key, (0, ""))[1] for key in ("EVENT_NAME", "EVENT_DATE_YYYYMMDD", "STATION_CODE", "STREAM")
     ]
@@ -437,10 +437,8 @@ def _read_knet(lines: Lines, stated: Stated) -> GroundMotion:
     counts = read_numbers(lines, _line_knet(lines, "Memo") + 1)
     announced = duration * rate
     if not abs(counts.size - announced) < 0.5:
-        raise RecordError(
-            f"{lines.path}: the header announces {announced:g} samples ({duration:g} s at {rate:g} Hz), {counts.size} "
-            "follow; the file is cut off or damaged, fetch it again"
-        )
+        header = f"the header announces {announced:g} samples ({duration:g} s at {rate:g} Hz)"
+        _refuse_cut(lines, header, counts)
     acceleration = FACTORS["acceleration"]["gal"] * float(scale[1]) / float(scale[2]) * counts
     mean = float(np.mean(acceleration)) if acceleration.size else 0.0
     station, origin, direction = (
