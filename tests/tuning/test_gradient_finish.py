@@ -14,7 +14,7 @@ import mrwork as mr
 from mrwork.study import TuneTable
 from mrwork.tuning.law_tuning import check_finish, follow_gradients, risk_weights
 from mrwork.tuning.problem import Clock, benches_of, magnitudes_of, score_candidates
-from mrwork.tuning.space import Objective, objective_of, risk_of, space_of
+from mrwork.tuning.space import TuningObjective, objective_of, risk_of, space_of
 
 LAW = "proportional_direct"
 
@@ -37,7 +37,7 @@ def test_gradients_lower_the_objective_of_the_loop(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("risk", "tail"), [("mean", 1.0), ("max", 1.0), ("cvar", 0.3)])
 def test_weights_of_scores_are_the_derivative_of_the_risk(risk: str, tail: float) -> None:
-    objective = Objective(weights={"peak_drift": 1.0}, risk=risk, tail=tail)  # type: ignore[arg-type] # a parameter
+    objective = TuningObjective(weights={"peak_drift": 1.0}, risk=risk, tail=tail)  # type: ignore[arg-type] # a parameter
     scores = np.random.default_rng(0).uniform(size=7)
     weights = risk_weights(scores, objective)
     for place in range(7):

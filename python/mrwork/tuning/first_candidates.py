@@ -260,21 +260,20 @@ def _declare_references(basis: Basis) -> Iterator[_Reference]:
     shapes: dict[str, list[LawCandidate]] = {}
     for first in first_candidates(space, basis):
         shapes.setdefault(first.origin, []).append(first.candidate)
-    for origin in (EQUAL, CONVEX, DASHPOTS):
+    of_R, of_budget = ("R scanned", "sizes of R"), ("budget scanned", "limits and budgets")
+    for origin, (scanned, choices) in {
+        EQUAL: of_R,
+        CONVEX: of_R,
+        DASHPOTS: of_R,
+        SEMI_ACTIVE: of_budget,
+    }.items():
         if origin in shapes:
             yield _Reference(
-                label=f"{origin[:1].upper()}{origin[1:]}, R scanned",
+                label=f"{origin[:1].upper()}{origin[1:]}, {scanned}",
                 law="clipped_optimal",
                 candidates=distinct(shapes[origin]),
-                origin=f"{origin}, best of {len(shapes[origin])} sizes of R on the training motions",
+                origin=f"{origin}, best of {len(shapes[origin])} {choices} on the training motions",
             )
-    if SEMI_ACTIVE in shapes:
-        yield _Reference(
-            label=f"{SEMI_ACTIVE[:1].upper()}{SEMI_ACTIVE[1:]}, budget scanned",
-            law="clipped_optimal",
-            candidates=distinct(shapes[SEMI_ACTIVE]),
-            origin=f"{SEMI_ACTIVE}, best of {len(shapes[SEMI_ACTIVE])} limits and budgets on the training motions",
-        )
 
 
 def distinct(candidates: Sequence[LawCandidate]) -> tuple[LawCandidate, ...]:

@@ -66,49 +66,42 @@ def check_finish(table: TuneTable, study: Study) -> None:
     # JAX is loaded only here.
     from mrwork.twins.loop.derivatives import SMOOTH
 
-    for law in table.laws:
-        if law not in SMOOTH:
-            refuse_within(
-                table,
-                f"{law} has no gradients: it switches, or the twin does not have it; gradient_steps is for "
-                f"{', '.join(SMOOTH)}, leave it out",
-                "gradient_steps",
-            )
-    if any((table.settings or {}).get(name) for name in ("signals", "floors", "rms_floors")):
-        refuse_within(
-            table,
+    settings, hardware = table.settings or {}, study.hardware
+    jumping = next((law for law in table.laws if law not in SMOOTH), "")
+    element = next((each.name for each in study.building.elements), "")
+    noisy = any(number for pair in hardware.sensors for number in pair)
+    for excluded, sentence in (
+        (
+            jumping,
+            f"{jumping} has no gradients: it switches, or the twin does not have it; gradient_steps is for "
+            f"{', '.join(SMOOTH)}, leave it out",
+        ),
+        (
+            any(settings.get(name) for name in ("signals", "floors", "rms_floors")),
             "gradients are those of laws without further signals; leave gradient_steps out, or these",
-            "gradient_steps",
-        )
-    if any(name in (table.free or {}) for name in SHAPING_SPANS):
-        refuse_within(
-            table,
+        ),
+        (
+            any(name in (table.free or {}) for name in SHAPING_SPANS),
             f"gradients are those of commands without {' and '.join(SHAPING_SPANS)}; leave gradient_steps out, or "
             "these",
-            "gradient_steps",
-        )
-    if table.combine != "mean":
-        refuse_within(
-            table,
+        ),
+        (
+            table.combine != "mean",
             "gradients are those of a mean of criteria; leave gradient_steps out, or combine",
-            "gradient_steps",
-        )
-    if study.building.elements:
-        refuse_within(
-            table,
-            f"gradients are those of a building without passive elements, and this one has "
-            f"{study.building.elements[0].name}; leave gradient_steps out, or the element",
-            "gradient_steps",
-        )
-    hardware = study.hardware
-    noisy = any(number for pair in hardware.sensors for number in pair)
-    if hardware.feedback != "state" or noisy or hardware.faults or math.isfinite(hardware.command_rate):
-        refuse_within(
-            table,
+        ),
+        (
+            element,
+            f"gradients are those of a building without passive elements, and this one has {element}; leave "
+            "gradient_steps out, or the element",
+        ),
+        (
+            hardware.feedback != "state" or noisy or hardware.faults or math.isfinite(hardware.command_rate),
             "gradients are those of a loop with feedback of the state, without noise, faults and a rate limit; leave "
             "gradient_steps out, or these",
-            "gradient_steps",
-        )
+        ),
+    ):
+        if excluded:
+            refuse_within(table, sentence, "gradient_steps")
 
 
 @array_dataclass()
@@ -207,7 +200,8 @@ def _gain_change(space: SettingSpace, bench: Bench, unit: Floats, place: int) ->
 def _twin(law: str, bench: Bench, objective: TuningObjective, largest: float) -> TunedLoop:
     from mrwork.twins.loop.derivatives import TunedLoop, TwinDamper
 
-    building, hardware = bench.arrangement.building, bench.study.hardware
+    arrangement, hardware = bench.study.at_zero, bench.study.hardware
+    building = arrangement.building
     if any(criterion(name).summed or criterion(name).over_weight for name in objective.weights):
         raise SettingError(
             "gradients are of peaks and rms values; leave gradient_steps out, or other criteria"
@@ -226,20 +220,11 @@ def _twin(law: str, bench: Bench, objective: TuningObjective, largest: float) ->
     ]
     own = None
     if curve != devices[0].spec:
-        own = [
-            TwinDamper(
-                spec=curve,
-                theta=np.asarray(theta),
-                row=each.row,
-                count=each.count,
-                differential=each.differential,
-            )
-            for each in dampers
-        ]
+        own = [replace(each, spec=curve, theta=np.asarray(theta)) for each in dampers]
     steps = max(
         1, math.ceil(hardware.sample_time / min(_LONGEST_STEP, hardware.sample_time / hardware.steps))
     )
-    floors, storeys = list(bench.arrangement.floors), list(bench.arrangement.storeys)
+    floors, storeys = list(arrangement.floors), list(arrangement.storeys)
     return TunedLoop(
         law,
         matrices={

@@ -61,7 +61,6 @@ class Bench(Summarised):
     """
 
     study: Study
-    arrangement: Arrangement
     problem: DesignProblem
     motions: tuple[GroundMotion, ...]
     realisations: Realisations
@@ -92,7 +91,7 @@ class Bench(Summarised):
                 continue
             places = [members[index] for index in designed.designed]
             batch = simulate_criteria(
-                replace(self.arrangement, devices=tuple(problem.devices), law=None),
+                replace(self.study.at_zero, devices=tuple(problem.devices), law=None),
                 designed.law,
                 self.motions,
                 self.study.hardware,
@@ -149,10 +148,6 @@ class Bench(Summarised):
             for level in levels
         ]
 
-    def arrangement_with(self, law: str, candidate: LawCandidate, label: str) -> Arrangement:
-        """The dampers of the study under a law with these settings, as `mrwork respond` simulates it."""
-        return arrange_law(self.problem, self.arrangement, law, candidate, label)
-
     def certificate(self, law: str, candidate: LawCandidate) -> str:
         """Stability certificate of a law with these settings, in words."""
         try:
@@ -165,7 +160,7 @@ class Bench(Summarised):
     def design_notes(self, law: str, candidate: LawCandidate) -> DesignNotes:
         """Sentences on the designed weights of a law with these settings, and on its gain; none if it has no design."""
         try:
-            made = self.arrangement_with(law, candidate, law).law
+            made = arrange_law(self.study, law, candidate, law).law
         except SettingError:
             return DesignNotes()
         assert isinstance(made, ControlLaw)
@@ -173,14 +168,13 @@ class Bench(Summarised):
         return DesignNotes(weights=weights, loop=(*made.notes, *made.shaping_notes))
 
 
-def arrange_law(
-    problem: DesignProblem, at_zero: Arrangement, law: str, candidate: LawCandidate, label: str
-) -> Arrangement:
-    """The dampers of an arrangement at i = 0 under a law with these settings."""
-    limited = problem.limited_to(candidate.largest_command)
+def arrange_law(study: Study, law: str, candidate: LawCandidate, label: str) -> Arrangement:
+    """The dampers of a study under a law with these settings, as `mrwork respond` simulates it."""
+    assert study.problem is not None
+    limited = study.problem.limited_to(candidate.largest_command)
     designed = design_law(law, limited, settings_of(law, candidate.settings))
     return replace(
-        at_zero,
+        study.at_zero,
         row=Row(label=label, kind="controller"),
         devices=tuple(limited.devices),
         law=replace(designed, dead_zone=candidate.dead_zone, command_slope=candidate.command_slope),
@@ -233,7 +227,6 @@ def with_tuned_law(
     >>> mr.run_study(picked).to_pandas().loc[front.label]  # doctest: +SKIP
     """
     check_controllable(study)
-    assert study.problem is not None
     if isinstance(found, LawResult):
         if point is not None:
             raise SettingError(f"`point` is of a front, and `found` is the law {found.label}; leave it out")
@@ -243,7 +236,7 @@ def with_tuned_law(
     name = label or found.label
     if name in (row.label for row in study.rows):
         raise SettingError(f"the study has a row called {name!r} already; give another `label`")
-    arrangement = arrange_law(study.problem, study.at_zero, found.law, candidate, name)
+    arrangement = arrange_law(study, found.law, candidate, name)
     return replace(study, arrangements=(*study.arrangements, arrangement))
 
 
@@ -405,7 +398,7 @@ class Benches(Summarised):
         """Demand of a law on each damper under every motion of the study, by label and motion; none without a law."""
         bench = self.training
         try:
-            arrangement = bench.arrangement_with(law, candidate, label)
+            arrangement = arrange_law(bench.study, law, candidate, label)
         except SettingError:
             return {}
         runs = runs_of(bench.study, arrangement, bench.journal, bench.threads)
@@ -467,13 +460,11 @@ def benches_of(
     one = nominal(study.devices)
 
     def bench(motions: Sequence[GroundMotion], realisations: Realisations) -> Bench:
-        arrangement = next(each for each in study.arrangements if each.row.kind == "passive_off")
-
         def passive() -> LabelledRuns:
-            assert arrangement.law is not None
+            assert study.at_zero.law is not None
             criteria = simulate_criteria(
-                arrangement,
-                arrangement.law,
+                study.at_zero,
+                study.at_zero.law,
                 motions,
                 study.hardware,
                 realisations,
@@ -486,7 +477,6 @@ def benches_of(
         inputs = digest_of([motion.name for motion in motions], len(realisations))
         return Bench(
             study=study,
-            arrangement=arrangement,
             problem=problem,
             motions=tuple(motions),
             realisations=realisations,
@@ -529,11 +519,12 @@ def judge(
     if varied is not None and robust:
         value_of, on = varied.found, varied.bench
     scores = objective.run_scores(value_of, on.baseline(objective))
+    violation = float(objective.violation(value_of)[0])
     numbers = {name: float(values.mean()) for name, values in per_motion.items()}
     return TuningJudgement(
         score=numbers.pop("score"),
         objective=float(objective.value(scores)[0]),
-        violation=_finite(float(objective.violation(value_of)[0])),
+        violation=violation if math.isfinite(violation) else math.inf,
         criteria=numbers,
         largest={
             entry.name: float(found.numbers[entry.name][0].max()) for entry in criteria() if not entry.ratio
@@ -550,10 +541,6 @@ def judge(
         energy_error=float(found.energy_error.max()),
         bands={} if varied is None else _bands(_ratios(varied.found, varied.bench.passive)),
     )
-
-
-def _finite(value: float) -> float:
-    return value if math.isfinite(value) else math.inf
 
 
 def _ratios(found: LabelledRuns, passive: LabelledRuns) -> dict[str, Floats]:

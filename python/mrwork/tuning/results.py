@@ -172,6 +172,15 @@ class LawResult(Summarised, Related):
         return self.train if self.test is None else self.test
 
     @property
+    def motion_scores(self) -> list[tuple[str, MotionScore]]:
+        """The use of every motion that it was judged on, and its score there."""
+        return [
+            (use, each)
+            for use, found in (("training", self.train), ("test", self.test))
+            for each in (() if found is None else found.motions)
+        ]
+
+    @property
     def chosen_candidate(self) -> LawCandidate:
         """The settings as a candidate."""
         return _candidate_of(self.settings)
@@ -382,9 +391,8 @@ class TuningResults(WithAxes, Summarised):
         judged = (*self.laws, *self.references)
         runs: dict[tuple[str, str], dict[int, MotionScore]] = {}
         for number, law in enumerate(judged):
-            for use, found in (("training", law.train), ("test", law.test)):
-                for each in () if found is None else found.motions:
-                    runs.setdefault((use, each.motion), {})[number] = each
+            for use, each in law.motion_scores:
+                runs.setdefault((use, each.motion), {})[number] = each
         # A study without test motions has each of its motions once.
         criteria = list(
             dict.fromkeys(
@@ -634,13 +642,7 @@ def _scores_csv(results: TuningResults) -> str:
     names = [name for each in results.references[:1] for name in each.train.criteria]
     lines = [["law", "use", "motion", "score", *names]]
     for law in (*results.laws, *results.references):
-        for use, found in (("training", law.train), ("test", law.test)):
-            lines += _lines(law, use, found, names)
+        for use, each in law.motion_scores:
+            numbers = [f"{number:.9g}" for number in (each.score, *(each.criteria[name] for name in names))]
+            lines.append([law.label, use, each.motion, *numbers])
     return csv_text(lines)
-
-
-def _lines(law: LawResult, use: str, found: TuningJudgement | None, names: Sequence[str]) -> list[list[str]]:
-    return [
-        [law.label, use, each.motion, f"{each.score:.9g}", *(f"{each.criteria[name]:.9g}" for name in names)]
-        for each in (() if found is None else found.motions)
-    ]

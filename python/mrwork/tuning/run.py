@@ -9,7 +9,7 @@ from typing import Literal
 
 from mrwork.arguments import Seed, Threads, checked
 from mrwork.control.design_problem import Magnitudes
-from mrwork.control.laws import control_law, control_laws
+from mrwork.control.laws import control_law
 from mrwork.errors import Interrupted, SettingError
 from mrwork.keys import suggestion
 from mrwork.search.peers import library
@@ -29,7 +29,14 @@ from mrwork.tuning.law_tuning import (
 )
 from mrwork.tuning.problem import Clock, benches_of, check_controllable, count_better, magnitudes_of
 from mrwork.tuning.results import Front, LawResult, TuningResults
-from mrwork.tuning.space import TuningObjective, check_scored_criterion, objective_of, refuse_within, space_of
+from mrwork.tuning.space import (
+    TuningObjective,
+    check_law,
+    check_scored_criterion,
+    objective_of,
+    refuse_within,
+    space_of,
+)
 
 OnTuning = Callable[[TuningProgress], None]
 
@@ -174,7 +181,7 @@ def _plans(
             law=law,
             objective=objective,
             space=space_of(table, law, magnitudes),
-            label=_label(table, law),
+            label=f"{control_law(law).title}, {table.label or 'tuned'}",
         )
         for table, objective in zip(tables, objectives, strict=True)
         for law in table.laws
@@ -204,8 +211,7 @@ def _check_table(table: TuneTable, study: Study) -> TuningObjective:
     if not table.laws:
         refuse_within(table, "laws is empty; name the laws to be tuned", "laws")
     for law in table.laws:
-        if law not in (known := [spec.name for spec in control_laws()]):
-            refuse_within(table, f"no control law is called {law!r}{suggestion(law, known)}", "laws")
+        check_law(table, law)
     if table.search not in ALL_OPTIMISERS:
         refuse_within(
             table,
@@ -243,11 +249,6 @@ def _check_objectives(table: TuneTable) -> None:
         library("pymoo.algorithms.moo.nsga2")
     except SettingError as reason:
         refuse_within(table, f"a front over several objectives takes NSGA-II: {reason}", "objectives")
-
-
-def _label(table: TuneTable, law: str) -> str:
-    title = control_law(law).title
-    return f"{title}, {table.label or 'tuned'}"
 
 
 def _check_labels(plans: Sequence[LawPlan], others: Sequence[str]) -> None:

@@ -94,10 +94,6 @@ class TuningObjective(Summarised):
         return f"{risk} of the {taken} of {names}, each over its value {under}"
 
 
-Objective = TuningObjective
-"""Its public name."""
-
-
 def _weighted_name(name: str, weight: float) -> str:
     text = criterion(name).title.lower().replace("rms", "RMS")
     return text if weight == 1.0 else f"{weight:g} x {text}"
@@ -239,10 +235,6 @@ class LawCandidate:
         return {name: value for name, value in found.items() if value != _UNSHAPED[name]}
 
 
-Candidate = LawCandidate
-"""Its former name, which is also that of a candidate of an experiment plan."""
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FreeSetting(Related):
     """A setting with the ends of its range; a search is uniform in it or its logarithm.
@@ -364,7 +356,7 @@ class SettingSpace(Summarised):
 
 def space_of(table: TuneTable, law: str, magnitudes: Magnitudes) -> SettingSpace:
     """The free settings of a law with their ranges, from a table and from what the law declares."""
-    _check_law(table, law)
+    check_law(table, law)
     kind = SETTINGS[law]
     held = _held_settings(table, law, kind)
     spans: dict[str, Span] = {
@@ -412,7 +404,8 @@ def is_semi_active(settings: Mapping[str, Any]) -> bool:
     return isinstance(designed, Mapping) and designed.get("semi_active") is not None
 
 
-def _check_law(table: TuneTable, law: str) -> None:
+def check_law(table: TuneTable, law: str) -> None:
+    """Refuse a name that is no control law."""
     known = [spec.name for spec in control_laws()]
     if law not in known:
         refuse_within(table, f"no control law is called {law!r}{suggestion(law, known)}", "laws")
@@ -479,7 +472,13 @@ def _free(
     scale = "linear" if span is None else span.scale
     if given:
         if len(given) != 2 or not given[0] < given[1] or (scale == "log" and given[0] <= 0.0):
-            _refuse_range(table, name, scale)
+            positive = " of positive numbers" if scale == "log" else ""
+            refuse_within(
+                table,
+                f"the range of {name} takes its lower and its upper end{positive}, as [1e-14, 1e-9]",
+                "free",
+                name,
+            )
         lower, upper = given
         if scale == "log" and upper > _WIDEST * lower:
             refuse_within(
@@ -508,13 +507,3 @@ def _free(
         replace(whole, entry=entry, start=float(whole.unit(float(start)) or 0.0))
         for entry, start in enumerate(starts)
     ]
-
-
-def _refuse_range(table: TuneTable, name: str, scale: str) -> NoReturn:
-    positive = " of positive numbers" if scale == "log" else ""
-    refuse_within(
-        table,
-        f"the range of {name} takes its lower and its upper end{positive}, as [1e-14, 1e-9]",
-        "free",
-        name,
-    )
