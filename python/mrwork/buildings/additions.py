@@ -9,7 +9,7 @@ import numpy as np
 import scipy
 
 from mrwork.arguments import NotNegative, Positive, checked
-from mrwork.buildings.matrices import Building, transform_elements
+from mrwork.buildings.matrices import Building, source_with, transform_elements
 from mrwork.buildings.modes import modes_of
 from mrwork.errors import SettingError
 from mrwork.values import Floats
@@ -117,7 +117,7 @@ def with_viscous_damper(building: Building, *, storey: int | str, damping: NotNe
         building,
         name=f"{building.name}, viscous damper in {name}",
         damping=building.damping + damping * np.outer(row, row),
-        source=f"{building.source}; viscous damper of {damping:g} N s/m in {name} added".removeprefix("; "),
+        source=source_with(building, f"viscous damper of {damping:g} N s/m in {name} added"),
         status="ours",
     )
 
@@ -214,7 +214,7 @@ def with_brace(
     return replace(
         braced,
         name=f"{building.name}, brace in {where}",
-        source=f"{building.source}; brace of {stiffness:g} N/m in {where} added".removeprefix("; "),
+        source=source_with(building, f"brace of {stiffness:g} N/m in {where} added"),
     )
 
 
@@ -251,7 +251,7 @@ def with_base_isolation(
         floor_names=("base", *building.floor_names),
         storey_names=("isolation", *building.storey_names),
         elements=transform_elements(building.elements, relative),
-        source=f"{building.source}; base isolation added".removeprefix("; "),
+        source=source_with(building, "base isolation added"),
         status="ours",
     )
 

@@ -26,7 +26,7 @@ from mrwork.buildings.additions import (
     with_rayleigh_damping,
     with_viscous_damper,
 )
-from mrwork.buildings.matrices import Building, check_size
+from mrwork.buildings.matrices import Building, check_size, source_with
 from mrwork.buildings.passive_devices import (
     with_friction_damper,
     with_lead_rubber_bearings,
@@ -512,8 +512,7 @@ def _replace_matrices(known: Building, table: BuildingTable, folder: Path) -> Bu
     """Return a building with the matrices, names and source replaced by those of a table."""
     arrays: dict[str, Any] = _arrays(table, folder)
     if arrays:
-        replaced = f"{known.source}; {', '.join(arrays)} replaced".removeprefix("; ")
-        arrays |= {"status": "ours", "source": replaced}
+        arrays |= {"status": "ours", "source": source_with(known, f"{', '.join(arrays)} replaced")}
     words = {name: getattr(table, name) for name in ("floor_names", "storey_names", "name", "source")}
     with table.place.prefix_errors():
         return replace(known, **arrays, **{name: word for name, word in words.items() if word is not None})

@@ -85,6 +85,11 @@ def transform_elements(elements: Sequence[PassiveElement], onto: Floats) -> tupl
     return tuple(replace(element, row=element.row @ onto) for element in elements)
 
 
+def source_with(building: Building, change: str) -> str:
+    """The source of a building that was changed."""
+    return f"{building.source}; {change}".removeprefix("; ")
+
+
 @checked
 @array_dataclass(repr=False)
 class Building(Summarised):
@@ -141,7 +146,7 @@ class Building(Summarised):
 
     def __post_init__(self) -> None:
         check_size(len(self.mass) if self.mass.ndim else 0, f"building {self.name}")
-        for field in ("mass", "damping", "stiffness", "influence", "floors", "storeys"):
+        for field in _ARRAYS:
             object.__setattr__(self, field, freeze_samples(getattr(self, field)))
         _check_building(self)
 
@@ -274,6 +279,7 @@ def _index(key: int | str, names: tuple[str, ...], refusal: str) -> int:
     )
 
 
+_ARRAYS: Final = ("mass", "damping", "stiffness", "influence", "floors", "storeys")
 STATUSES: Final = ("verified", "published", "ours")
 # Published matrices have five or six digits, with each triangle rounded separately.
 _ASYMMETRY: Final = 1e-6
@@ -303,14 +309,8 @@ def check_size(n_coordinates: int, where: str) -> None:
 def _check_building(building: Building) -> None:
     where = f"building {building.name}"
     _check_shapes(building, where)
-    for title, matrix in (
-        ("mass", building.mass),
-        ("damping", building.damping),
-        ("stiffness", building.stiffness),
-        ("influence", building.influence),
-        ("floors", building.floors),
-        ("storeys", building.storeys),
-    ):
+    for title in _ARRAYS:
+        matrix: Floats = getattr(building, title)
         possible = np.abs(matrix) <= _LARGEST
         if not possible.all():
             index = tuple(np.argwhere(~possible)[0])
@@ -324,8 +324,8 @@ def _check_building(building: Building) -> None:
                 f"{where}: the row of {element.name} has {element.row.size} entries; give "
                 f"{building.influence.size}, one for each coordinate"
             )
-    _check_symmetric(building.mass, "mass", where)
-    _check_symmetric(building.stiffness, "stiffness", where)
+    for title in ("mass", "stiffness"):
+        _check_symmetric(getattr(building, title), title, where)
     _check_mass(building.mass, where)
     _check_stiffness(building.stiffness, where)
     if growing := growing_modes(building.mass, building.damping, building.stiffness, building.floors):
@@ -348,12 +348,8 @@ def _check_shapes(building: Building, where: str) -> None:
     n = len(building.mass) if building.mass.ndim else 0
     if n == 0:
         raise SettingError(f"{where}: it has no coordinate; give a mass matrix of at least 1 x 1")
-    for title, matrix in (
-        ("mass", building.mass),
-        ("damping", building.damping),
-        ("stiffness", building.stiffness),
-    ):
-        if matrix.shape != (n, n):
+    for title in _ARRAYS[:3]:
+        if (matrix := getattr(building, title)).shape != (n, n):
             raise SettingError(
                 f"{where}: {title} is {_sides(matrix)} where {n} x {n} was expected; "
                 "M, C and K have one row and one column for each coordinate"

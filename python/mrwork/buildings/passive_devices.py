@@ -16,7 +16,7 @@ from mrwork.buildings.additions import (
     with_base_isolation_of_period,
     with_coordinate,
 )
-from mrwork.buildings.matrices import Building, PassiveElement
+from mrwork.buildings.matrices import Building, PassiveElement, source_with
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.hints import Within
 from mrwork.units import STANDARD_GRAVITY
@@ -162,7 +162,7 @@ def with_lead_rubber_bearings(
     return replace(
         isolated,
         elements=(*isolated.elements, rubber),
-        source=f"{isolated.source}; {name} yield at {yield_force:g} N".removeprefix("; "),
+        source=source_with(isolated, f"{name} yield at {yield_force:g} N"),
     )
 
 
@@ -226,7 +226,7 @@ def with_liquid_column(
         name=f"{building.name}, {name}",
         mass=coupled,
         elements=(*with_liquid.elements, orifice),
-        source=f"{building.source}; {name} of {mass:g} kg, {length:.4g} m long, added".removeprefix("; "),
+        source=source_with(building, f"{name} of {mass:g} kg, {length:.4g} m long, added"),
     )
 
 
@@ -319,7 +319,7 @@ def _with_element(building: Building, element: PassiveElement, says: str) -> Bui
         stiffness=building.stiffness + element.stiffness * np.outer(row, row),
         damping=building.damping + element.damping * np.outer(row, row),
         elements=(*building.elements, element),
-        source=f"{building.source}; {element.name} {says}, added".removeprefix("; "),
+        source=source_with(building, f"{element.name} {says}, added"),
         status="ours",
     )
 
@@ -415,9 +415,7 @@ def with_tuned_mass(
     return replace(
         tuned,
         name=f"{building.name}, {name}",
-        source=f"{building.source}; {name} of {mass:g} kg, {frequency:g} Hz, {ratio:g} added".removeprefix(
-            "; "
-        ),
+        source=source_with(building, f"{name} of {mass:g} kg, {frequency:g} Hz, {ratio:g} added"),
     )
 
 

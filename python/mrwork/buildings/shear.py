@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import cache
-from typing import Final
 
 import numpy as np
 
@@ -123,8 +122,10 @@ def number_names(noun: str, count: int) -> tuple[str, ...]:
     return tuple(f"{noun} {number}" for number in range(1, count + 1))
 
 
-def _dyke1996() -> Building:
-    return Building(
+@cache
+def buildings() -> tuple[Building, ...]:
+    """All published buildings."""
+    dyke1996 = Building(
         name="dyke1996",
         mass=98.3 * np.eye(3),
         damping=np.array([[175.0, -50.0, 0.0], [-50.0, 100.0, -50.0], [0.0, -50.0, 50.0]]),
@@ -132,77 +133,55 @@ def _dyke1996() -> Building:
         influence=np.ones(3),
         floors=np.eye(3),
         storeys=_floor_differences(3),
-        floor_names=("floor 1", "floor 2", "floor 3"),
-        storey_names=("storey 1", "storey 2", "storey 3"),
+        floor_names=number_names("floor", 3),
+        storey_names=number_names("storey", 3),
         source="Dyke, Spencer, Sain, Carlson, Smart Mater. Struct. 5, 1996, 565-575; scaled three-storey frame, "
         "for records with their time axis divided by 5",
         status="verified",
     )
-
-
-def _jansen2000() -> Building:
-    frame = shear_building(
+    jansen2000 = shear_building(
         name="jansen2000",
         masses=[22.7] * 6,
         stiffnesses=[29700.0] * 6,
         source="Jansen, Dyke, J. Eng. Mech. 126(8), 2000, 795-803; scaled six-storey frame, 0.5 % damping in each mode",
         status="verified",
     )
-    return with_modal_damping(frame, ratios=[0.005])
-
-
-def _uts() -> Building:
-    frame = shear_building(
+    uts = shear_building(
         name="uts",
         masses=[337.0, 330.0, 330.0, 330.0, 330.0],
         stiffnesses=[1.448e6] * 5,
         source="five-storey frame of UTS; its masses are published, equal stiffness and 1 % Rayleigh damping in modes "
         "1 and 3 are ours",
-        status="ours",
     )
-    return with_rayleigh_coefficients(frame, a0=0.309478, a1=1.89972e-4)
-
-
-def _frame() -> Building:
-    one_storey = shear_building(
+    frame = shear_building(
         name="frame",
         masses=[300.0],
         stiffnesses=[300.0 * (2.0 * np.pi * 3.0) ** 2],
         source="one-storey frame in the manner of Nguyen, PhD thesis, University of Technology, Sydney, 2009, ch. 7; "
         "300 kg, 3 Hz and 1 % are ours",
-        status="ours",
     )
-    return with_modal_damping(one_storey, ratios=[0.01])
-
-
-def _sac3() -> Building:
-    # The source numbers the floors from the roof down.
-    stiffness = np.array(
-        [
-            [9.35151e7, -1.29507e8, 4.21961e7],
-            [-1.29507e8, 3.15537e8, -2.39798e8],
-            [4.21961e7, -2.39798e8, 4.40846e8],
-        ]
-    )[::-1, ::-1]
-    half = Building(
+    half_of_sac3 = Building(
         name="sac3",
         mass=np.diag([4.7835e5, 4.7835e5, 5.1779e5]),
         damping=np.zeros((3, 3)),
-        stiffness=stiffness,
+        # The source numbers the floors from the roof down.
+        stiffness=np.array(
+            [
+                [9.35151e7, -1.29507e8, 4.21961e7],
+                [-1.29507e8, 3.15537e8, -2.39798e8],
+                [4.21961e7, -2.39798e8, 4.40846e8],
+            ]
+        )[::-1, ::-1],
         influence=np.ones(3),
         floors=np.eye(3),
         storeys=_floor_differences(3),
         floor_names=("floor 1", "floor 2", "roof"),
-        storey_names=("storey 1", "storey 2", "storey 3"),
+        storey_names=number_names("storey", 3),
         source="Ohtori, Christenson, Spencer, Dyke, J. Eng. Mech. 130(4), 2004, 366-385; half of the SAC three-storey "
         "building, condensed; 2 % Rayleigh damping, in modes 1 and 3 (which modes is ours)",
         status="verified",
     )
-    return with_rayleigh_damping(half, ratios=(0.02, 0.02), modes=(1, 3))
-
-
-def _utfpr() -> Building:
-    return shear_building(
+    utfpr = shear_building(
         name="utfpr",
         masses=[24.3, 24.3],
         stiffnesses=[6820.0, 8220.0],
@@ -210,22 +189,14 @@ def _utfpr() -> Building:
         source="two-storey frame of UTFPR (A. N. Vargas)",
         status="published",
     )
-
-
-_MAKERS: Final[dict[str, Callable[[], Building]]] = {
-    "dyke1996": _dyke1996,
-    "jansen2000": _jansen2000,
-    "uts": _uts,
-    "frame": _frame,
-    "sac3": _sac3,
-    "utfpr": _utfpr,
-}
-
-
-@cache
-def buildings() -> tuple[Building, ...]:
-    """All published buildings."""
-    return tuple(make() for make in _MAKERS.values())
+    return (
+        dyke1996,
+        with_modal_damping(jansen2000, ratios=[0.005]),
+        with_rayleigh_coefficients(uts, a0=0.309478, a1=1.89972e-4),
+        with_modal_damping(frame, ratios=[0.01]),
+        with_rayleigh_damping(half_of_sac3, ratios=(0.02, 0.02), modes=(1, 3)),
+        utfpr,
+    )
 
 
 @checked
@@ -245,4 +216,5 @@ def building(name: str) -> Building:
     for known in buildings():
         if known.name == name:
             return known
-    raise UnknownNameError(f"no published building is called {name!r}{suggestion(name, [*_MAKERS])}")
+    names = [known.name for known in buildings()]
+    raise UnknownNameError(f"no published building is called {name!r}{suggestion(name, names)}")

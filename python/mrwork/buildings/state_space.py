@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Final, Literal
 
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from mrwork.arguments import checked
 from mrwork.buildings.from_file import read_matrices
-from mrwork.buildings.matrices import Building, transform_elements
+from mrwork.buildings.matrices import Building, source_with, transform_elements
 from mrwork.buildings.modes import modes_of
 from mrwork.buildings.shear import number_names
 from mrwork.errors import ArgumentError, SettingError, UnknownNameError
@@ -179,21 +179,14 @@ def _indices(selected: Sequence[str], names: tuple[str, ...], noun: str) -> list
     return [names.index(name) for name in selected or names]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Output:
-    """An output of a building: of the storeys or the floors, and its order of differentiation."""
-
-    of_storeys: bool
-    order: Literal[0, 1, 2]
-
-
-OUTPUTS: Final[Mapping[str, _Output]] = {
-    "displacement": _Output(of_storeys=False, order=0),
-    "velocity": _Output(of_storeys=False, order=1),
-    "acceleration": _Output(of_storeys=False, order=2),
-    "drift": _Output(of_storeys=True, order=0),
-    "drift rate": _Output(of_storeys=True, order=1),
+OUTPUTS: Final[Mapping[str, tuple[Literal["floor", "storey"], Literal[0, 1, 2]]]] = {
+    "displacement": ("floor", 0),
+    "velocity": ("floor", 1),
+    "acceleration": ("floor", 2),
+    "drift": ("storey", 0),
+    "drift rate": ("storey", 1),
 }
+"""What each output of a building is of, and its order of differentiation."""
 # Tolerance relative to the largest entry where an exact zero or symmetry is expected.
 _ROUNDING: Final = 1e-8
 
@@ -241,17 +234,17 @@ def system_of(
     for output in outputs:
         if output not in OUTPUTS:
             raise UnknownNameError(f"a building has no output {output!r}; choose among {', '.join(OUTPUTS)}")
-        kind = OUTPUTS[output]
+        of, order = OUTPUTS[output]
         shapes, names_of = (
             (building.storeys, building.storey_names)
-            if kind.of_storeys
+            if of == "storey"
             else (building.floors, building.floor_names)
         )
-        if kind.order == 2:
+        if order == 2:
             C.append(shapes @ A[n:])
             D.append(shapes @ inputs[n:] + ground)
         else:
-            C.append(shapes @ (rate if kind.order == 1 else np.eye(n, 2 * n)))
+            C.append(shapes @ (rate if order == 1 else np.eye(n, 2 * n)))
             D.append(np.zeros((len(shapes), inputs.shape[1])))
         names += [f"{output} of {name}" for name in names_of]
     return LinearSystem(
@@ -400,7 +393,7 @@ def modal_truncation(building: Building, *, n_modes: int) -> Building:
         floors=building.floors @ kept,
         storeys=building.storeys @ kept,
         elements=transform_elements(building.elements, kept),
-        source=f"{building.source}; reduced to {n_modes} modes".removeprefix("; "),
+        source=source_with(building, f"reduced to {n_modes} modes"),
         status="ours",
     )
 
