@@ -270,12 +270,9 @@ def parse(text: str, origin: str) -> tuple[dict[str, Any], dict[KeyPath, int]]:
     try:
         document = toml_table(text)
     except ValueError as reason:
-        raise SettingError(f"{origin} is not TOML: {_with_small_first(str(reason))}") from None
+        text = str(reason)
+        raise SettingError(f"{origin} is not TOML: {text[:1].lower()}{text[1:]}") from None
     return document, toml_lines(text)
-
-
-def _with_small_first(text: str) -> str:
-    return text[:1].lower() + text[1:]
 
 
 @checked
@@ -308,7 +305,9 @@ def read_study(
     """
     path = Path(path)
     file = _read(path)
-    table, place = _tables(file, str(path))
+    document, lines = parse(file.text, str(path))
+    place = Place(origin=str(path), lines=lines)
+    table = read_table(StudyTable, document, place)
     folder = path.parent / table.folder
     for each in table.controller:
         if each.user is not None:
@@ -424,12 +423,6 @@ def _read(path: Path) -> StudyFile:
     # Refused here, by the name that was given.
     text_in(content, path, TOML)
     return StudyFile(path=path.resolve(), content=content)
-
-
-def _tables(file: StudyFile, origin: str) -> tuple[StudyTable, Place]:
-    document, lines = parse(file.text, origin)
-    place = Place(origin=origin, lines=lines)
-    return read_table(StudyTable, document, place), place
 
 
 def _tunes_accelerations(table: TuneTable) -> bool:

@@ -352,30 +352,25 @@ def _choose_best_constant(
     study: Study, arrangement: Arrangement, journal: Journal | None, threads: int
 ) -> tuple[Arrangement, Mapping[int, RunResult]]:
     """The arrangement with the constant command of the lowest score; and its known runs, unless it is recalled."""
-    devices = arrangement.devices
-    weight = arrangement.building.total_mass * STANDARD_GRAVITY
-    commands = np.linspace(0.0, min(device.largest_command for device in devices), LEVELS)
     known: dict[int, RunResult] = {}
 
     def search() -> BestConstant:
-        levels = _constant_levels(arrangement, commands, study.chosen_on, study.hardware, threads)
-        criteria = [[_criteria(result, weight) for result in level] for level in levels]
-        scores, best = _scores_of_levels(arrangement, criteria, study.chosen_on)
+        best, runs, _ = _best_level(arrangement, study.chosen_on, study.hardware, threads)
         if not _knows_least_strokes(arrangement):
             known.update(
                 (motion, run)
                 for motion, ground in enumerate(study.grounds)
-                for chosen, run in zip(study.chosen_on, levels[best], strict=True)
+                for chosen, run in zip(study.chosen_on, runs, strict=True)
                 if ground is chosen
             )
-        return BestConstant(command=float(commands[best]), score=scores[best])
+        return best
 
     if journal is None:
         best = search()
     else:
         inputs = digest_of_run(arrangement, *study.chosen_on)
         best = journal.once("best_constant", inputs, BestConstant, search)
-        if best.command not in commands:
+        if best.command not in _levels(arrangement):
             raise JournalError(
                 f"{journal.path} has a best constant command of {best.command:g} {study.command_unit}, which is "
                 "none of those that are tried; run again without --resume"
@@ -384,34 +379,29 @@ def _choose_best_constant(
     with_command = replace(
         arrangement,
         row=replace(arrangement.row, label=label),
-        law=constant_command(devices, best.command),
+        law=constant_command(arrangement.devices, best.command),
     )
     return with_command, known
 
 
-def _constant_levels(
-    arrangement: Arrangement,
-    commands: Floats,
-    motions: Sequence[GroundMotion],
-    hardware: Hardware,
-    threads: int,
-) -> list[list[RunResult]]:
-    """The runs of each constant command, one for each motion."""
-    devices, law = with_devices(arrangement, constant_commands(arrangement.devices, commands))
-    responses = simulate_loop(arrangement.building, devices, law, motions, hardware, threads=threads)
-    runs = results_of(responses, arrangement)
-    return [list(runs[start : start + len(motions)]) for start in range(0, len(runs), len(motions))]
+def _levels(arrangement: Arrangement) -> Floats:
+    return np.linspace(0.0, min(device.largest_command for device in arrangement.devices), LEVELS)
 
 
-def _scores_of_levels(
-    arrangement: Arrangement,
-    criteria: Sequence[Sequence[Mapping[str, Floats]]],
-    motions: Sequence[GroundMotion],
-) -> tuple[list[float], int]:
-    """The score of each constant command, of which the first is i = 0, and the place of the best.
+def _best_level(
+    arrangement: Arrangement, motions: Sequence[GroundMotion], hardware: Hardware, threads: int
+) -> tuple[BestConstant, list[RunResult], list[dict[str, Floats]]]:
+    """The constant command of the lowest score, and its runs and their criteria, one for each motion.
 
     A command has no score if one of its runs failed.
     """
+    commands, weight = _levels(arrangement), arrangement.building.total_mass * STANDARD_GRAVITY
+    devices, law = with_devices(arrangement, constant_commands(arrangement.devices, commands))
+    responses = simulate_loop(arrangement.building, devices, law, motions, hardware, threads=threads)
+    runs = results_of(responses, arrangement)
+    levels = [runs[start : start + len(motions)] for start in range(0, len(runs), len(motions))]
+    criteria = [[_criteria(result, weight) for result in level] for level in levels]
+    # The first command is i = 0.
     scores = [float(score(each, criteria[0])) for each in criteria]
     if np.isnan(scores).all():
         raise SimulationError(
@@ -419,25 +409,21 @@ def _scores_of_levels(
             f"{list_names([ground.name for ground in motions])} the run at i = 0, or at every command, "
             "did not finish or has no response; check the dampers and the step, or leave best_passive out"
         )
-    return scores, int(np.nanargmin(scores))
+    best = int(np.nanargmin(scores))
+    return BestConstant(command=float(commands[best]), score=scores[best]), levels[best], criteria[best]
 
 
 def reference_peaks_of(
     arrangement: Arrangement, motions: Sequence[GroundMotion], hardware: Hardware
 ) -> ReferencePeaks:
     """The best constant command of an arrangement on these motions, and the mean peaks under it, to four digits."""
-    largest = min(device.largest_command for device in arrangement.devices)
-    commands = np.linspace(0.0, largest, LEVELS)
-    weight = arrangement.building.total_mass * STANDARD_GRAVITY
-    levels = _constant_levels(arrangement, commands, motions, hardware, 0)
-    criteria = [[_criteria(result, weight) for result in level] for level in levels]
-    _, best = _scores_of_levels(arrangement, criteria, motions)
+    best, _, criteria = _best_level(arrangement, motions, hardware, 0)
 
     def mean(name: str) -> float:
-        return float(f"{np.mean([each[name] for each in criteria[best]]):.4g}")
+        return float(f"{np.mean([each[name] for each in criteria]):.4g}")
 
     return ReferencePeaks(
-        command=float(f"{commands[best]:.4g}"),
+        command=float(f"{best.command:.4g}"),
         drift=mean("peak_drift"),
         acceleration=mean("peak_acceleration"),
     )
