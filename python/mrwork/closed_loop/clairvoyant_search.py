@@ -346,10 +346,6 @@ Recall = Callable[[str, Floats, Callable[[], ClairvoyantStart]], ClairvoyantStar
 """Does a search, given its name and the commands it starts from, or recalls it from a journal."""
 
 
-def _run_search(name: str, start: Floats, search: Callable[[], ClairvoyantStart]) -> ClairvoyantStart:
-    return search()
-
-
 @checked
 def clairvoyant(
     building: Building,
@@ -362,7 +358,7 @@ def clairvoyant(
     floors: tuple[Annotated[int, Within(least=0)], ...] | None = None,
     storeys: tuple[Annotated[int, Within(least=0)], ...] | None = None,
     on_progress: Callable[[ClairvoyantProgress], None] = lambda progress: None,
-    recall: Recall = _run_search,
+    recall: Recall = lambda name, start, search: search(),
     threads: Threads = 0,
 ) -> Clairvoyant:
     """Find commands with a low score for a motion that is known in advance.

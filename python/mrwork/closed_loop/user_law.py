@@ -77,12 +77,6 @@ def place_raised(error: BaseException, file: str) -> str:
     return place
 
 
-def _file_of(function: Callable[..., object]) -> str:
-    """Name of the file of a function; empty if it is not written in Python."""
-    code = _code_of(function)
-    return "" if code is None else code.co_filename
-
-
 def in_words(error: BaseException) -> str:
     """Type and text of an error in one line."""
     try:
@@ -177,16 +171,10 @@ class LoopSample(Summarised):
     """
 
     _units: ClassVar[dict[str, str]] = {
-        **{
-            "time": "s",
-            "displacement": "m",
-            "velocity": "m/s",
-            "deformation": "m",
-            "rate": "m/s",
-            "force": "N",
-            "acceleration": "m/s^2",
-            "ground_acceleration": "m/s^2",
-        },
+        "time": "s",
+        "displacement": "m",
+        "velocity": "m/s",
+        **RunningRms._units,
         "largest": "A or V",
     }
 
@@ -211,16 +199,8 @@ class LoopSample(Summarised):
     @property
     def is_physical(self) -> NDArray[np.bool_]:
         """Whether every reading of a run is a number that a building can have, shape (n_runs,)."""
-        readings = np.hstack(
-            [
-                self.state,
-                self.deformation,
-                self.rate,
-                self.force,
-                self.acceleration,
-                self.ground_acceleration[:, None],
-            ]
-        )
+        measured = (self.deformation, self.rate, self.force, self.acceleration)
+        readings = np.hstack([self.state, *measured, self.ground_acceleration[:, None]])
         return np.asarray((np.abs(readings) < _LARGEST_READING).all(axis=1))
 
 
@@ -386,7 +366,8 @@ class UserLaw(Summarised):
             except KeyboardInterrupt:
                 raise
             except BaseException as error:
-                place = place_raised(error, _file_of(self.command))
+                code = _code_of(self.command)
+                place = place_raised(error, "" if code is None else code.co_filename)
                 where = f" in {place}" if place else ""
                 raise SettingError(
                     f"{self.name} failed at {sample.time:g} s{where}: {in_words(error)}; correct it"
