@@ -13,8 +13,7 @@ from scipy.optimize import brentq
 from sentences import Refused
 
 from mrwork.dampers.design import Slot, annular_pressure, plate_pressure, summed_pressure
-from mrwork.dampers.design.flow import PRESSURES
-from mrwork.dampers.design.ranges import roots_between
+from mrwork.dampers.design.flow import PRESSURES, roots_between
 
 Pressure = Callable[..., np.ndarray]
 

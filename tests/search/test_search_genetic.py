@@ -23,7 +23,7 @@ from search_problems import (
 from sentences import Refused
 
 from mrwork.search import Ceiling, EfficientGA, StandardGA, StopRules, run_replicates, run_search
-from mrwork.search.genetic import _crossover, _fitness, _roulette
+from mrwork.search.evolution import _crossover, _fitness, _roulette
 
 
 def only_capped(most):

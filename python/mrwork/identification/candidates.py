@@ -18,9 +18,15 @@ from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import SettingError, SimulationError, UnknownNameError
 from mrwork.identification.equivalent import search_box
-from mrwork.identification.loss import LossFunction, LossName, loss_of
 from mrwork.identification.objective import Objective, linearise_residuals, ties_of
-from mrwork.identification.residual import NuisanceName, ObservedTest, bounds_without_offsets
+from mrwork.identification.residual import (
+    LossFunction,
+    LossName,
+    NuisanceName,
+    ObservedTest,
+    bounds_without_offsets,
+    loss_of,
+)
 from mrwork.identification.settings import FitSettings
 from mrwork.keys import suggestion
 from mrwork.labelled import NamedArray, NamedArrays, WithAxes, labels_of, number_labels

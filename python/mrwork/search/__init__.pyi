@@ -1,7 +1,7 @@
-from .constraints import misfit_under_constraints as misfit_under_constraints
-from .differential_evolution import DifferentialEvolution as DifferentialEvolution
-from .genetic import EfficientGA as EfficientGA
-from .genetic import StandardGA as StandardGA
+from .evolution import DifferentialEvolution as DifferentialEvolution
+from .evolution import EfficientGA as EfficientGA
+from .evolution import StandardGA as StandardGA
+from .loop import misfit_under_constraints as misfit_under_constraints
 from .loop import run_search as run_search
 from .particle_swarm import ParticleSwarm as ParticleSwarm
 from .registry import OPTIMISERS as OPTIMISERS

@@ -8,8 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from mrwork.search.differential_evolution import DifferentialEvolution
-from mrwork.search.genetic import EfficientGA, StandardGA
+from mrwork.search.evolution import DifferentialEvolution, EfficientGA, StandardGA
 from mrwork.search.loop import Optimiser
 from mrwork.search.particle_swarm import CONSTRICTION, ParticleSwarm
 from mrwork.search.peers import CMAEvolution, PeerOptimiser, PymooGA, ScipyDifferentialEvolution

@@ -13,22 +13,11 @@ from math import exp
 from typing import Annotated, ClassVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mrwork.arguments import NotNegative, Share, checked
-from mrwork.dampers.design.flow import PRESSURES, FlowModel, Slot
-from mrwork.dampers.design.materials import MRFluid, Steel, steel
-from mrwork.dampers.design.ranges import (
-    Current,
-    Currents,
-    Fields,
-    Length,
-    Speed,
-    Turns,
-    Velocities,
-    Voltage,
-    broadcast,
-    roots_between,
-)
+from mrwork.dampers.design.flow import PRESSURES, FlowModel, Length, Slot, broadcast, roots_between
+from mrwork.dampers.design.materials import Fields, MRFluid, Steel, steel
 from mrwork.dampers.parameters import LawName
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import SettingError
@@ -39,6 +28,12 @@ from mrwork.values import Floats
 
 Area = Annotated[float, Within(least=1e-12, most=1e4)]
 Resistance = Annotated[float, Within(least=1e-9, most=1e9)]
+Speed = Annotated[float, Within(least=1e-9, most=1e3)]
+Turns = Annotated[int, Within(least=1, most=1_000_000)]
+Current = Annotated[float, Within(least=1e-6, most=1e4)]
+Voltage = Annotated[float, Within(least=1e-3, most=1e6)]
+Currents = Annotated[ArrayLike, Within(least=0.0, most=1e4)]
+Velocities = Annotated[ArrayLike, Within(least=-1e3, most=1e3)]
 
 COPPER_RESISTIVITY = 1.72e-8
 """Of copper at 20 C [ohm m]."""

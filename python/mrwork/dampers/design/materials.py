@@ -15,12 +15,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mrwork.arguments import checked
-from mrwork.dampers.design.ranges import Fields, FlowIndex, Viscosity
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.hints import Within
 from mrwork.summary import Summarised
 from mrwork.values import Floats
 
+Viscosity = Annotated[float, Within(least=1e-6, most=1e6)]
+FlowIndex = Annotated[float, Within(least=0.1, most=3.0)]
+Fields = Annotated[ArrayLike, Within(least=0.0, most=1e9)]
 Carrier = Literal["hydrocarbon oil", "silicone oil", "water"]
 
 VACUUM_PERMEABILITY = 4e-7 * np.pi

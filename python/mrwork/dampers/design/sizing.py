@@ -13,10 +13,9 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 import numpy as np
 
 from mrwork.arguments import Count, NotNegative, Positive, Seed, checked
-from mrwork.dampers.design.damper_design import DamperDesign, wire_diameter
-from mrwork.dampers.design.flow import FlowModel
+from mrwork.dampers.design.damper_design import Current, DamperDesign, Speed, Voltage, wire_diameter
+from mrwork.dampers.design.flow import FlowModel, Length
 from mrwork.dampers.design.materials import MRFluid, Steel
-from mrwork.dampers.design.ranges import Current, Length, Speed, Voltage
 from mrwork.errors import Interrupted, SettingError, UnknownNameError
 from mrwork.hints import Within
 from mrwork.plotted import plots_of
