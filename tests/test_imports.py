@@ -57,7 +57,7 @@ STEPS = {
     "identifiability": ("mr.identifiability_of(fit, [test])", JAX),
     "profile": ("mr.profile(fit, [test], parameters=['k_w'])", JAX),
     "plan": (
-        "from mrwork.uncertainty.planning.candidates import Candidate\n"
+        "from mrwork.uncertainty.candidate_tests import Candidate\n"
         "mr.plan(fit, [test], [Candidate(amplitude=0.01, frequency=each) for each in (1.0, 2.0)])",
         JAX,
     ),

@@ -25,7 +25,7 @@ from mrwork.uncertainty.bands.conformal import Calibration
 from mrwork.uncertainty.choice.law_table import LawTable
 from mrwork.uncertainty.choice.ranking import Ranking
 from mrwork.uncertainty.identifiability.profile import Profiles
-from mrwork.uncertainty.planning.plan import CheckedPlan
+from mrwork.uncertainty.planning import CheckedPlan
 from mrwork.uncertainty.posterior.draws import Draws, read_draws
 from mrwork.values import Floats
 

@@ -12,7 +12,7 @@ from record_files import AMPLITUDE, codes, message
 
 from mrwork.records import read_damper_test
 from mrwork.records.damper_test import range_of_tests
-from mrwork.uncertainty.planning.candidates import excitation_of
+from mrwork.uncertainty.candidate_tests import excitation_of
 
 
 @pytest.fixture

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from mrwork.dampers import damper
 from mrwork.records import DamperTest, Finding, build_damper_test, detect_smoothing
 from mrwork.records.checks import breakaway_overshoot, clipped_share
-from mrwork.records.detectors.cycles import delay_finding, drift_finding, force_delay, loop_drift, moving_mass
+from mrwork.records.cycles import delay_finding, drift_finding, force_delay, loop_drift, moving_mass
 from mrwork.records.findings import find_mislabelled
 from mrwork.records.motion import SmoothMotion, motion_of, whole_cycles
 from mrwork.records.read import examine

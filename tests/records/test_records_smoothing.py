@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from record_files import clean_columns
 
 from mrwork.records import build_damper_test, detect_smoothing
-from mrwork.records.detectors.smoothing import detect_average
+from mrwork.records.smoothing import detect_average
 from mrwork.synthetic import SYNTHETIC_TESTS, synthetic_test
 
 

@@ -8,7 +8,7 @@ from jax import Array
 
 import mrwork as mr
 from mrwork.dampers import PUBLISHED_SETS
-from mrwork.twins.loop.stepping import LoopDevice, LoopPlant, half_steps
+from mrwork.twins.loop_stepping import LoopDevice, LoopPlant, half_steps
 from studies.speed.loop_workload import LAG, LoopWorkload
 
 STEP = 2e-3

@@ -21,7 +21,7 @@ from mrwork.uncertainty.bands.conformal import measured_coverage
 from mrwork.uncertainty.bands.prediction import predict_tests
 from mrwork.uncertainty.choice.law_table import LawTable, TriedLaws
 from mrwork.uncertainty.choice.ranking import Evidence, Ranking, rank
-from mrwork.uncertainty.planning.plan import LinearisedPosterior, checked_with_draws, normal_draws
+from mrwork.uncertainty.planning import LinearisedPosterior, checked_with_draws, normal_draws
 from mrwork.uncertainty.posterior.draws import draws_content
 
 WALKERS = 12

@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 from jax import Array
 
-from mrwork.twins.loop.stepping import Measurement
+from mrwork.twins.loop_stepping import Measurement
 
 
 def switch(x: Array, width: Array | float) -> Array:

@@ -20,7 +20,7 @@ from mrwork.motions import read_motion
 from mrwork.records import read_damper_test, read_test_table
 from mrwork.store.input_file import TOML, bytes_of, is_there, start_of, text_of
 from mrwork.study import read_results, read_study
-from mrwork.uncertainty.planning.candidates import read_candidates
+from mrwork.uncertainty.candidate_tests import read_candidates
 
 PACKAGE = Path(mrwork.__file__).parent
 # Calls that open a file or read a text, and the modules that may make them.

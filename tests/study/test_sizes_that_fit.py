@@ -9,7 +9,7 @@ from sentences import Refused
 from mrwork.buildings import read_building, shear_building
 from mrwork.dampers import damper
 from mrwork.motions import synthetic_motion
-from mrwork.uncertainty.planning.candidates import read_candidates
+from mrwork.uncertainty.candidate_tests import read_candidates
 
 
 def test_a_motion_of_too_many_samples_is_refused_with_its_size(refused: Refused) -> None:

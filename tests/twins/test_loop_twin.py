@@ -15,7 +15,7 @@ from twin_laws import ClippedOptimal, LqrDirect, Passive
 
 import mrwork as mr
 from mrwork.errors import SettingError
-from mrwork.twins.loop.stepping import LoopDevice, half_steps, run_loop
+from mrwork.twins.loop_stepping import LoopDevice, half_steps, run_loop
 from studies.speed.loop_plain import PlainLoop
 from studies.speed.loop_workload import KEPT, LAG, LARGEST_COMMAND, loop_workload
 

@@ -13,8 +13,8 @@ from jax import Array
 from loop_twin_samples import LARGEST, STEP, a_ground, two_storeys
 from twin_laws import ClippedOptimal, LyapunovBangBang, ModifiedClippedOptimal, switch
 
-from mrwork.twins.loop.derivatives import LyapunovDirect
-from mrwork.twins.loop.stepping import Measurement, run_loop
+from mrwork.twins.loop_derivatives import LyapunovDirect
+from mrwork.twins.loop_stepping import Measurement, run_loop
 
 
 def measured(state: Any, force: float) -> Measurement:

@@ -10,7 +10,7 @@ import pytest
 
 import mrwork as mr
 from mrwork.uncertainty import Candidate
-from mrwork.uncertainty.planning.candidates import candidate_grid
+from mrwork.uncertainty.candidate_tests import candidate_grid
 
 TEST = mr.synthetic_test("rd1005_1a")
 VERBS = (

@@ -17,8 +17,8 @@ from mrwork.records import DamperTest, cut
 from mrwork.simulation import Loading, simulate_force
 from mrwork.synthetic import synthetic_test
 from mrwork.uncertainty import Candidate, Limits, identifiability_of
-from mrwork.uncertainty.planning.candidates import candidate_grid, excitation_of, motion_of, read_candidates
-from mrwork.uncertainty.planning.plan import (
+from mrwork.uncertainty.candidate_tests import candidate_grid, excitation_of, motion_of, read_candidates
+from mrwork.uncertainty.planning import (
     LinearisedPosterior,
     band_matrix,
     checked_with_draws,

@@ -27,7 +27,7 @@ from mrwork.motions import read_motion
 from mrwork.records import guess_tests, read_damper_test, read_test_table
 from mrwork.report import departures
 from mrwork.study import read_study
-from mrwork.uncertainty.planning.candidates import read_candidates
+from mrwork.uncertainty.candidate_tests import read_candidates
 from tools.fuzzing.mutants import Structure
 from tools.fuzzing.reader import Reader, Seed
 

@@ -15,7 +15,7 @@ from mrwork.dampers.conversions import USUAL_OPENSEES_ERROR, OpenSeesError, Open
 from mrwork.hints import Within, node_of
 from mrwork.keys import LARGEST_SEED
 from mrwork.search.rules import LARGEST_POPULATION
-from mrwork.uncertainty.planning.candidates import (
+from mrwork.uncertainty.candidate_tests import (
     AMPLITUDE_RANGE,
     COMMAND_RANGE,
     FREQUENCY_RANGE,

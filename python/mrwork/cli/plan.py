@@ -21,12 +21,12 @@ from mrwork.store.output_file import write_files
 from mrwork.store.output_folder import adding
 from mrwork.store.run_folder import PLAN, REPORT
 from mrwork.table import text_table
-from mrwork.uncertainty.planning.candidates import Candidate, Limits, candidate_grid, read_candidates
+from mrwork.uncertainty.candidate_tests import Candidate, Limits, candidate_grid, read_candidates
 from mrwork.units import CommandUnit
 from mrwork.values import Floats
 
 if TYPE_CHECKING:
-    from mrwork.uncertainty.planning.plan import CheckedPlan, LinearisedPosterior
+    from mrwork.uncertainty.planning import CheckedPlan, LinearisedPosterior
 
 # Number of rows in the printed table; the document has all.
 _SHOWN = 15
@@ -88,7 +88,7 @@ def run(options: argparse.Namespace) -> int:
 
 def _plan(opened: OpenedRun, options: argparse.Namespace) -> int:
     # SciPy's optimisers are slow to load, and the help does not need them.
-    from mrwork.uncertainty.planning.plan import LinearisedPosterior, checked_with_draws, plan
+    from mrwork.uncertainty.planning import LinearisedPosterior, checked_with_draws, plan
 
     findings = told_findings("plan", opened.tests, options)
     spec = opened.fit.spec
@@ -132,7 +132,7 @@ def _candidates(options: argparse.Namespace, opened: OpenedRun, limits: Limits) 
 
 def _draws(opened: OpenedRun, posterior: LinearisedPosterior, rng: np.random.Generator) -> tuple[Floats, str]:
     """Draws of the parameters in the order of `posterior`, and the name of their distribution."""
-    from mrwork.uncertainty.planning.plan import normal_draws
+    from mrwork.uncertainty.planning import normal_draws
     from mrwork.uncertainty.posterior.draws import read_draws
 
     draws = read_draws(opened.place, opened.fit)
@@ -146,7 +146,7 @@ def _draws(opened: OpenedRun, posterior: LinearisedPosterior, rng: np.random.Gen
 
 def _text(check: CheckedPlan, origin: str, unit: CommandUnit | None, place: Path) -> str:
     # SciPy's optimisers are slow to load, and the help does not need them.
-    from mrwork.uncertainty.planning.plan import gain_columns
+    from mrwork.uncertainty.planning import gain_columns
 
     plan = check.plan
     best = plan.gains[0]

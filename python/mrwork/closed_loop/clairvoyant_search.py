@@ -32,7 +32,7 @@ from mrwork.summary import Summarised, Summary
 from mrwork.values import Floats, array_dataclass
 
 if TYPE_CHECKING:
-    from mrwork.twins.loop.derivatives import PrescribedLoop
+    from mrwork.twins.loop_derivatives import PrescribedLoop
 
 
 # Longest step of the twin [s], and the difference of its criteria from those of the loop above which it is halved.
@@ -199,7 +199,7 @@ class ClairvoyantProblem:
 
     def _twin_of(self, step: float) -> PrescribedLoop:
         # JAX takes a second to load, and no verb needs it unless a clairvoyant is asked for.
-        from mrwork.twins.loop.derivatives import CriteriaAtRest, prescribed_loop
+        from mrwork.twins.loop_derivatives import CriteriaAtRest, prescribed_loop
 
         return prescribed_loop(
             matrices={

@@ -22,7 +22,7 @@ from mrwork.identification.ties import Ties
 from mrwork.records import AS_IT_IS, DamperTest
 from mrwork.records.checks import FORCE_OFFSET
 from mrwork.records.damper_test import delay_signal, loading_of
-from mrwork.records.detectors.velocity import refuse_velocity
+from mrwork.records.velocity import refuse_velocity
 from mrwork.simulation import Outcome, simulate_forces, simulate_sensitivities
 from mrwork.summary import list_names
 from mrwork.values import Floats, array_dataclass

@@ -18,8 +18,8 @@ if True:  # the lower tier
     from .damper_test import AS_IT_IS as AS_IT_IS
     from .damper_test import Measured as Measured
     from .damper_test import Outside as Outside
-    from .detectors.smoothing import detect_smoothing as detect_smoothing
     from .likeness import Likeness as Likeness
     from .likeness import RecordedMotion as RecordedMotion
     from .loop_branches import Branches as Branches
     from .rig_table import ListedTest as ListedTest
+    from .smoothing import detect_smoothing as detect_smoothing

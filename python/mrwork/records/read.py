@@ -37,10 +37,8 @@ from mrwork.records.columns import (
     unclear_commands,
 )
 from mrwork.records.command import command_of, motion_matches_name, nominal_from_name, with_nominal_command
+from mrwork.records.cycles import delay_finding, drift_finding, mass_finding
 from mrwork.records.damper_test import DamperTest, Finding, VelocitySource
-from mrwork.records.detectors.cycles import delay_finding, drift_finding, mass_finding
-from mrwork.records.detectors.smoothing import smoothing_finding, smoothing_of, without_spikes
-from mrwork.records.detectors.velocity import velocity_agrees
 from mrwork.records.motion import SmoothMotion, motion_of
 from mrwork.records.rig_table import (
     EVERY_USE,
@@ -51,6 +49,8 @@ from mrwork.records.rig_table import (
     files_not_read,
     listed_tests,
 )
+from mrwork.records.smoothing import smoothing_finding, smoothing_of, without_spikes
+from mrwork.records.velocity import velocity_agrees
 from mrwork.records.window import (
     Signals,
     check_time,

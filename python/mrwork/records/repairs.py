@@ -16,10 +16,10 @@ from mrwork.arguments import checked
 from mrwork.errors import SettingError
 from mrwork.keys import closest
 from mrwork.records.checks import mean_over_travel, rest_before_motion, samples_at_rest
+from mrwork.records.cycles import force_delay, moving_mass
 from mrwork.records.damper_test import AS_IT_IS, RANGES, DamperTest, Finding, Measured, Observation
-from mrwork.records.detectors.cycles import force_delay, moving_mass
-from mrwork.records.detectors.velocity import OFF_BY_FACTOR
 from mrwork.records.motion import motion_of, spectrum
+from mrwork.records.velocity import OFF_BY_FACTOR
 from mrwork.records.window import cut
 from mrwork.values import freeze_samples
 

@@ -50,7 +50,7 @@ from mrwork.tuning.space import (
 from mrwork.values import Floats, array_dataclass
 
 if TYPE_CHECKING:
-    from mrwork.twins.loop.derivatives import TunedLoop
+    from mrwork.twins.loop_derivatives import TunedLoop
 
 
 # Difference of the unit coordinate of a setting for the derivative of the gains.
@@ -64,7 +64,7 @@ def check_finish(table: TuneTable, study: Study) -> None:
     if not table.gradient_steps:
         return
     # JAX is loaded only here.
-    from mrwork.twins.loop.derivatives import SMOOTH
+    from mrwork.twins.loop_derivatives import SMOOTH
 
     settings, hardware = table.settings or {}, study.hardware
     jumping = next((law for law in table.laws if law not in SMOOTH), "")
@@ -198,7 +198,7 @@ def _gain_change(space: SettingSpace, bench: Bench, unit: Floats, place: int) ->
 
 
 def _twin(law: str, bench: Bench, objective: TuningObjective, largest: float) -> TunedLoop:
-    from mrwork.twins.loop.derivatives import TunedLoop, TwinDamper
+    from mrwork.twins.loop_derivatives import TunedLoop, TwinDamper
 
     arrangement, hardware = bench.study.at_zero, bench.study.hardware
     building = arrangement.building

@@ -13,7 +13,7 @@ from .identifiability.profile import profile as profile
 from .identifiability.verdicts import identifiability_of as identifiability_of
 from .noise import Iid as Iid
 from .noise import noise_model as noise_model
-from .planning.plan import plan as plan
+from .planning import plan as plan
 from .posterior.draws import Draws as Draws
 from .posterior.draws import convergence as convergence
 from .posterior.inference_data import inference_data as inference_data
@@ -29,11 +29,11 @@ if True:  # the lower tier
     from .bands.band import simulate_draws as simulate_draws
     from .bands.prediction import Fold as Fold
     from .bands.prediction import LeftOut as LeftOut
+    from .candidate_tests import Candidate as Candidate
+    from .candidate_tests import Limits as Limits
     from .identifiability.profile import Profiles as Profiles
     from .noise import NOISES as NOISES
     from .noise import Noise as Noise
-    from .planning.candidates import Candidate as Candidate
-    from .planning.candidates import Limits as Limits
     from .posterior.draws import select_kept_rows as select_kept_rows
     from .posterior.laplace import first_walkers as first_walkers
     from .posterior.nuts import nuts_of as nuts_of

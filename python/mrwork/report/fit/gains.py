@@ -16,7 +16,7 @@ from mrwork.report.figures import Comparison
 from mrwork.report.section import Absent, Group, Section, SectionKind, panel
 from mrwork.stored import StoredRun
 from mrwork.table import page_table
-from mrwork.uncertainty.planning.plan import Gain, Plan, gain_columns
+from mrwork.uncertainty.planning import Gain, Plan, gain_columns
 from mrwork.units import CommandUnit
 
 # Rows of the table.

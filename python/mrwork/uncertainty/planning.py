@@ -26,9 +26,9 @@ from mrwork.simulation import Outcome, simulate_forces
 from mrwork.store.codec import Related
 from mrwork.summary import Summarised, Summary
 from mrwork.table import TableColumn
+from mrwork.uncertainty.candidate_tests import Candidate, check_possible, motion_of
 from mrwork.uncertainty.identifiability.curvature import Scaled, linearise, points_at
 from mrwork.uncertainty.identifiability.verdicts import Scale
-from mrwork.uncertainty.planning.candidates import Candidate, check_possible, motion_of
 from mrwork.units import CommandUnit
 from mrwork.values import Floats, array_dataclass
 

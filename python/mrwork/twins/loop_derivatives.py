@@ -26,7 +26,7 @@ from jax import Array, lax
 from numpy.typing import NDArray
 
 from mrwork.dampers.spec import DamperSpec
-from mrwork.twins.loop.stepping import (
+from mrwork.twins.loop_stepping import (
     Devices,
     Law,
     LoopDevice,

@@ -1,1 +1,0 @@
-"""Detectors of defects in a test, one algorithm per file."""
