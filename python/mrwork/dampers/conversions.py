@@ -480,14 +480,6 @@ def _soft_bristles(p: Values, scales: Scales, distance: float) -> Values:
     }
 
 
-def _no_dashpot(_: Values, scales: Scales, distance: float) -> Values:
-    return {"k_x": scales.force / scales.speed / distance}
-
-
-def _small_play(_: Values, scales: Scales, distance: float) -> Values:
-    return {"g": 0.3 * scales.stroke / distance}
-
-
 def _exponential_knee(p: Values, scales: Scales, distance: float) -> Values:
     """The loop of Dahl; a small stiffness carries the offset of the force."""
     k = scales.force / scales.stroke / distance
@@ -560,10 +552,18 @@ def _thin_loop(p: Values, scales: Scales, distance: float) -> Values:
 _NORMALISED = ("c", "k", "x0", "k_w", "rho", "sigma", "n")
 
 NESTINGS: Mapping[str, Nesting] = {
-    "viscous_dahl": Nesting(model="dahl", shared=("k_w", "rho", "f0"), near=_no_dashpot),
+    "viscous_dahl": Nesting(
+        model="dahl",
+        shared=("k_w", "rho", "f0"),
+        near=lambda _, scales, distance: {"k_x": scales.force / scales.speed / distance},
+    ),
     "lugre": Nesting(model="viscous_dahl", shared=("f0",), near=_soft_bristles),
     "normalised_bouc_wen": Nesting(model="viscous_dahl", shared=("k_w", "rho"), near=_exponential_knee),
-    "backlash_bouc_wen": Nesting(model="normalised_bouc_wen", shared=_NORMALISED, near=_small_play),
+    "backlash_bouc_wen": Nesting(
+        model="normalised_bouc_wen",
+        shared=_NORMALISED,
+        near=lambda _, scales, distance: {"g": 0.3 * scales.stroke / distance},
+    ),
     "normalised_modified_bouc_wen": Nesting(
         model="normalised_bouc_wen", shared=("k_w", "rho", "sigma", "n"), near=_series_dashpot
     ),

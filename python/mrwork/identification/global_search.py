@@ -250,16 +250,13 @@ def points_from_optimiser(problem: Problem, search: Optimiser[Any], *, on_search
     objective, form = problem.objective, problem.form
     box = search_box(form.spec, form.box, objective.tests)
 
-    def theta_of(unit: Floats) -> Floats:
-        return np.asarray(box.theta_from_unit(unit))
-
     elite = search_elite(
-        problem, search, objective, form, theta_of, n_params=len(box.free), on_search=on_search
+        problem, search, objective, form, box.theta_from_unit, n_params=len(box.free), on_search=on_search
     )
     return StartingPoints(
         objective=objective,
         form=form,
-        theta=theta_of(elite.elite[:_STARTS]),
+        theta=np.asarray(box.theta_from_unit(elite.elite[:_STARTS])),
         trace=trace_of_generations(elite),
     )
 

@@ -404,10 +404,6 @@ def _fit_level(
         scaled = np.where(is_force, ratio * nearest.minima, nearest.minima)
         starts = np.concatenate([nearest.minima, scaled])
     rng = problem.settings.rng
-
-    def theta_of(unit: Floats) -> Floats:
-        return np.asarray(searched.theta_from_unit(unit))
-
     try:
         if isinstance(search, Multistart):
             settings = replace(search, least_rounds=1, most_rounds=min(search.most_rounds, _LEVEL_ROUNDS))
@@ -419,7 +415,7 @@ def _fit_level(
                 objective, near, searched, settings, rng=rng, nested=starts, on_iteration=on_iteration
             ).theta
         else:
-            n_params = len(searched.free)
+            theta_of, n_params = searched.theta_from_unit, len(searched.free)
             ended = optimise(search, objective, theta_of, n_params=n_params, rng=rng, on_search=on_search)
             starts = _move_inside(near, np.concatenate([starts, theta_of(ended.elite)]))
             minima = find_minima(objective, near, starts, max_iterations=_ITERATIONS)

@@ -210,13 +210,14 @@ def search_starts(
             least_rounds = settings.least_rounds
             if least_rounds > 1:
                 least_rounds += rounds.is_on_bound(box)
+            at_best = np.count_nonzero(np.array(rounds.misfits) <= (1.0 + settings.closeness) * rounds.least)
             # Of the rounds that ran together, the last one too must not have lowered the least misfit.
             before = min(rounds.misfits[: -settings.starts], default=math.inf)
             if (
                 number >= least_rounds
                 and (number == 1 or rounds.least >= (1.0 - settings.closeness) * before)
                 and rounds.least <= (1.0 + settings.closeness) * suspicious
-                and rounds.n_at_best(settings.closeness) >= settings.found
+                and at_best >= settings.found
             ):
                 reason = "found_again"
                 break
@@ -389,10 +390,6 @@ class _Rounds:
         """The best minimum with some of its parameters replaced by those of samples, shape (n_crossed, n_params)."""
         chosen = samples[random.integers(len(samples), size=_CROSSED)]
         return np.where(random.random(chosen.shape) < _REPLACED, chosen, self.best_minimum)
-
-    def n_at_best(self, closeness: float) -> int:
-        """Number of local minimisations that ended at the least misfit."""
-        return int(np.count_nonzero(np.array(self.misfits) <= (1.0 + closeness) * self.least))
 
     def make_result(self, stop_reason: str) -> MultistartResult:
         groups = [(minima.theta, minima.misfit) for minima in self.ended]

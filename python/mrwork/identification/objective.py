@@ -245,11 +245,10 @@ class Objective(Summarised):
 
     def _indirect(self, theta: Floats) -> Floats:
         self.tally.simulations += len(theta)
-
-        def square_residuals(index: int, threads: int) -> Floats:
-            return _squares(self._part(index, theta, failure=np.inf, threads=threads))
-
-        return self._mean(len(self.tests) * np.array(self._on_every_test(square_residuals)))
+        squares = self._on_every_test(
+            lambda index, threads: _squares(self._part(index, theta, failure=np.inf, threads=threads))
+        )
+        return self._mean(len(self.tests) * np.array(squares))
 
     @checked
     def squared_nrmse(self, parts: Iterable[AnyNumbers]) -> Floats:

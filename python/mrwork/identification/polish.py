@@ -13,7 +13,7 @@ import numpy as np
 
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec
-from mrwork.identification.equivalent import Form, bounds_of, change_laws, identifiable_form
+from mrwork.identification.equivalent import bounds_of, change_laws, identifiable_form
 from mrwork.identification.global_search import StartingPoints
 from mrwork.identification.levenberg_marquardt import (
     LocalMinimum,
@@ -73,7 +73,18 @@ def polish(
         fitted = _in_a_batch
     else:
         fitted = _one_by_one
-    return _with_standard_errors(problem.objective, form, fitted(problem, starts, on_step))
+    ended = fitted(problem, starts, on_step)
+    # Of least squares for every power of the objective.
+    slopes = Slopes.at(problem.objective.plain, form, ended.theta)
+    cov, n_effective = covariance_at(slopes)
+    return Polished(
+        theta=ended.theta,
+        standard_errors=standard_errors(cov),
+        n_effective=n_effective,
+        slopes=slopes,
+        steps=ended.evaluations,
+        converged=ended.converged,
+    )
 
 
 def _in_a_batch(problem: Problem, starts: Floats, on_step: OnStep) -> LocalMinimum:
@@ -114,20 +125,6 @@ def _on_the_twin(problem: Problem, starts: Floats, on_step: OnStep) -> LocalMini
         misfit=best.misfit,
         evaluations=best.steps,
         converged=best.converged,
-    )
-
-
-def _with_standard_errors(objective: Objective, form: Form, ended: LocalMinimum) -> Polished:
-    """A minimum with its standard errors, which are those of least squares for every power of the objective."""
-    slopes = Slopes.at(objective.plain, form, ended.theta)
-    cov, n_effective = covariance_at(slopes)
-    return Polished(
-        theta=ended.theta,
-        standard_errors=standard_errors(cov),
-        n_effective=n_effective,
-        slopes=slopes,
-        steps=ended.evaluations,
-        converged=ended.converged,
     )
 
 

@@ -31,7 +31,8 @@ def on_every_test(n_tests: int, threads: int, work: Callable[[int, int], T]) -> 
     are 0 for all. Where `work` fails, its error of the first such test is raised. After Ctrl-C no test is started, and
     those that run are abandoned; the threads of these end with the process.
     """
-    available = threads or _processors()
+    processors = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    available = threads or processors
     if n_tests == 1 or available == 1:
         return [work(index, threads) for index in range(n_tests)]
     left_over = n_tests % available
@@ -72,10 +73,6 @@ def _wait_for(thread: threading.Thread) -> None:
     """Wait until a thread has ended, unless Ctrl-C comes first."""
     while thread.is_alive():
         thread.join(_POLL_SECONDS)
-
-
-def _processors() -> int:
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 Stage = Literal["search", "screening", "refinement"]

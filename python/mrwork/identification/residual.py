@@ -225,19 +225,11 @@ def _huber(z: Floats) -> tuple[Floats, Floats]:
     return np.where(z <= 1.0, z, 2.0 * root - 1.0), 1.0 / root
 
 
-def _cauchy(z: Floats) -> tuple[Floats, Floats]:
-    return np.log1p(z), 1.0 / (1.0 + z)
-
-
-def _arctan(z: Floats) -> tuple[Floats, Floats]:
-    return np.arctan(z), 1.0 / (1.0 + z**2)
-
-
 _LOSSES: dict[str, Callable[[Floats], tuple[Floats, Floats]]] = {
     "soft_l1": _soft_l1,
     "huber": _huber,
-    "cauchy": _cauchy,
-    "arctan": _arctan,
+    "cauchy": lambda z: (np.log1p(z), 1.0 / (1.0 + z)),
+    "arctan": lambda z: (np.arctan(z), 1.0 / (1.0 + z**2)),
 }
 # Below it rho(z)/z is that at zero, within rounding.
 _SMALLEST = 1e-12

@@ -284,14 +284,10 @@ def select(state: StateT, rows: Sequence[int]) -> StateT:
             return tuple(value[row] for row in index)
         return _with_parts(value, part) if dataclasses.is_dataclass(value) else value
 
-    def shorten_value(value: Any) -> Any:
-        if isinstance(value, Course):
-            n_generations = int(value.generation.max(initial=0))
-            trace = _with_parts(value.trace, lambda entries: entries[:, :n_generations])
-            return dataclasses.replace(value, trace=trace)
-        return value
-
-    return _with_parts(_with_parts(state, part), shorten_value)
+    chosen = _with_parts(state, part)
+    n_generations = int(chosen.course.generation.max(initial=0))
+    trace = _with_parts(chosen.course.trace, lambda entries: entries[:, :n_generations])
+    return replace(chosen, course=replace(chosen.course, trace=trace))  # type: ignore[type-var] # a state is a dataclass
 
 
 def _with_parts(value: T, change: Callable[[Any], Any]) -> T:

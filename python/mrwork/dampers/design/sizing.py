@@ -281,13 +281,11 @@ def smallest(
     reporter: SizingReporter,
 ) -> SearchResult[Any]:
     """Search of the smallest damper: the misfit is its share of the envelope, and above 1 where wishes are missed."""
-    optimisers = ALL_OPTIMISERS
-    if search not in optimisers:
-        raise UnknownNameError(f"no search is called {search!r}; choose one of {', '.join(optimisers)}")
+    if search not in ALL_OPTIMISERS:
+        raise UnknownNameError(f"no search is called {search!r}; choose one of {', '.join(ALL_OPTIMISERS)}")
     # Any, because the protocol does not declare that the settings are a dataclass.
-    optimiser: Any = optimisers[search]
+    optimiser: Any = ALL_OPTIMISERS[search]
     stop = StopRules(max_evaluations=max(budget, optimiser.population), confidence=None)
-
     harder = _harder_wishes(wishes)
 
     def objective(units: Floats) -> Floats:

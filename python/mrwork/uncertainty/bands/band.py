@@ -237,20 +237,16 @@ class Cycles:
 
 def cycles_of(test: DamperTest, force: Floats) -> Cycles:
     """Counted cycles of a test with this force [N], shape (n_time,)."""
-    first = test.n_settle
     rows = [
         _cycle(test.displacement[samples], test.velocity[samples], force[samples], test.dt)
         for samples in whole_cycles(test.displacement)
-        if samples.start >= first and not _is_interpolated(samples, test)
+        if samples.start >= test.n_settle
+        and not any(begin < samples.stop and samples.start < end for begin, end in test.uncompared)
     ]
     if not rows:
         raise RecordError(f"{test.label}: there is no whole cycle; give a longer test for energy per cycle")
     energy, stiffness, damping = np.array(rows).T
     return Cycles(energy=energy, stiffness=stiffness, damping=damping)
-
-
-def _is_interpolated(samples: slice, test: DamperTest) -> bool:
-    return any(first < samples.stop and samples.start < last for first, last in test.uncompared)
 
 
 def _scales_of(prediction: Prediction) -> dict[CycleQuantity, float]:

@@ -67,18 +67,13 @@ class ErrorShape(Related):
         """Scale of the error [N], shape of `steepness`."""
         return np.asarray(deviation * (self.level + self.slope * steepness) + self.floor)
 
-    def bias_at(self, phase: Floats) -> Floats:
-        """Mean error [deviations], shape of `phase`."""
-        if not self.bias:
-            return np.zeros_like(phase)
-        return np.asarray(np.interp(phase, _CENTRES, self.bias, period=2.0 * np.pi))
-
     def of(self, prediction: Prediction) -> tuple[Floats, Floats]:
         """Expected measured force and the scale of the error about it [N], shape (n_counted,)."""
         deviation = prediction.deviation
         centre = prediction.force
         if self.bias and has_regular_cycles(prediction.test):
-            centre = centre + deviation * self.bias_at(prediction.phase)
+            mean = np.interp(prediction.phase, _CENTRES, self.bias, period=2.0 * np.pi)
+            centre = centre + deviation * mean
         return centre, self.scale(deviation, prediction.steepness)
 
 

@@ -266,7 +266,10 @@ def _profile_of(
         _crossing(position[origin::-1], roots[origin::-1], limit) if below.end == "closed" else None,
         _crossing(position[origin:], roots[origin:], limit) if above.end == "closed" else None,
     ]
-    lower, upper = (None if each is None else _value(scaled, index, each) for each in crossings)
+    lower, upper = (
+        None if each is None else float(np.exp(each) if scaled.log[index] else each * scaled.size[index])
+        for each in crossings
+    )
     profile = Profile(
         name=parameter.name,
         unit=parameter.unit,
@@ -294,10 +297,6 @@ def _crossing(position: Floats, roots: Floats, limit: float) -> float | None:
     last = int(beyond[0])
     share = (limit - roots[last - 1]) / (roots[last] - roots[last - 1])
     return float(position[last - 1] + share * (position[last] - position[last - 1]))
-
-
-def _value(scaled: Scaled, index: int, position: float) -> float:
-    return float(np.exp(position) if scaled.log[index] else position * scaled.size[index])
 
 
 def _judge_profile(profile: Profile, limit: float, scale: ParameterScale) -> ReasonedVerdict:

@@ -129,7 +129,10 @@ class Ensemble(Summarised):
     def advance(self, until: int, on_step: Callable[[int], None]) -> None:
         """Advance to step `until`; `on_step` is called after each step."""
         done, random_state = self.at
-        self._make_room(until + 1)
+        missing = until + 1 - len(self.positions)
+        if missing > 0:
+            self.positions = np.concatenate([self.positions, np.empty((missing, *self.positions.shape[1:]))])
+            self.densities = np.concatenate([self.densities, np.empty((missing, self.n_walkers))])
         # The past is the chain itself, so a resumed chain has the same past.
         move = PastDifferences(self.target, lambda: self.positions[: self.n_steps + 1])
         sampler = EnsembleSampler(
@@ -142,12 +145,6 @@ class Ensemble(Summarised):
             self.densities[step] = state.log_prob
             self.at = (step, _state_of(state.random_state))
             on_step(step)
-
-    def _make_room(self, rows: int) -> None:
-        missing = rows - len(self.positions)
-        if missing > 0:
-            self.positions = np.concatenate([self.positions, np.empty((missing, *self.positions.shape[1:]))])
-            self.densities = np.concatenate([self.densities, np.empty((missing, self.n_walkers))])
 
 
 def _state_of(legacy: Any) -> RandomState:
@@ -345,7 +342,7 @@ class SamplingProblem:
 
 # Seconds between two progress reports.
 _REPORT_EVERY = 0.2
-# Bytes of the longest chain; its diagnosis takes as much again.
+# Bytes of the longest chain, which memory may not hold before it ends; its diagnosis takes as much again.
 _MOST_BYTES = 16 << 30
 
 
@@ -474,7 +471,12 @@ def sample(
         rng=rng,
         threads=threads,
     )
-    _refuse_long_chain(walkers, most_steps, problem.target.space.n_dim)
+    each = 8 * walkers * (problem.target.space.n_dim + 1)
+    if most_steps * each > _MOST_BYTES:
+        raise SettingError(
+            f"{most_steps:,} steps of {walkers:,} walkers in {problem.target.space.n_dim} dimensions may take "
+            f"{most_steps * each / 1e9:,.0f} GB; give {_MOST_BYTES // each:,} steps at most, or fewer walkers"
+        )
     density: Callable[[Floats], Floats] = problem.target
     if journal is not None:
         journal.agree("sampling", problem.fingerprint())
@@ -502,16 +504,6 @@ def sample(
         )
         raise Interrupted(so_far, "sampling") from interrupt
     return problem.draws(ensemble, diagnosis, seconds=time.perf_counter() - began)
-
-
-def _refuse_long_chain(walkers: int, most_steps: int, n_dim: int) -> None:
-    """Refuse a chain that memory may not hold before it ends."""
-    each = 8 * walkers * (n_dim + 1)
-    if most_steps * each > _MOST_BYTES:
-        raise SettingError(
-            f"{most_steps:,} steps of {walkers:,} walkers in {n_dim} dimensions may take "
-            f"{most_steps * each / 1e9:,.0f} GB; give {_MOST_BYTES // each:,} steps at most, or fewer walkers"
-        )
 
 
 def _run(problem: SamplingProblem, ensemble: Ensemble, monitor: _Monitor) -> Diagnosis:
