@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from mrwork.search import StopRules, expected_termination
+from mrwork.search import StopRules
 from studies.chapter_4.search_cells import Floats, Integers, Replicates
+from studies.chapter_4.termination import expected_termination
 
 # Share of the attainable decay that is done at the level: our definition of the 95 % error level.
 LEVEL = 0.95

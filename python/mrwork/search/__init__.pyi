@@ -19,6 +19,7 @@ if True:  # the lower tier
     from .particle_swarm import CONSTRICTION as CONSTRICTION
     from .peers import library as library
     from .rules import EliteRule as EliteRule
-    from .rules import expected_termination as expected_termination
+    from .rules import first_improvement as first_improvement
+    from .rules import threshold as threshold
     from .unit_cube import Streams as Streams
     from .unit_cube import latin_hypercube as latin_hypercube
