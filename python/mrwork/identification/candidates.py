@@ -243,8 +243,12 @@ class CandidateObjective(Summarised):
     def theta(self, points: AnyArrayLike) -> Floats:
         """All parameters of the model in SI, shape (..., n_params), with those that are held or tied."""
         given = np.asarray(points, dtype=np.float64)
-        self._check(given)
+        _rows_of(given, self.names, "the objective takes")
         if self.coordinates == "unit":
+            if not np.all((given >= 0.0) & (given <= 1.0)):
+                raise SettingError(
+                    "a point of the unit cube has coordinates from 0 to 1; give those, see `bounds`"
+                )
             theta = np.asarray(self.box.theta_from_unit(given))
         else:
             theta = np.broadcast_to(np.array(self.box.lower), (*given.shape[:-1], len(self.box.names))).copy()
@@ -286,13 +290,6 @@ class CandidateObjective(Summarised):
             slope = slope * self.box.unit_slope(np.atleast_2d(theta))[..., None]
         jacobian = np.moveaxis(slope, 1, 2)
         return (residuals[0], jacobian[0]) if theta.ndim == 1 else (residuals, jacobian)
-
-    def _check(self, points: Floats) -> None:
-        _rows_of(points, self.names, "the objective takes")
-        if self.coordinates == "unit" and not np.all((points >= 0.0) & (points <= 1.0)):
-            raise SettingError(
-                "a point of the unit cube has coordinates from 0 to 1; give those, see `bounds`"
-            )
 
     def _summary(self) -> Summary:
         spec = self.objective.spec

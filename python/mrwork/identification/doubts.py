@@ -17,8 +17,8 @@ from math import erf, sqrt
 import numpy as np
 
 from mrwork.dampers.coordinates import Box
-from mrwork.dampers.parameters import LawName, law_at, law_named, polynomial_laws
-from mrwork.dampers.spec import DamperSpec, damper
+from mrwork.dampers.parameters import law_at, law_named, polynomial_laws
+from mrwork.dampers.spec import damper
 from mrwork.identification.fit import Fit
 from mrwork.identification.global_search import StartingPoints
 from mrwork.identification.levenberg_marquardt import find_minima
@@ -62,7 +62,13 @@ def needless_average_warnings(objective: Objective, box: Box, theta: Floats) -> 
 
     A single test is fitted again from the fit `theta`, shape (n_params,); several are compared there.
     """
-    with_average = [index for index, test in enumerate(objective.tests) if _has_detected_average(test)]
+    with_average = [
+        index
+        for index, test in enumerate(objective.tests)
+        if (found := test.smoothing) is not None
+        and "force" in found.channels
+        and test.observation.average_seconds == found.window_seconds
+    ]
     if not with_average:
         return ()
     without = objective.on(
@@ -87,15 +93,6 @@ def needless_average_warnings(objective: Objective, box: Box, theta: Floats) -> 
         if _is_better(plain, averaged):
             sentences.append(_sentence(test, _fit_percent(test, averaged), _fit_percent(test, plain)))
     return tuple(sentences)
-
-
-def _has_detected_average(test: DamperTest) -> bool:
-    smoothing = test.smoothing
-    return (
-        smoothing is not None
-        and "force" in smoothing.channels
-        and test.observation.average_seconds == smoothing.window_seconds
-    )
 
 
 def _is_better(plain: Floats, averaged: Floats) -> bool:
@@ -136,8 +133,15 @@ _FAR_BETTER = 0.8
 def law_shape_warnings(objective: Objective, box: Box, theta: Floats) -> tuple[str, ...]:
     """Warning where laws through values, fitted from `theta`, (n_params,), fit far better than through logarithms."""
     spec = objective.spec
-    through = _laws_through_values(spec)
-    if spec.current is None or not through:
+    if spec.current is None:
+        return ()
+    polynomials = polynomial_laws()
+    through = {
+        parameter.name: law_at(polynomials[len(law.nodes) - 1], law.nodes)
+        for parameter, law in zip(spec.plain, map(law_named, spec.current.laws), strict=True)
+        if law.takes_logarithms and parameter.scale == "log" and len(law.nodes) <= len(polynomials)
+    }
+    if not through:
         return ()
     plain = damper(spec.name)
     laws = dict(zip(plain.names, spec.current.laws, strict=True)) | through
@@ -153,18 +157,6 @@ def law_shape_warnings(objective: Objective, box: Box, theta: Floats) -> tuple[s
         "laws through the values themselves, not through their logarithms, describe the tests better: "
         f"{100.0 * (1.0 - misfits):.2f} % against {100.0 * (1.0 - own):.2f} %; give {named} as laws",
     )
-
-
-def _laws_through_values(spec: DamperSpec) -> dict[str, LawName]:
-    """Laws through values for the parameters whose laws take logarithms, by name."""
-    if spec.current is None:
-        return {}
-    polynomials = polynomial_laws()
-    return {
-        parameter.name: law_at(polynomials[len(law.nodes) - 1], law.nodes)
-        for parameter, law in zip(spec.plain, map(law_named, spec.current.laws), strict=True)
-        if law.takes_logarithms and parameter.scale == "log" and len(law.nodes) <= len(polynomials)
-    }
 
 
 # Number of motions with more noise that are simulated at most, and in a round.

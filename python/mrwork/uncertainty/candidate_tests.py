@@ -68,15 +68,14 @@ class Candidate:
 def check_possible(candidates: Sequence[Candidate]) -> None:
     """Refuse a candidate that no rig can run."""
     for each in candidates:
-        for name, value, (lower, upper), unit in (
-            ("amplitude", each.amplitude, AMPLITUDE_RANGE, "m"),
-            ("frequency", each.frequency, FREQUENCY_RANGE, "Hz"),
-            ("command", each.command, COMMAND_RANGE, "A or V"),
-        ):
-            if value is not None and not lower <= value <= upper:
-                raise SettingError(
-                    f"the {name} of a candidate is {value:g} {unit}; give one from {lower:g} to {upper:g} {unit}"
-                )
+        _check_within("the amplitude of a candidate", each.amplitude, AMPLITUDE_RANGE, "m")
+        _check_within("the frequency of a candidate", each.frequency, FREQUENCY_RANGE, "Hz")
+        _check_within("the command of a candidate", each.command, COMMAND_RANGE, "A or V")
+
+
+def _check_within(what: str, value: float | None, ends: tuple[float, float], unit: str) -> None:
+    if value is not None and not ends[0] <= value <= ends[1]:
+        raise SettingError(f"{what} is {value:g} {unit}; give one from {ends[0]:g} to {ends[1]:g} {unit}")
 
 
 @checked
@@ -87,14 +86,8 @@ class Limits:
     peak_velocity: float | None = None
 
     def __post_init__(self) -> None:
-        for name, value, (lower, upper), unit in (
-            ("stroke", self.stroke, STROKE_RANGE, "m"),
-            ("peak_velocity", self.peak_velocity, VELOCITY_RANGE, "m/s"),
-        ):
-            if value is not None and not lower <= value <= upper:
-                raise SettingError(
-                    f"`{name}` is {value:g} {unit}; give one from {lower:g} to {upper:g} {unit}"
-                )
+        _check_within("`stroke`", self.stroke, STROKE_RANGE, "m")
+        _check_within("`peak_velocity`", self.peak_velocity, VELOCITY_RANGE, "m/s")
 
     def allow(self, candidate: Candidate) -> bool:
         """Whether the test is within the limits, up to rounding."""
