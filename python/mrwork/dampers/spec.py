@@ -47,7 +47,7 @@ class PublishedSet(Summarised):
     model: str
     values: Mapping[str, _Value]
     source: str
-    status: Literal["verified", "published"]
+    status: Literal["verified", "published"] = "published"
     unit: Literal["A", "V"] | None = None
     largest_command: float | None = None
     eta: float | None = None
@@ -69,7 +69,6 @@ PUBLISHED_SETS = (
         model="bingham",
         values={"f_c": 670.0, "v_s": 1e-3, "c0": 5000.0, "f0": -95.0},
         source=_SPENCER,
-        status="published",
         note="at 1.5 V; v_s is ours, the paper has sgn(v)",
     ),
     PublishedSet(
@@ -77,7 +76,6 @@ PUBLISHED_SETS = (
         model="bouc_wen",
         values=_with_loop({"c0": 5000.0, "k0": 2500.0, "x0": 0.038}, 88e3, gamma=1e6, A=120.0, n=2.0),
         source=_SPENCER,
-        status="published",
         note="at 1.5 V",
     ),
     PublishedSet(
@@ -99,7 +97,6 @@ PUBLISHED_SETS = (
             {"c0": (440.0, 4400.0), "k0": 0.0, "x0": 0.0}, (1.0872e7, 4.9616e7), gamma=300.0, A=1.2, n=1.0
         ),
         source="Yoshida, Dyke, J. Eng. Mech. 130(4), 2004",
-        status="published",
         unit="V",
         largest_command=10.0,
         eta=50.0,
@@ -133,7 +130,6 @@ PUBLISHED_SETS = (
             n=2.0,
         ),
         source="Leva, Piroddi, Smart Mater. Struct. 11, 2002, 79",
-        status="published",
         unit="V",
         largest_command=2.25,
         eta=251.0,
@@ -152,7 +148,6 @@ PUBLISHED_SETS = (
             "f0": (57.0, -18.0),
         },
         source="Kwok, Ha, Nguyen, Li, Samali, Sens. Actuators A 132, 2006, 441-451",
-        status="published",
         unit="A",
         largest_command=1.88,
         note="RD-1005-3; beyond 1.88 A alpha would fall again. x_s is ours, the paper has sgn(x)",

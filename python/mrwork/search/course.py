@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from mrwork.arguments import AnyNumbers, Seed, checked
 from mrwork.errors import ArgumentError, SettingError
 from mrwork.hints import Within
-from mrwork.search.rules import EliteRule, StopRules, check_ranges, distinct_best, reason_of
+from mrwork.search.rules import REASONS, EliteRule, StopRules, check_ranges, distinct_best
 from mrwork.search.unit_cube import Streams
 from mrwork.summary import Summarised
 from mrwork.values import Floats, array_dataclass
@@ -163,7 +163,7 @@ class Course(Summarised):
     @property
     def stop_reasons(self) -> tuple[str | None, ...]:
         """The rule that ended each replicate, `None` while it runs."""
-        return tuple(reason_of(int(code)) for code in self.ended)
+        return tuple(REASONS[code] for code in self.ended)
 
     @property
     def streams(self) -> Streams:

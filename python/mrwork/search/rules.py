@@ -113,8 +113,8 @@ def has_stalled(best: Floats, *, generations: int, tolerance: float) -> NDArray[
 LARGEST_POPULATION = 1_000_000
 """Most candidates of a generation."""
 
-# The index is the code in `Course.ended`. Where several rules apply, the first is reported.
-_REASONS = (
+# The index is the code in `Course.ended`, 0 for none. Where several rules apply, the first is reported.
+REASONS = (
     None,
     "target",
     "max_generations",
@@ -123,12 +123,7 @@ _REASONS = (
     "hypothesis_test",
     "stall",
 )
-_CODE = {reason: code for code, reason in enumerate(_REASONS)}
-
-
-def reason_of(code: int) -> str | None:
-    """Name of the rule with this code; `None` for 0, no rule."""
-    return _REASONS[code]
+_CODE = {reason: code for code, reason in enumerate(REASONS)}
 
 
 @checked
@@ -198,7 +193,7 @@ class StopRules:
         population: Floats,
         best_unit: Floats,
     ) -> NDArray[np.int8]:
-        """Code of the rule that ends each replicate, shape (n,), 0 for none; `reason_of` gives its name.
+        """Code of the rule that ends each replicate, shape (n,), 0 for none, see `Course.stop_reasons`.
 
         Parameters
         ----------
