@@ -71,7 +71,8 @@ PARTS = {
 class Case:
     """A law in a loop that differs from the nominal one in stiffness, damper force, sensors and delay [s].
 
-    `noise` is the standard deviation of every sensor over the mean peak of what it measures.
+    `noise` is the standard deviation of every sensor over the mean peak of what it measures, `preview` the time for
+    which the ground acceleration is known ahead [s].
     """
 
     part: Part = field(default_factory=Part)
@@ -81,12 +82,13 @@ class Case:
     observer: bool = False
     known_ground: bool = True
     noise: float = 0.0
+    preview: float = 0.0
 
     def plant(self, peaks: Mapping[str, float]) -> Plant:
         """The loop, with noise in proportion to these peaks."""
         sensors = {f"{name}_noise": self.noise * peak for name, peak in peaks.items() if self.noise}
         feedback = {"feedback": "observer", "known_ground": self.known_ground} if self.observer else {}
-        hardware = Hardware(delay=self.delay, **feedback, **sensors)
+        hardware = Hardware(delay=self.delay, ground_preview=self.preview, **feedback, **sensors)
         return Plant(stiffness=self.stiffness, damper=self.damper, hardware=hardware)
 
     def law(self, bench: Bench) -> ControlLaw:
@@ -113,6 +115,7 @@ CHANGES = {
     "damper force - 15 %": Case(damper=0.85),
     "delay of 2 ms": Case(delay=2e-3),
     "delay of 5 ms": Case(delay=5e-3),
+    **{f"ground known for {ahead} ms": Case(preview=1e-3 * ahead) for ahead in (25, 50, 100, 200)},
     **{name: Case(part=part) for name, part in PARTS.items()},
 }
 """Changes of one thing, in true state, of which the strong seconds are simulated."""

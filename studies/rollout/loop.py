@@ -17,7 +17,9 @@ from studies.robust_control.tables import is_record
 
 Floats = NDArray[np.float64]
 PEAKS = ("peak_drift", "peak_acceleration")
-TRAINING, FOUR, SIXTEEN = "training", "four", "sixteen"
+TRAINING, FOUR, SIXTEEN, UNSEEN = "training", "four", "sixteen", "unseen"
+# Of the names of synthetic test motions, in the study file.
+_OF_UNSEEN = "Unseen"
 # A law that is nearly the constant command may be better by nothing that matters.
 CLEARLY = 0.01
 # Constant commands of which the best is chosen [A].
@@ -116,13 +118,19 @@ def bench_of(study: mr.Study, threads: int) -> Bench:
     groups = {
         TRAINING: [each.ground for each in study.motions if each.use == "training"],
         FOUR: [each for each in test if is_record(each.name)],
-        SIXTEEN: [each for each in test if not is_record(each.name)],
+        SIXTEEN: [each for each in test if not is_record(each.name) and not _is_unseen(each)],
+        UNSEEN: [each for each in test if _is_unseen(each)],
     }
     return Bench(
         study=study,
         motions={name: tuple(group) for name, group in groups.items() if group},
         threads=threads,
     )
+
+
+def _is_unseen(motion: mr.GroundMotion) -> bool:
+    """Whether a motion is one of the synthetic ones that were made when the law had its settings."""
+    return motion.name.startswith(_OF_UNSEEN)
 
 
 def shortened(bench: Bench) -> Bench:

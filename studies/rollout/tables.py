@@ -9,7 +9,7 @@ from mrwork.closed_loop import SCORE
 from mrwork.report import Table
 from studies.common.table import Cell, table_of
 from studies.robust_control.findings import CLAIRVOYANT
-from studies.rollout.loop import CLEARLY, FOUR, SIXTEEN, TRAINING
+from studies.rollout.loop import CLEARLY, FOUR, SIXTEEN, TRAINING, UNSEEN
 
 _LARGER = "mean of the larger ratio"
 _RATIOS = ("peak drift", "peak acc.", "rms drift", "rms acc.")
@@ -72,13 +72,14 @@ def _law_columns(figures: Mapping[str, Any]) -> dict[str, Cell]:
     def of(group: str, text: Cell) -> Cell:
         return lambda row: text.format_map(row[group]) if isinstance(text, str) else text(row[group])
 
-    columns = {group: of(group, "{score:.3f}") for group in (TRAINING, FOUR, SIXTEEN) if group in groups}
+    columns = {group: of(group, "{score:.3f}") for group in (TRAINING, FOUR, UNSEEN, SIXTEEN) if group in groups}
     for title, name in zip(_RATIOS, SCORE, strict=True):
         columns[title] = of(SIXTEEN, lambda row, name=name: f"{row['ratios'][name]:.3f}")
     columns |= {title: of(SIXTEEN, cell) for title, cell in list(_columns().items())[1:]}
-    if FOUR in groups:
-        columns |= {
-            "four: larger ratio": of(FOUR, "{larger:.3f}"),
-            f"four: both by {CLEARLY:.0%}": of(FOUR, "{clearly} of {motions}"),
-        }
+    for group in (FOUR, UNSEEN):
+        if group in groups:
+            columns |= {
+                f"{group}: larger ratio": of(group, "{larger:.3f}"),
+                f"{group}: both by {CLEARLY:.0%}": of(group, "{clearly} of {motions}"),
+            }
     return columns

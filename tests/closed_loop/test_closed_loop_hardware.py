@@ -403,8 +403,16 @@ def test_accelerometers_that_nothing_reads_are_refused(refused: Refused) -> None
         {"faults": (Fault(channel="acceleration"),)},
         {"acceleration_resolution": 0.1},
     ):
-        refused(Hardware(**settings).refuse_unread)
-        Hardware(**settings, feedback="observer").refuse_unread()
+        refused(Hardware(**settings).refuse_unread, accelerations=False, forecasts=True)
+        Hardware(**settings, feedback="observer").refuse_unread(accelerations=False, forecasts=False)
+
+
+def test_a_preview_that_nothing_forecasts_with_is_refused(refused: Refused) -> None:
+    hardware = Hardware(ground_preview=0.05)
+    refused(hardware.refuse_unread, accelerations=True, forecasts=False)
+    hardware.refuse_unread(accelerations=False, forecasts=True)
+    refused(Hardware, ground_preview=-0.05)
+    refused(Hardware, ground_preview=3.0)
 
 
 def test_a_fault_that_cannot_be_is_refused(refused: Refused) -> None:

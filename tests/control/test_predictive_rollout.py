@@ -72,13 +72,22 @@ def rollout(
     )
 
 
-def in_numpy(law: ControlLaw, sample_time: float, steps: int) -> tuple[UserLaw, list[RolloutInNumPy]]:
+def in_numpy(law: ControlLaw, hardware: Hardware, steps: int) -> tuple[UserLaw, list[RolloutInNumPy]]:
     """The copy as a law in Python, for one run; a run that is repeated begins anew."""
+    times = SHORT.dt * np.arange(SHORT.n_time)
     copies: list[RolloutInNumPy] = []
 
     def command(sample: LoopSample, memory: object) -> Floats:
         if sample.time == 0.0:
-            copies.append(RolloutInNumPy(law, sample_time, steps=steps))
+            copies.append(
+                RolloutInNumPy(
+                    law,
+                    hardware.sample_time,
+                    steps=steps,
+                    preview=hardware.ground_preview,
+                    shaking=lambda time: float(np.interp(time, times, SHORT.acceleration, right=0.0)),
+                )
+            )
         again = copies[-1]
         readings = (
             sample.deformation[0],
@@ -94,13 +103,15 @@ def in_numpy(law: ControlLaw, sample_time: float, steps: int) -> tuple[UserLaw, 
 def both(
     law: ControlLaw, loop: Sequence[Device], hardware: Hardware, steps: int
 ) -> tuple[Responses, Responses]:
-    again, _ = in_numpy(law, hardware.sample_time, steps)
+    again, _ = in_numpy(law, hardware, steps)
     return tuple(
         simulate_loop(five_storeys(), loop, each, [SHORT], hardware, histories=True) for each in (law, again)
     )
 
 
-@pytest.mark.parametrize("settings", [{}, LATE, {**LATE, **NOISY}, {**NOISY, "known_ground": True}])
+@pytest.mark.parametrize(
+    "settings", [{}, LATE, {**LATE, **NOISY}, {**NOISY, "known_ground": True}, {**LATE, "ground_preview": 0.03}]
+)
 @pytest.mark.parametrize(("model", "step"), [(rd1005, 1e-3), (hysteretic, 5e-4)])
 def test_the_law_is_its_copy_in_numpy(model, step, settings) -> None:
     loop = devices(model(), second=model is rd1005)
@@ -167,6 +178,23 @@ def test_the_forecast_is_weighted_least_squares() -> None:
     weight = 0.998 ** np.arange(79, -1, -1)
     normal = rows.T @ (weight[:, None] * rows) + 0.998**80 / 100.0 * np.eye(3)
     np.testing.assert_allclose(copy.w, np.linalg.solve(normal, rows.T @ (weight * readings)), rtol=1e-8)
+
+
+def test_a_preview_beyond_the_horizon_leaves_nothing_to_forecast() -> None:
+    """The forecast that is taught by other readings sends the same commands, where it is not asked."""
+    loop = devices(rd1005(), second=False)
+    law = rollout(believed(plant_with(loop)))
+    other = replace(law, tables={**law.tables, "forecast": np.array([7, 0.9, 3.0])})
+    for preview, equal in ((0.2, True), (0.02, False)):
+        sent = [
+            simulate_loop(
+                five_storeys(), loop, each, [SHORT], Hardware(ground_preview=preview), histories=True
+            )
+            .histories[0]
+            .command
+            for each in (law, other)
+        ]
+        assert np.array_equal(*sent) == equal
 
 
 def test_a_still_ground_forecasts_a_still_ground() -> None:

@@ -110,6 +110,7 @@ def hardware(**changes: Any) -> SimpleNamespace:
         "steps": 1,
         "delay_steps": 0,
         "command_rate": np.inf,
+        "ground_preview": 0.0,
         "acceleration_noise": 0.1,
         "acceleration_resolution": 0.0,
         "deformation_noise": 0.0,

@@ -41,8 +41,17 @@ MODELS: dict[str, Callable[[dict[str, Floats], Floats, Floats, Floats], tuple[Fl
 class RolloutInNumPy:
     """The law with its memory; call `command` at the samples of a run, one after the other."""
 
-    def __init__(self, law: ControlLaw, sample_time: float, *, steps: int) -> None:
-        """`steps` of the model in a decision."""
+    def __init__(
+        self,
+        law: ControlLaw,
+        sample_time: float,
+        *,
+        steps: int,
+        preview: float = 0.0,
+        shaking: Callable[[float], float] | None = None,
+    ) -> None:
+        """`steps` of the model in a decision; for `preview` seconds `shaking`, the ground acceleration, is known."""
+        self.preview, self.shaking = preview, shaking
         assert law.model is not None
         building, devices = law.model.building, law.model.devices
         self.mass, self.damping, self.stiffness = building.mass, building.damping, building.stiffness
@@ -160,8 +169,11 @@ class RolloutInNumPy:
         if not self.order:
             return np.zeros(count)
         window, found = self.readings.copy(), [self.readings[0]]
-        for _ in range(count - 1):
+        for number in range(1, count):
+            ahead = number * self.hold
             following = float(np.clip(self.w @ window, -self.strongest, self.strongest))
+            if self.shaking is not None and ahead <= self.preview * (1.0 + 1e-9):
+                following = self.shaking(self.number * self.Ts + ahead)
             window = np.concatenate([[following], window[:-1]])
             found.append(following)
         return np.array(found)

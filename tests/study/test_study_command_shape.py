@@ -80,5 +80,6 @@ def test_what_a_study_cannot_shape_or_read_is_refused(tmp_path: Path, refused: R
         LAW.format("command_slope = 0"),
         '\n[[controller]]\nlaw = "best_passive"\ndead_zone = "1 mm/s"\n',
         'acceleration_noise = "0.05 m/s2"\n' + LAW.format(""),
+        'ground_preview = "50 ms"\n' + LAW.format(""),
     ):
         refused(read, tmp_path, more)

@@ -26,6 +26,16 @@ impl SparseRows {
         Self { starts, entries }
     }
 
+    /// The diagonal of a square matrix; `None` if it has other entries or lacks one.
+    fn diagonal(&self) -> Option<Vec<f64>> {
+        (0..self.len())
+            .map(|row| match self.row(row) {
+                &[(column, value)] if column == row => Some(value),
+                _ => None,
+            })
+            .collect()
+    }
+
     /// Number of rows.
     #[must_use]
     pub fn len(&self) -> usize {
@@ -305,7 +315,9 @@ pub struct Building {
     /// Number of coordinates.
     pub(crate) n: usize,
     pub(crate) mass: SparseRows,
-    pub(crate) mass_inverse: SparseRows,
+    mass_inverse: SparseRows,
+    /// Its diagonal; `None` if it has other entries.
+    per_mass: Option<Vec<f64>>,
     pub(crate) springs: Springs,
     pub(crate) influence: Vec<f64>,
     /// M r [kg].
@@ -368,10 +380,12 @@ impl Building {
             rows.chunks_exact(n).map(moved).collect()
         };
         let (device_mass, element_mass) = (moved_masses(matrices.devices), moved_masses(matrices.elements));
+        let mass_inverse = SparseRows::new(inverse.transpose().as_slice(), n);
         Ok(Self {
             n,
             mass: SparseRows::new(matrices.mass, n),
-            mass_inverse: SparseRows::new(inverse.transpose().as_slice(), n),
+            per_mass: mass_inverse.diagonal(),
+            mass_inverse,
             springs: Springs::new(&root, matrices.damping, matrices.stiffness, n),
             influence: matrices.influence.to_vec(),
             pushed_mass: pushed.as_slice().to_vec(),
@@ -404,6 +418,29 @@ impl Building {
         }
         let root = Cholesky::new(mass).ok_or(DynamicsError::SingularMass)?;
         Ok(Springs::new(&root, damping, stiffness, n))
+    }
+
+    /// Writes the accelerations of the coordinates relative to the ground, under these resisting forces.
+    #[inline(always)]
+    pub(crate) fn accelerate<R: Real>(&self, resisting: &[R], ground: R, acceleration: &mut [R]) {
+        let n = self.n;
+        let (resisting, influence, acceleration) =
+            (&resisting[..n], &self.influence[..n], &mut acceleration[..n]);
+        if let Some(per_mass) = &self.per_mass {
+            let per_mass = &per_mass[..n];
+            for i in 0..n {
+                let pushed = ground * R::splat(-influence[i]);
+                acceleration[i] = resisting[i].mul_add(R::splat(-per_mass[i]), pushed);
+            }
+            return;
+        }
+        for i in 0..n {
+            let mut carried = ground * R::splat(-influence[i]);
+            for &(column, mobility) in self.mass_inverse.row(i) {
+                carried = resisting[column].mul_add(R::splat(-mobility), carried);
+            }
+            acceleration[i] = carried;
+        }
     }
 
     /// Number of coordinates.

@@ -143,8 +143,7 @@ impl CurrentLaw {
             return free;
         }
         let (lower, upper) = (R::splat(parameter.lower), R::splat(parameter.upper));
-        let from_below = R::select(free.less(lower), lower, free);
-        R::select(upper.less(from_below), upper, from_below)
+        upper.min(lower.max(free))
     }
 }
 
@@ -212,8 +211,7 @@ impl Nodes {
     fn value<R: Real>(&self, coefficients: &[R], u: R) -> R {
         let one = R::splat(1.0);
         let t = (u - R::splat(self.centre)) * R::splat(self.per_half);
-        let from_below = R::select(t.less(-one), -one, t);
-        let inside = R::select(one.less(from_below), one, from_below);
+        let inside = one.min((-one).max(t));
         let (mut value, mut slope) = (R::splat(0.0), R::splat(0.0));
         for &coefficient in coefficients.iter().rev() {
             slope = slope.mul_add(inside, value);
@@ -233,6 +231,8 @@ pub struct CurrentLaws {
     parameters: &'static [ParamSpec],
     laws: Vec<CurrentLaw>,
     lagged: bool,
+    /// Parameters that depend on the command, and the first column of each.
+    following: Vec<(usize, usize)>,
 }
 
 impl CurrentLaws {
@@ -240,7 +240,8 @@ impl CurrentLaws {
     #[must_use]
     pub fn constant(spec: &DamperSpec) -> Self {
         let parameters = spec.parameters;
-        Self { parameters, laws: vec![CurrentLaw::Constant; parameters.len()], lagged: false }
+        let laws = vec![CurrentLaw::Constant; parameters.len()];
+        Self { parameters, laws, lagged: false, following: Vec::new() }
     }
 
     /// One law per parameter, in spec order.
@@ -252,7 +253,14 @@ impl CurrentLaws {
         if found != expected {
             return Err(DynamicsError::LawCount { model: spec.name, found, expected });
         }
-        Ok(Self { parameters: spec.parameters, laws, lagged })
+        let (mut following, mut first) = (Vec::new(), 0);
+        for (parameter, law) in laws.iter().enumerate() {
+            if !matches!(law, CurrentLaw::Constant) {
+                following.push((parameter, first));
+            }
+            first += law.n_coefficients();
+        }
+        Ok(Self { parameters: spec.parameters, laws, lagged, following })
     }
 
     /// Number of columns of `theta`.
@@ -323,6 +331,16 @@ impl CurrentLaws {
             let (own, others) = rest.split_at(law.n_coefficients().min(rest.len()));
             rest = others;
             *value = law.limited_value(own, u, parameter);
+        }
+    }
+
+    /// Writes the parameters that depend on the current anew; the others in `values` stay as [`Self::evaluate`] wrote them.
+    #[inline(always)]
+    pub(crate) fn follow<R: Real>(&self, prepared: &[R], u: R, values: &mut [R]) {
+        for &(parameter, first) in &self.following {
+            let law = &self.laws[parameter];
+            let own = &prepared[first..first + law.n_coefficients()];
+            values[parameter] = law.limited_value(own, u, &self.parameters[parameter]);
         }
     }
 }

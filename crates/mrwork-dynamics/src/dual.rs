@@ -131,6 +131,10 @@ impl<R: Bits, const K: usize> Real for Dual<R, K> {
         Self::select(self.less(other), self, other)
     }
     #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        Self::select(other.less(self), self, other)
+    }
+    #[inline(always)]
     fn round_ties_even(self) -> Self {
         Self::constant(self.value.round_ties_even())
     }

@@ -203,7 +203,7 @@ fn tangent_of<R: Bits>(x: R) -> R {
     let k = (doubled * R::splat(LOG2_E)).round_ties_even();
     let r = k.mul_add(R::splat(-LN_2), doubled);
     let tail = k * R::splat(-LN_2_TAIL);
-    let scale = half.times_two_to(k);
+    let scale = R::half_of_two_to(k);
     let linear = scale.mul_add(r, scale - half);
     let h = scale.mul_add(above_linear(r, tail), linear);
 

@@ -160,6 +160,9 @@ pub enum DynamicsError {
         "candidate {0}, counted from 0, has a dead zone that is negative or not finite, or a slope that is not positive"
     )]
     Shaping(usize),
+    /// A preview of the ground acceleration that is no time.
+    #[error("the ground is previewed for {0} s; give a time of zero or more")]
+    Preview(f64),
     /// A control law that needs a model of the loop, without one.
     #[error("the law `{0}` needs a model of the loop: a building and its dampers")]
     NoModel(&'static str),

@@ -11,6 +11,14 @@ pub struct GroundMotion {
     velocity: Vec<f64>,
 }
 
+/// A time among the samples.
+enum Place {
+    /// Between a sample and the next.
+    Between { index: usize, fraction: f64 },
+    /// At the last sample or after it.
+    After { is_last: bool },
+}
+
 impl GroundMotion {
     /// From samples [m/s^2] at the interval `dt` [s].
     ///
@@ -46,19 +54,34 @@ impl GroundMotion {
     #[must_use]
     #[inline]
     pub fn acceleration(&self, time: f64) -> f64 {
-        self.at(time).0
+        match self.place(time) {
+            Place::After { is_last: true } => self.acceleration[self.acceleration.len() - 1],
+            Place::After { is_last: false } => 0.0,
+            Place::Between { index, fraction } => self.between(index, fraction),
+        }
     }
 
     /// Velocity at a time [m/s]; the last after the end.
     #[must_use]
     #[inline]
     pub fn velocity(&self, time: f64) -> f64 {
-        self.at(time).1
+        match self.place(time) {
+            Place::After { .. } => self.velocity[self.velocity.len() - 1],
+            Place::Between { index, fraction } => {
+                let mean = self.acceleration[index] + self.between(index, fraction);
+                (0.5 * fraction * self.dt).mul_add(mean, self.velocity[index])
+            }
+        }
     }
 
-    /// Acceleration and velocity at a time.
     #[inline]
-    fn at(&self, time: f64) -> (f64, f64) {
+    fn between(&self, index: usize, fraction: f64) -> f64 {
+        let (start, end) = (self.acceleration[index], self.acceleration[index + 1]);
+        fraction.mul_add(end - start, start)
+    }
+
+    #[inline]
+    fn place(&self, time: f64) -> Place {
         let position = time / self.dt;
         let last = self.acceleration.len() - 1;
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // times are not negative
@@ -66,13 +89,9 @@ impl GroundMotion {
         if index >= last {
             // A time equal to that of the last sample except for rounding has its value.
             let on_it = position <= to_f64(last) * (1.0 + 1e-12);
-            return (if on_it { self.acceleration[last] } else { 0.0 }, self.velocity[last]);
+            return Place::After { is_last: on_it };
         }
-        let fraction = position - to_f64(index);
-        let (start, end) = (self.acceleration[index], self.acceleration[index + 1]);
-        let acceleration = fraction.mul_add(end - start, start);
-        let velocity = (0.5 * fraction * self.dt).mul_add(start + acceleration, self.velocity[index]);
-        (acceleration, velocity)
+        Place::Between { index, fraction: position - to_f64(index) }
     }
 }
 

@@ -115,6 +115,10 @@ impl<V: Bits, const GROUPS: usize> Real for Pack<V, GROUPS> {
         Self(each_group!(g => self.0[g].min(other.0[g]), from self.0))
     }
     #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        Self(each_group!(g => self.0[g].max(other.0[g]), from self.0))
+    }
+    #[inline(always)]
     fn round_ties_even(self) -> Self {
         Self(each_group!(g => self.0[g].round_ties_even(), from self.0))
     }
@@ -160,6 +164,10 @@ impl<V: Bits, const GROUPS: usize> Bits for Pack<V, GROUPS> {
     #[inline(always)]
     fn entry_of(self, table: &'static [f64; 16]) -> Self {
         Self(each_group!(g => self.0[g].entry_of(table), from self.0))
+    }
+    #[inline(always)]
+    fn half_of_two_to(k: Self) -> Self {
+        Self(each_group!(g => V::half_of_two_to(k.0[g]), from k.0))
     }
     #[inline(always)]
     fn times_two_to(self, k: Self) -> Self {

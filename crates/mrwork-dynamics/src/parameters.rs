@@ -45,6 +45,11 @@ pub struct ParamSpec {
     pub force_only: bool,
 }
 
+/// The parameters that shift the loop, by their places.
+pub(crate) fn offsets(parameters: &[ParamSpec]) -> Vec<usize> {
+    (0..parameters.len()).filter(|&place| parameters[place].scale == Scale::Offset).collect()
+}
+
 /// Parameters that can be filled in spec order.
 pub trait FromSlice<R>: Copy {
     /// Takes one value per parameter; missing values are not a number.

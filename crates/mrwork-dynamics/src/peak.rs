@@ -133,6 +133,9 @@ impl Real for Counted {
     fn min(self, other: Self) -> Self {
         Self(Real::min(self.0, other.0))
     }
+    fn max(self, other: Self) -> Self {
+        Self(Real::max(self.0, other.0))
+    }
     fn round_ties_even(self) -> Self {
         Self(self.0.round_ties_even())
     }
@@ -160,6 +163,9 @@ impl Bits for Counted {
     }
     fn entry_of(self, table: &'static [f64; 16]) -> Self {
         Self(self.0.entry_of(table))
+    }
+    fn half_of_two_to(k: Self) -> Self {
+        Self(f64::half_of_two_to(k.0))
     }
     fn times_two_to(self, k: Self) -> Self {
         Self(self.0.times_two_to(k.0))

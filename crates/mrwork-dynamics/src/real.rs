@@ -34,6 +34,8 @@ pub trait Real:
     fn copysign(self, sign: Self) -> Self;
     /// The smaller of the two; `other` where either is NaN.
     fn min(self, other: Self) -> Self;
+    /// The larger of the two; `other` where either is NaN.
+    fn max(self, other: Self) -> Self;
     /// Nearest integral value, ties to even.
     fn round_ties_even(self) -> Self;
     /// `self < other`; false where either is NaN.
@@ -60,6 +62,8 @@ pub trait Bits: Real {
     fn octave(self) -> (Self, Self, Self);
     /// The entry that the low four bits of `self` number.
     fn entry_of(self, table: &'static [f64; 16]) -> Self;
+    /// 2^k / 2 for whole k from -1021 to 1024.
+    fn half_of_two_to(k: Self) -> Self;
     /// `self * 2^floor(k)` for k in sixteenths, infinite where that is too large; `self` must lie between 1/2 and 2, and
     /// the result must not be below 2^-1021.
     fn times_two_to(self, k: Self) -> Self;
@@ -91,6 +95,10 @@ impl Real for f64 {
     #[inline(always)]
     fn min(self, other: Self) -> Self {
         if self < other { self } else { other }
+    }
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        if self > other { self } else { other }
     }
     #[inline(always)]
     fn round_ties_even(self) -> Self {
@@ -133,6 +141,10 @@ impl Bits for f64 {
         table[(self.to_bits() & 15) as usize]
     }
     #[inline(always)]
+    fn half_of_two_to(k: Self) -> Self {
+        f64::from_bits((k + HALF_EXPONENT_BIAS).to_bits() << 52)
+    }
+    #[inline(always)]
     fn times_two_to(self, k: Self) -> Self {
         // By adding to the exponent bits, and the last doubling as a product, which knows infinity.
         let floor = (k - 1.0 + SIXTEENTH_ALIGNER).to_bits() >> 4;
@@ -145,6 +157,8 @@ impl Bits for f64 {
 pub(crate) const TWO_TO_52: u64 = 0x4330_0000_0000_0000;
 /// 2^52 + 1023: taking it away leaves the unbiased exponent.
 pub(crate) const EXPONENT_BIAS_AT_TWO_TO_52: f64 = 4_503_599_627_371_519.0;
+/// 2^52 + 1022: the low bits of a sum with it are the exponent field of 2^k / 2.
+pub(crate) const HALF_EXPONENT_BIAS: f64 = EXPONENT_BIAS_AT_TWO_TO_52 - 1.0;
 /// The fraction field of a double.
 pub(crate) const MANTISSA_BITS: u64 = 0x000F_FFFF_FFFF_FFFF;
 /// Bits of 1.0.

@@ -77,6 +77,7 @@ operations! {
     Magnitude: |a, b, c| a.abs();
     SignOfAnother: |a, b, c| a.copysign(b);
     Smaller: |a, b, c| Real::min(a, b);
+    Larger: |a, b, c| Real::max(a, b);
     Rounding: |a, b, c| a.round_ties_even();
     Less: |a, b, c| R::select(a.less(b), R::splat(1.0), R::splat(0.0));
     Equal: |a, b, c| R::select(a.equal(b), R::splat(1.0), R::splat(0.0));
@@ -97,6 +98,7 @@ mod of_normal {
         Mantissa: |a, b, c| a.octave().1;
         Entry: |a, b, c| a.octave().2.entry_of(&SIXTEEN);
         TimesTwoTo: |a, b, c| a.times_two_to(b);
+        HalfOfTwoTo: |a, b, c| R::half_of_two_to(Real::min(R::splat(900.0), Real::max(R::splat(-900.0), b)).round_ties_even());
         Exponential: |a, b, c| exp(b);
         Logarithm: |a, b, c| ln(a);
         Power: |a, b, c| powf(a, &elementary::Exponent::of(c));

@@ -24,6 +24,7 @@ _SEEDS = 2**32
 # Larger numbers are mistakes of unit; the first leaves room for the additional steps of stiff dampers.
 _MOST_STEPS = 10_000
 _LONGEST_DELAY = 1_000_000
+_LONGEST_PREVIEW = 2.0
 # Settings of the sensors that only the observer reads.
 _OF_OBSERVER = ("measured_floors", "known_ground")
 _ACCELEROMETERS = ("acceleration_noise", "acceleration_resolution")
@@ -146,6 +147,13 @@ class Hardware(Summarised):
     ground_acceleration_resolution: float = key(
         "quantisation, for laws that read it", unit="m/s2", default=0.0, least=0.0
     )
+    ground_preview: float = key(
+        "time for which a law that forecasts the ground acceleration is told it ahead: a bound, no sensor tells it",
+        unit="s",
+        default=0.0,
+        least=0.0,
+        most=_LONGEST_PREVIEW,
+    )
     seed: int = 0
     faults: tuple[Fault, ...] = key("faults", default=(), named="fault")
 
@@ -176,9 +184,15 @@ class Hardware(Summarised):
                         "out, or set `feedback` to 'observer'",
                     )
 
-    def refuse_unread(self) -> None:
-        """Refuse settings of the accelerometers where no law and no observer reads them."""
-        if self.feedback == "observer":
+    def refuse_unread(self, *, accelerations: bool, forecasts: bool) -> None:
+        """Refuse settings of the accelerometers and a preview of the ground where no law and no observer reads them."""
+        if self.ground_preview and not forecasts:
+            raise InvalidSettingError(
+                "ground_preview",
+                "`ground_preview` has no effect on laws that do not forecast the ground; leave it out, or add a "
+                "predictive_rollout",
+            )
+        if accelerations or self.feedback == "observer":
             return
         for name in _ACCELEROMETERS:
             if getattr(self, name):

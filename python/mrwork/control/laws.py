@@ -278,6 +278,11 @@ class ControlLaw(Summarised):
         return self.spec.reads_acceleration or any(signal.reads_acceleration for signal in self.signals)
 
     @property
+    def forecasts_ground(self) -> bool:
+        """Whether it forecasts the ground acceleration, of an order above zero."""
+        return self.spec.needs_model and float(np.ravel(self.tables["forecast"])[0]) > 0.0
+
+    @property
     def shaping(self) -> tuple[float, float] | None:
         """Dead zone and slope of the command; `None` where it is sent as it is."""
         plain = self.dead_zone == 0.0 and math.isinf(self.command_slope)

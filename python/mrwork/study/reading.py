@@ -343,13 +343,14 @@ def read_study(
         for arrangement in compared:
             if isinstance(arrangement.law, ControlLaw):
                 refuse_unmeasured(hardware, arrangement.law.signals)
-    if not (
-        any(each.reads_acceleration for each in compared)
-        or any(spec.reads_acceleration for spec in control_laws() if spec.name in tuned)
-        or any(_tunes_accelerations(each) for each in table.tune)
-    ):
-        with place.within("hardware").prefix_errors(SettingError):
-            hardware.refuse_unread()
+    of_tuned = [spec for spec in control_laws() if spec.name in tuned]
+    with place.within("hardware").prefix_errors(SettingError):
+        hardware.refuse_unread(
+            accelerations=any(each.reads_acceleration for each in (*compared, *of_tuned))
+            or any(_tunes_accelerations(each) for each in table.tune),
+            forecasts=any(each.forecasts_ground for each in compared)
+            or any(spec.needs_model for spec in of_tuned),
+        )
     clairvoyant = (
         None if table.clairvoyant is None else clairvoyant_row(table.clairvoyant, devices, hardware, seed)
     )

@@ -171,6 +171,11 @@ class Arrangement:
         """Whether its law may read accelerations of floors."""
         return isinstance(self.law, UserLaw) or (self.law is not None and self.law.reads_acceleration)
 
+    @property
+    def forecasts_ground(self) -> bool:
+        """Whether its law forecasts the ground acceleration."""
+        return isinstance(self.law, ControlLaw) and self.law.forecasts_ground
+
 
 def commands_force(law: StudyLaw | None) -> bool:
     """Whether a law commands forces, which ideal actuators exert."""

@@ -8,6 +8,7 @@ use super::history::{HistoryRows, WriteHistory};
 use super::plant::Plant;
 use super::reductions::{BalanceEnergies, ReduceStep, Reductions};
 use super::sample::{Controller, Sample};
+use crate::control::Preview;
 use crate::damper::model::DamperModel;
 use crate::dispatch::{InstructionSet, LaneJob};
 use crate::ground_motion::GroundMotion;
@@ -115,12 +116,23 @@ impl<'a> Ground<'a> {
 
 /// Commands on their way from the controller to the drivers; lanes differ in the delay.
 struct Arrivals<R> {
-    /// Delays in integration steps, each with 1 in the lanes that have it, else 0.
-    delays: Vec<(usize, R)>,
-    /// Integration steps of a sample.
-    steps: usize,
+    /// Delays, each with 1 in the lanes that have it, else 0.
+    delays: Vec<(Delay, R)>,
     /// Commands that have arrived last.
     received: Vec<R>,
+}
+
+/// Whole samples of a delay, and the integration steps beyond them.
+#[derive(Clone, Copy)]
+struct Delay {
+    samples: usize,
+    steps: usize,
+}
+
+impl Delay {
+    fn of(delay: usize, steps: usize) -> Self {
+        Self { samples: delay / steps, steps: delay % steps }
+    }
 }
 
 impl<R: Lanes> Arrivals<R> {
@@ -132,23 +144,29 @@ impl<R: Lanes> Arrivals<R> {
         distinct.dedup();
         let lanes = |delay| R::from_fn(|lane| f64::from(u8::from(own[lane.min(last)] == delay)));
         Self {
-            delays: distinct.into_iter().map(|delay| (delay, lanes(delay))).collect(),
-            steps: steps as usize,
+            delays: distinct
+                .into_iter()
+                .map(|delay| (Delay::of(delay, steps as usize), lanes(delay)))
+                .collect(),
             received: vec![R::splat(0.0); batch.mountings.len()],
         }
     }
 
-    /// Takes the commands that arrive at a step; returns whether there are any.
+    /// Takes the commands that arrive at a step of a sample; returns whether there are any.
     ///
     /// A driver that receives its command once more does not change.
     #[inline(always)]
-    fn take(&mut self, index: usize, controller: &Controller<'_, R>) -> bool {
+    fn take(&mut self, sample: usize, inner: usize, controller: &Controller<'_, R>) -> bool {
         let mut arrived = false;
-        for &(delay, lanes) in &self.delays {
+        for &(Delay { samples, steps }, lanes) in &self.delays {
             // The first command is in force from the start, without delay.
-            if index == 0 || (index >= delay && (index - delay).is_multiple_of(self.steps)) {
+            if (sample == 0 && inner == 0) || (inner == steps && sample >= samples) {
                 arrived = true;
-                let sent = controller.sent_at(index.saturating_sub(delay) / self.steps);
+                let sent = controller.sent_at(sample.saturating_sub(samples));
+                if self.delays.len() == 1 {
+                    self.received.copy_from_slice(sent);
+                    continue;
+                }
                 for (received, &sent) in self.received.iter_mut().zip(sent) {
                     *received = R::select(R::splat(0.5).less(lanes), sent, *received);
                 }
@@ -181,8 +199,10 @@ fn integrate_block<M: DamperModel, R: Lanes>(
     let mut controller = Controller::<'_, R>::new(batch, runs);
     let mut reductions = Reductions::<R>::new(building, step);
     let mut end = ground.acceleration::<R>(0.0);
+    let mut next_check = 0;
     for sample in 0..n_samples {
-        if sample % (STEPS_PER_CHECK / steps).max(1) as usize == 0 {
+        if sample == next_check {
+            next_check += (STEPS_PER_CHECK / steps).max(1) as usize;
             if stop() {
                 break;
             }
@@ -200,6 +220,7 @@ fn integrate_block<M: DamperModel, R: Lanes>(
             dampers.evaluate_forces(&plant.elongation, &plant.rate, END);
             plant.accelerate(0, &dampers.force, start);
             if inner == 0 {
+                let now = time(sample, hardware.sample_time);
                 R::out_of_line(Sample {
                     batch,
                     runs,
@@ -210,12 +231,13 @@ fn integrate_block<M: DamperModel, R: Lanes>(
                     acceleration: plant.acceleration(),
                     force: &dampers.force,
                     ground_acceleration: start,
-                    ground_velocity: ground.velocity(time(sample, hardware.sample_time)),
+                    ground_velocity: ground.velocity(now),
+                    preview: Preview { motions: &block.motions, now, reach: hardware.ground_preview },
                     controller: &mut controller,
                 });
                 reductions.take_commands(sample, controller.sent_at(sample), batch.ranges);
             }
-            if arrivals.take(index, &controller) && dampers.receive(&arrivals.received, index == 0) {
+            if arrivals.take(sample, inner, &controller) && dampers.receive(&arrivals.received, index == 0) {
                 dampers.evaluate_forces(&plant.elongation, &plant.rate, END);
                 plant.accelerate(0, &dampers.force, start);
             }

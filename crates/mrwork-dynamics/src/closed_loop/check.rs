@@ -64,6 +64,10 @@ impl Batch<'_> {
         {
             return Err(DynamicsError::Step(self.hardware.sample_time));
         }
+        let preview = self.hardware.ground_preview;
+        if !(preview >= 0.0 && preview.is_finite()) {
+            return Err(DynamicsError::Preview(preview));
+        }
         self.timing()?;
         let limits = [
             ("steps", self.hardware.steps as usize, MOST_STEPS as usize),

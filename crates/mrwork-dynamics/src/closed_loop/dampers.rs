@@ -5,7 +5,7 @@ use crate::current_law::CurrentLaws;
 use crate::damper::model::{DamperModel, Motion, State};
 use crate::elementary::exp;
 use crate::lanes::{Lanes, OutOfLine};
-use crate::parameters::{FromSlice, Scale};
+use crate::parameters::{FromSlice, offsets};
 use crate::real::Real;
 
 /// Times within a step at which parameters are stored.
@@ -22,18 +22,19 @@ pub(super) struct Dampers<'a, M: DamperModel, R: Real> {
     pub(super) force: Vec<R>,
     /// Current in each coil: the command behind the lag of the driver.
     pub(super) current: Vec<R>,
-    values: Vec<R>,
 }
 
 struct Device<M: DamperModel, R: Real> {
     /// Prepared before the first step.
     columns: Vec<R>,
+    /// Parameters at the present current.
+    values: Vec<R>,
     /// Command that the driver receives.
     command: R,
     /// Factor by which the lag reduces the difference of current and command in half a step; zero without a lag.
     decay: R,
-    /// Whether two dampers in opposition are computed as one with twice the force and no offset.
-    merged: bool,
+    /// Parameters that count as zero: two dampers in opposition are computed as one with twice the force and no offset.
+    cancelled: Vec<usize>,
     /// Parameters in the middle and at the end of a step; the start is the end of the step before.
     at: [M::Parameters<R>; 2],
     dampers: Vec<DamperStates<M, R>>,
@@ -83,9 +84,10 @@ impl<'a, M: DamperModel, R: Lanes> Dampers<'a, M, R> {
             };
             devices.push(Device {
                 columns,
+                values: values.clone(),
                 command: R::splat(0.0),
                 decay: R::splat(0.0),
-                merged,
+                cancelled: if merged { offsets(M::SPEC.parameters) } else { Vec::new() },
                 at,
                 dampers,
             });
@@ -97,7 +99,6 @@ impl<'a, M: DamperModel, R: Lanes> Dampers<'a, M, R> {
             force: vec![R::splat(0.0); devices.len()],
             current: vec![R::splat(0.0); devices.len()],
             devices,
-            values,
         };
         R::out_of_line(PrepareDrivers { dampers: &mut dampers, step });
         dampers
@@ -133,15 +134,11 @@ impl<'a, M: DamperModel, R: Lanes> Dampers<'a, M, R> {
     #[inline(always)]
     fn evaluate(&mut self, device: usize, moment: usize) {
         let own = &mut self.devices[device];
-        self.laws.evaluate(&own.columns, self.current[device], &mut self.values);
-        if own.merged {
-            for (value, parameter) in self.values.iter_mut().zip(M::SPEC.parameters) {
-                if parameter.scale == Scale::Offset {
-                    *value = R::splat(0.0);
-                }
-            }
+        self.laws.follow(&own.columns, self.current[device], &mut own.values);
+        for &parameter in &own.cancelled {
+            own.values[parameter] = R::splat(0.0);
         }
-        own.at[moment] = M::Parameters::from_slice(&self.values);
+        own.at[moment] = M::Parameters::from_slice(&own.values);
     }
 }
 
@@ -160,6 +157,7 @@ impl<M: DamperModel, R: Lanes> OutOfLine for PrepareDrivers<'_, '_, M, R> {
                 device.decay = exp(device.columns[column] * R::splat(-0.5 * self.step));
             }
             self.dampers.laws.prepare(&mut device.columns);
+            self.dampers.laws.evaluate(&device.columns, R::splat(0.0), &mut device.values);
             for moment in [MIDDLE, END] {
                 self.dampers.evaluate(index, moment);
             }

@@ -11,6 +11,9 @@ pub struct Hardware {
     pub delay_steps: usize,
     /// Largest rate of the command [A/s or V/s].
     pub command_rate: f64,
+    /// Time for which a law that forecasts the ground acceleration is told it ahead, zero for none [s]. No sensor tells
+    /// it: a bound of what a better forecast could do.
+    pub ground_preview: f64,
     /// Sensors of absolute floor acceleration [m/s^2].
     pub acceleration: Sensor,
     /// Sensors of the devices' elongation [m].

@@ -28,6 +28,8 @@ pub(super) struct Plant<'a, R: Real> {
     middle: Vec<R>,
     /// Resisting force of each coordinate: stiffness, damping and devices [N].
     resisting: Vec<R>,
+    /// Damping force of each coordinate [N].
+    damped: Vec<R>,
     elements: Elements<'a, R>,
     /// Elongations of the devices and their rates at the current stage.
     pub(super) elongation: Vec<R>,
@@ -53,6 +55,7 @@ impl<'a, R: Lanes> Plant<'a, R> {
             current: zero(),
             middle: zero(),
             resisting: zero(),
+            damped: zero(),
             elements: Elements::at_rest(building),
             elongation: vec![R::splat(0.0); building.n_devices()],
             rate: vec![R::splat(0.0); building.n_devices()],
@@ -120,25 +123,20 @@ impl<'a, R: Lanes> LaneSprings<'a, R> {
     }
 }
 
-/// Writes the force of stiffness and damping on each coordinate; returns the power of the damping and the momentum that the
-/// ground pushes.
+/// Writes the force of stiffness and damping on each coordinate, and that of the damping alone.
 #[inline(always)]
 fn restrain<N: Coefficient<R>, R: Lanes>(
     springs: &SpringRows<N>,
-    pushed_mass: &[f64],
     displacement: &[R],
     velocity: &[R],
     resisting: &mut [R],
-) -> [R; 2] {
-    let (mut damping, mut momentum) = (R::splat(0.0), R::splat(0.0));
-    for (coordinate, resisting) in resisting.iter_mut().enumerate() {
-        let [sprung, damped] = springs.coupling(coordinate, displacement, velocity);
-        let own = velocity[coordinate];
-        damping = damped.mul_add(own, damping);
-        momentum = own.mul_add(R::splat(pushed_mass[coordinate]), momentum);
-        *resisting = sprung + damped;
+    damped: &mut [R],
+) {
+    for coordinate in 0..displacement.len() {
+        let [of_springs, of_damping] = springs.coupling(coordinate, displacement, velocity);
+        damped[coordinate] = of_damping;
+        resisting[coordinate] = of_springs + of_damping;
     }
-    [damping, momentum]
 }
 
 struct Accelerate<'a, 'b, R: Real> {
@@ -158,11 +156,18 @@ impl<R: Lanes> OutOfLine for Accelerate<'_, '_, R> {
         let displacement = &plant.staged_displacement[..n];
         let velocity = &plant.staged_velocity[..n];
         let resisting = &mut plant.resisting[..n];
-        let pushed_mass = &building.pushed_mass[..n];
-        let [damping, momentum] = match &plant.springs {
-            LaneSprings::Shared(springs) => restrain(springs, pushed_mass, displacement, velocity, resisting),
-            LaneSprings::Each(springs) => restrain(springs, pushed_mass, displacement, velocity, resisting),
-        };
+        let (damped, pushed_mass) = (&mut plant.damped[..n], &building.pushed_mass[..n]);
+        match &plant.springs {
+            LaneSprings::Shared(springs) => restrain(springs, displacement, velocity, resisting, damped),
+            LaneSprings::Each(springs) => restrain(springs, displacement, velocity, resisting, damped),
+        }
+        // In a loop of their own: with the products above, two sums more would not stay in registers.
+        let (mut damping, mut momentum) = (R::splat(0.0), R::splat(0.0));
+        for coordinate in 0..n {
+            let own = velocity[coordinate];
+            damping = damped[coordinate].mul_add(own, damping);
+            momentum = own.mul_add(R::splat(pushed_mass[coordinate]), momentum);
+        }
         for (device, &force) in force.iter().enumerate() {
             for &(coordinate, reach) in building.devices.row(device) {
                 resisting[coordinate] = force.mul_add(R::splat(reach), resisting[coordinate]);
@@ -174,13 +179,7 @@ impl<R: Lanes> OutOfLine for Accelerate<'_, '_, R> {
             }
         }
         let acceleration = if stage == 0 { &mut plant.first } else { &mut plant.current };
-        for (coordinate, acceleration) in acceleration.iter_mut().enumerate() {
-            let mut carried = ground * R::splat(-building.influence[coordinate]);
-            for &(column, mobility) in building.mass_inverse.row(coordinate) {
-                carried = resisting[column].mul_add(R::splat(-mobility), carried);
-            }
-            *acceleration = carried;
-        }
+        building.accelerate(resisting, ground, acceleration);
         plant.damping = damping;
         plant.input = -(momentum * ground);
     }

@@ -102,15 +102,9 @@ impl<R: Real> Extent<R> {
     #[inline(always)]
     fn take(&mut self, index: usize, value: R) {
         let peak = self.peak[index];
-        self.peak[index] = larger(peak, value.abs());
+        self.peak[index] = peak.max(value.abs());
         self.squares[index] = value.mul_add(value, self.squares[index]);
     }
-}
-
-/// The larger of the two; `value` if it is not a number.
-#[inline(always)]
-fn larger<R: Real>(before: R, value: R) -> R {
-    R::select(value.less(before), before, value)
 }
 
 /// Peak of a rate, and its largest change in a step in which it changed sign.
@@ -129,11 +123,11 @@ impl<R: Lanes> Reversal<R> {
 
     #[inline(always)]
     fn take(&mut self, index: usize, rate: R) {
-        self.peak[index] = larger(self.peak[index], rate.abs());
+        self.peak[index] = self.peak[index].max(rate.abs());
         let before = self.last[index];
         let turned = (rate * before).less(R::splat(0.0));
         let change = R::select(turned, (rate - before).abs(), R::splat(0.0));
-        self.change[index] = larger(self.change[index], change);
+        self.change[index] = self.change[index].max(change);
         self.last[index] = rate;
     }
 
@@ -188,7 +182,7 @@ impl<R: Real> Travel<R> {
         self.distance[index] = self.distance[index] + (command - self.last[index]).abs();
         self.last[index] = command;
         let low = self.low[index].min(command);
-        let high = -(-self.high[index]).min(-command);
+        let high = self.high[index].max(command);
         let direction = self.direction[index];
         let may_rise = R::select(direction.less(R::splat(0.5)), one, zero);
         let may_fall = R::select(R::splat(-0.5).less(direction), one, zero);
@@ -348,16 +342,15 @@ impl<R: Lanes> OutOfLine for ReduceStep<'_, R> {
         into.base_shear.take(0, shear);
         for device in 0..force.len() {
             into.force.take(device, force[device]);
-            into.stroke[device] =
-                larger(into.stroke[device], building.devices.dot(device, displacement).abs());
+            into.stroke[device] = into.stroke[device].max(building.devices.dot(device, displacement).abs());
             into.rate.take(device, building.devices.dot(device, velocity));
             into.current.take(device, current[device]);
             into.current_sum[device] = into.current_sum[device] + current[device];
         }
         for element in 0..motion.element_force.len() {
             let [x, v, force] = motion.of_element(building, element);
-            into.element_force[element] = larger(into.element_force[element], force.abs());
-            into.element_stroke[element] = larger(into.element_stroke[element], x.abs());
+            into.element_force[element] = into.element_force[element].max(force.abs());
+            into.element_stroke[element] = into.element_stroke[element].max(x.abs());
             into.element_reversal.take(element, v);
         }
         into.steps += 1;
@@ -415,7 +408,7 @@ impl<R: Lanes> OutOfLine for BalanceEnergies<'_, R> {
             turned_over = turned_over + work.abs();
         }
         let imbalance = (into.input - stored - dissipated).abs();
-        into.imbalance = larger(into.imbalance, imbalance);
-        into.turnover = larger(into.turnover, larger(into.input.abs(), turned_over + stored));
+        into.imbalance = into.imbalance.max(imbalance);
+        into.turnover = into.turnover.max(into.input.abs().max(turned_over + stored));
     }
 }

@@ -4,7 +4,7 @@ use super::batch::{Batch, BlockSample, OutsideLaw};
 use super::hardware::{Channel, Observer, Sensor};
 use super::noise::normal;
 use crate::control::{
-    ForceCurve, Further, Gains, LoopSizes, Measurement, Memory, ground_reach, plan, within,
+    ForceCurve, Further, Gains, LoopSizes, Measurement, Memory, Preview, ground_reach, plan, within,
 };
 use crate::lanes::{Lanes, OutOfLine};
 
@@ -187,6 +187,7 @@ pub(super) struct Sample<'a, 'b, R: Lanes> {
     pub(super) force: &'a [R],
     pub(super) ground_acceleration: R,
     pub(super) ground_velocity: R,
+    pub(super) preview: Preview<'a>,
     pub(super) controller: &'a mut Controller<'b, R>,
 }
 
@@ -286,6 +287,7 @@ impl<R: Lanes> Sample<'_, '_, R> {
             device_floors: building.device_floors.as_ref(),
             ground_acceleration: controller.ground_acceleration,
             ground_velocity: self.ground_velocity,
+            preview: self.preview,
             ground_reach: &controller.ground_reach,
             largest: &controller.largest,
             curves: &controller.curves,
@@ -301,8 +303,8 @@ impl<R: Lanes> Sample<'_, '_, R> {
             let raw = self.controller.raw[device];
             let checked = raw + self.controller.unknown;
             let known = checked.equal(checked);
-            let invalid = R::select(known, self.controller.command_invalid, R::splat(1.0));
-            self.controller.command_invalid = invalid;
+            let invalid = R::select(known, R::splat(0.0), R::splat(1.0));
+            self.controller.command_invalid = self.controller.command_invalid.max(invalid);
             let mut command =
                 within(R::select(known, raw, R::splat(0.0)), R::splat(smallest), R::splat(largest));
             let slow = self.controller.rate[device].abs().less(self.controller.dead_zone);

@@ -30,6 +30,7 @@ pub use signals::{Signal, Source};
 
 use crate::building::SparseRows;
 use crate::error::DynamicsError;
+use crate::ground_motion::GroundMotion;
 use crate::lanes::Lanes;
 use crate::real::Real;
 
@@ -197,6 +198,8 @@ pub(crate) struct Measurement<'a, R: Real> {
     pub(crate) ground_acceleration: R,
     /// Velocity of the ground [m/s].
     pub(crate) ground_velocity: R,
+    /// What is known of the ground ahead.
+    pub(crate) preview: Preview<'a>,
     /// Elongation of each device per displacement of the ground: e r.
     pub(crate) ground_reach: &'a [f64],
     /// Largest command of each device.
@@ -207,6 +210,32 @@ pub(crate) struct Measurement<'a, R: Real> {
     pub(crate) sample_time: f64,
     /// Commands that were sent at the sample before, after limits and faults.
     pub(crate) sent: &'a [R],
+}
+
+/// Ground accelerations that a law is told before they come.
+#[derive(Clone, Copy)]
+pub(crate) struct Preview<'a> {
+    /// Ground motion of each lane; lanes beyond have the last.
+    pub(crate) motions: &'a [&'a GroundMotion],
+    /// Present time [s].
+    pub(crate) now: f64,
+    /// Time that is known ahead, zero for none [s].
+    pub(crate) reach: f64,
+}
+
+impl Preview<'_> {
+    /// Whether the acceleration at a time ahead is known [s].
+    #[inline(always)]
+    fn reaches(&self, ahead: f64) -> bool {
+        self.reach > 0.0 && ahead <= self.reach * (1.0 + 1e-9)
+    }
+
+    /// Acceleration at a time ahead [m/s^2].
+    #[inline(always)]
+    fn acceleration<R: Lanes>(&self, ahead: f64) -> R {
+        let last = self.motions.len() - 1;
+        R::from_fn(|lane| self.motions[lane.min(last)].acceleration(self.now + ahead))
+    }
 }
 
 /// What a law keeps from sample to sample.
@@ -402,6 +431,5 @@ fn if_known<R: Real>(by: R, value: R) -> R {
 /// `number` limited to the range from `lower` to `upper`.
 #[inline(always)]
 pub(crate) fn within<R: Real>(number: R, lower: R, upper: R) -> R {
-    let from_below = R::select(number.less(lower), lower, number);
-    R::select(upper.less(from_below), upper, from_below)
+    upper.min(lower.max(number))
 }

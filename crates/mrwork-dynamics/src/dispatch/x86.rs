@@ -14,8 +14,8 @@ use core::ops::{Add, Div, Mul, Neg, Sub};
 use super::{AVX2_GROUPS, AVX2_MIDDLE_GROUPS, GROUPS, LaneJob, Lanes, MIDDLE_GROUPS, Pack};
 use crate::lanes::OutOfLine;
 use crate::real::{
-    Bits, EXPONENT_BIAS_AT_TWO_TO_52, MANTISSA_BITS, ONE_BITS, Real, SIXTEENTH_ALIGNER, SQRT_HALF_BITS,
-    TWO_TO_52,
+    Bits, EXPONENT_BIAS_AT_TWO_TO_52, HALF_EXPONENT_BIAS, MANTISSA_BITS, ONE_BITS, Real, SIXTEENTH_ALIGNER,
+    SQRT_HALF_BITS, TWO_TO_52,
 };
 
 #[target_feature(enable = "avx512f,avx512dq,avx512vl,avx2,fma")]
@@ -194,6 +194,11 @@ impl Real for Avx512 {
         Self(unsafe { _mm512_min_pd(self.0, other.0) })
     }
     #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        // SAFETY: the processor has the features of `Avx512`.
+        Self(unsafe { _mm512_max_pd(self.0, other.0) })
+    }
+    #[inline(always)]
     fn round_ties_even(self) -> Self {
         // SAFETY: the processor has the features of `Avx512`.
         Self(unsafe { _mm512_roundscale_pd::<{ _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC }>(self.0) })
@@ -256,6 +261,10 @@ impl Bits for Avx512 {
         })
     }
     #[inline(always)]
+    fn half_of_two_to(k: Self) -> Self {
+        Self::splat(0.5).times_two_to(k)
+    }
+    #[inline(always)]
     fn times_two_to(self, k: Self) -> Self {
         // SAFETY: the processor has the features of `Avx512`.
         Self(unsafe { _mm512_scalef_pd(self.0, k.0) })
@@ -297,6 +306,11 @@ impl Real for Avx2 {
     fn min(self, other: Self) -> Self {
         // SAFETY: the processor has the features of `Avx2`.
         Self(unsafe { _mm256_min_pd(self.0, other.0) })
+    }
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        // SAFETY: the processor has the features of `Avx2`.
+        Self(unsafe { _mm256_max_pd(self.0, other.0) })
     }
     #[inline(always)]
     fn round_ties_even(self) -> Self {
@@ -360,6 +374,12 @@ impl Bits for Avx2 {
             let index = _mm256_and_si256(_mm256_castpd_si256(self.0), _mm256_set1_epi64x(15));
             _mm256_i64gather_pd::<8>(table.as_ptr(), index)
         })
+    }
+    #[inline(always)]
+    fn half_of_two_to(k: Self) -> Self {
+        let field = k + Self::splat(HALF_EXPONENT_BIAS);
+        // SAFETY: the processor has the features of `Avx2`.
+        Self(unsafe { _mm256_castsi256_pd(_mm256_slli_epi64::<52>(_mm256_castpd_si256(field.0))) })
     }
     #[inline(always)]
     fn times_two_to(self, k: Self) -> Self {

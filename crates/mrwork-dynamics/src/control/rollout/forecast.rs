@@ -1,6 +1,6 @@
 //! Forecast of the ground acceleration: an autoregressive model that recursive least squares fit while the motion goes on.
 
-use super::super::within;
+use super::super::{Preview, within};
 use crate::lanes::Lanes;
 
 /// Trace of the covariance, over its first value, beyond which nothing is forgotten: a still ground teaches nothing.
@@ -88,9 +88,10 @@ impl<R: Lanes> Forecast<R> {
         readings[0] = reading;
     }
 
-    /// Fills the nodes, each within the limit.
+    /// Fills the nodes, `interval` apart: as they are where the preview reaches, else forecast within the limit.
     #[inline(always)]
-    pub(super) fn predict(&mut self, limit: R) {
+    #[allow(clippy::cast_precision_loss)] // a few nodes
+    pub(super) fn predict(&mut self, limit: R, interval: f64, preview: &Preview<'_>) {
         let Self { order, readings, weights, window, nodes, .. } = self;
         if *order == 0 {
             return;
@@ -98,7 +99,12 @@ impl<R: Lanes> Forecast<R> {
         window.copy_from_slice(readings);
         for (number, node) in nodes.iter_mut().enumerate() {
             if number > 0 {
-                let next = within(product(weights, window), -limit, limit);
+                let ahead = interval * number as f64;
+                let next = if preview.reaches(ahead) {
+                    preview.acceleration(ahead)
+                } else {
+                    within(product(weights, window), -limit, limit)
+                };
                 for place in (1..*order).rev() {
                     window[place] = window[place - 1];
                 }

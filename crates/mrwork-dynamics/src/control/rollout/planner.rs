@@ -227,20 +227,14 @@ fn squares<R: Real>(building: &Building, displacement: &[R], acceleration: &[R],
     for storey in 0..building.storeys.len() {
         let drift = building.storeys.dot(storey, displacement);
         found.sums[0] = drift.mul_add(drift, found.sums[0]);
-        found.largest[0] = larger(drift * drift, found.largest[0]);
+        found.largest[0] = (drift * drift).max(found.largest[0]);
     }
     for floor in 0..building.floors.len() {
         let absolute = building.floors.add_dot(floor, acceleration, ground);
         found.sums[1] = absolute.mul_add(absolute, found.sums[1]);
-        found.largest[1] = larger(absolute * absolute, found.largest[1]);
+        found.largest[1] = (absolute * absolute).max(found.largest[1]);
     }
     found
-}
-
-/// The larger of the two; `other` where `one` is not a number.
-#[inline(always)]
-fn larger<R: Real>(one: R, other: R) -> R {
-    R::select(other.less(one), one, other)
 }
 
 impl<M: DamperModel, R: Lanes> Planner<'_, M, R> {
@@ -260,7 +254,7 @@ impl<M: DamperModel, R: Lanes> Planner<'_, M, R> {
         if self.forecast.measures() {
             ground = measured.ground_acceleration;
             doubt = ground.mul_add(zero, doubt);
-            self.strongest = larger(ground.abs(), self.strongest);
+            self.strongest = ground.abs().max(self.strongest);
         }
         let known = doubt.equal(doubt);
         self.copy.advance(&mut self.prediction, &self.timing, self.number, measured);
@@ -270,11 +264,11 @@ impl<M: DamperModel, R: Lanes> Planner<'_, M, R> {
         let now =
             squares(self.prediction.building, measured.displacement, &self.prediction.acceleration, ground);
         for (peak, largest) in self.peaks.iter_mut().zip(now.largest) {
-            *peak = R::select(known, larger(largest, *peak), *peak);
+            *peak = R::select(known, largest, zero).max(*peak);
         }
         if decides {
             self.forecast.learn(measured.ground_acceleration, self.strongest);
-            self.forecast.predict(self.strongest);
+            self.forecast.predict(self.strongest, self.timing.hold, &measured.preview);
         }
         doubt
     }
@@ -385,8 +379,8 @@ impl<M: DamperModel, R: Lanes> Planner<'_, M, R> {
             // Lanes whose horizon has ended wait for the others.
             let over = self.steps.less(number);
             for kind in 0..sums.len() {
-                sums[kind] = R::select(over, sums[kind], sums[kind] + now.sums[kind]);
-                peaks[kind] = R::select(over, peaks[kind], larger(now.largest[kind], peaks[kind]));
+                sums[kind] = sums[kind] + R::select(over, zero, now.sums[kind]);
+                peaks[kind] = R::select(over, zero, now.largest[kind]).max(peaks[kind]);
             }
             if self.ends[step + 1] {
                 let twice = twice_energy(prediction.building, &moment.displacement, &moment.velocity);

@@ -7,7 +7,7 @@ use crate::current_law::CurrentLaws;
 use crate::damper::model::{DamperModel, Motion, State};
 use crate::elementary::exp;
 use crate::lanes::{Lanes, OutOfLine};
-use crate::parameters::{FromSlice, Scale};
+use crate::parameters::{FromSlice, offsets};
 
 const STAGES: usize = 4;
 
@@ -46,10 +46,12 @@ impl<M: DamperModel, R: Lanes> Moment<M, R> {
 struct Device<M: DamperModel, R: Lanes> {
     /// Prepared.
     columns: Vec<R>,
+    /// Parameters at the present current.
+    values: Vec<R>,
     /// Rate of the lag of its driver.
     lag: R,
-    /// Whether two dampers in opposition are computed as one with twice the force and no offset.
-    merged: bool,
+    /// Parameters that count as zero: two dampers in opposition are computed as one with twice the force and no offset.
+    cancelled: Vec<usize>,
     /// Index of its first side among those of all devices, and the sign and number of dampers of each.
     first: usize,
     sides: Vec<[f64; 2]>,
@@ -73,7 +75,6 @@ pub(super) struct Prediction<'a, M: DamperModel, R: Lanes> {
     rates: Vec<M::State<R>>,
     pub(super) force: Vec<R>,
     resisting: Vec<R>,
-    values: Vec<R>,
 }
 
 /// Moments within a step and at its end.
@@ -107,9 +108,10 @@ impl<'a, M: DamperModel, R: Lanes> Prediction<'a, M, R> {
             devices.push(Device {
                 columns: theta.iter().map(|&value| R::splat(value)).collect(),
                 lag: R::splat(laws.lag_column().map_or(0.0, |column| theta[column])),
-                merged,
+                cancelled: if merged { offsets(M::SPEC.parameters) } else { Vec::new() },
                 first: n_sides,
                 at: M::Parameters::from_slice(&values),
+                values: values.clone(),
                 sides,
             });
             n_sides += devices[index].sides.len();
@@ -126,7 +128,6 @@ impl<'a, M: DamperModel, R: Lanes> Prediction<'a, M, R> {
             rates: vec![M::State::from_fn(|_| zero); n_sides],
             force: vec![zero; n_devices],
             resisting: vec![zero; n],
-            values,
         };
         R::out_of_line(Prepare { prediction: &mut prediction });
         prediction
@@ -223,17 +224,13 @@ struct SetCurrent<'a, 'b, M: DamperModel, R: Lanes> {
 impl<M: DamperModel, R: Lanes> OutOfLine for SetCurrent<'_, '_, M, R> {
     #[inline(always)]
     fn run(self) {
-        let Prediction { laws, devices, values, .. } = self.prediction;
+        let Prediction { laws, devices, .. } = self.prediction;
         let own = &mut devices[self.device];
-        laws.evaluate(&own.columns, self.current, values);
-        if own.merged {
-            for (value, parameter) in values.iter_mut().zip(M::SPEC.parameters) {
-                if parameter.scale == Scale::Offset {
-                    *value = R::splat(0.0);
-                }
-            }
+        laws.follow(&own.columns, self.current, &mut own.values);
+        for &parameter in &own.cancelled {
+            own.values[parameter] = R::splat(0.0);
         }
-        own.at = M::Parameters::from_slice(values);
+        own.at = M::Parameters::from_slice(&own.values);
     }
 }
 
@@ -292,13 +289,7 @@ impl<R: Lanes> OutOfLine for Accelerate<'_, R> {
                 resisting[coordinate] = force.mul_add(R::splat(reach), resisting[coordinate]);
             }
         }
-        for (coordinate, acceleration) in acceleration.iter_mut().enumerate() {
-            let mut carried = ground * R::splat(-building.influence[coordinate]);
-            for &(column, mobility) in building.mass_inverse.row(coordinate) {
-                carried = resisting[column].mul_add(R::splat(-mobility), carried);
-            }
-            *acceleration = carried;
-        }
+        building.accelerate(resisting, ground, acceleration);
     }
 }
 
@@ -311,7 +302,9 @@ impl<M: DamperModel, R: Lanes> OutOfLine for Prepare<'_, '_, M, R> {
     fn run(self) {
         let Self { prediction } = self;
         for index in 0..prediction.devices.len() {
-            prediction.laws.prepare(&mut prediction.devices[index].columns);
+            let own = &mut prediction.devices[index];
+            prediction.laws.prepare(&mut own.columns);
+            prediction.laws.evaluate(&own.columns, R::splat(0.0), &mut own.values);
             prediction.set_current(index, R::splat(0.0));
         }
     }
