@@ -10,7 +10,7 @@ import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import matplotlib.pyplot as plt
 import pytest
@@ -34,18 +34,16 @@ ROOMS = (
 SECONDS = 20.0
 # Calls that are refused as they are: they would take long, or need more than a test has.
 REFUSED = {
-    *("read_test_table", "Fit.reading", "profile", "choose_model", "choose_laws"),
     *(
+        "read_test_table",
+        "Fit.reading",
+        "profile",
+        "choose_model",
+        "choose_laws",
         "read_building",
         "read_system",
-        "read_study",
-        "read_results",
-        "read_tuning",
-        "load",
-        "run_study",
-        "tune",
-        "with_tuned_law",
     ),
+    *("read_study", "read_results", "read_tuning", "load", "run_study", "tune", "with_tuned_law"),
 }
 
 
@@ -82,38 +80,31 @@ def said(valid: ValidCall, **changed: Any) -> str:
 
 
 @pytest.mark.parametrize("room", ROOMS, ids=lambda room: room.__name__)
-def test_a_wrong_argument_is_refused_in_a_sentence_or_accepted(
-    room: Callable[[Path], Calls], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    broken = []
-    with warnings.catch_warnings():
+@pytest.mark.parametrize(
+    ("others", "warned"),
+    [
         # Overflows of absurd numbers; what is said in them is not asked here.
-        warnings.simplefilter("ignore")
-        for name, made in room(tmp_path).items():
-            valid = made()
-            for argument, value in valid.arguments.items():
-                for label, other in wrong(value):
-                    if found := said(valid, **{argument: other}):
-                        broken.append(f"{name}: `{argument}`, {label}: {found}")
-    assert not broken, "\n".join(broken)
-
-
-@pytest.mark.parametrize("room", ROOMS, ids=lambda room: room.__name__)
-def test_no_number_is_so_small_that_numpy_warns(
-    room: Callable[[Path], Calls], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+        pytest.param(wrong, "ignore", id="in_a_sentence"),
+        pytest.param(smallest, "error", id="without_a_warning_of_numpy"),
+    ],
+)
+def test_a_wrong_argument_is_refused_or_accepted(
+    room: Callable[[Path], Calls],
+    others: Callable[[Any], Iterator[tuple[str, Any]]],
+    warned: Literal["ignore", "error"],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.chdir(tmp_path)
     broken = []
     with warnings.catch_warnings():
-        warnings.simplefilter("error")
+        warnings.simplefilter(warned)
         warnings.simplefilter("ignore", MrworkWarning)
-        for name, made in room(tmp_path).items():
-            valid = made()
+        for valid in room(tmp_path):
             for argument, value in valid.arguments.items():
-                for label, other in smallest(value):
+                for label, other in others(value):
                     if found := said(valid, **{argument: other}):
-                        broken.append(f"{name}: `{argument}`, {label}: {found}")
+                        broken.append(f"{valid.name}: `{argument}`, {label}: {found}")
     assert not broken, "\n".join(broken)
 
 
@@ -121,7 +112,6 @@ def test_no_number_is_so_small_that_numpy_warns(
 def test_the_calls_that_are_made_wrong_are_right(room: Callable[[Path], Calls], tmp_path: Path) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        for name, made in room(tmp_path).items():
-            valid = made()
-            if name not in REFUSED:
+        for valid in room(tmp_path):
+            if valid.name not in REFUSED:
                 valid.function(**valid.arguments)

@@ -45,46 +45,32 @@ def damper_calls(_: Path) -> Calls:
     """Models, boxes and conversions."""
     box = small_sampling().target.form.box
     bouc_wen = mr.damper("bouc_wen").nominal
-    return {
-        "damper": lambda: call(mr.damper, name="bingham"),
-        "DamperSpec.with_current_laws": lambda: call(
-            _BINGHAM.with_current_laws, laws={"f_c": "linear"}, unit="A", lagged=True
-        ),
-        "DamperSpec.preset": lambda: call(mr.damper("modified_bouc_wen").preset, name="dyke1996"),
-        "Box": lambda: call(
-            mr.Box, names=("c", "f0"), lower=(1.0, -5.0), upper=(9.0, 5.0), log=(True, False)
-        ),
-        "Box.of": lambda: call(mr.Box.of, spec=_BINGHAM),
-        "Box.with_bounds": lambda: call(mr.Box.of(_BINGHAM).with_bounds, bounds={"f_c": (1.0, 2.0)}),
-        "Box.theta_from_unit": lambda: call(box.theta_from_unit, unit=np.full((4, len(box.names)), 0.5)),
-        "Box.unit_slope": lambda: call(box.unit_slope, theta=np.array(box.lower)),
-        "Box.unit_from_theta": lambda: call(box.unit_from_theta, theta=np.array(box.lower)),
-        "Box.theta_from_latent": lambda: call(box.theta_from_latent, latent=np.zeros(len(box.free))),
-        "Box.latent_from_theta": lambda: call(
-            box.latent_from_theta, theta=0.5 * (np.array(box.lower) + box.upper)
-        ),
-        "Box.inside": lambda: call(box.inside, theta=np.array(box.lower)),
-        "Box.contains": lambda: call(box.contains, theta=np.array(box.lower)),
-        "OpenSeesBoucWen": lambda: call(
-            dampers.OpenSeesBoucWen, alpha=0.1, ko=1e5, n=2.0, gamma=100.0, beta=100.0, Ao=1.0
-        ),
-        "OpenSeesBoucWen.strain_step": lambda: call(
-            dampers.OpenSeesBoucWen(alpha=0.1, ko=1e5, n=2.0, gamma=100.0, beta=100.0, Ao=1.0).strain_step,
-            error=0.005,
-        ),
-        "bouc_wen_from_opensees": lambda: call(
-            dampers.bouc_wen_from_opensees,
-            material=dampers.OpenSeesBoucWen(alpha=0.1, ko=1e5, n=2.0, gamma=100.0, beta=100.0, Ao=1.0),
-            c0=10.0,
-        ),
-        "opensees_from_bouc_wen": lambda: call(
-            dampers.opensees_from_bouc_wen, theta=bouc_wen * (np.arange(8) != 2), Ao=1.0
-        ),
-        "normalised_from_bouc_wen": lambda: call(dampers.normalised_from_bouc_wen, theta=bouc_wen),
-        "bouc_wen_from_normalised": lambda: call(
-            dampers.bouc_wen_from_normalised, theta=mr.damper("normalised_bouc_wen").nominal, A=1.0
-        ),
-    }
+    yield call(mr.damper, name="bingham")
+    yield call(_BINGHAM.with_current_laws, laws={"f_c": "linear"}, unit="A", lagged=True)
+    yield call(mr.damper("modified_bouc_wen").preset, name="dyke1996")
+    yield call(mr.Box, names=("c", "f0"), lower=(1.0, -5.0), upper=(9.0, 5.0), log=(True, False))
+    yield call(mr.Box.of, spec=_BINGHAM)
+    yield call(mr.Box.of(_BINGHAM).with_bounds, bounds={"f_c": (1.0, 2.0)})
+    yield call(box.theta_from_unit, unit=np.full((4, len(box.names)), 0.5))
+    yield call(box.unit_slope, theta=np.array(box.lower))
+    yield call(box.unit_from_theta, theta=np.array(box.lower))
+    yield call(box.theta_from_latent, latent=np.zeros(len(box.free)))
+    yield call(box.latent_from_theta, theta=0.5 * (np.array(box.lower) + box.upper))
+    yield call(box.inside, theta=np.array(box.lower))
+    yield call(box.contains, theta=np.array(box.lower))
+    yield call(dampers.OpenSeesBoucWen, alpha=0.1, ko=1e5, n=2.0, gamma=100.0, beta=100.0, Ao=1.0)
+    yield call(
+        dampers.OpenSeesBoucWen(alpha=0.1, ko=1e5, n=2.0, gamma=100.0, beta=100.0, Ao=1.0).strain_step,
+        error=0.005,
+    )
+    yield call(
+        dampers.bouc_wen_from_opensees,
+        material=dampers.OpenSeesBoucWen(alpha=0.1, ko=1e5, n=2.0, gamma=100.0, beta=100.0, Ao=1.0),
+        c0=10.0,
+    )
+    yield call(dampers.opensees_from_bouc_wen, theta=bouc_wen * (np.arange(8) != 2), Ao=1.0)
+    yield call(dampers.normalised_from_bouc_wen, theta=bouc_wen)
+    yield call(dampers.bouc_wen_from_normalised, theta=mr.damper("normalised_bouc_wen").nominal, A=1.0)
 
 
 def simulation_calls(_: Path) -> Calls:
@@ -93,41 +79,31 @@ def simulation_calls(_: Path) -> Calls:
     rows = np.tile(theta, (3, 1))
     laws = _BINGHAM.with_current_laws({"f_c": "linear"})
     history = _loading().history()
-    return {
-        "Loading": lambda: call(
-            mr.Loading,
-            dt=0.01,
-            displacement=_loading().displacement,
-            velocity=_loading().velocity,
-            command=_loading().command,
-            command_unit="A",
-        ),
-        "simulate_force": lambda: call(
-            mr.simulate_force, spec=_BINGHAM, theta=theta, loading=_loading(), substep_factor=1
-        ),
-        "simulate_force, laws": lambda: call(
-            mr.simulate_force, spec=laws, theta=laws.nominal, loading=_loading()
-        ),
-        "simulate_misfits": lambda: call(
-            simulate_misfits,
-            spec=_BINGHAM,
-            theta=rows,
-            history=history,
-            force=np.ones(_N_TIME),
-            first=2,
-            limits=np.full(3, 1e9),
-            substep_factor=1,
-            threads=1,
-        ),
-        "simulate_forces": lambda: call(
-            simulate_forces, spec=_BINGHAM, theta=rows, history=history, threads=1
-        ),
-        "stiffness_shares": lambda: call(stiffness_shares, spec=_BINGHAM, theta=rows, history=history),
-        "simulate_sensitivities": lambda: call(
-            simulate_sensitivities, spec=_BINGHAM, theta=rows, history=history, columns=[0, 1], threads=1
-        ),
-        "synthetic_test": lambda: call(mr.synthetic_test, name="spencer1997"),
-    }
+    yield call(
+        mr.Loading,
+        dt=0.01,
+        displacement=_loading().displacement,
+        velocity=_loading().velocity,
+        command=_loading().command,
+        command_unit="A",
+    )
+    yield call(mr.simulate_force, spec=_BINGHAM, theta=theta, loading=_loading(), substep_factor=1)
+    yield call(mr.simulate_force, spec=laws, theta=laws.nominal, loading=_loading())
+    yield call(
+        simulate_misfits,
+        spec=_BINGHAM,
+        theta=rows,
+        history=history,
+        force=np.ones(_N_TIME),
+        first=2,
+        limits=np.full(3, 1e9),
+        substep_factor=1,
+        threads=1,
+    )
+    yield call(simulate_forces, spec=_BINGHAM, theta=rows, history=history, threads=1)
+    yield call(stiffness_shares, spec=_BINGHAM, theta=rows, history=history)
+    yield call(simulate_sensitivities, spec=_BINGHAM, theta=rows, history=history, columns=[0, 1], threads=1)
+    yield call(mr.synthetic_test, name="spencer1997")
 
 
 def record_calls(files: Path) -> Calls:
@@ -141,80 +117,63 @@ def record_calls(files: Path) -> Calls:
         np.savetxt(path, columns, delimiter=",", header="t_s,displacement_m,force_N", comments="")
         return path
 
-    return {
-        "read_damper_test": lambda: call(mr.read_damper_test, path=record(), columns={"force": "force_N:kN"}),
-        "read_damper_tests": lambda: call(
-            mr.read_damper_tests, paths=[record()], columns={"force": "force_N:kN"}
-        ),
-        "build_damper_test": lambda: call(
-            records.build_damper_test,
-            name="rig",
-            time=test.time,
-            displacement=test.displacement,
-            force=test.force,
-            velocity=test.velocity,
-            current=np.full(test.n_time, 0.5),
-            voltage=1.0,
-            amplitude=0.01,
-            frequency=1.0,
-            synthetic=True,
-            path="rig.csv",
-            sha256="0",
-            locate=str,
-        ),
-        "test_from_arrays": lambda: call(
-            mr.test_from_arrays,
-            time=test.time,
-            displacement=test.displacement,
-            force=test.force,
-            command=np.full(test.n_time, 0.5),
-            command_unit="A",
-        ),
-        "DamperTest": lambda: call(
-            mr.DamperTest,
-            **{name: getattr(test, name) for name in _FIELDS},
-            current=np.full(test.n_time, 0.5),
-        ),
-        "DamperTest.part": lambda: call(test.part, first=2, last=100, every=2),
-        "branches": lambda: call(
-            records.branches, test=harmonic, over="displacement", force=harmonic.force, points=21
-        ),
-        "branches_figure": lambda: call(
-            report.branches_figure,
-            tests=[harmonic, harmonic],
-            forces=[harmonic.force, harmonic.force],
-            over="displacement",
-        ),
-        "cut": lambda: call(records.cut, test=test, start=0.1, end=1.5, every=2),
-        "repair": lambda: call(records.repair, test=test, kinds=["offset"], amounts={"offset": 3.0}),
-        "observed": lambda: call(records.observed, test=test, observe=["average=0.02", "gain=1.1"]),
-        "Observation": lambda: call(
-            records.Observation,
-            delay_seconds=0.01,
-            lowpass_hz=20.0,
-            average_seconds=0.02,
-            gain=1.1,
-            offset=3.0,
-        ),
-        "Observation.observe": lambda: call(
-            records.Observation(delay_seconds=0.02, average_seconds=0.05, lowpass_hz=20.0).observe,
-            force=test.force,
-            dt=test.dt,
-        ),
-        "Observation.reach": lambda: call(
-            records.Observation(delay_seconds=0.02, average_seconds=0.05).reach, dt=test.dt
-        ),
-        "guess_tests": lambda: call(records.guess_tests, files=[record()]),
-        "ListedTest": lambda: call(
-            records.ListedTest, file="rig.csv", use="fit", columns={"force": "F:kN"}, doubt="none"
-        ),
-        "write_test_table": lambda: call(
-            records.write_test_table,
-            path=files / "tests.csv",
-            rows=[records.ListedTest(file=str(record()), use="fit")],
-        ),
-        "read_test_table": lambda: call(records.read_test_table, path=files / "none.csv"),
-    }
+    yield call(mr.read_damper_test, path=record(), columns={"force": "force_N:kN"})
+    yield call(mr.read_damper_tests, paths=[record()], columns={"force": "force_N:kN"})
+    yield call(
+        records.build_damper_test,
+        name="rig",
+        time=test.time,
+        displacement=test.displacement,
+        force=test.force,
+        velocity=test.velocity,
+        current=np.full(test.n_time, 0.5),
+        voltage=1.0,
+        amplitude=0.01,
+        frequency=1.0,
+        synthetic=True,
+        path="rig.csv",
+        sha256="0",
+        locate=str,
+    )
+    yield call(
+        mr.test_from_arrays,
+        time=test.time,
+        displacement=test.displacement,
+        force=test.force,
+        command=np.full(test.n_time, 0.5),
+        command_unit="A",
+    )
+    yield call(
+        mr.DamperTest, **{name: getattr(test, name) for name in _FIELDS}, current=np.full(test.n_time, 0.5)
+    )
+    yield call(test.part, first=2, last=100, every=2)
+    yield call(records.branches, test=harmonic, over="displacement", force=harmonic.force, points=21)
+    yield call(
+        report.branches_figure,
+        tests=[harmonic, harmonic],
+        forces=[harmonic.force, harmonic.force],
+        over="displacement",
+    )
+    yield call(records.cut, test=test, start=0.1, end=1.5, every=2)
+    yield call(records.repair, test=test, kinds=["offset"], amounts={"offset": 3.0})
+    yield call(records.observed, test=test, observe=["average=0.02", "gain=1.1"])
+    yield call(
+        records.Observation, delay_seconds=0.01, lowpass_hz=20.0, average_seconds=0.02, gain=1.1, offset=3.0
+    )
+    yield call(
+        records.Observation(delay_seconds=0.02, average_seconds=0.05, lowpass_hz=20.0).observe,
+        force=test.force,
+        dt=test.dt,
+    )
+    yield call(records.Observation(delay_seconds=0.02, average_seconds=0.05).reach, dt=test.dt)
+    yield call(records.guess_tests, files=[record()])
+    yield call(records.ListedTest, file="rig.csv", use="fit", columns={"force": "F:kN"}, doubt="none")
+    yield call(
+        records.write_test_table,
+        path=files / "tests.csv",
+        rows=[records.ListedTest(file=str(record()), use="fit")],
+    )
+    yield call(records.read_test_table, path=files / "none.csv")
 
 
 def motion_calls(files: Path) -> Calls:
@@ -229,65 +188,44 @@ def motion_calls(files: Path) -> Calls:
         )
         return path
 
-    return {
-        "GroundMotion": lambda: call(
-            mr.GroundMotion,
-            name="a",
-            dt=0.01,
-            acceleration=np.sin(np.arange(50.0)),
-            source="",
-            changes=("x",),
-        ),
-        "read_motion": lambda: call(mr.read_motion, path=accelerogram(), unit="g", dt=0.02),
-        "read_motions": lambda: call(mr.read_motions, paths=[accelerogram(True)], unit="g"),
-        "synthetic_motion": lambda: call(
-            mr.synthetic_motion,
-            spectrum=motions.KanaiTajimi(),
-            rng=3,
-            duration=2.0,
-            dt=0.02,
-            envelope=motions.Envelope(),
-            peak=2.0,
-            name="a",
-        ),
-        "suite": lambda: call(
-            motions.suite, soil=("firm", "soft"), n=2, rng=0, pulses="both", peak=2.0, dt=0.05, name="a"
-        ),
-        "response_spectrum": lambda: call(
-            mr.response_spectrum, motion=motion, periods=[0.2, 1.0], damping=0.05
-        ),
-        "fitted_spectrum": lambda: call(motions.fitted_spectrum, motion=motion, kind="kanai_tajimi"),
-        "stationary_ground": lambda: call(
-            motions.stationary_ground, motions=[motion], kind="kanai_tajimi", frequency=15.0, damping=0.6
-        ),
-        "baseline_corrected": lambda: call(motions.baseline_corrected, motion=motion, order=1),
-        "resampled": lambda: call(motions.resampled, motion=motion, dt=0.01),
-        "resampled_band_limited": lambda: call(motions.resampled_band_limited, motion=motion, dt=0.04),
-        "scaled": lambda: call(motions.scaled, motion=motion, factor=2.0),
-        "scaled_to_peak": lambda: call(motions.scaled_to_peak, motion=motion, peak=2.0),
-        "time_scaled": lambda: call(motions.time_scaled, motion=motion, factor=0.5),
-        "trimmed": lambda: call(motions.trimmed, motion=motion, start=0.5, end=1.5),
-        "sine": lambda: call(motions.sine, amplitude=1.0, frequency=2.0, cycles=2.0, dt=0.01),
-        "sine_sweep": lambda: call(
-            motions.sine_sweep, amplitude=1.0, start=1.0, end=3.0, duration=2.0, dt=0.01
-        ),
-        "near_fault_pulse": lambda: call(
-            motions.near_fault_pulse, amplitude=1.0, period=1.0, cycles=1.5, phase=0.3, dt=0.02
-        ),
-        "KanaiTajimi": lambda: call(motions.KanaiTajimi, frequency=10.0, damping=0.5, intensity=0.01),
-        "KanaiTajimi.density": lambda: call(motions.KanaiTajimi().density, w=np.linspace(0.1, 50.0, 5)),
-        "CloughPenzien": lambda: call(
-            motions.CloughPenzien, soil=motions.KanaiTajimi(), frequency=1.5, damping=0.6
-        ),
-        "Envelope": lambda: call(motions.Envelope, rise=1.0, plateau_end=2.0, decay=0.1),
-        "GammaEnvelope": lambda: call(motions.GammaEnvelope, significant_duration=5.0, shape=5.0),
-        "ShakeTable": lambda: call(
-            motions.ShakeTable, stroke=0.1, velocity=0.5, acceleration=9.0, bandwidth=20.0, damping=0.7
-        ),
-        "ShakeTable.gain": lambda: call(motions.ShakeTable().gain, frequency=[1.0, 10.0]),
-        "ShakeTable.demand": lambda: call(motions.ShakeTable().demand, motion=motion),
-        "ShakeTable.driven": lambda: call(motions.ShakeTable().driven, motion=motion, beyond="scale"),
-    }
+    yield call(
+        mr.GroundMotion, name="a", dt=0.01, acceleration=np.sin(np.arange(50.0)), source="", changes=("x",)
+    )
+    yield call(mr.read_motion, path=accelerogram(), unit="g", dt=0.02)
+    yield call(mr.read_motions, paths=[accelerogram(True)], unit="g")
+    yield call(
+        mr.synthetic_motion,
+        spectrum=motions.KanaiTajimi(),
+        rng=3,
+        duration=2.0,
+        dt=0.02,
+        envelope=motions.Envelope(),
+        peak=2.0,
+        name="a",
+    )
+    yield call(motions.suite, soil=("firm", "soft"), n=2, rng=0, pulses="both", peak=2.0, dt=0.05, name="a")
+    yield call(mr.response_spectrum, motion=motion, periods=[0.2, 1.0], damping=0.05)
+    yield call(motions.fitted_spectrum, motion=motion, kind="kanai_tajimi")
+    yield call(motions.stationary_ground, motions=[motion], kind="kanai_tajimi", frequency=15.0, damping=0.6)
+    yield call(motions.baseline_corrected, motion=motion, order=1)
+    yield call(motions.resampled, motion=motion, dt=0.01)
+    yield call(motions.resampled_band_limited, motion=motion, dt=0.04)
+    yield call(motions.scaled, motion=motion, factor=2.0)
+    yield call(motions.scaled_to_peak, motion=motion, peak=2.0)
+    yield call(motions.time_scaled, motion=motion, factor=0.5)
+    yield call(motions.trimmed, motion=motion, start=0.5, end=1.5)
+    yield call(motions.sine, amplitude=1.0, frequency=2.0, cycles=2.0, dt=0.01)
+    yield call(motions.sine_sweep, amplitude=1.0, start=1.0, end=3.0, duration=2.0, dt=0.01)
+    yield call(motions.near_fault_pulse, amplitude=1.0, period=1.0, cycles=1.5, phase=0.3, dt=0.02)
+    yield call(motions.KanaiTajimi, frequency=10.0, damping=0.5, intensity=0.01)
+    yield call(motions.KanaiTajimi().density, w=np.linspace(0.1, 50.0, 5))
+    yield call(motions.CloughPenzien, soil=motions.KanaiTajimi(), frequency=1.5, damping=0.6)
+    yield call(motions.Envelope, rise=1.0, plateau_end=2.0, decay=0.1)
+    yield call(motions.GammaEnvelope, significant_duration=5.0, shape=5.0)
+    yield call(motions.ShakeTable, stroke=0.1, velocity=0.5, acceleration=9.0, bandwidth=20.0, damping=0.7)
+    yield call(motions.ShakeTable().gain, frequency=[1.0, 10.0])
+    yield call(motions.ShakeTable().demand, motion=motion)
+    yield call(motions.ShakeTable().driven, motion=motion, beyond="scale")
 
 
 ROOMS = (damper_calls, simulation_calls, record_calls, motion_calls)

@@ -29,80 +29,70 @@ def _circuit() -> design.MagneticCircuit:
 def material_calls(_: Path) -> Calls:
     """Fluids, steels, slots and circuits."""
     flow = {"flow": np.array([0.0, 1e-4]), "yield_stress": 1e4, "viscosity": 0.3, "flow_index": 0.9}
-    return {
-        "fluid": lambda: call(design.fluid, name="MRF-132DG"),
-        "MRFluid": lambda: call(
-            design.MRFluid, name="mine", particle_fraction=0.3, viscosity=0.1, density=3e3, flow_index=0.9
-        ),
-        "steel": lambda: call(design.steel, name="AISI 1010"),
-        "Steel": lambda: call(design.Steel, name="mine", field=(0.0, 300.0), flux_density=(0.0, 0.5)),
-        "Slot": lambda: call(design.Slot, inner_radius=0.05, gap=0.001, length=0.03),
-        "annular_pressure": lambda: call(design.annular_pressure, slot=_SLOT, **flow, wall_speed=0.1),
-        "plate_pressure": lambda: call(design.plate_pressure, slot=_SLOT, **flow, wall_speed=0.1),
-        "MagneticCircuit": lambda: call(
-            design.MagneticCircuit,
-            fluid=_FLUID,
-            steel=_STEEL,
-            turns=200,
-            gap=1e-3,
-            gap_area=5e-4,
-            areas=(3e-4, 4e-4),
-            lengths=(0.05, 0.06),
-        ),
-        "MagneticCircuit.ampere_turns": lambda: call(_circuit().ampere_turns, field=np.array([0.0, 1e5])),
-        "MagneticCircuit.field": lambda: call(_circuit().field, current=np.array([0.0, 1.0])),
-        "MagneticCircuit.flux": lambda: call(_circuit().flux, current=np.array([0.0, 1.0])),
-        "MagneticCircuit.inductance": lambda: call(_circuit().inductance, current=np.array([0.0, 1.0])),
-        "MagneticCircuit.rise_time": lambda: call(
-            _circuit().rise_time, current=1.0, resistance=7.0, supply=20.0, share=0.5
-        ),
-    }
+    yield call(design.fluid, name="MRF-132DG")
+    yield call(design.MRFluid, name="mine", particle_fraction=0.3, viscosity=0.1, density=3e3, flow_index=0.9)
+    yield call(design.steel, name="AISI 1010")
+    yield call(design.Steel, name="mine", field=(0.0, 300.0), flux_density=(0.0, 0.5))
+    yield call(design.Slot, inner_radius=0.05, gap=0.001, length=0.03)
+    yield call(design.annular_pressure, slot=_SLOT, **flow, wall_speed=0.1)
+    yield call(design.plate_pressure, slot=_SLOT, **flow, wall_speed=0.1)
+    yield call(
+        design.MagneticCircuit,
+        fluid=_FLUID,
+        steel=_STEEL,
+        turns=200,
+        gap=1e-3,
+        gap_area=5e-4,
+        areas=(3e-4, 4e-4),
+        lengths=(0.05, 0.06),
+    )
+    yield call(_circuit().ampere_turns, field=np.array([0.0, 1e5]))
+    yield call(_circuit().field, current=np.array([0.0, 1.0]))
+    yield call(_circuit().flux, current=np.array([0.0, 1.0]))
+    yield call(_circuit().inductance, current=np.array([0.0, 1.0]))
+    yield call(_circuit().rise_time, current=1.0, resistance=7.0, supply=20.0, share=0.5)
 
 
 def damper_design_calls(_: Path) -> Calls:
     """Designs, their model and drawing, and sizing."""
     large = design.twenty_ton_damper()
-    return {
-        "DamperDesign": lambda: call(design.DamperDesign, **SMALL),
-        "DamperDesign.force": lambda: call(
-            large.force, velocity=np.array([-0.1, 0.0, 0.1]), current=1.0, flow_model="plates"
-        ),
-        "DamperDesign.yield_stress": lambda: call(large.yield_stress, current=np.array([0.0, 1.0])),
-        "DamperDesign.inductance": lambda: call(large.inductance, current=np.array([0.0, 1.0])),
-        "DamperDesign.response_time": lambda: call(large.response_time, supply=100.0),
-        "DamperDesign.as_model": lambda: call(large.as_model, supply=100.0, transition=0.01),
-        "cross_section_figure": lambda: call(report.cross_section_figure, design=large),
-        "DamperWishes": lambda: call(
-            design.DamperWishes,
-            **WISHES,
-            response_time=1.0,
-            current_density=4e6,
-            stress=1e8,
-            least_gap=5e-4,
-            friction=10.0,
-        ),
-        "DamperWishes.missed": lambda: call(_WISHES.missed, design=large),
-        "size_damper": lambda: call(
-            design.size_damper,
-            wishes=_WISHES,
-            fluid=_FLUID,
-            steel=_STEEL,
-            search="differential_evolution",
-            budget=60,
-            rng=0,
-            on_progress=_continue,
-        ),
-        "size_front": lambda: call(
-            design.size_front,
-            wishes=_WISHES,
-            fluid=_FLUID,
-            steel=_STEEL,
-            population=12,
-            budget=100,
-            rng=0,
-            on_progress=_continue,
-        ),
-    }
+    yield call(design.DamperDesign, **SMALL)
+    yield call(large.force, velocity=np.array([-0.1, 0.0, 0.1]), current=1.0, flow_model="plates")
+    yield call(large.yield_stress, current=np.array([0.0, 1.0]))
+    yield call(large.inductance, current=np.array([0.0, 1.0]))
+    yield call(large.response_time, supply=100.0)
+    yield call(large.as_model, supply=100.0, transition=0.01)
+    yield call(report.cross_section_figure, design=large)
+    yield call(
+        design.DamperWishes,
+        **WISHES,
+        response_time=1.0,
+        current_density=4e6,
+        stress=1e8,
+        least_gap=5e-4,
+        friction=10.0,
+    )
+    yield call(_WISHES.missed, design=large)
+    yield call(
+        design.size_damper,
+        wishes=_WISHES,
+        fluid=_FLUID,
+        steel=_STEEL,
+        search="differential_evolution",
+        budget=60,
+        rng=0,
+        on_progress=_continue,
+    )
+    yield call(
+        design.size_front,
+        wishes=_WISHES,
+        fluid=_FLUID,
+        steel=_STEEL,
+        population=12,
+        budget=100,
+        rng=0,
+        on_progress=_continue,
+    )
 
 
 ROOMS = (material_calls, damper_design_calls)

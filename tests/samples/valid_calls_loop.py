@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 from loop_samples import devices, five_storeys, rd1005, sweep
 from study_samples import results
-from wrong_arguments import Calls, ValidCall
+from wrong_arguments import Calls, call
 
 import mrwork as mr
 from mrwork.control.fuzzy import fuzzy_table
@@ -36,203 +35,125 @@ def buildings_calls(_: Path) -> Calls:
         "storeys": frame.storeys,
         "mass": frame.mass,
     }
-    return {
-        name: partial(ValidCall, *each)
-        for name, each in {
-            "Building": (
-                mr.Building,
-                {"name": "x", **matrices, **names, "source": "s", "status": "ours", "n_strokes": 0},
-            ),
-            "state_matrices": (frame.state_matrices, {"rows": frame.storeys}),
-            "storey_row": (frame.storey_row, {"storey": 1}),
-            "floor_row": (frame.floor_row, {"floor": "floor 1"}),
-            "storey_name": (frame.storey_name, {"storey": 1}),
-            "building": (mr.building, {"name": "uts"}),
-            "read_building": (of.read_building, {"path": "missing.toml"}),
-            "read_system": (of.read_system, {"path": "missing.mat"}),
-            "LinearSystem": (of.LinearSystem, {name: getattr(system, name) for name in "ABCD"}),
-            "named LinearSystem": (
-                of.LinearSystem,
-                {
-                    "A": [[-1.0]],
-                    "B": [[1.0]],
-                    "C": [[1.0]],
-                    "D": [[0.0]],
-                    "input_names": ["u"],
-                    "output_names": ["y"],
-                },
-            ),
-            "frequency_response": (system.frequency_response, {"frequency": [0.1, 1.0]}),
-            "select": (system.select, {"inputs": ["force in storey 1"], "outputs": ["drift of storey 1"]}),
-            "system_of": (
-                of.system_of,
-                {"building": frame, "outputs": ["drift", "acceleration"], "devices": [1, "storey 2"]},
-            ),
-            "building_of": (
-                of.building_of,
-                {"system": of.system_of(frame), "name": "x", **built, **names, "source": "s"},
-            ),
-            "balanced_truncation": (of.balanced_truncation, {"system": system, "order": 4}),
-            "modal_truncation": (of.modal_truncation, {"building": frame, "n_modes": 2}),
-            "chain": (of.chain, {"storeys": frame.storeys, "values": [1.0, 2.0, 3.0, 4.0, 5.0]}),
-            "shear_building": (
-                of.shear_building,
-                {
-                    "name": "x",
-                    "masses": [1.0, 2.0],
-                    "stiffnesses": [100.0, 200.0],
-                    "storey_damping": [1.0, 1.0],
-                    "floor_names": ["a", "b"],
-                    "storey_names": ["c", "d"],
-                    "source": "s",
-                    "status": "ours",
-                },
-            ),
-            "with_rayleigh_coefficients": (
-                of.with_rayleigh_coefficients,
-                {"building": frame, "a0": 0.1, "a1": 1e-4},
-            ),
-            "with_rayleigh_damping": (
-                of.with_rayleigh_damping,
-                {"building": frame, "ratios": (0.02, 0.03), "modes": (1, 3)},
-            ),
-            "with_modal_damping": (of.with_modal_damping, {"building": frame, "ratios": [0.02] * 5}),
-            "with_viscous_damper": (
-                of.with_viscous_damper,
-                {"building": frame, "storey": 1, "damping": 100.0},
-            ),
-            "with_yielding_damper": (
-                of.with_yielding_damper,
-                {
-                    "building": frame,
-                    "storey": 1,
-                    "yield_force": 1e3,
-                    "yield_displacement": 2e-3,
-                    "post_yield_ratio": 0.1,
-                    "sharpness": 5.0,
-                    "name": "plates",
-                },
-            ),
-            "with_friction_damper": (
-                of.with_friction_damper,
-                {
-                    "building": frame,
-                    "storey": 1,
-                    "slip_load": 500.0,
-                    "stiffness": 1e6,
-                    "sharpness": 5.0,
-                    "name": "brace that slips",
-                },
-            ),
-            "with_lead_rubber_bearings": (
-                of.with_lead_rubber_bearings,
-                {
-                    "building": frame,
-                    "mass": 300.0,
-                    "period": 2.0,
-                    "yield_force": 800.0,
-                    "yield_displacement": 0.01,
-                    "ratio": 0.02,
-                    "sharpness": 2.0,
-                    "name": "bearings",
-                },
-            ),
-            "with_liquid_column": (
-                of.with_liquid_column,
-                {
-                    "building": frame,
-                    "floor": 5,
-                    "mass": 20.0,
-                    "frequency": 3.0,
-                    "width_ratio": 0.7,
-                    "head_loss": 4.0,
-                    "name": "column",
-                },
-            ),
-            "with_optimal_liquid_column": (
-                of.with_optimal_liquid_column,
-                {
-                    "building": frame,
-                    "floor": 5,
-                    "mass_ratio": 0.02,
-                    "width_ratio": 0.7,
-                    "rms_velocity": 0.1,
-                    "mode": 1,
-                    "name": "column",
-                },
-            ),
-            "PassiveElement": (
-                of.PassiveElement,
-                {
-                    "name": "brace that slips",
-                    "row": frame.storeys[0],
-                    "stiffness": 10.0,
-                    "damping": 1.0,
-                    "head_loss": 2.0,
-                    "yield_force": 500.0,
-                    "yield_displacement": 1e-3,
-                    "sharpness": 5.0,
-                },
-            ),
-            "with_brace": (
-                of.with_brace,
-                {
-                    "building": frame,
-                    "storey": 1,
-                    "stiffness": 1e6,
-                    "mass": 1.0,
-                    "damping": 10.0,
-                    "name": "brace",
-                },
-            ),
-            "with_base_isolation": (
-                of.with_base_isolation,
-                {"building": frame, "mass": 300.0, "stiffness": 1e4, "damping": 10.0},
-            ),
-            "with_base_isolation_of_period": (
-                of.with_base_isolation_of_period,
-                {"building": frame, "mass": 300.0, "period": 2.0, "ratio": 0.1},
-            ),
-            "with_tuned_mass": (
-                of.with_tuned_mass,
-                {
-                    "building": frame,
-                    "floor": 5,
-                    "mass": 10.0,
-                    "frequency": 3.0,
-                    "ratio": 0.1,
-                    "name": "tuned",
-                },
-            ),
-            "with_optimal_tuned_mass": (
-                of.with_optimal_tuned_mass,
-                {
-                    "building": frame,
-                    "floor": 5,
-                    "mass_ratio": 0.02,
-                    "tuning": "sadek",
-                    "mode": 1,
-                    "name": "tuned",
-                },
-            ),
-            "fourier_peak": (of.fourier_peak, {"signal": _FREE, "dt": 0.005, "band": (1.0, 6.0)}),
-            "logarithmic_decrement": (
-                of.logarithmic_decrement,
-                {"signal": _FREE, "dt": 0.005, "band": (1.0, 6.0), "smallest": 0.05},
-            ),
-            "mode_estimate": (
-                of.mode_estimate,
-                {
-                    "method": "fourier",
-                    "omega": 6.0,
-                    "omega_error": 0.1,
-                    "decay": 0.1,
-                    "decay_error": 0.01,
-                    "n_extremes": 3,
-                },
-            ),
-        }.items()
-    }
+    yield call(mr.Building, name="x", **matrices, **names, source="s", status="ours", n_strokes=0)
+    yield call(frame.state_matrices, rows=frame.storeys)
+    yield call(frame.storey_row, storey=1)
+    yield call(frame.floor_row, floor="floor 1")
+    yield call(frame.storey_name, storey=1)
+    yield call(mr.building, name="uts")
+    yield call(of.read_building, path="missing.toml")
+    yield call(of.read_system, path="missing.mat")
+    yield call(of.LinearSystem, **{name: getattr(system, name) for name in "ABCD"})
+    yield call(
+        of.LinearSystem, A=[[-1.0]], B=[[1.0]], C=[[1.0]], D=[[0.0]], input_names=["u"], output_names=["y"]
+    )
+    yield call(system.frequency_response, frequency=[0.1, 1.0])
+    yield call(system.select, inputs=["force in storey 1"], outputs=["drift of storey 1"])
+    yield call(of.system_of, building=frame, outputs=["drift", "acceleration"], devices=[1, "storey 2"])
+    yield call(of.building_of, system=of.system_of(frame), name="x", **built, **names, source="s")
+    yield call(of.balanced_truncation, system=system, order=4)
+    yield call(of.modal_truncation, building=frame, n_modes=2)
+    yield call(of.chain, storeys=frame.storeys, values=[1.0, 2.0, 3.0, 4.0, 5.0])
+    yield call(
+        of.shear_building,
+        name="x",
+        masses=[1.0, 2.0],
+        stiffnesses=[100.0, 200.0],
+        storey_damping=[1.0, 1.0],
+        floor_names=["a", "b"],
+        storey_names=["c", "d"],
+        source="s",
+        status="ours",
+    )
+    yield call(of.with_rayleigh_coefficients, building=frame, a0=0.1, a1=1e-4)
+    yield call(of.with_rayleigh_damping, building=frame, ratios=(0.02, 0.03), modes=(1, 3))
+    yield call(of.with_modal_damping, building=frame, ratios=[0.02] * 5)
+    yield call(of.with_viscous_damper, building=frame, storey=1, damping=100.0)
+    yield call(
+        of.with_yielding_damper,
+        building=frame,
+        storey=1,
+        yield_force=1e3,
+        yield_displacement=2e-3,
+        post_yield_ratio=0.1,
+        sharpness=5.0,
+        name="plates",
+    )
+    yield call(
+        of.with_friction_damper,
+        building=frame,
+        storey=1,
+        slip_load=500.0,
+        stiffness=1e6,
+        sharpness=5.0,
+        name="brace that slips",
+    )
+    yield call(
+        of.with_lead_rubber_bearings,
+        building=frame,
+        mass=300.0,
+        period=2.0,
+        yield_force=800.0,
+        yield_displacement=0.01,
+        ratio=0.02,
+        sharpness=2.0,
+        name="bearings",
+    )
+    yield call(
+        of.with_liquid_column,
+        building=frame,
+        floor=5,
+        mass=20.0,
+        frequency=3.0,
+        width_ratio=0.7,
+        head_loss=4.0,
+        name="column",
+    )
+    yield call(
+        of.with_optimal_liquid_column,
+        building=frame,
+        floor=5,
+        mass_ratio=0.02,
+        width_ratio=0.7,
+        rms_velocity=0.1,
+        mode=1,
+        name="column",
+    )
+    yield call(
+        of.PassiveElement,
+        name="brace that slips",
+        row=frame.storeys[0],
+        stiffness=10.0,
+        damping=1.0,
+        head_loss=2.0,
+        yield_force=500.0,
+        yield_displacement=1e-3,
+        sharpness=5.0,
+    )
+    yield call(of.with_brace, building=frame, storey=1, stiffness=1e6, mass=1.0, damping=10.0, name="brace")
+    yield call(of.with_base_isolation, building=frame, mass=300.0, stiffness=1e4, damping=10.0)
+    yield call(of.with_base_isolation_of_period, building=frame, mass=300.0, period=2.0, ratio=0.1)
+    yield call(of.with_tuned_mass, building=frame, floor=5, mass=10.0, frequency=3.0, ratio=0.1, name="tuned")
+    yield call(
+        of.with_optimal_tuned_mass,
+        building=frame,
+        floor=5,
+        mass_ratio=0.02,
+        tuning="sadek",
+        mode=1,
+        name="tuned",
+    )
+    yield call(of.fourier_peak, signal=_FREE, dt=0.005, band=(1.0, 6.0))
+    yield call(of.logarithmic_decrement, signal=_FREE, dt=0.005, band=(1.0, 6.0), smallest=0.05)
+    yield call(
+        of.mode_estimate,
+        method="fourier",
+        omega=6.0,
+        omega_error=0.1,
+        decay=0.1,
+        decay_error=0.01,
+        n_extremes=3,
+    )
 
 
 def plants_calls(_: Path) -> Calls:
@@ -241,33 +162,21 @@ def plants_calls(_: Path) -> Calls:
     plant = of.plant_of(frame, frame.storeys[:2])
     outputs = of.drifts(plant)
     measured = of.stack_outputs(of.accelerations(plant), of.deformations(plant))
-    return {
-        name: partial(ValidCall, *each)
-        for name, each in {
-            "plant_of": (
-                of.plant_of,
-                {"building": frame, "attachment": frame.storeys[:2], "device_names": ["a", "b"]},
-            ),
-            **{
-                each.__name__: (each, {"plant": plant})
-                for each in (of.drifts, of.accelerations, of.deformations)
-            },
-            "Outputs": (Outputs, {name: getattr(outputs, name) for name in ("names", "C", "D", "G")}),
-            "observer_of": (
-                of.observer_of,
-                {
-                    "plant": plant,
-                    "measurements": measured,
-                    "sample_time": 1e-3,
-                    "ground_intensity": 1.0,
-                    "noise_intensity": np.full(7, 0.02),
-                    "unmodelled": 1e-6,
-                },
-            ),
-            "optimal_surface": (of.optimal_surface, {"plant": plant, "state_weight": plant.energy}),
-            "placed_surface": (of.placed_surface, {"plant": plant, "poles": -np.arange(1.0, 9.0)}),
-        }.items()
-    }
+    yield call(of.plant_of, building=frame, attachment=frame.storeys[:2], device_names=["a", "b"])
+    for each in (of.drifts, of.accelerations, of.deformations):
+        yield call(each, plant=plant)
+    yield call(Outputs, **{name: getattr(outputs, name) for name in ("names", "C", "D", "G")})
+    yield call(
+        of.observer_of,
+        plant=plant,
+        measurements=measured,
+        sample_time=1e-3,
+        ground_intensity=1.0,
+        noise_intensity=np.full(7, 0.02),
+        unmodelled=1e-6,
+    )
+    yield call(of.optimal_surface, plant=plant, state_weight=plant.energy)
+    yield call(of.placed_surface, plant=plant, poles=-np.arange(1.0, 9.0))
 
 
 def gains_calls(_: Path) -> Calls:
@@ -277,84 +186,61 @@ def gains_calls(_: Path) -> Calls:
     acceleration = of.accelerations(plant)
     C, n = acceleration.C, len(plant.A)
     weighed = of.lqr.weighed_state(plant, plant.energy)
-    return {
-        name: partial(ValidCall, *each)
-        for name, each in {
-            "loop_margins": (
-                of.loop_margins,
-                {
-                    "plant": plant,
-                    "gain": of.regulator_of_state(plant, plant.energy, 1e-6).gain,
-                    "sample_time": 1e-3,
-                    "delay": 2e-3,
-                    "driver_rates": [190.0, None],
-                },
-            ),
-            "regulator_gains": (
-                of.regulator_gains,
-                {
-                    "A": plant.A,
-                    "B": plant.B,
-                    "state_weight": plant.energy,
-                    "control_weight": 1e-6 * np.eye(2),
-                    "cross_weight": np.zeros((n, 2)),
-                    "time": "continuous",
-                    "scaling": plant.scaling,
-                    "threads": 1,
-                },
-            ),
-            "kalman_gains": (
-                of.kalman_gains,
-                {
-                    "A": plant.A,
-                    "C": C,
-                    "process_noise": np.eye(n),
-                    "sensor_noise": np.eye(5),
-                    "cross_noise": np.zeros((n, 5)),
-                    "time": "continuous",
-                    "scaling": plant.scaling,
-                    "threads": 1,
-                },
-            ),
-            "lyapunov_solutions": (
-                of.lyapunov_solutions,
-                {
-                    "A": plant.A,
-                    "weight": plant.energy,
-                    "time": "continuous",
-                    "scaling": plant.scaling,
-                    "threads": 1,
-                },
-            ),
-            "lyapunov_function": (of.lyapunov_function, {"plant": plant, "weight": plant.energy}),
-            "regulator_of_outputs": (
-                of.regulator_of_outputs,
-                {
-                    "plant": plant,
-                    "outputs": acceleration,
-                    "weights": np.ones(5),
-                    "control_weight": [1e-7, 1e-7],
-                },
-            ),
-            "regulator_of_state": (
-                of.regulator_of_state,
-                {"plant": plant, "state_weight": plant.energy, "control_weight": 1e-7 * np.eye(2)},
-            ),
-            "regulators_of_weights": (
-                of.regulators_of_weights,
-                {
-                    "plant": plant,
-                    "weighed": [weighed, weighed],
-                    "control_weights": [1e-7, 1e-6],
-                    "threads": 1,
-                },
-            ),
-            "regulators of one state weight": (
-                of.regulators_of_weights,
-                {"plant": plant, "weighed": [plant.energy], "control_weights": [1e-7, 1e-6]},
-            ),
-        }.items()
-    }
+    yield call(
+        of.loop_margins,
+        plant=plant,
+        gain=of.regulator_of_state(plant, plant.energy, 1e-6).gain,
+        sample_time=1e-3,
+        delay=2e-3,
+        driver_rates=[190.0, None],
+    )
+    yield call(
+        of.regulator_gains,
+        A=plant.A,
+        B=plant.B,
+        state_weight=plant.energy,
+        control_weight=1e-6 * np.eye(2),
+        cross_weight=np.zeros((n, 2)),
+        time="continuous",
+        scaling=plant.scaling,
+        threads=1,
+    )
+    yield call(
+        of.kalman_gains,
+        A=plant.A,
+        C=C,
+        process_noise=np.eye(n),
+        sensor_noise=np.eye(5),
+        cross_noise=np.zeros((n, 5)),
+        time="continuous",
+        scaling=plant.scaling,
+        threads=1,
+    )
+    yield call(
+        of.lyapunov_solutions,
+        A=plant.A,
+        weight=plant.energy,
+        time="continuous",
+        scaling=plant.scaling,
+        threads=1,
+    )
+    yield call(of.lyapunov_function, plant=plant, weight=plant.energy)
+    yield call(
+        of.regulator_of_outputs,
+        plant=plant,
+        outputs=acceleration,
+        weights=np.ones(5),
+        control_weight=[1e-7, 1e-7],
+    )
+    yield call(of.regulator_of_state, plant=plant, state_weight=plant.energy, control_weight=1e-7 * np.eye(2))
+    yield call(
+        of.regulators_of_weights,
+        plant=plant,
+        weighed=[weighed, weighed],
+        control_weights=[1e-7, 1e-6],
+        threads=1,
+    )
+    yield call(of.regulators_of_weights, plant=plant, weighed=[plant.energy], control_weights=[1e-7, 1e-6])
 
 
 def designs_calls(_: Path) -> Calls:
@@ -363,46 +249,26 @@ def designs_calls(_: Path) -> Calls:
     plant = of.plant_of(frame, frame.storeys[:1])
     wishes = {"limits": {"rms_drift": 2e-3, "rms_acceleration": "1 m/s2"}, "budget": [500.0]}
     loop = devices(rd1005())
-    return {
-        name: partial(ValidCall, *each)
-        for name, each in {
-            "RmsLimits": (
-                of.RmsLimits,
-                {
-                    "rms_drift": [2e-3] * 5,
-                    "rms_acceleration": 1.0,
-                    "rms_displacement": 0.01,
-                    "rms_force": 1e3,
-                },
-            ),
-            "RmsLimits.of": (of.RmsLimits.of, {"given": wishes["limits"]}),
-            "SemiActiveCondition": (of.SemiActiveCondition, {"share": 0.5, "damping": (1e3,)}),
-            "LoopTiming": (of.LoopTiming, {"sample_time": 1e-3, "delay": 2e-3, "driver_rate": 190.0}),
-            "DesignCase": (
-                of.DesignCase,
-                {"name": "x", "building": frame, "spectrum": mr.motions.KanaiTajimi()},
-            ),
-            "inverse_weights": (
-                of.inverse_weights,
-                {
-                    "plant": plant,
-                    "gain": of.regulator_of_state(plant, plant.energy, 1e-6).gain,
-                    "control_weight": [1.0],
-                },
-            ),
-            "DesignProblem": (
-                of.DesignProblem,
-                {
-                    "building": frame,
-                    "devices": loop,
-                    "sample_time": 1e-3,
-                    "amplitude": (1e-4, 1e-2),
-                    "velocity": (0.01, 0.2),
-                    "delay": 0.0,
-                },
-            ),
-        }.items()
-    }
+    yield call(of.RmsLimits, rms_drift=[2e-3] * 5, rms_acceleration=1.0, rms_displacement=0.01, rms_force=1e3)
+    yield call(of.RmsLimits.of, given=wishes["limits"])
+    yield call(of.SemiActiveCondition, share=0.5, damping=(1e3,))
+    yield call(of.LoopTiming, sample_time=1e-3, delay=2e-3, driver_rate=190.0)
+    yield call(of.DesignCase, name="x", building=frame, spectrum=mr.motions.KanaiTajimi())
+    yield call(
+        of.inverse_weights,
+        plant=plant,
+        gain=of.regulator_of_state(plant, plant.energy, 1e-6).gain,
+        control_weight=[1.0],
+    )
+    yield call(
+        of.DesignProblem,
+        building=frame,
+        devices=loop,
+        sample_time=1e-3,
+        amplitude=(1e-4, 1e-2),
+        velocity=(0.01, 0.2),
+        delay=0.0,
+    )
 
 
 def laws_calls(_: Path) -> Calls:
@@ -419,84 +285,55 @@ def laws_calls(_: Path) -> Calls:
     }
     known = of.design_law("clipped_optimal", problem, of.RegulatorSettings(control_weight=1e-7))
     table = fuzzy_table()[1].ravel()
-    return {
-        name: partial(ValidCall, *each)
-        for name, each in {
-            "ControlLaw": (mr.ControlLaw, {"name": "clipped_optimal", "gains": dict(known.gains)}),
-            "ControlLaw with a table": (
-                mr.ControlLaw,
-                {
-                    "name": "fuzzy",
-                    "gains": {"deformation_scale": [2e-3, 2e-3], "rate_scale": [0.05, 0.05]},
-                    "tables": {"shares": table},
-                },
-            ),
-            "ControlLaw with a curve": (
-                mr.ControlLaw,
-                {"name": "inverse_direct", "gains": dict(known.gains), "curve": rd1005()},
-            ),
-            "ControlLaw with signals": (
-                mr.ControlLaw,
-                {
-                    "name": "signal_polynomial",
-                    "gains": dict(known.gains),
-                    "tables": {"terms": [1.0, 0, 0, 0, 0, 1], "reach": [1e-2, 1.0, 1e3, 1e3, 2.0]},
-                    "signals": (of.FurtherSignal(source="ground_acceleration"),),
-                },
-            ),
-            "FurtherSignal": (
-                of.FurtherSignal,
-                {"source": "floor_acceleration", "floor": 2, "time_constant": 0.5},
-            ),
-            "gain_rows": (known.gain_rows, {"n_devices": 2, "n_states": 10}),
-            "control_law": (of.control_law, {"name": "passive"}),
-            "settings_of": (of.settings_of, {"name": "modified_clipped_optimal", "given": clipped}),
-            "design_law": (
-                of.design_law,
-                {"name": "modified_clipped_optimal", "problem": problem, "settings": clipped},
-            ),
-            "design_law by class": (
-                of.design_law,
-                {
-                    "name": "lyapunov",
-                    "problem": problem,
-                    "settings": of.LyapunovSettings(state_weight=np.eye(10)),
-                },
-            ),
-            "PassiveSettings": (of.PassiveSettings, {"command": 1.0}),
-            "FrictionSettings": (of.FrictionSettings, {"slope": 1e5}),
-            "FuzzySettings": (of.FuzzySettings, {"deformation": 0.01, "rate": 0.1}),
-            "MixedSkyhookSettings": (of.MixedSkyhookSettings, {"crossover": 4.0}),
-            "RegulatorSettings": (
-                of.RegulatorSettings,
-                {"drifts": np.eye(5), "energy": 1.0, "state_weight": np.ones(10), "control_weight": 1e-7},
-            ),
-            "ClippedSettings": (of.ClippedSettings, clipped),
-            "NetworkSettings": (
-                of.NetworkSettings,
-                {"control_weight": 1e-7, "amplitude": 0.01, "velocity": 0.2, "hidden": 4, "seed": 1},
-            ),
-            "LyapunovSettings": (of.LyapunovSettings, {"drifts": 1.0}),
-            "ProportionalSettings": (of.ProportionalSettings, {"slope": 1.0, "control_weight": 1e-7}),
-            "SlidingSettings": (of.SlidingSettings, sliding),
-            "AdaptiveSlidingSettings": (of.AdaptiveSlidingSettings, sliding),
-            "SuperTwistingSettings": (of.SuperTwistingSettings, sliding),
-            "WeightWishes": (
-                of.WeightWishes if hasattr(of, "WeightWishes") else of.RmsLimits,
-                {
-                    "rms_drift": 2e-3,
-                    "budget": (500.0,),
-                    "spectrum": "kanai_tajimi",
-                    "ground_frequency": 15.0,
-                    "ground_damping": 0.6,
-                    "intensity": 1e-3,
-                    "stiffness": [0.8, 1.0],
-                    "semi_active": 0.5,
-                    "sampled": False,
-                },
-            ),
-        }.items()
-    }
+    yield call(mr.ControlLaw, name="clipped_optimal", gains=dict(known.gains))
+    yield call(
+        mr.ControlLaw,
+        name="fuzzy",
+        gains={"deformation_scale": [2e-3, 2e-3], "rate_scale": [0.05, 0.05]},
+        tables={"shares": table},
+    )
+    yield call(mr.ControlLaw, name="inverse_direct", gains=dict(known.gains), curve=rd1005())
+    yield call(
+        mr.ControlLaw,
+        name="signal_polynomial",
+        gains=dict(known.gains),
+        tables={"terms": [1.0, 0, 0, 0, 0, 1], "reach": [1e-2, 1.0, 1e3, 1e3, 2.0]},
+        signals=(of.FurtherSignal(source="ground_acceleration"),),
+    )
+    yield call(of.FurtherSignal, source="floor_acceleration", floor=2, time_constant=0.5)
+    yield call(known.gain_rows, n_devices=2, n_states=10)
+    yield call(of.control_law, name="passive")
+    yield call(of.settings_of, name="modified_clipped_optimal", given=clipped)
+    yield call(of.design_law, name="modified_clipped_optimal", problem=problem, settings=clipped)
+    yield call(
+        of.design_law, name="lyapunov", problem=problem, settings=of.LyapunovSettings(state_weight=np.eye(10))
+    )
+    yield call(of.PassiveSettings, command=1.0)
+    yield call(of.FrictionSettings, slope=1e5)
+    yield call(of.FuzzySettings, deformation=0.01, rate=0.1)
+    yield call(of.MixedSkyhookSettings, crossover=4.0)
+    yield call(
+        of.RegulatorSettings, drifts=np.eye(5), energy=1.0, state_weight=np.ones(10), control_weight=1e-7
+    )
+    yield call(of.ClippedSettings, **clipped)
+    yield call(of.NetworkSettings, control_weight=1e-7, amplitude=0.01, velocity=0.2, hidden=4, seed=1)
+    yield call(of.LyapunovSettings, drifts=1.0)
+    yield call(of.ProportionalSettings, slope=1.0, control_weight=1e-7)
+    yield call(of.SlidingSettings, **sliding)
+    yield call(of.AdaptiveSlidingSettings, **sliding)
+    yield call(of.SuperTwistingSettings, **sliding)
+    yield call(
+        of.WeightWishes,
+        rms_drift=2e-3,
+        budget=(500.0,),
+        spectrum="kanai_tajimi",
+        ground_frequency=15.0,
+        ground_damping=0.6,
+        intensity=1e-3,
+        stiffness=[0.8, 1.0],
+        semi_active=0.5,
+        sampled=False,
+    )
 
 
 def loop_calls(_: Path) -> Calls:
@@ -510,172 +347,123 @@ def loop_calls(_: Path) -> Calls:
     }
     commands = of.PrescribedCommands(interval=0.02, command=[[0.0, 0.0], [1.0, 1.0]])
     assert run.histories is not None
-    return {
-        name: partial(ValidCall, *each)
-        for name, each in {
-            "Device": (mr.Device, {**device, "differential": True}),
-            "Device of draws": (mr.Device, {**device, "theta": np.tile(np.asarray(loop[0].theta), (3, 1))}),
-            "demand of a device": (
-                loop[0].demand,
-                {
-                    "stroke": 0.01,
-                    "velocity": 0.1,
-                    "force": 1e3,
-                    "energy": 1.0,
-                    "seconds": 3.0,
-                    "peak_command": 1.0,
-                    "mean_command": 0.5,
-                },
-            ),
-            "Hardware": (
-                mr.Hardware,
-                {
-                    "sample_time": 1e-3,
-                    "step": 5e-4,
-                    "delay": 1e-3,
-                    "command_rate": 100.0,
-                    "feedback": "observer",
-                    "measured_floors": (0, 4),
-                    "noise_ratio": 50.0,
-                    "acceleration_noise": 0.01,
-                    "deformation_resolution": 1e-5,
-                    "seed": 3,
-                    "faults": (of.Fault(channel="force"),),
-                },
-            ),
-            "Fault": (of.Fault, {"channel": "force", "index": 0, "start": 1.0, "end": 2.0, "value": 3.0}),
-            "PrescribedCommands": (
-                of.PrescribedCommands,
-                {"interval": 0.5, "command": [[0.0, 1.0], [1.0, 0.5]]},
-            ),
-            "of_history": (
-                of.PrescribedCommands.of_history,
-                {"command": np.ones((40, 2)), "sample_time": 1e-3, "interval": 0.01},
-            ),
-            "UserLaw": (
-                of.UserLaw,
-                {
-                    "name": "x",
-                    "command": _viscous,
-                    "n_candidates": 2,
-                    "n_memory": 1,
-                    "rms_time": 1.0,
-                    "source": "s",
-                },
-            ),
-            "ClairvoyantSettings": (
-                of.ClairvoyantSettings,
-                {"interval": 0.01, "explore": 5, "finish": 5, "random_starts": 1, "seed": 0},
-            ),
-            "simulate_loop": (
-                mr.simulate_loop,
-                {
-                    "building": frame,
-                    "devices": loop,
-                    "law": law,
-                    "motions": [motion],
-                    "hardware": mr.Hardware(feedback="observer"),
-                    "histories": True,
-                    "step_factor": 1,
-                    "nominal": frame,
-                    "shaping": [[0.01, 50.0]],
-                    "variation": of.LoopVariation(
-                        buildings=(frame, frame), delay=np.zeros(2), seed=np.zeros(2, dtype=np.int64)
-                    ),
-                    "threads": 1,
-                },
-            ),
-            "simulate_loop at largest commands": (
-                mr.simulate_loop,
-                {
-                    "building": frame,
-                    "devices": loop,
-                    "law": share,
-                    "motions": [motion],
-                    "largest_commands": [1.0, 1.5],
-                    "threads": 1,
-                },
-            ),
-            "simulate_prescribed": (
-                of.simulate_prescribed,
-                {
-                    "building": frame,
-                    "devices": loop,
-                    "commands": commands,
-                    "motion": motion,
-                    "hardware": mr.Hardware(),
-                    "histories": False,
-                    "step_factor": 1,
-                    "threads": 1,
-                },
-            ),
-            "response_sheet_figure": (
-                mr.report.response_sheet_figure,
-                {
-                    "controlled": run.histories[0],
-                    "reference": run.histories[0],
-                    "building": frame,
-                    "device": 1,
-                    "floor": 4,
-                    "command_unit": "V",
-                    "seconds": 1.0,
-                },
-            ),
-            "demand of a run": (run.demand, {"run": 0, "device": 1}),
-            "a quantity over its axes": (run.over_axes, {"name": "peak_drift"}),
-            "outside of a run": (run.outside, {"run": 0}),
-        }.items()
-    }
+    yield call(mr.Device, **device, differential=True)
+    yield call(mr.Device, **{**device, "theta": np.tile(np.asarray(loop[0].theta), (3, 1))})
+    yield call(
+        loop[0].demand,
+        stroke=0.01,
+        velocity=0.1,
+        force=1e3,
+        energy=1.0,
+        seconds=3.0,
+        peak_command=1.0,
+        mean_command=0.5,
+    )
+    yield call(
+        mr.Hardware,
+        sample_time=1e-3,
+        step=5e-4,
+        delay=1e-3,
+        command_rate=100.0,
+        feedback="observer",
+        measured_floors=(0, 4),
+        noise_ratio=50.0,
+        acceleration_noise=0.01,
+        deformation_resolution=1e-5,
+        seed=3,
+        faults=(of.Fault(channel="force"),),
+    )
+    yield call(of.Fault, channel="force", index=0, start=1.0, end=2.0, value=3.0)
+    yield call(of.PrescribedCommands, interval=0.5, command=[[0.0, 1.0], [1.0, 0.5]])
+    yield call(of.PrescribedCommands.of_history, command=np.ones((40, 2)), sample_time=1e-3, interval=0.01)
+    yield call(of.UserLaw, name="x", command=_viscous, n_candidates=2, n_memory=1, rms_time=1.0, source="s")
+    yield call(of.ClairvoyantSettings, interval=0.01, explore=5, finish=5, random_starts=1, seed=0)
+    yield call(
+        mr.simulate_loop,
+        building=frame,
+        devices=loop,
+        law=law,
+        motions=[motion],
+        hardware=mr.Hardware(feedback="observer"),
+        histories=True,
+        step_factor=1,
+        nominal=frame,
+        shaping=[[0.01, 50.0]],
+        variation=of.LoopVariation(
+            buildings=(frame, frame), delay=np.zeros(2), seed=np.zeros(2, dtype=np.int64)
+        ),
+        threads=1,
+    )
+    yield call(
+        mr.simulate_loop,
+        building=frame,
+        devices=loop,
+        law=share,
+        motions=[motion],
+        largest_commands=[1.0, 1.5],
+        threads=1,
+    )
+    yield call(
+        of.simulate_prescribed,
+        building=frame,
+        devices=loop,
+        commands=commands,
+        motion=motion,
+        hardware=mr.Hardware(),
+        histories=False,
+        step_factor=1,
+        threads=1,
+    )
+    yield call(
+        mr.report.response_sheet_figure,
+        controlled=run.histories[0],
+        reference=run.histories[0],
+        building=frame,
+        device=1,
+        floor=4,
+        command_unit="V",
+        seconds=1.0,
+    )
+    yield call(run.demand, run=0, device=1)
+    yield call(run.over_axes, name="peak_drift")
+    yield call(run.outside, run=0)
 
 
 def studies_calls(_: Path) -> Calls:
     """Studies and their results."""
     found = results()
-    return {
-        name: partial(ValidCall, *each)
-        for name, each in {
-            "read_study": (mr.read_study, {"path": "missing.toml", "seed": 0, "on_python": print}),
-            "read_results": (mr.study.read_results, {"folder": "missing"}),
-            "read_tuning": (mr.tuning.read_tuning, {"folder": "missing"}),
-            "load": (mr.load, {"run": "missing"}),
-            "run_study": (mr.run_study, {"study": None}),
-            "with_tuned_law": (
-                mr.tuning.with_tuned_law,
-                {"study": None, "found": None, "point": None, "label": "a"},
-            ),
-            "tune": (mr.tune, {"study": None}),
-            "compared": (mr.study.compared, {"results": found}),
-            "criteria": (found.criteria, {"row": 3, "motion": 0}),
-            "demands": (found.demands, {"row": 3, "motion": 0}),
-            "step_changes": (found.step_changes, {"row": 3, "motion": 0}),
-            "MotionOfStudy": (
-                mr.study.MotionOfStudy,
-                {"ground": sweep(0.1), "use": "test", "synthetic": False},
-            ),
-            "TuneTable": (
-                mr.study.TuneTable,
-                {
-                    "laws": ["clipped_optimal"],
-                    "label": "tuned",
-                    "settings": {"control_weight": 1e-7},
-                    "free": {"drifts": (1.0, 2.0)},
-                    "criteria": {"peak_drift": 1.0},
-                    "relative_to": "passive_off",
-                    "combine": "mean",
-                    "objectives": ["peak_drift", "peak_force"],
-                    "risk": "cvar",
-                    "tail": 0.2,
-                    "constraints": {"peak_stroke": "20 mm"},
-                    "robust": False,
-                    "search": "differential_evolution",
-                    "population": 8,
-                    "budget": 16,
-                    "gradient_steps": 0,
-                    "seed": 0,
-                },
-            ),
-        }.items()
-    }
+    yield call(mr.read_study, path="missing.toml", seed=0, on_python=print)
+    yield call(mr.study.read_results, folder="missing")
+    yield call(mr.tuning.read_tuning, folder="missing")
+    yield call(mr.load, run="missing")
+    yield call(mr.run_study, study=None)
+    yield call(mr.tuning.with_tuned_law, study=None, found=None, point=None, label="a")
+    yield call(mr.tune, study=None)
+    yield call(mr.study.compared, results=found)
+    yield call(found.criteria, row=3, motion=0)
+    yield call(found.demands, row=3, motion=0)
+    yield call(found.step_changes, row=3, motion=0)
+    yield call(mr.study.MotionOfStudy, ground=sweep(0.1), use="test", synthetic=False)
+    yield call(
+        mr.study.TuneTable,
+        laws=["clipped_optimal"],
+        label="tuned",
+        settings={"control_weight": 1e-7},
+        free={"drifts": (1.0, 2.0)},
+        criteria={"peak_drift": 1.0},
+        relative_to="passive_off",
+        combine="mean",
+        objectives=["peak_drift", "peak_force"],
+        risk="cvar",
+        tail=0.2,
+        constraints={"peak_stroke": "20 mm"},
+        robust=False,
+        search="differential_evolution",
+        population=8,
+        budget=16,
+        gradient_steps=0,
+        seed=0,
+    )
 
 
 ROOMS = (buildings_calls, plants_calls, gains_calls, designs_calls, laws_calls, loop_calls, studies_calls)

@@ -18,9 +18,14 @@ class ValidCall(NamedTuple):
     function: Callable[..., object]
     arguments: Mapping[str, Any]
 
+    @property
+    def name(self) -> str:
+        """Of the function, the method or the class, or of the class of an object that is called."""
+        return str(getattr(self.function, "__qualname__", type(self.function).__qualname__))
 
-# By the name of what is called; a call is made when it is asked for.
-Calls = Mapping[str, Callable[[], ValidCall]]
+
+# A call is made when it is asked for.
+Calls = Iterator[ValidCall]
 
 
 def call(function: Callable[..., object], **arguments: Any) -> ValidCall:
