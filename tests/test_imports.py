@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import ast
 import json
-import subprocess
 import sys
 from functools import cache
 from pathlib import Path
 
 import pytest
+from command_line import ran
 from study_texts import study_text
 
 import mrwork
@@ -108,13 +108,7 @@ def test_heavy_packages_are_imported_in_their_modules_only(
 
 def in_fresh_process(code: str, *arguments: object) -> str:
     """What `code` prints; it has to end well."""
-    run = subprocess.run(
-        [sys.executable, "-c", code, *map(str, arguments)],
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-    )
+    run = ran(sys.executable, "-c", code, *arguments)
     assert run.returncode == 0, run.stderr
     return run.stdout
 

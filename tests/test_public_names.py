@@ -5,7 +5,6 @@ from __future__ import annotations
 import ast
 import importlib
 import re
-import subprocess
 import sys
 from collections.abc import Iterator
 from dataclasses import fields, is_dataclass
@@ -17,6 +16,7 @@ from types import ModuleType
 import measured_data
 import numpy as np
 import pytest
+from command_line import ran
 
 import mrwork as mr
 from mrwork.summary import Summarised, Summary
@@ -125,7 +125,7 @@ def test_every_listed_name_can_be_had_and_the_lower_tier_is_not_listed() -> None
 def test_import_loads_nothing_heavy() -> None:
     heavy = ("numpy", "jax", "scipy", "matplotlib", "pandas", "xarray")
     check = f"import sys, mrwork; print([m for m in {heavy} if m in sys.modules])"
-    done = subprocess.run([sys.executable, "-c", check], capture_output=True, text=True, check=True)
+    done = ran(sys.executable, "-c", check, check=True)
     assert done.stdout.strip() == "[]"
 
 
@@ -165,13 +165,9 @@ def test_users_scripts_are_typed(tmp_path: Path) -> None:
     for path in users:
         (tmp_path / path.name).write_text(path.read_text())
     (tmp_path / "mypy.ini").write_text(MYPY)
-    done = subprocess.run(
-        [
-            *(sys.executable, "-m", "mypy", "--config-file=mypy.ini", "--cache-dir=cache", "script.py"),
-            *(path.name for path in users),
-        ],
-        capture_output=True,
-        text=True,
+    done = ran(
+        *(sys.executable, "-m", "mypy", "--config-file=mypy.ini", "--cache-dir=cache", "script.py"),
+        *(path.name for path in users),
         env={"PATH": "/usr/bin:/bin", "MYPYPATH": str(Path(mr.__file__).parents[1])},
         cwd=tmp_path,
     )

@@ -72,7 +72,9 @@ def _law_columns(figures: Mapping[str, Any]) -> dict[str, Cell]:
     def of(group: str, text: Cell) -> Cell:
         return lambda row: text.format_map(row[group]) if isinstance(text, str) else text(row[group])
 
-    columns = {group: of(group, "{score:.3f}") for group in (TRAINING, FOUR, UNSEEN, SIXTEEN) if group in groups}
+    columns = {
+        group: of(group, "{score:.3f}") for group in (TRAINING, FOUR, UNSEEN, SIXTEEN) if group in groups
+    }
     for title, name in zip(_RATIOS, SCORE, strict=True):
         columns[title] = of(SIXTEEN, lambda row, name=name: f"{row['ratios'][name]:.3f}")
     columns |= {title: of(SIXTEEN, cell) for title, cell in list(_columns().items())[1:]}

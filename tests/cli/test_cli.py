@@ -6,22 +6,15 @@ import json
 import os
 import signal
 import struct
-import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
-from command_line import COMMAND, PATIENCE, mrwork, started, wait_until
+from command_line import COMMAND, PATIENCE, mrwork, printed, ran, started, wait_until
 from sentences import Refused
 
 FAST = ["--generations", "3", "--quiet"]
-
-
-def in_its_own_process(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [*COMMAND, *arguments], capture_output=True, text=True, check=False, timeout=PATIENCE
-    )
 
 
 @pytest.fixture
@@ -37,7 +30,7 @@ def record(tmp_path: Path) -> Path:
 
 
 def test_models_lists_every_model_and_shows_one_in_full() -> None:
-    listed = in_its_own_process("models")
+    listed = ran(*COMMAND, "models")
     assert listed.returncode == 0
     for name in ("bouc_wen", "normalised_bouc_wen", "static_hysteretic"):
         assert name in listed.stdout
@@ -52,9 +45,8 @@ def test_models_lists_every_model_and_shows_one_in_full() -> None:
 @pytest.mark.parametrize("suffix", [".svg", ".png"])
 def test_models_draws_the_effect_of_every_parameter(tmp_path: Path, suffix: str) -> None:
     place = tmp_path / f"figure{suffix}"
-    shown = mrwork("models", "bingham", "--figure", place)
-    assert shown.returncode == 0, shown.stderr
-    assert str(place) in shown.stdout
+    text = printed("models", "bingham", "--figure", place)
+    assert str(place) in text
     assert place.read_bytes().startswith(b"<?xml" if suffix == ".svg" else b"\x89PNG")
 
 
@@ -65,10 +57,9 @@ def test_models_draws_one_model_in_a_known_form(tmp_path: Path, refused: Refused
 
 
 def test_check_prints_the_findings_without_fitting(record: Path) -> None:
-    result = mrwork("check", record)
-    assert result.returncode == 0
-    assert "0.5 A" in result.stdout
-    assert "velocity" in result.stdout
+    text = printed("check", record)
+    assert "0.5 A" in text
+    assert "velocity" in text
     (facts,) = json.loads(mrwork("check", record, "--json").stdout)["files"]
     assert facts["n_time"] == 400
     assert {"code", "severity", "message", "measured"} == set(facts["findings"][0])
@@ -120,9 +111,7 @@ def test_identify_writes_a_run_that_predict_reads(record: Path, tmp_path: Path) 
         "--json",
         *FAST,
     )
-    result = mrwork(*arguments)
-    assert result.returncode == 0, result.stderr
-    summary = json.loads(result.stdout)
+    summary = json.loads(printed(*arguments))
     expected = (
         "model parameters fit_percent nrmse rmse_n error_norms status stop_reason evaluations seconds n_time"
     )
@@ -155,13 +144,10 @@ def test_a_prediction_without_the_nuisances_of_its_fit_says_so(
         "--out",
         out,
     )
-    fitted = mrwork(*arguments, "--json", "--quiet", *FAST)
-    assert fitted.returncode == 0, fitted.stderr
+    text = printed(*arguments, "--json", "--quiet", *FAST)
     as_fitted = json.loads(mrwork("predict", out, record, "--json").stdout)
     assert (as_fitted["nuisances"], as_fitted["warnings"]) == (["offset"], [])
-    assert as_fitted["files"][0]["fit_percent"] == pytest.approx(
-        json.loads(fitted.stdout)["fit_percent"], abs=1e-6
-    )
+    assert as_fitted["files"][0]["fit_percent"] == pytest.approx(json.loads(text)["fit_percent"], abs=1e-6)
     assert as_fitted["files"][0]["nuisance"]["offset"] != 0.0
     without = mrwork("predict", out, record, "--nuisance", "none", "--json")
     (warning,) = json.loads(without.stdout)["warnings"]
@@ -206,9 +192,8 @@ def test_identify_starts_from_an_earlier_run(tmp_path: Path, refused: Refused) -
     test = "synthetic:spencer1997"
     # Two cycles of 50 samples each.
     short = ("--until", "0.8", "--every", "8", "--population", "16", "--quiet")
-    assert mrwork("identify", test, *short, "--generations", "10", "--out", first).returncode == 0
-    again = mrwork("identify", test, *short, "--generations", "3", "--start", first, "--out", second)
-    assert again.returncode == 0
+    printed("identify", test, *short, "--generations", "10", "--out", first)
+    printed("identify", test, *short, "--generations", "3", "--start", first, "--out", second)
     one, two = (json.loads((run / "fit.json").read_text()) for run in (first, second))
     assert two["nrmse"] < 1.001 * one["nrmse"]
     (start,) = two["provenance"]["settings"]["starts"]
@@ -303,12 +288,12 @@ def test_ctrl_c_keeps_the_best_so_far(tmp_path: Path) -> None:
     assert "interrupted" in stdout
     fit = json.loads((out / "fit.json").read_text())
     assert fit["status"] == "interrupted"
-    assert mrwork("predict", out, "synthetic:spencer1997", "--json").returncode == 0
+    printed("predict", out, "synthetic:spencer1997", "--json")
 
 
 def test_an_interrupt_before_anything_is_found_leaves_the_earlier_run(tmp_path: Path, record: Path) -> None:
     out = tmp_path / "run"
-    assert mrwork("identify", record, "--model", "static_hysteretic", "--out", out, *FAST).returncode == 0
+    printed("identify", record, "--model", "static_hysteretic", "--out", out, *FAST)
     before = {path.name: path.read_bytes() for path in out.iterdir() if path.is_file()}
     # A first generation of a million candidates takes minutes.
     settings = ("--population", "1000000", "--quiet")
@@ -324,15 +309,39 @@ def test_an_interrupt_before_anything_is_found_leaves_the_earlier_run(tmp_path: 
 def test_importing_and_asking_for_help_load_nothing_heavy() -> None:
     heavy = "{'jax', 'matplotlib', 'numpy', 'scipy', 'optimistix', 'jinja2', 'numba'}"
     check = f"import sys; print(sorted({heavy} & set(sys.modules)))"
-    imported = subprocess.run(
-        [sys.executable, "-c", f"import mrwork; {check}"], capture_output=True, text=True, check=True
-    )
+    imported = ran(sys.executable, "-c", f"import mrwork; {check}", check=True)
     assert imported.stdout.strip() == "[]"
-    helped = subprocess.run(
-        [sys.executable, "-c", f"from mrwork.cli.door import parser\nparser().format_help()\n{check}"],
-        capture_output=True,
-        text=True,
-        check=True,
-        env=os.environ,
-    )
+    shows_help = f"from mrwork.cli.door import parser\nparser().format_help()\n{check}"
+    helped = ran(sys.executable, "-c", shows_help, check=True)
     assert helped.stdout.strip() == "[]"
+
+
+TOLD = """
+import atexit, gc, os, sys
+before = gc.get_threshold()
+atexit.register(lambda: print(os.environ.get("OPENBLAS_NUM_THREADS"), gc.get_threshold() == before, file=sys.stderr))
+from mrwork.cli import main
+"""
+
+
+def told_by(code: str, **environment: str) -> list[str]:
+    """Threads of OpenBLAS at the end of a process, and whether garbage is looked for as before."""
+    names = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS")
+    inherited = {name: value for name, value in os.environ.items() if name not in names}
+    run = ran(sys.executable, "-c", TOLD + code, "--version", env=inherited | environment, check=True)
+    return run.stderr.split()
+
+
+def test_a_command_multiplies_matrices_on_one_thread() -> None:
+    assert told_by("main()") == ["1", "False"]
+
+
+@pytest.mark.parametrize(
+    ("name", "threads"), [("OPENBLAS_NUM_THREADS", ["2", "False"]), ("OMP_NUM_THREADS", ["None", "False"])]
+)
+def test_threads_that_the_user_has_set_stay(name: str, threads: list[str]) -> None:
+    assert told_by("main()", **{name: "2"}) == threads
+
+
+def test_the_process_of_a_calling_program_stays_as_it_is() -> None:
+    assert told_by("main(['--version'])") == ["None", "True"]

@@ -6,28 +6,21 @@ import json
 import re
 
 import pytest
+from command_line import mrwork
 from sentences import Refused
 
-from mrwork.cli import main
 from mrwork.dampers import damper
 
 SPENCER = ["c0=5000", "k0=2500", "alpha=88e3", "gamma=1e6", "beta=5e5", "A=120", "n=2"]
 
 
-@pytest.fixture
-def convert(capsys):
+def convert(*arguments: str) -> tuple[object, str, str]:
     """Run the verb in this process: exit status, stdout, stderr."""
-
-    def run(*arguments: str) -> tuple[int, str, str]:
-        with pytest.raises(SystemExit) as left:
-            main(["convert", *arguments])
-        output = capsys.readouterr()
-        return int(left.value.code or 0), output.out, output.err
-
-    return run
+    ended = mrwork("convert", *arguments)
+    return ended.returncode, ended.stdout, ended.stderr
 
 
-def parameters(result: tuple[int, str, str]) -> dict[str, float]:
+def parameters(result: tuple[object, str, str]) -> dict[str, float]:
     status, stdout, stderr = result
     assert (status, stderr) == (0, "")
     return json.loads(stdout)["parameters"]
@@ -37,7 +30,7 @@ def as_arguments(values: dict[str, float]) -> list[str]:
     return [f"{name}={value!r}" for name, value in values.items()]
 
 
-def test_a_tour_of_the_conventions_ends_where_it_began(convert) -> None:
+def test_a_tour_of_the_conventions_ends_where_it_began() -> None:
     material = parameters(convert("spencer", *SPENCER, "--to", "opensees", "--json"))
     normal = parameters(convert("opensees", *as_arguments(material), "--to", "normalised", "--json"))
     back = parameters(convert("normalised", *as_arguments(normal), "--to", "spencer", "--json"))
@@ -47,7 +40,7 @@ def test_a_tour_of_the_conventions_ends_where_it_began(convert) -> None:
     assert back == pytest.approx(given, rel=1e-12)
 
 
-def test_scale_chooses_a_without_a_change_of_force(convert) -> None:
+def test_scale_chooses_a_without_a_change_of_force() -> None:
     rescaled = parameters(convert("spencer", *SPENCER, "--to", "spencer", "--scale", "1", "--json"))
     assert rescaled["A"] == 1.0
     assert rescaled["alpha"] == pytest.approx(88e3 * 120.0)
@@ -58,7 +51,7 @@ def test_scale_chooses_a_without_a_change_of_force(convert) -> None:
     assert one == pytest.approx(other, rel=1e-12)
 
 
-def test_opensees_is_printed_as_its_command_with_the_dashpot_beside_it(convert) -> None:
+def test_opensees_is_printed_as_its_command_with_the_dashpot_beside_it() -> None:
     status, stdout, _ = convert("spencer", *SPENCER, "--to", "opensees")
     assert status == 0
     material, dashpot = (line.split() for line in stdout.splitlines() if line.startswith("uniaxialMaterial"))
@@ -70,7 +63,7 @@ def test_opensees_is_printed_as_its_command_with_the_dashpot_beside_it(convert) 
     assert "note: the factors" in stdout
 
 
-def test_a_smaller_error_wants_a_smaller_strain_step_in_opensees(convert) -> None:
+def test_a_smaller_error_wants_a_smaller_strain_step_in_opensees() -> None:
     def remark(*error: str) -> str:
         _, stdout, _ = convert("spencer", *SPENCER, "--to", "opensees", "--json", *error)
         return json.loads(stdout)["remarks"][-1]

@@ -12,7 +12,6 @@ import xarray
 from command_line import printed
 from sentences import Refused
 
-from mrwork.cli import main
 from mrwork.identification.fit_file import reopen
 from mrwork.uncertainty.posterior.draws import read_draws
 
@@ -20,17 +19,15 @@ from mrwork.uncertainty.posterior.draws import read_draws
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("plan") / "run"
-    arguments = ["identify", "synthetic:rd1005_1a", "--every", "4", "--model", "static_hysteretic"]
-    with pytest.raises(SystemExit) as ended:
-        main([*arguments, "--fix", "x_s=1e-4", "--quiet", "--out", str(place)])
-    assert ended.value.code == 0
+    fitted = ("synthetic:rd1005_1a", "--every", "4", "--model", "static_hysteretic", "--fix", "x_s=1e-4")
+    printed("identify", *fitted, "--quiet", "--out", place)
     return place
 
 
 @pytest.mark.usefixtures("drawn_pictures")
-def test_a_plan_names_the_best_test_first(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_plan_names_the_best_test_first(run: Path) -> None:
     lists = ("--amplitudes", "0.005,0.01,0.02", "--frequencies", "0.5,1,2")
-    text = printed(capsys, "plan", run, "--band", "c", *lists)
+    text = printed("plan", run, "--band", "c", *lists)
     assert "Of 9 tests this one narrows the band of c most: 20 mm, 2 Hz" in text
     assert "rank correlation" in text
     document = json.loads((run / "plan.json").read_text())
@@ -39,16 +36,16 @@ def test_a_plan_names_the_best_test_first(run: Path, capsys: pytest.CaptureFixtu
     assert document["plan"]["gains"][0]["candidate"] == {
         "amplitude": 0.02, "frequency": 2.0, "command": None,
     }  # fmt: skip
-    printed(capsys, "report", run, "--figures", "--quiet")
+    printed("report", run, "--figures", "--quiet")
     for suffix in ("svg", "png"):
         assert (run / "figures" / f"plan.{suffix}").stat().st_size > 1000
 
 
-def test_json_is_one_object(run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_json_is_one_object(run: Path, tmp_path: Path) -> None:
     table = tmp_path / "tests.csv"
     table.write_text("amplitude,frequency\n0.01,1\n0.02,1\n0.03,1\n")
     arguments = ("plan", run, "--json", "--candidates", table, "--stroke", "0.05", "--targets", table)
-    document = json.loads(printed(capsys, *arguments))
+    document = json.loads(printed(*arguments))
     assert len(document["plan"]["gains"]) == 2
     assert document["plan"]["band"] == "force"
     assert document["limits"] == {"stroke": 0.05, "peak_velocity": None}
@@ -74,9 +71,7 @@ def test_bad_input_is_one_sentence(run: Path, refused: Refused) -> None:
         refused.command("plan", run, *arguments)
 
 
-def test_draws_of_the_posterior_are_used_where_there_are_some(
-    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_draws_of_the_posterior_are_used_where_there_are_some(run: Path, tmp_path: Path) -> None:
     sampled = tmp_path / "sampled"
     shutil.copytree(run, sampled)
     opened = reopen(sampled)
@@ -113,8 +108,8 @@ def test_draws_of_the_posterior_are_used_where_there_are_some(
     assert found is not None
     np.testing.assert_array_equal(found.theta, chains.reshape(-1, spread.size))
     lists = ("--amplitudes", "0.005,0.02", "--frequencies", "0.5,2")
-    text = printed(capsys, "plan", sampled, *lists)
+    text = printed("plan", sampled, *lists)
     assert "Draws of the posterior" in text
     (sampled / "posterior.nc").write_text("no")
-    assert f"run `mrwork sample {sampled}` again" in printed(capsys, "plan", sampled, *lists, status=2)
+    assert f"run `mrwork sample {sampled}` again" in printed("plan", sampled, *lists, status=2)
     assert read_draws(run, opened.fit) is None

@@ -14,7 +14,6 @@ from sentences import Refused
 
 import mrwork as mr
 from mrwork import load
-from mrwork.cli import main
 from mrwork.cli.profile import write_interrupted
 from mrwork.errors import Interrupted, RecordError
 from mrwork.identification.fit_file import addition_content, read_fit, reopen
@@ -23,10 +22,8 @@ from mrwork.identification.fit_file import addition_content, read_fit, reopen
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("profile") / "run"
-    arguments = ["identify", "synthetic:rd1005_1a", "--every", "4", "--model", "static_hysteretic"]
-    with pytest.raises(SystemExit) as ended:
-        main([*arguments, "--quiet", "--out", str(place)])
-    assert ended.value.code == 0
+    fitted = ("synthetic:rd1005_1a", "--every", "4", "--model", "static_hysteretic")
+    printed("identify", *fitted, "--quiet", "--out", place)
     return place
 
 
@@ -46,9 +43,9 @@ def valley(run: Path) -> Path:
 
 
 @pytest.mark.usefixtures("drawn_pictures")
-def test_a_profile_says_what_the_data_settle(valley: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_profile_says_what_the_data_settle(valley: Path) -> None:
     run = valley
-    text = printed(capsys, "profile", run, "--quiet")
+    text = printed("profile", run, "--quiet")
     assert "count as" in text
     (alpha,) = [line for line in text.splitlines() if line.strip().startswith("alpha ")]
     assert alpha.endswith("identifiable")
@@ -60,14 +57,14 @@ def test_a_profile_says_what_the_data_settle(valley: Path, capsys: pytest.Captur
     assert [each["name"] for each in document["profiles"]] == [
         "c", "k", "alpha", "beta", "delta", "x_s", "f0",
     ]  # fmt: skip
-    printed(capsys, "report", run, "--figures", "--quiet")
+    printed("report", run, "--figures", "--quiet")
     for suffix in ("svg", "png"):
         assert (run / "figures" / f"profiles.{suffix}").stat().st_size > 1000
 
 
-def test_json_is_one_object_and_what_is_written(valley: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_json_is_one_object_and_what_is_written(valley: Path) -> None:
     run = valley
-    document = json.loads(printed(capsys, "profile", run, "--json", "--level", "0.5", "--parameter", "c"))
+    document = json.loads(printed("profile", run, "--json", "--level", "0.5", "--parameter", "c"))
     (c,) = document["profiles"]
     assert c["lower"] < c["estimate"] < c["upper"]
     written = json.loads((run / "profiles.json").read_text())
@@ -106,7 +103,7 @@ def test_profiles_so_far_replace_damaged_ones_and_not_complete_ones(
     ("verb", "file"), [("profile", "posterior.nc"), ("sample", "profiles.json"), ("profile", "fit.json")]
 )
 def test_a_damaged_file_beside_it_is_refused_before_anything_is_computed(
-    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], verb: str, file: str
+    run: Path, tmp_path: Path, verb: str, file: str
 ) -> None:
     place = tmp_path / "run"
     shutil.copytree(run, place)
@@ -114,7 +111,7 @@ def test_a_damaged_file_beside_it_is_refused_before_anything_is_computed(
     before = {each.name: each.read_bytes() for each in place.iterdir() if each.is_file()}
     # A chain of so many steps would take minutes.
     more = ("--steps", "1000000", "--walkers", "64") if verb == "sample" else ()
-    assert file in printed(capsys, verb, place, "--quiet", *more, status=2)
+    assert file in printed(verb, place, "--quiet", *more, status=2)
     assert {each.name: each.read_bytes() for each in place.iterdir() if each.name in before} == before
 
 
@@ -131,14 +128,13 @@ def test_no_run_is_told(tmp_path: Path, refused: Refused) -> None:
     refused.command("profile", tmp_path / "nothing")
 
 
-def test_identify_says_what_the_data_do_not_see(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_identify_says_what_the_data_do_not_see(run: Path) -> None:
     # Both forms of what `identify` prints are made from the fit that it writes.
     stored = read_fit(run)
     assert stored.identifiability is not None
     doubtful = {each.name for each in stored.identifiability.verdicts if each.verdict != "identifiable"}
     assert doubtful == {"delta"}
-    text = printed(
-        capsys, "identify", "synthetic:spencer1997_fast", "--model", "bouc_wen", "--every", "2", "--quiet",
+    text = printed("identify", "synthetic:spencer1997_fast", "--model", "bouc_wen", "--every", "2", "--quiet",
         "--out", run.parent / "spencer",
     )  # fmt: skip
     assert "alpha, gamma, beta and A cannot be distinguished" in text
@@ -176,30 +172,26 @@ def test_standard_errors_of_an_earlier_fit_are_widened_to_effective_samples(
     assert "independent samples" in repr(read_fit(old))
 
 
-def test_profiles_do_not_outlive_their_fit(
-    run: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
+def test_profiles_do_not_outlive_their_fit(run: Path, tmp_path: Path) -> None:
     again = tmp_path / "again"
     shutil.copytree(run, again)
     (again / "profiles.json").write_text("{}")
     (again / "notes.txt").write_text("mine")
     arguments = ["synthetic:rd1005_1a", "--every", "8", "--model", "static_hysteretic", "--quiet"]
-    printed(capsys, "identify", *arguments, "--out", again, "--replace")
+    printed("identify", *arguments, "--out", again, "--replace")
     assert (again / "notes.txt").read_text() == "mine"
     assert not (again / "profiles.json").exists()
 
 
-def test_intervals_take_the_place_of_standard_errors_everywhere(
-    run: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
+def test_intervals_take_the_place_of_standard_errors_everywhere(run: Path, tmp_path: Path) -> None:
     place = tmp_path / "profiled"
     shutil.copytree(run, place)
     (place / "profiles.json").unlink(missing_ok=True)
     # Of one parameter only: the table keeps its standard errors, as it has one kind of uncertainty.
-    printed(capsys, "profile", place, "--quiet", "--parameter", "c")
+    printed("profile", place, "--quiet", "--parameter", "c")
     assert load(place).fit.intervals is None
     assert "Standard error, " in (place / "report.html").read_text()
-    document = json.loads(printed(capsys, "profile", place, "--json"))
+    document = json.loads(printed("profile", place, "--json"))
     (c,) = [each for each in document["profiles"] if each["name"] == "c"]
     fit = load(place).fit
     assert fit == read_fit(place)

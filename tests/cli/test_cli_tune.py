@@ -4,20 +4,15 @@ from __future__ import annotations
 
 import importlib
 import json
-import os
-import signal
-import subprocess
-import time
 from pathlib import Path
 from typing import Any
 
 import pytest
 import tuning_samples
-from command_line import COMMAND, PATIENCE, mrwork
+from command_line import COMMAND, mrwork, printed, started, wait_until
 from sentences import Refused
 
 import mrwork as mr
-from mrwork.cli import main
 
 TIMES = {"seconds", "candidates_per_second", "share_outside", "out"}
 
@@ -31,9 +26,7 @@ def still(document: object) -> object:
 
 def test_json_has_laws_and_references_in_one_form(tmp_path: Path) -> None:
     study = tuning_samples.study_file(tmp_path)
-    ended = mrwork("tune", study, "--out", tmp_path / "out", "--threads", 1, "--json")
-    assert ended.returncode == 0
-    document = json.loads(ended.stdout)
+    document = json.loads(printed("tune", study, "--out", tmp_path / "out", "--threads", 1, "--json"))
     for law in (*document["laws"], *document["references"]):
         assert {"law", "settings", "train", "test", "candidates", "seconds", "certificate"} <= set(law)
         assert {"score", "criteria", "spread"} <= set(law["test"])
@@ -57,19 +50,11 @@ def test_json_has_laws_and_references_in_one_form(tmp_path: Path) -> None:
 def test_a_killed_tuning_resumes_to_the_same_document(tmp_path: Path) -> None:
     study = tuning_samples.study_file(tmp_path)
     whole = mrwork("tune", study, "--out", tmp_path / "whole", "--threads", 1, "--json")
-    command = [*COMMAND, "tune", str(study), "--out", str(tmp_path / "cut"), "--threads", "1", "--json"]
     journal = tmp_path / "cut.part" / "journal.jsonl"
-    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    deadline = time.monotonic() + PATIENCE
-    while time.monotonic() < deadline and not (
-        journal.is_file() and len(journal.read_bytes().splitlines()) > 6
-    ):
-        time.sleep(0.02)
-    os.kill(process.pid, signal.SIGKILL)
-    process.wait()
-    resumed = mrwork("tune", study, "--out", tmp_path / "cut", "--threads", 1, "--json", "--resume")
-    assert resumed.returncode == 0, resumed.stderr
-    assert still(json.loads(resumed.stdout)) == still(json.loads(whole.stdout))
+    with started(*COMMAND, "tune", study, "--out", tmp_path / "cut", "--threads", "1", "--json") as process:
+        wait_until(lambda: journal.is_file() and len(journal.read_bytes().splitlines()) > 6, process)
+    text = printed("tune", study, "--out", tmp_path / "cut", "--threads", 1, "--json", "--resume")
+    assert still(json.loads(text)) == still(json.loads(whole.stdout))
 
 
 def test_bad_input_is_one_line_and_status_two(tmp_path: Path, refused: Refused) -> None:
@@ -95,9 +80,7 @@ def test_the_folder_has_the_study_that_was_read(
         return computed(*arguments, **named)
 
     monkeypatch.setattr(f"mrwork.{function}", edited_meanwhile)
-    with pytest.raises(SystemExit) as ended:
-        main([verb, str(study), "--out", str(tmp_path / "out"), "--threads", "1", "--quiet"])
-    assert ended.value.code == 0
+    printed(verb, study, "--out", tmp_path / "out", "--threads", "1", "--quiet")
     assert (tmp_path / "out" / "study.toml").read_bytes() == content
     if verb == "tune":
         assert content.decode().strip() in (tmp_path / "out" / "chosen.toml").read_text(encoding="utf-8")

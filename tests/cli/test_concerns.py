@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ast
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
@@ -12,11 +12,14 @@ from typing import Any, get_args
 
 import numpy as np
 import pytest
-from command_line import mrwork
+from command_line import mrwork, printed
+from numpy.typing import NDArray
+from odd_files import MM, NEWTON, TIME, write_table
 from record_files import Columns, codes, write_text
 
 import mrwork as mr
 from mrwork.dampers import damper
+from mrwork.identification import polish
 from mrwork.records import DamperTest, Finding, read_damper_test
 from mrwork.records.findings import CONCERNS, Verb, findings_for
 from mrwork.records.repairs import REPAIR_KINDS
@@ -147,9 +150,8 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Run:
     files = strange_records(place / "rig")
     found = frozenset(code for file in files for code in codes(read_damper_test(file)))
     small = ("--model", "bingham", "--generations", "3", "--threads", "1", "--quiet", "--json")
-    ended = mrwork("identify", *files, *small, "--out", place / "run")
-    assert ended.returncode == 0, ended.stderr
-    assert told(json.loads(ended.stdout)) == {code for code in found if "identify" in CONCERNS[code]}
+    text = printed("identify", *files, *small, "--out", place / "run")
+    assert told(json.loads(text)) == {code for code in found if "identify" in CONCERNS[code]}
     return Run(folder=place / "run", files=files, found=found)
 
 
@@ -221,7 +223,7 @@ def test_a_test_of_another_condition_counts_as_held_out(tmp_path: Path) -> None:
         "--out",
         tmp_path / "run",
     )
-    assert mrwork(*fit).returncode == 0
+    printed(*fit)
     rows = json.loads(mrwork("predict", tmp_path / "run", *files[1:], "--json").stdout)
     assert [row["seen"] is None for row in rows["files"]] == [True, False]
     assert [row["other_condition"] is None for row in rows["files"]] == [False, True]
@@ -245,7 +247,37 @@ def test_a_velocity_that_is_a_known_factor_off_ends_a_verb(made: Run, tmp_path: 
         assert (refused.returncode, refused.stdout) == (2, "")
         assert "--repair velocity" in refused.stderr
         assert "times the displacement's derivative" in refused.stderr
-    mended = mrwork("predict", made.folder, file, "--repair", "velocity")
-    assert mended.returncode == 0, mended.stderr
+    printed("predict", made.folder, file, "--repair", "velocity")
     checked = mrwork("check", file)
     assert (checked.returncode, "warning: the velocity is" in checked.stdout) == (0, True)
+
+
+EDGES: Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]] = {
+    "the force is one spike": (MM, np.where(np.arange(TIME.size) == 200, 1.0, 0.0)),
+    "the damper rests while it is compared": (np.where(TIME < 1.0, 0.0, 10.0), NEWTON),
+    "the damper rests first": (np.where(TIME < 1.9, 0.0, MM), np.where(TIME < 1.9, 0.0, NEWTON)),
+    "a spring": (MM, 50.0 * MM),
+}
+
+
+@pytest.mark.parametrize("edge", EDGES)
+def test_an_edge_of_what_can_be_read_raises_no_warning_of_a_library(tmp_path: Path, edge: str) -> None:
+    displacement, force = EDGES[edge]
+    record = write_table(tmp_path / "rig.txt", {"t_s": TIME, "x_mm": displacement, "F_N": force})
+    # Any warning of a library is an error in tests.
+    for arguments in (
+        ("check", record),
+        ("identify", record, "--model", "bingham", "--out", tmp_path / "run"),
+    ):
+        ended = mrwork(*arguments)
+        assert ended.returncode == 0, ended.stderr
+        assert "a library" not in ended.stderr
+
+
+def test_a_fit_that_has_not_converged_says_why(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(polish, "_FINAL_EVALUATIONS", 2)
+    record = write_table(tmp_path / "rig.txt", {"t_s": TIME, "x_mm": MM, "F_N": NEWTON})
+    search = ("--search", "particle_swarm", "--generations", 2, "--population", 10)
+    text = printed("identify", record, "--model", "bouc_wen", *search, "--out", tmp_path / "run")
+    assert "not converged (the final fit ended at its most steps, " in text
+    assert "the final fit ended at its most steps" in mr.load(tmp_path / "run").fit.status_in_words

@@ -6,13 +6,12 @@ import contextlib
 import json
 import shlex
 import signal
-import subprocess
 import sys
 import tomllib
 from pathlib import Path
 
 import pytest
-from command_line import COMMAND, PATIENCE, mrwork, started, wait_until
+from command_line import COMMAND, PATIENCE, mrwork, ran, started, wait_until
 from sentences import Refused
 
 from mrwork.cli.command_parser import examples_in
@@ -86,9 +85,7 @@ def test_neither_the_tour_nor_the_help_loads_a_verb_or_numpy() -> None:
         "loaded = {'numpy', 'difflib', 'shtab', 'mrwork.keys', 'mrwork.cli.init'} & set(sys.modules)\n"
         "assert not loaded, loaded"
     )
-    ended = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=PATIENCE
-    )
+    ended = ran(sys.executable, "-c", code)
     assert ended.returncode == 0, ended.stderr
 
 
@@ -343,14 +340,7 @@ def test_bash_completes_verbs_options_names_files_and_folders(tmp_path: Path) ->
     (tmp_path / "tests.csv").write_text("")
     (tmp_path / "rig").mkdir()
     lines = "".join(f"asked {words}\n" for words, _ in COMPLETED)
-    ended = subprocess.run(
-        ["bash", "--norc", "-c", ASK + lines],
-        capture_output=True,
-        text=True,
-        cwd=tmp_path,
-        check=False,
-        timeout=PATIENCE,
-    )
+    ended = ran("bash", "--norc", "-c", ASK + lines, cwd=tmp_path)
     assert [line.split() for line in ended.stdout.splitlines()] == [found for _, found in COMPLETED], (
         ended.stderr
     )

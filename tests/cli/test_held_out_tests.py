@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from command_line import mrwork
+from command_line import mrwork, printed
 from record_files import write_text
 from sentences import Refused
 
@@ -77,9 +77,8 @@ class Rig:
 
 def outcome(*arguments: object) -> Any:
     """What a command prints as JSON, less what no two runs share."""
-    ended = mrwork(*arguments)
-    assert ended.returncode == 0, ended.stderr
-    return _same_for_every_run(json.loads(ended.stdout))
+    text = printed(*arguments)
+    return _same_for_every_run(json.loads(text))
 
 
 def _same_for_every_run(document: Any) -> Any:

@@ -126,13 +126,11 @@ def check_one_verdict(place: Path, terminal: str) -> dict[str, str]:
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_verdicts_and_errors_are_the_same_everywhere(
-    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_verdicts_and_errors_are_the_same_everywhere(name: str, tmp_path: Path) -> None:
     case, place = CASES[name], tmp_path / "run"
     arguments = case.arguments if not case.noise else (record(tmp_path, case.noise), *case.arguments)
     command = ("identify", *arguments, "--seed", "1", "--json", "--threads", "1", "--out", place)
-    document = json.loads(printed(capsys, *command))
+    document = json.loads(printed(*command))
     opened = reopen(place)
     # What the command prints without --json.
     verdicts = check_one_verdict(place, text_of(opened.fit, opened.tests))
@@ -144,30 +142,28 @@ def test_verdicts_and_errors_are_the_same_everywhere(
         assert (each["standard_error"] is None) or not each["remark"]
 
 
-def test_later_intervals_bring_their_verdicts_everywhere(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_later_intervals_bring_their_verdicts_everywhere(tmp_path: Path) -> None:
     place = tmp_path / "run"
     path = record(tmp_path, CASES["unknown sign"].noise)
-    printed(capsys, "identify", path, "--model", "dahl", "--seed", "1", "--quiet", "--out", place)
-    whole = printed(capsys, "profile", place, "--quiet")
+    printed("identify", path, "--model", "dahl", "--seed", "1", "--quiet", "--out", place)
+    whole = printed("profile", place, "--quiet")
     assert "stay those" not in whole
     assert check_one_verdict(place, whole)["f0"] == "sign unknown"
     assert mr.load(place).fit.intervals is not None
-    drawn = printed(capsys, "sample", place, "--quiet", "--walkers", "32", "--steps", "6000", "--seed", "1")
+    drawn = printed("sample", place, "--quiet", "--walkers", "32", "--steps", "6000", "--seed", "1")
     kind = mr.load(place).fit.intervals
     assert kind is not None
     assert kind.kind == "posterior", drawn
     assert check_one_verdict(place, drawn)["f0"] == "sign unknown"
     # The draws come first; profiles say so.
-    after = printed(capsys, "profile", place, "--quiet", "--parameter", "k_w")
+    after = printed("profile", place, "--quiet", "--parameter", "k_w")
     assert "verdicts of the fit, on its page and in fit.json, stay those by its 95 % posterior inter" in after
     check_one_verdict(place, "")
 
 
-def test_a_run_of_before_is_read_with_one_error(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_run_of_before_is_read_with_one_error(tmp_path: Path) -> None:
     place = tmp_path / "run"
-    printed(capsys, "identify", *CASES["at its bound"].arguments, "--quiet", "--out", place)
+    printed("identify", *CASES["at its bound"].arguments, "--quiet", "--out", place)
     now = mr.load(place).fit
     document = json.loads((place / "fit.json").read_text())
     del document["identifiability"]["by_derivatives"]

@@ -18,9 +18,7 @@ from mrwork.control import ControlLaw, DesignProblem, FurtherSignal, design_law,
 from mrwork.simulation import Outcome
 from mrwork.study import TuneTable
 from mrwork.study.study import fingerprint_of
-from mrwork.tuning import tune
 from mrwork.tuning.problem import Clock, benches_of, magnitudes_of
-from mrwork.tuning.results import chosen_study
 from mrwork.tuning.space import space_of
 
 Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
@@ -327,18 +325,9 @@ search = "cma"
 population = 8
 budget = 40
 """
-    source = tuning_samples.study_file(tmp_path, tune=table)
-    results = tune(mr.read_study(source), threads=1)
-    learned = results.laws[0]
+    learned = tuning_samples.tuned_law_with_its_score(tmp_path, table)
     assert len(learned.settings["further"]) == 8
     assert len(learned.settings["network"]) == 25
-    (tmp_path / "out").mkdir()
-    chosen = tmp_path / "out" / "chosen.toml"
-    chosen.write_text(chosen_study(results, mr.read_study(source).file), encoding="utf-8")
-    found = mr.run_study(mr.read_study(chosen), threads=1)
-    row = [each.label for each in found.rows].index(learned.label)
-    assert learned.test is not None
-    assert found.score(row) == pytest.approx(learned.test.score, rel=1e-12)
 
 
 def test_a_space_without_further_signals_is_what_it_was(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""A trained network finds the command for a force that the damper can give, and the end for one that it cannot."""
+"""A trained network finds the command for a force that the damper can give, else the end; motions that train it."""
 
 from __future__ import annotations
 
@@ -17,19 +17,17 @@ RD1005 = damper("static_hysteretic").preset("kwok2006")
 PROTOTYPE = damper("modified_bouc_wen").preset("dyke1996")
 
 
+SETTINGS = {"largest_command": 1.88, "amplitude": 0.01, "velocity": 0.2, "sample_time": 1e-3}
+
+
+def train(n_hidden: int, n_previous: int, rng: int) -> InverseNetwork:
+    more = {"n_hidden": n_hidden, "n_previous": n_previous, "rng": rng}
+    return train_inverse_network(RD1005.spec, RD1005.theta, **SETTINGS, **more)
+
+
 @pytest.fixture(scope="module", params=[0, 1])
 def network(request) -> InverseNetwork:
-    return train_inverse_network(
-        RD1005.spec,
-        RD1005.theta,
-        largest_command=1.88,
-        amplitude=0.01,
-        velocity=0.2,
-        sample_time=1e-3,
-        n_hidden=8,
-        n_previous=request.param,
-        rng=1,
-    )
+    return train(8, request.param, rng=1)
 
 
 def inputs(network: InverseNetwork, loading: Loading, wanted: np.ndarray) -> np.ndarray:
@@ -38,14 +36,14 @@ def inputs(network: InverseNetwork, loading: Loading, wanted: np.ndarray) -> np.
     return np.hstack([now, before])[:, : len(network.names)]
 
 
-def motion(rng: int, dt: float = 1e-3) -> Loading:
+def motion(rng: int, velocity: float = 0.2, n_cycles: int = 30) -> Loading:
     return random_loading(
         amplitude=0.01,
-        velocity=0.2,
+        velocity=velocity,
         largest_command=1.88,
         command_unit="A",
-        dt=dt,
-        n_cycles=20,
+        dt=1e-3,
+        n_cycles=n_cycles,
         rng=np.random.default_rng(rng),
     )
 
@@ -60,7 +58,7 @@ def forces(loading: Loading, command: np.ndarray | float) -> np.ndarray:
 
 def test_the_damper_gives_what_is_wanted_at_its_command(network: InverseNetwork) -> None:
     """On another motion than those of training and judgement, and four times nearer than any constant command."""
-    loading = motion(77)
+    loading = motion(77, n_cycles=20)
     wanted = forces(loading, loading.command)
     given = forces(loading, network.command(inputs(network, loading, wanted)))
     assert fit(wanted, given) == pytest.approx(network.fit_percent, abs=4.0)
@@ -69,7 +67,7 @@ def test_the_damper_gives_what_is_wanted_at_its_command(network: InverseNetwork)
 
 
 def test_what_the_damper_cannot_give_is_answered_by_an_end(network: InverseNetwork) -> None:
-    loading = motion(78)
+    loading = motion(78, n_cycles=20)
     none, whole = forces(loading, 0.0), forces(loading, 1.88)
     far = np.abs(whole - none) > 0.3 * np.abs(whole - none).max()
     for times in (0.5, 3.0, 10.0):
@@ -124,27 +122,14 @@ def test_a_damper_with_a_lag_and_a_memory_is_inverted_at_its_coil() -> None:
 
 
 def test_a_seed_gives_the_same_network() -> None:
-    def train(rng: int) -> InverseNetwork:
-        return train_inverse_network(
-            RD1005.spec,
-            RD1005.theta,
-            largest_command=1.88,
-            amplitude=0.01,
-            velocity=0.2,
-            sample_time=1e-3,
-            n_hidden=2,
-            n_previous=0,
-            rng=rng,
-        )
-
-    np.testing.assert_array_equal(train(5).W1, train(5).W1)
-    assert not np.array_equal(train(5).W1, train(6).W1)
+    first, again, other = (train(2, 0, rng=rng).W1 for rng in (5, 5, 6))
+    np.testing.assert_array_equal(first, again)
+    assert not np.array_equal(first, other)
 
 
 def test_settings_that_cannot_be_are_refused(refused: Refused) -> None:
     def call(spec=RD1005.spec, theta=RD1005.theta, **changed: object) -> None:
-        settings = {"largest_command": 1.88, "amplitude": 0.01, "velocity": 0.2, "sample_time": 1e-3}
-        train_inverse_network(spec, theta, **(settings | changed))
+        train_inverse_network(spec, theta, **(SETTINGS | changed))
 
     plain = damper("bouc_wen")
     refused(call, spec=plain, theta=plain.nominal)
@@ -153,3 +138,36 @@ def test_settings_that_cannot_be_are_refused(refused: Refused) -> None:
     refused(call, n_previous=2)
     idle = damper("bingham").with_current_laws({"c0": "linear"})
     refused(call, spec=idle, theta=idle.nominal)
+
+
+def test_peaks_are_those_asked_for() -> None:
+    """The velocity to 1 %, for the stretch of time that meets it is found on another grid."""
+    for rng in range(5):
+        for velocity in (0.02, 0.2):
+            made = motion(rng, velocity)
+            np.testing.assert_allclose(np.abs(made.displacement).max(), 0.01, rtol=1e-12)
+            assert made.velocity is not None
+            np.testing.assert_allclose(np.abs(made.velocity).max(), velocity, rtol=0.01)
+
+
+def test_velocity_is_the_derivative_of_the_displacement() -> None:
+    made = motion(1, velocity=0.02)
+    assert made.velocity is not None
+    quotient = (made.displacement[2:] - made.displacement[:-2]) / (2.0 * made.dt)
+    # Central differences at 1 kHz of tones up to some 3 Hz: (2 pi 3/1000)^2/6 of the size is left.
+    np.testing.assert_allclose(quotient, made.velocity[1:-1], atol=1e-3 * 0.02)
+
+
+def test_commands_rest_at_both_ends_and_wander_between() -> None:
+    command = np.asarray(motion(2).command)
+    for share in (
+        np.mean(command == 0.0),
+        np.mean(command == 1.88),
+        np.mean((command > 0.2) & (command < 1.7)),
+    ):
+        assert 0.05 < share < 0.8
+
+
+def test_a_seed_gives_the_same_bits() -> None:
+    np.testing.assert_array_equal(motion(3).displacement, motion(3).displacement)
+    assert not np.array_equal(motion(3).displacement, motion(4).displacement)

@@ -1,4 +1,4 @@
-"""Regulators are optimal, stable, and the same in all units of the building."""
+"""Regulators are optimal, stable, the same in all units of the building, and those of published weights."""
 
 from __future__ import annotations
 
@@ -13,6 +13,8 @@ from mrwork.control import (
     Plant,
     accelerations,
     drifts,
+    published_regulator,
+    regulator_as_published,
     regulator_gains,
     regulator_of_outputs,
     regulator_of_state,
@@ -185,3 +187,18 @@ def test_weights_that_cannot_be_are_refused(refused: Refused) -> None:
 def test_an_undamped_mode_that_is_not_weighed_is_refused(refused: Refused) -> None:
     building = frame("undamped", np.eye(2), np.zeros((2, 2)), np.array([[2.0, -1.0], [-1.0, 1.0]]))
     refused(regulator_of_state, plant(1, building), np.zeros((4, 4)), 1.0)
+
+
+def test_weights_of_dyke_are_those_of_the_third_floor() -> None:
+    system = plant()
+    own = regulator_of_outputs(system, accelerations(system), [0.0, 0.0, 1.0], 1e-17)
+    as_published = regulator_as_published(system, published_regulator("dyke1996"))
+    np.testing.assert_array_equal(as_published.gain, own.gain)
+
+
+def test_another_building_is_refused(refused: Refused) -> None:
+    refused(regulator_as_published, plant(1, five_storeys()), published_regulator("dyke1996"))
+
+
+def test_an_unknown_name_is_answered_by_those_that_exist(refused: Refused) -> None:
+    refused(published_regulator, "dyke")

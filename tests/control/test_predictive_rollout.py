@@ -110,7 +110,8 @@ def both(
 
 
 @pytest.mark.parametrize(
-    "settings", [{}, LATE, {**LATE, **NOISY}, {**NOISY, "known_ground": True}, {**LATE, "ground_preview": 0.03}]
+    "settings",
+    [{}, LATE, {**LATE, **NOISY}, {**NOISY, "known_ground": True}, {**LATE, "ground_preview": 0.03}],
 )
 @pytest.mark.parametrize(("model", "step"), [(rd1005, 1e-3), (hysteretic, 5e-4)])
 def test_the_law_is_its_copy_in_numpy(model, step, settings) -> None:

@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from command_line import ran
 
 import run_blocks
 from check import findings
@@ -51,12 +52,7 @@ def test_a_notebook_is_run_by_sphinx_instead():
 
 
 def run(path: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, run_blocks.__file__, "--page", str(path)],
-        cwd=path.parent,
-        capture_output=True,
-        text=True,
-    )
+    return ran(sys.executable, run_blocks.__file__, "--page", path, cwd=path.parent)
 
 
 def test_blocks_share_variables_and_an_error_names_the_line_of_the_page(tmp_path):

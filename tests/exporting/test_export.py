@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from command_line import mrwork
+from command_line import printed
 from opensees_bouc_wen import force_in_opensees
 from record_files import clean_columns, write_text
 from scipy.io import loadmat
@@ -63,8 +63,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("export")
     record = write_text(place / "10mm2Hz.csv", clean_columns())
     words = ("--model", "static_hysteretic", "--every", 4, "--threads", 1, "--quiet", "--out", place / "run")
-    ended = mrwork("identify", record, *words)
-    assert ended.returncode == 0, ended.stderr
+    printed("identify", record, *words)
     return place / "run"
 
 

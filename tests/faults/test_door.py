@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from command_line import COMMAND, PATIENCE, mrwork
+from command_line import COMMAND, PATIENCE, mrwork, printed, ran
 from study_texts import study_text
 
 from mrwork.cli.door import sentence_on, warnings_in_one_line
@@ -76,13 +76,7 @@ def test_a_manifest_that_is_none_is_one_sentence(tmp_path: Path, content: bytes 
 
 
 def in_a_shell(line: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        ["bash", "-c", line, "bash", *COMMAND],
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=PATIENCE,
-    )
+    return ran("bash", "-c", line, "bash", *COMMAND)
 
 
 @pytest.mark.parametrize(
@@ -169,14 +163,10 @@ def test_jax_that_does_not_start_is_one_sentence_and_what_was_computed_is_kept(
 ) -> None:
     for name, text in STUDIES.items():
         (tmp_path / f"{name}.toml").write_text(text)
-    ended = subprocess.run(
-        [*COMMAND, *words, "--quiet", "--threads", "1", "--out", "run"],
-        capture_output=True,
-        text=True,
+    ended = ran(
+        *(*COMMAND, *words, "--quiet", "--threads", "1", "--out", "run"),
         env=os.environ | {"JAX_PLATFORMS": "nope"},
         cwd=tmp_path,
-        check=False,
-        timeout=PATIENCE,
     )
     assert (ended.returncode, ended.stdout) == (2, ""), ended.stderr
     assert "unset JAX_PLATFORMS" in ended.stderr
@@ -196,14 +186,8 @@ def test_a_wrong_value_of_a_librarys_variable_is_one_sentence(
     tmp_path: Path, variable: str, words: tuple[str, ...]
 ) -> None:
     (tmp_path / "study.toml").write_text(STUDY)
-    ended = subprocess.run(
-        [*COMMAND, *words, "--quiet", "--out", "run"],
-        capture_output=True,
-        text=True,
-        env=os.environ | {variable: "banana"},
-        cwd=tmp_path,
-        check=False,
-        timeout=PATIENCE,
+    ended = ran(
+        *COMMAND, *words, "--quiet", "--out", "run", env=os.environ | {variable: "banana"}, cwd=tmp_path
     )
     assert ended.returncode == 2, ended.stderr
     assert len(ended.stderr.splitlines()) == 1
@@ -241,13 +225,7 @@ def signalled(
     number: int, point: int, *arguments: object, module: str = ""
 ) -> subprocess.CompletedProcess[str]:
     """A command line with a signal at its import of that number, among those of a module."""
-    return subprocess.run(
-        [sys.executable, "-c", SIGNALLED, str(int(number)), str(point), module, *map(str, arguments)],
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=PATIENCE,
-    )
+    return ran(sys.executable, "-c", SIGNALLED, str(int(number)), point, module, *arguments)
 
 
 @pytest.fixture(scope="module")
@@ -274,7 +252,7 @@ def test_a_signal_while_modules_are_loaded_is_no_traceback(
 
 def test_before_signals_are_answered_next_to_nothing_is_loaded() -> None:
     loaded = "import sys; import mrwork.cli; print(sorted(name for name in sys.modules if 'mrwork' in name))"
-    ended = subprocess.run([sys.executable, "-c", loaded], capture_output=True, text=True, check=True)
+    ended = ran(sys.executable, "-c", loaded, check=True)
     assert ended.stdout.strip() == "['mrwork', 'mrwork.cli', 'mrwork.cli.signals']"
 
 
@@ -305,9 +283,7 @@ except KeyboardInterrupt:
 
 def assert_interrupted(program: str) -> None:
     """A program that sends SIGTERM to itself is interrupted, and prints the status of that alone."""
-    ended = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, check=False, timeout=PATIENCE
-    )
+    ended = ran(sys.executable, "-c", program)
     assert (ended.stdout, ended.stderr) == (f"{128 + signal.SIGTERM}\n", "")
 
 
@@ -390,8 +366,7 @@ def test_an_interrupted_page_loses_no_result_and_is_drawn_by_resume(
     names = ("journal.jsonl", result)
     kept = [Path("run", name).read_bytes() for name in names]
     assert not Path("run.part").exists()
-    resumed = mrwork(*command, "--resume")
-    assert resumed.returncode == 0, resumed.stderr
+    printed(*command, "--resume")
     assert "<svg" in Path("run", "report.html").read_text()
     # Nothing was computed again: each step is recalled with the time that it took.
     assert Path("run", "journal.jsonl").read_bytes() == kept[0]
@@ -438,10 +413,9 @@ def test_a_name_with_control_characters_commands_no_terminal(tmp_path: Path) -> 
     rows = "\n".join(f"{t:.2f},{np.sin(t):.6f},{np.cos(t):.6f}" for t in 6.0 * time)
     record = tmp_path / "\x1b[31mred\n\u202etest.csv"
     record.write_text(f"t_s,displacement_mm,force_N\n{rows}\n")
-    ended = mrwork("check", record)
-    assert ended.returncode == 0, ended.stderr
-    assert r"\x1b[31mred\n\u202etest" in ended.stdout.splitlines()[0]
-    assert all(line.isprintable() for line in ended.stdout.splitlines())
+    text = printed("check", record)
+    assert r"\x1b[31mred\n\u202etest" in text.splitlines()[0]
+    assert all(line.isprintable() for line in text.splitlines())
     (facts,) = json.loads(mrwork("check", record, "--json").stdout)["files"]
     assert facts["file"] == str(record)
 

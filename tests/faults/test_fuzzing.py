@@ -16,6 +16,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
+from command_line import ran
 
 from mrwork.errors import MrworkWarning, RecordError
 from mrwork.files.open_table import EXTENSIONS
@@ -173,14 +174,7 @@ def environment() -> dict[str, str]:
 
 
 def test_no_reader_fails_on_a_few_mutants(tmp_path: Path) -> None:
-    ended = subprocess.run(
-        fuzzing("--mutants", 300, "--processes", 1, "--out", tmp_path / "faults"),
-        capture_output=True,
-        text=True,
-        env=environment(),
-        check=False,
-        timeout=PATIENCE,
-    )
+    ended = ran(*fuzzing("--mutants", 300, "--processes", 1, "--out", tmp_path / "faults"), env=environment())
     assert ended.returncode == 0, ended.stdout + ended.stderr
     assert "failures" in ended.stdout
 

@@ -2,20 +2,36 @@
 
 from __future__ import annotations
 
+import json
 import signal
 import threading
+from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import printed
+from posterior_samples import small_fit, small_test
 from sentences import Refused
 
+import mrwork as mr
 from mrwork import identify
 from mrwork.dampers import Box, damper, damper_models
 from mrwork.errors import Interrupted
-from mrwork.identification import Fit, Objective, Progress, free_run, identifiable_form, search_box
+from mrwork.identification import (
+    Fit,
+    FitSettings,
+    Objective,
+    Progress,
+    free_run,
+    identifiable_form,
+    search_box,
+)
 from mrwork.identification.result import covariance, fit_quality
-from mrwork.records import DamperTest
+from mrwork.identification.settings import search_named, searches
+from mrwork.records import DamperTest, Observation
+from mrwork.records.damper_test import as_tests
 from mrwork.search import EfficientGA, StopRules
 from mrwork.synthetic import SYNTHETIC_TESTS, synthetic_test
 
@@ -250,3 +266,68 @@ def test_synthetic_tests_repeat_bit_for_bit_and_say_what_they_are() -> None:
         assert first.sha256 == second.sha256
         assert first.synthetic
         assert "synthetic" in first.name
+
+
+TEST = mr.synthetic_test("rd1005_1a")
+
+
+@pytest.mark.parametrize("name", searches())
+def test_a_search_is_chosen_by_name_and_recorded(tmp_path: Path, name: str) -> None:
+    size = [] if name == "multistart" else ["--generations", "25"]
+    arguments = ["synthetic:rd1005_1a", "--model", "dahl", "--every", "4", "--search", name, *size]
+    found = json.loads(printed("identify", *arguments, "--json", "--out", tmp_path / "run"))
+    assert found["fit_percent"] > 75.0
+    fit = json.loads((tmp_path / "run" / "fit.json").read_text())
+    assert fit["provenance"]["settings"]["search"]["kind"] == name
+    settings = FitSettings.of_record(fit["provenance"]["settings"])
+    assert type(settings.search) is type(search_named(name))
+
+
+def test_python_takes_the_name_too() -> None:
+    fit = mr.identify("dahl", TEST, search="multistart")
+    assert fit.settings.search == search_named("multistart")
+
+
+def test_an_unknown_search_is_refused_with_those_there_are(refused: Refused) -> None:
+    refused(mr.identify, "dahl", TEST, search="annealing")
+
+
+SMALL_TEST = small_test()
+COPY = replace(SMALL_TEST, name="copy", path="elsewhere.csv", observation=Observation(gain=1.1))
+FIT = small_fit()
+
+
+@pytest.mark.parametrize("copy", [SMALL_TEST, COPY], ids=["the same object", "the same samples"])
+@pytest.mark.parametrize(
+    "use",
+    [
+        lambda tests: mr.identify("bingham", tests),
+        lambda tests: mr.choose_model(tests, ("bingham", "dahl")),
+        lambda tests: mr.choose_laws("bingham", tests),
+        lambda tests: mr.identifiability_of(FIT, tests),
+        lambda tests: mr.profile(FIT, tests),
+        lambda tests: mr.sample(FIT, tests),
+    ],
+    ids=["identify", "choose_model", "choose_laws", "identifiability_of", "profile", "sample"],
+)
+def test_a_test_that_is_given_twice_is_refused(
+    use: Callable[[tuple[mr.DamperTest, ...]], object], copy: mr.DamperTest, refused: Refused
+) -> None:
+    refused(use, (SMALL_TEST, small_test(6), copy))
+
+
+def test_windows_commands_and_repetitions_of_a_test_are_other_data() -> None:
+    halves = SMALL_TEST.part(0, 75), SMALL_TEST.part(75, 150)
+    commands = replace(SMALL_TEST, current=0.5), replace(SMALL_TEST, current=1.0)
+    repetition = replace(SMALL_TEST, force=small_test(6).force)
+    assert as_tests((*halves, *commands, SMALL_TEST, repetition)) == (
+        *halves,
+        *commands,
+        SMALL_TEST,
+        repetition,
+    )
+
+
+def test_a_parameter_that_is_profiled_twice_is_refused(refused: Refused) -> None:
+    name = FIT.spec.names[0]
+    refused(mr.profile, FIT, SMALL_TEST, parameters=(name, name))

@@ -3,17 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 from sentences import Refused
+from sinusoidal_tests import sinusoidal_test
 
+import mrwork as mr
 from mrwork import identify
 from mrwork.dampers import damper
+from mrwork.dampers.spec import law_limits
 from mrwork.errors import Interrupted
-from mrwork.identification import FitSettings, Objective, Progress, free_run
+from mrwork.identification import Fit, FitSettings, Multistart, Objective, Progress, free_run, level_search
+from mrwork.identification.equivalent import leaves_range, within_range
+from mrwork.identification.level_search import unlike_tests
+from mrwork.identification.multistart import far_worse, far_worse_sentence
 from mrwork.identification.residual import nuisance_of, without_nuisance
-from mrwork.records import DamperTest, Observation
+from mrwork.records import DamperTest, Observation, cut
 from mrwork.records.window import excerpt
 from mrwork.search import EfficientGA, StopRules
 from mrwork.simulation import Loading, simulate_force
@@ -206,3 +213,130 @@ def test_an_excerpt_keeps_three_cycles_and_their_shape() -> None:
     assert short.dt * short.n_time == pytest.approx(3.0 * period + short.n_settle * short.dt, rel=0.1)
     assert np.ptp(short.displacement) == pytest.approx(np.ptp(test.displacement), rel=0.02)
     assert period / short.dt >= 199.0
+
+
+def test_a_test_is_far_worse_above_five_times_its_own_misfit_which_noise_limits() -> None:
+    alone = np.array([0.04, 0.04, 0.001, np.nan])
+    assert far_worse(np.array([0.19, 0.21, 0.09, 0.9]), alone).tolist() == [1]
+    # Two percent is noise: a test that is described perfectly alone accuses nothing below ten.
+    assert far_worse(np.array([0.1, 0.1, 0.11, 0.9]), alone).tolist() == [2]
+
+
+def test_the_sentence_names_the_tests_and_what_to_do() -> None:
+    tests = [synthetic_test("rd1005_1a")] * 5
+    joint, alone = np.full(5, 0.3), np.full(5, 0.04)
+    worse = far_worse(joint, alone)
+    suspected = far_worse_sentence(tests, worse, joint, alone, found_again=False)
+    assert suspected.startswith("false minimum suspected: 5 of 5 tests")
+    assert "(70.0 % for 96.0 %)" in suspected
+    assert "and 2 more" in suspected
+    assert "try another seed" in suspected
+    limited = far_worse_sentence(tests, worse, joint, alone, found_again=True)
+    assert "these laws of this model cannot follow the tests" in limited
+    for sentence in (suspected, limited):
+        assert "--law auto" in sentence
+        assert "compare other models (--model A,B)" in sentence
+    assert "false minimum" not in limited
+
+
+COMMANDS = (0.0, 1.0)
+MOTIONS = ((0.010, 1.0), (0.002, 2.0), (0.005, 4.0))
+
+
+def loop_test(motion: tuple[float, float], command: float, seed: int) -> DamperTest:
+    """Of dahl with sharp loops, whose k_w is linear in the command."""
+    theta = (200.0 + 400.0 * command, 5e4, 20.0)
+    test = sinusoidal_test("dahl", theta, motion, noise=0.02, rng=seed, cycles=8)
+    return replace(test, current=command, name=f"{motion} at {command} A")
+
+
+def test_a_coarse_test_that_the_search_leaves_out_is_simulated_by_the_fit(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Every third of a second, these loops are too stiff; the fastest test of each command is alone in the search."""
+    alone = partial(level_search.points_from_levels, per_command=1)
+    monkeypatch.setattr(level_search, "points_from_levels", alone)
+    fine = [loop_test(motion, command, 1) for command in COMMANDS for motion in MOTIONS]
+    coarse = [cut(loop_test((0.0101, 1.0), command, 2), every=20) for command in COMMANDS]
+    spec = mr.damper("dahl").with_current_laws({"k_w": "linear"}, unit="A")
+    fit = mr.identify(spec, [*fine, *coarse], rng=1)
+    assert fit.status == "converged"
+    assert fit.fit_percent > 80.0
+
+
+def sine_test(amplitude: float, frequency: float) -> DamperTest:
+    """A test of a sinusoidal motion [m, Hz]; its force does not matter."""
+    test = synthetic_test("spencer1997")
+    phase = 2.0 * np.pi * frequency * test.dt * np.arange(test.n_time)
+    return replace(
+        test,
+        name=f"{amplitude:g}m {frequency:g}Hz",
+        displacement=amplitude * np.sin(phase),
+        velocity=2.0 * np.pi * frequency * amplitude * np.cos(phase),
+    )
+
+
+def test_few_tests_are_all_taken() -> None:
+    tests = [sine_test(0.01, 1.0), sine_test(0.02, 1.0)]
+    assert unlike_tests(tests, 4) == tuple(tests)
+
+
+def test_the_extremes_of_stroke_and_velocity_are_taken_in_the_order_of_the_tests() -> None:
+    middle = [sine_test(0.010, 2.0), sine_test(0.011, 2.0), sine_test(0.009, 2.0)]
+    ends = [sine_test(0.001, 20.0), sine_test(0.1, 0.2), sine_test(0.1, 20.0)]
+    tests = [middle[0], ends[0], middle[1], ends[1], ends[2], middle[2]]
+    assert unlike_tests(tests, 3) == (ends[0], ends[1], ends[2])
+
+
+def test_of_repeated_motions_each_test_is_taken_once() -> None:
+    tests = [replace(sine_test(0.01, 1.0), name=f"repeat {number}") for number in range(5)]
+    taken = unlike_tests(tests, 3)
+    assert len({test.name for test in taken}) == 3
+
+
+FIVE_COMMANDS = np.array([0.0, 0.25, 0.5, 0.75, 1.0])
+# All its starts end where the yield force is limited to its lower bound at one of the commands.
+SHORT = Multistart(samples=2, starts=2, least_rounds=1, most_rounds=1, found=1)
+
+
+def fit_of(yield_forces: tuple[float, ...]) -> Fit:
+    """A quadratic law for yield forces at five commands, which no quadratic law follows."""
+    tests = [
+        replace(
+            sinusoidal_test("dahl", (force, 2000.0, 0.0), (0.010, 1.0), noise=0.02, rng=seed),
+            current=float(command),
+            name=f"{command} A",
+        )
+        for seed, (force, command) in enumerate(zip(yield_forces, FIVE_COMMANDS, strict=True))
+    ]
+    spec = damper("dahl").with_current_laws({"k_w": "quadratic"})
+    return mr.identify(spec, tests, bounds={"f0": (0.0, 0.0)}, search=SHORT, threads=1)
+
+
+@pytest.mark.parametrize(
+    ("yield_forces", "least"),
+    [((41.5, 41.6, 65.3, 343.9, 1516.5), 0.4159), ((33.2, 46.0, 51.3, 301.8, 1213.5), 0.4639)],
+)
+def test_a_false_minimum_with_a_limited_law_is_left(yield_forces: tuple[float, ...], least: float) -> None:
+    """The least misfits are those of 150 local minimisations from random starts, on the same tests."""
+    fit = fit_of(yield_forces)
+    assert fit.nrmse == pytest.approx(least, rel=2e-3)
+    assert not law_limits(fit.spec, np.array(fit.theta), (0.0, 1.0))
+
+
+def test_where_the_least_misfit_has_a_limited_law_the_fit_says_so() -> None:
+    fit = fit_of((418.5, 62.0, 688.8, 53.0, 919.6))
+    assert any("within the tested commands, 0 to 1 A: choose another law" in each for each in fit.warnings)
+
+
+@pytest.mark.parametrize("law", ["quadratic:0,0.5,1", "quadratic", "exponential"])
+def test_laws_are_moved_into_their_ranges_and_others_stay(law: str) -> None:
+    spec = damper("viscous_dahl").with_current_laws({"k_w": law, "k_x": "linear:0,1"})
+    limited = {"quadratic:0,0.5,1": (40.0, 5.0, 900.0), "quadratic": (40.0, -1000.0, 1860.0)}
+    coefficients = limited.get(law, (-50.0, 10.0, 2.0))
+    theta = np.array([700.0, 300.0, *coefficients, 2000.0, 20.0])
+    assert leaves_range(spec, theta, FIVE_COMMANDS) == ("k_w",)
+    moved = within_range(spec, theta, FIVE_COMMANDS)
+    assert not leaves_range(spec, moved, FIVE_COMMANDS)
+    assert moved[[0, 1, 5, 6]].tolist() == theta[[0, 1, 5, 6]].tolist()
+    assert within_range(spec, moved, FIVE_COMMANDS).tolist() == moved.tolist()

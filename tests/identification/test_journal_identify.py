@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from command_line import PATIENCE, mrwork
+from command_line import PATIENCE, mrwork, printed, ran
 
 from mrwork import Journal, identify
 from mrwork.errors import JournalError
@@ -59,8 +59,7 @@ def steps_of(journal: Path) -> list[dict[str, Any]]:
 
 def finished(command: list[str], folder: Path) -> Path:
     """The run folder of a run that nothing interrupted."""
-    result = mrwork(*command, "--out", folder / "run")
-    assert result.returncode == 0, result.stderr
+    printed(*command, "--out", folder / "run")
     return folder / "run"
 
 
@@ -113,8 +112,7 @@ def test_a_run_that_is_killed_is_resumed_to_the_same_bits(
         torn = lines[n_lines][: int(chance.random() * len(lines[n_lines]))]
         part_with(tmp_path, b"".join(lines[:n_lines]) + torn)
     assert not place.exists()
-    resumed = mrwork(*command, "--out", place, "--resume", "--threads", 1 + point % 2)
-    assert resumed.returncode == 0, resumed.stderr
+    printed(*command, "--out", place, "--resume", "--threads", 1 + point % 2)
     assert found(place) == found(whole)
     assert steps_of(place / "journal.jsonl") == steps_of(whole / "journal.jsonl")
     assert [path.name for path in tmp_path.iterdir()] == ["run"]
@@ -232,18 +230,12 @@ main(sys.argv[1:])
 
 def test_after_ctrl_c_the_run_goes_on(whole: Path, tmp_path: Path) -> None:
     place = tmp_path / "run"
-    interrupted = subprocess.run(
-        [sys.executable, "-c", INTERRUPTED, *COMMAND, "--out", str(place)],
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=PATIENCE,
-    )
+    interrupted = ran(sys.executable, "-c", INTERRUPTED, *COMMAND, "--out", place)
     assert interrupted.returncode == 130, interrupted.stderr
     assert "with --resume to continue" in interrupted.stderr
     assert json.loads((place / "fit.json").read_text())["status"] == "interrupted"
     assert [path.name for path in tmp_path.iterdir()] == ["run"]
-    assert mrwork(*COMMAND, "--out", place, "--resume").returncode == 0
+    printed(*COMMAND, "--out", place, "--resume")
     assert found(place) == found(whole)
 
 

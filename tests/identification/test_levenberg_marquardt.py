@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import subprocess
 import sys
 from collections.abc import Mapping
 from dataclasses import replace
@@ -14,6 +13,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from command_line import ran
 
 from mrwork import identify
 from mrwork.dampers import DamperSpec, damper
@@ -225,13 +225,7 @@ def environment(**changed: str) -> dict[str, str]:
 
 def printed(program: str, settings: Mapping[str, str]) -> list[str]:
     """Lines that a process prints, if it says nothing else."""
-    result = subprocess.run(
-        [sys.executable, "-W", "error", "-c", program],
-        env=environment(**settings),
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    result = ran(sys.executable, "-W", "error", "-c", program, env=environment(**settings))
     assert (result.returncode, result.stderr) == (0, "")
     return result.stdout.splitlines()
 

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import printed
 from sentences import Refused
 
-from mrwork.cli import main
 from mrwork.identification.fit_file import OpenedRun, reopen
 from mrwork.identification.settings import Reading
 
@@ -41,9 +41,7 @@ def record(folder: Path) -> Path:
 
 
 def identified(*arguments: str | Path) -> None:
-    with pytest.raises(SystemExit) as ended:
-        main(["identify", *map(str, arguments), *SEARCH, "--json"])
-    assert ended.value.code == 0
+    printed("identify", *arguments, *SEARCH, "--json")
 
 
 @pytest.fixture(scope="module")

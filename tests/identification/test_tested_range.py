@@ -102,9 +102,7 @@ def test_a_simulation_that_fails_outside_the_tested_range_says_so(fit: mr.Fit) -
             raise SimulationError("diverged")
 
 
-def test_both_verbs_say_what_the_fit_says(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], refused: Refused
-) -> None:
+def test_both_verbs_say_what_the_fit_says(tmp_path: Path, refused: Refused) -> None:
     names = []
     for current in (0.25, 0.5, 1.0, 0.0):
         test = a_test(current)
@@ -121,7 +119,7 @@ def test_both_verbs_say_what_the_fit_says(
     *fitted, left_out = names
     out = tmp_path / "run"
     laws = ("--model", "bingham", "--law", "f_c=linear:0.25,1", "--generations", "5", "--population", "20")
-    text = printed(capsys, "identify", *fitted, *laws, "--out", out, "--quiet")
+    text = printed("identify", *fitted, *laws, "--out", out, "--quiet")
     assert "tested: stroke to 10 mm" in text
     assert "warning: the law of f_c turns negative" in text
     loaded = " ".join(repr(mr.load(out)).split())
@@ -130,10 +128,10 @@ def test_both_verbs_say_what_the_fit_says(
     page = (out / "report.html").read_text()
     assert "Tested range" in page
     assert "the law of f_c turns negative" in page
-    text = printed(capsys, "predict", out, left_out, fitted[0])
+    text = printed("predict", out, left_out, fitted[0])
     assert "warning: command 0 A, tested from 0.25 to 1 A; the law of f_c is extrapolated" in text
     assert "outside on 1 of 2 files" in text
-    document = json.loads(printed(capsys, "predict", out, left_out, fitted[0], "--json"))
+    document = json.loads(printed("predict", out, left_out, fitted[0], "--json"))
     assert document["files"][0]["outside_tested_range"] == ["command"]
     assert any("turns negative" in each for each in document["files"][0]["warnings"])
     assert (document["files"][1]["outside_tested_range"], document["files"][1]["warnings"]) == ([], [])

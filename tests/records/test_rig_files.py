@@ -1,17 +1,25 @@
-"""Files as programs of test rigs write them read like a plain table, or are refused with what to pass."""
+"""Files as programs of test rigs write them, of LabVIEW and of MATLAB 7.3 read like a plain table, or are refused."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import sys
+from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from types import ModuleType
+from typing import Any
 
+import h5py
 import numpy as np
 import pytest
-from record_files import DT, N_TIME, clean_columns
+from odd_files import assert_is_the_test
+from record_files import DT, N_TIME, clean_columns, damaged
+from rig_files import lvm, tdms_channels, write_matlab_73, write_tdms
 from sentences import Refused
 
-from mrwork.records import DamperTest, read_damper_test
+from mrwork.errors import MrworkError
+from mrwork.records import read_damper_test
 from mrwork.store.input_file import RECORD
 
 MM, KN = 1e3, 1e-3
@@ -57,102 +65,86 @@ def text(*blocks: Sequence[str], end: str = "\n") -> str:
     return end.join(line for block in blocks for line in block) + end
 
 
-FILES: dict[str, tuple[str, Callable[[], str]]] = {
-    "MTS with a row of units": (".txt", lambda: text(MTS, rows("n", "t", "x", "f"))),
-    "MTS, CR LF": (".dat", lambda: text(MTS, rows("n", "t", "x", "f"), end="\r\n")),
+seconds_and_loop = partial(rows, "t", "x", "f")
+
+FILES: dict[str, tuple[str, str]] = {
+    "MTS with a row of units": (".txt", text(MTS, rows("n", "t", "x", "f"))),
+    "MTS, CR LF": (".dat", text(MTS, rows("n", "t", "x", "f"), end="\r\n")),
     "MTS, its header repeated": (
         ".txt",
-        lambda: text(MTS, rows("n", "t", "x", "f")[:150], MTS, rows("n", "t", "x", "f")[150:]),
+        text(MTS, rows("n", "t", "x", "f")[:150], MTS, rows("n", "t", "x", "f")[150:]),
     ),
-    "Instron": (".csv", lambda: text(INSTRON, rows("t", "n", "x", "f", delimiter=","))),
+    "Instron": (".csv", text(INSTRON, rows("t", "n", "x", "f", delimiter=","))),
     "Instron, quoted": (
         ".csv",
-        lambda: text(
-            ["Time,Extension,Load", "(s),(mm),(kN)"], rows("t", "x", "f", delimiter=",", form='"{:.9g}"')
-        ),
+        text(["Time,Extension,Load", "(s),(mm),(kN)"], seconds_and_loop(delimiter=",", form='"{:.9g}"')),
     ),
-    "decimal commas": (".csv", lambda: text(GERMAN, rows("t", "x", "f", delimiter=";", comma=True))),
+    "decimal commas": (".csv", text(GERMAN, seconds_and_loop(delimiter=";", comma=True))),
     "decimal commas in quotes": (
         ".csv",
-        lambda: text(["t_s,x_mm,f_kN"], rows("t", "x", "f", delimiter=",", form='"{:.9g}"')).replace(
-            ".", ","
-        ),
+        text(["t_s,x_mm,f_kN"], seconds_and_loop(delimiter=",", form='"{:.9g}"')).replace(".", ","),
     ),
     "decimal commas and tabs": (
         ".txt",
-        lambda: text(["Time (s)\tStroke (mm)\tForce (kN)"], rows("t", "x", "f", comma=True)),
+        text(["Time (s)\tStroke (mm)\tForce (kN)"], seconds_and_loop(comma=True)),
     ),
     "blanks": (
         ".txt",
-        lambda: text(
+        text(
             ["  Time (s)   Axial Displacement (mm)   Axial Force (kN)"],
-            rows("t", "x", "f", delimiter="   ", form="{:12.9g}"),
+            seconds_and_loop(delimiter="   ", form="{:12.9g}"),
         ),
     ),
-    "savetxt": (".txt", lambda: text(["# t_s x_mm f_kN"], rows("t", "x", "f", delimiter=" "))),
+    "savetxt": (".txt", text(["# t_s x_mm f_kN"], seconds_and_loop(delimiter=" "))),
     "semicolons at the end": (
         ".csv",
-        lambda: text(["t_s;x_mm;f_kN;;"], [f"{row};;" for row in rows("t", "x", "f", delimiter=";")]),
+        text(["t_s;x_mm;f_kN;;"], [f"{row};;" for row in seconds_and_loop(delimiter=";")]),
     ),
     "a column of remarks": (
         ".csv",
-        lambda: text(
-            ["Zeit;Weg;Kraft;Bemerkung", "s;mm;kN;"],
-            [f"{row};" for row in rows("t", "x", "f", delimiter=";")],
+        text(
+            ["Zeit;Weg;Kraft;Bemerkung", "s;mm;kN;"], [f"{row};" for row in seconds_and_loop(delimiter=";")]
         ),
     ),
     "clock times": (
         ".csv",
-        lambda: text(
+        text(
             ["Clock,Time,Stroke,Force", "-,s,mm,kN"],
-            [f"12:00:{row % 60:02d},{each}" for row, each in enumerate(rows("t", "x", "f", delimiter=","))],
+            [f"12:00:{row % 60:02d},{each}" for row, each in enumerate(seconds_and_loop(delimiter=","))],
         ),
     ),
-    "a rule below the names": (
-        ".txt",
-        lambda: text(["t_s\tx_mm\tf_kN", "-----\t-----\t-----"], rows("t", "x", "f")),
-    ),
+    "a rule below the names": (".txt", text(["t_s\tx_mm\tf_kN", "-----\t-----\t-----"], seconds_and_loop())),
     "three hundred lines of settings": (
         ".txt",
-        lambda: text([f"setting {k}\t{k}\t{k}" for k in range(300)], MTS, rows("n", "t", "x", "f")),
+        text([f"setting {k}\t{k}\t{k}" for k in range(300)], MTS, rows("n", "t", "x", "f")),
     ),
     "a table of a calibration above": (
         ".txt",
-        lambda: text(
-            ["Calibration"], [f"{k}\t{2.5 * k}" for k in range(30)], ["t_s\tx_mm\tf_kN"], rows("t", "x", "f")
+        text(
+            ["Calibration"], [f"{k}\t{2.5 * k}" for k in range(30)], ["t_s\tx_mm\tf_kN"], seconds_and_loop()
         ),
     ),
-    "units above the names": (
-        ".txt",
-        lambda: text(["s\tmm\tkN", "Time\tStroke\tForce"], rows("t", "x", "f")),
-    ),
+    "units above the names": (".txt", text(["s\tmm\tkN", "Time\tStroke\tForce"], seconds_and_loop())),
     "a remark on each column below the units": (
         ".txt",
-        lambda: text(["Time\tStroke\tForce", "s\tmm\tkN", "run 1\trun 1\trun 1"], rows("t", "x", "f")),
+        text(["Time\tStroke\tForce", "s\tmm\tkN", "run 1\trun 1\trun 1"], seconds_and_loop()),
     ),
     "a spreadsheet's first line": (
         ".csv",
-        lambda: text(["sep=;", "Zeit;Weg;Kraft", "s;mm;kN"], rows("t", "x", "f", delimiter=";", comma=True)),
+        text(["sep=;", "Zeit;Weg;Kraft", "s;mm;kN"], seconds_and_loop(delimiter=";", comma=True)),
     ),
     "catman": (
         ".asc",
-        lambda: text(
+        text(
             ["Messrate: 200 Hz", "Zeit  1 - Standardmessrate [s]\tWeg [mm]\tKraft [kN]"],
-            rows("t", "x", "f", comma=True),
+            seconds_and_loop(comma=True),
         ),
     ),
     "words of several languages": (
         ".csv",
-        lambda: text(["Tiempo (s),Desplazamiento (mm),Fuerza (kN)"], rows("t", "x", "f", delimiter=",")),
+        text(["Tiempo (s),Desplazamiento (mm),Fuerza (kN)"], seconds_and_loop(delimiter=",")),
     ),
 }
-
-
-def assert_is_the_test(test: DamperTest) -> None:
-    columns = clean_columns()
-    assert test.dt == pytest.approx(DT, rel=1e-6)
-    np.testing.assert_allclose(test.displacement, columns["displacement_m"], rtol=1e-8, atol=1e-11)
-    np.testing.assert_allclose(test.force, columns["force_n"], rtol=1e-8, atol=1e-8)
 
 
 @pytest.mark.parametrize("name", FILES)
@@ -160,7 +152,7 @@ def assert_is_the_test(test: DamperTest) -> None:
 def test_a_file_of_a_rig_reads_like_a_plain_table(tmp_path: Path, name: str, encoding: str) -> None:
     extension, written = FILES[name]
     path = tmp_path / f"rig{extension}"
-    path.write_bytes(written().encode(encoding))
+    path.write_bytes(written.encode(encoding))
     assert_is_the_test(read_damper_test(path))
 
 
@@ -176,7 +168,7 @@ def test_micrometres_of_a_latin_1_header_are_micrometres(tmp_path: Path) -> None
 
 def test_columns_without_names_are_given_by_number(tmp_path: Path, refused: Refused) -> None:
     path = tmp_path / "rig.txt"
-    path.write_text(text(rows("t", "x", "f")))
+    path.write_text(text(seconds_and_loop()))
     refused(read_damper_test, path)
     assert_is_the_test(
         read_damper_test(path, columns={"time": "1:s", "displacement": "2:mm", "force": "3:kN"})
@@ -185,7 +177,7 @@ def test_columns_without_names_are_given_by_number(tmp_path: Path, refused: Refu
 
 def test_a_name_is_given_without_the_unit_below_it(tmp_path: Path, refused: Refused) -> None:
     path = tmp_path / "rig.txt"
-    path.write_text(text(["Ch 1\tCh 2\tCh 3", "s\tmm\tkN"], rows("t", "x", "f")))
+    path.write_text(text(["Ch 1\tCh 2\tCh 3", "s\tmm\tkN"], seconds_and_loop()))
     refused(read_damper_test, path)
     given = {"time": "Ch 1:s", "displacement": "Ch 2:mm", "force": "Ch 3:kN"}
     assert_is_the_test(read_damper_test(path, columns=given))
@@ -200,15 +192,13 @@ def test_what_the_header_leaves_open_is_asked_for(tmp_path: Path, refused: Refus
         ["Time (s)\tStroke error (mm)\tForce (kN)"],
     ):
         path = tmp_path / "rig.txt"
-        path.write_text(text(header, rows("t", "x", "f")))
+        path.write_text(text(header, seconds_and_loop()))
         refused(read_damper_test, path)
 
 
 def test_two_force_cells_are_asked_for(tmp_path: Path, refused: Refused) -> None:
     path = tmp_path / "rig.txt"
-    path.write_text(
-        text(["Time (s)\tStroke (mm)\tAxial Force (kN)\tLoad cell (kN)"], rows("t", "x", "f", "f"))
-    )
+    path.write_text(text(["Time (s)\tStroke (mm)\tAxial Force (kN)\tLoad cell (kN)"], seconds_and_loop("f")))
     refused(read_damper_test, path)
     assert_is_the_test(read_damper_test(path, columns={"force": "Load cell (kN):kN"}))
 
@@ -224,7 +214,7 @@ def test_set_points_and_voltages_of_sensors_are_no_measured_signals(tmp_path: Pa
 
 def test_commas_that_mean_two_things_are_refused(tmp_path: Path, refused: Refused) -> None:
     for lines in (
-        ["t_s,x_mm,f_kN", *rows("t", "x", "f", delimiter=",", form="{:.6f}", comma=True)],
+        ["t_s,x_mm,f_kN", *seconds_and_loop(delimiter=",", form="{:.6f}", comma=True)],
         ["t_s;x_mm;f_kN", *(f"{k},125;{k},250;{k},500" for k in range(1, 40))],
         ["t_s;x_mm;f_kN", *(f"0.{k};{k},2;{k},5" for k in range(10, 99))],
         ["t_s\tx_mm\tf_kN", *(f"0.{k}\t{k}.2\t1,234.5" for k in range(10, 99))],
@@ -248,4 +238,126 @@ def test_a_file_larger_than_any_test_is_refused(
     path = tmp_path / "rig.txt"
     path.write_text(text(MTS, rows("n", "t", "x", "f")))
     monkeypatch.setattr("mrwork.files.open_table.RECORD", replace(RECORD, largest=1000))
+    refused(read_damper_test, path)
+
+
+@pytest.mark.parametrize("comma", [False, True])
+@pytest.mark.parametrize("cuts", [(), (100, 150)])
+@pytest.mark.parametrize("x_columns", ["One", "Multi", "No"])
+@pytest.mark.parametrize("extension", [".lvm", ".txt"])
+def test_a_labview_file_reads_like_a_plain_table(
+    tmp_path: Path, extension: str, x_columns: str, cuts: tuple[int, ...], comma: bool
+) -> None:
+    path = tmp_path / f"rig{extension}"
+    path.write_text(lvm(x_columns, cuts=cuts, comma=comma))
+    assert_is_the_test(read_damper_test(path))
+
+
+def test_a_labview_file_is_refused_by_its_lines(tmp_path: Path, refused: Refused) -> None:
+    def read(text: str) -> object:
+        path = tmp_path / "rig.lvm"
+        path.write_text(text)
+        return read_damper_test(path)
+
+    whole = lvm("One")
+    lines = whole.split("\n")
+    refused(read, lvm("No", steps="0.005\t0.01"))
+    wrong = 40
+    text = "\n".join([*lines[:wrong], lines[wrong].rpartition("\t")[0] + "\toverload", *lines[wrong + 1 :]])
+    refused(read, text)
+    other = lvm("One", cuts=(100,))
+    head, _, rest = other.rpartition("X_Value\tStroke\tLoad cell")
+    refused(read, f"{head}X_Value\tStroke\tTemperature{rest}")
+    refused(read, "\n".join(lines[:23]))
+    refused(read, "\n".join(lines[:8]))
+    parted = lvm("Multi").split("\n")
+    parted[40] = parted[40].replace("\t", "9\t", 1)
+    refused(read, "\n".join(parted))
+
+
+@pytest.mark.parametrize("struct", ["", "rig"])
+def test_a_matlab_73_file_reads_like_a_plain_table(tmp_path: Path, struct: str) -> None:
+    path = tmp_path / "rig.mat"
+    columns = clean_columns()
+    write_matlab_73(
+        path, {**columns, "current_a": 0.5, "gains": np.eye(3), "pair": 1j * np.ones(3)}, struct=struct
+    )
+    test = read_damper_test(path)
+    np.testing.assert_array_equal(test.force, columns["force_n"])
+    np.testing.assert_array_equal(test.velocity, columns["velocity_mps"])
+    assert test.current == 0.5
+
+
+def test_a_matlab_73_file_that_is_cut_off_is_refused(tmp_path: Path, refused: Refused) -> None:
+    path = tmp_path / "rig.mat"
+    write_matlab_73(path, clean_columns())
+    whole = path.read_bytes()
+    for size in range(600, len(whole) - 1, len(whole) // 9):
+        path.write_bytes(whole[:size])
+        refused(read_damper_test, path)
+
+
+def test_a_matlab_73_file_cannot_claim_memory_or_name_other_files(tmp_path: Path, refused: Refused) -> None:
+    path = tmp_path / "rig.mat"
+    with h5py.File(path, "w", userblock_size=512) as file:
+        # Chunks that were never written take no room in the file.
+        file.create_dataset("force_n", shape=(1 << 34, 1), chunks=(1024, 1), dtype="f8")
+    refused(read_damper_test, path)
+    secret = tmp_path / "secret.h5"
+    with h5py.File(secret, "w") as file:
+        for name, samples in clean_columns().items():
+            file.create_dataset(name, data=samples)
+    with h5py.File(path, "w", userblock_size=512) as file:
+        for name in clean_columns():
+            file[name] = h5py.ExternalLink(str(secret), name)
+    refused(read_damper_test, path)
+
+
+@pytest.fixture
+def nptdms() -> ModuleType:
+    module: ModuleType = pytest.importorskip("nptdms", reason="reading TDMS needs npTDMS")
+    return module
+
+
+def test_a_tdms_file_reads_like_a_plain_table(nptdms: Any, tmp_path: Path, refused: Refused) -> None:
+    path = tmp_path / "rig.tdms"
+    evenly = tdms_channels(wf_increment=DT, wf_start_offset=0.0)
+    write_tdms(path, evenly)
+    assert_is_the_test(read_damper_test(path))
+    timed = {"Time": (clean_columns()["t_s"], {"unit_string": "s"}), **tdms_channels()}
+    write_tdms(path, timed)
+    assert_is_the_test(read_damper_test(path))
+    stamps = np.datetime64("2020-01-02T12:00") + np.round(1e6 * clean_columns()["t_s"]).astype(
+        "timedelta64[us]"
+    )
+    write_tdms(path, {"Time": (stamps, {}), **tdms_channels()})
+    assert_is_the_test(read_damper_test(path))
+    write_tdms(path, tdms_channels())
+    refused(read_damper_test, path)
+
+
+@pytest.mark.filterwarnings("ignore:.*npTDMS reports:mrwork.errors.MrworkWarning")
+def test_a_damaged_tdms_file_reads_or_is_refused(
+    nptdms: Any, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "rig.tdms"
+    write_tdms(path, tdms_channels(wf_increment=DT))
+    intact = path.read_bytes()
+    n_refused = 0
+    for copy in damaged(intact, 60, header=300, rng=3):
+        path.write_bytes(copy)
+        try:
+            read_damper_test(path)
+        except MrworkError:
+            n_refused += 1
+    assert n_refused > 0
+    assert capfd.readouterr() == ("", "")
+
+
+def test_without_nptdms_the_remedy_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, refused: Refused
+) -> None:
+    monkeypatch.setitem(sys.modules, "nptdms", None)
+    path = tmp_path / "rig.tdms"
+    path.write_bytes(b"TDSm")
     refused(read_damper_test, path)

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import io
 import os
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from command_line import ran
 from fontTools import subset
 from fontTools.pens.recordingPen import DecomposingRecordingPen
 from fontTools.ttLib import TTFont
@@ -88,13 +88,7 @@ def test_fonts_of_the_system_change_no_figure(tmp_path: Path) -> None:
             "MPLCONFIGDIR": str(tmp_path / str(number)),
             "PYTHONPATH": os.pathsep.join([str(Path(__file__).parents[1] / "samples"), *sys.path]),
         }
-        done = subprocess.run(
-            [sys.executable, "-c", prepare + _DRAW],
-            capture_output=True,
-            text=True,
-            env=environment,
-            check=True,
-        )
+        done = ran(sys.executable, "-c", prepare + _DRAW, env=environment, check=True)
         drawn.add(done.stdout)
     with style.drawn_in_style():
         figure = figures.force_history(comparison())

@@ -12,21 +12,23 @@ from typing import Any
 import headless_browser
 import numpy as np
 import pytest
+import report_samples
 from blank_pictures import blank
+from command_line import mrwork, printed
 from report_samples import comparison, fit, quality
 from test_report import Page
 
 import mrwork as mr
 from mrwork import StoredRun, identify
-from mrwork.cli import main
 from mrwork.errors import MrworkError, RecordError
 from mrwork.identification.fit_file import fit_from_json, read_fit
 from mrwork.identification.residual import ObservedTest
 from mrwork.records import Finding, cut
 from mrwork.report.figures import Comparison
+from mrwork.report.fit.amplitudes import amplitude_section
 from mrwork.report.fit.page import comparisons_of, fit_page, open_run, write_page
 from mrwork.report.fit.search import waterfall_panel
-from mrwork.report.section import PageProgress
+from mrwork.report.section import PageProgress, Section
 from mrwork.store.codec import json_document
 from mrwork.synthetic import synthetic_test
 from mrwork.uncertainty import Prediction
@@ -39,9 +41,7 @@ READABLE = 8.5
 
 
 def run_verb(*arguments: str | Path) -> None:
-    with pytest.raises(SystemExit) as ended:
-        main([*map(str, arguments), "--json", "--quiet"])
-    assert ended.value.code == 0
+    printed(*arguments, "--json", "--quiet")
 
 
 @pytest.fixture(scope="module")
@@ -188,7 +188,7 @@ def test_a_page_written_again_is_the_same(whole: Path) -> None:
 
 
 def test_a_run_interrupted_while_its_page_is_drawn_loses_nothing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def interrupt(*_: Any, **__: Any) -> None:
         raise KeyboardInterrupt
@@ -197,13 +197,11 @@ def test_a_run_interrupted_while_its_page_is_drawn_loses_nothing(
     arguments = ["identify", "synthetic:spencer1997", "--model", "viscous_dahl", *READING, "--out", place]
     with monkeypatch.context() as patched:
         patched.setattr("matplotlib.figure.Figure.savefig", interrupt)
-        with pytest.raises(SystemExit) as ended:
-            main([str(each) for each in arguments])
-    assert ended.value.code == 130
-    printed = capsys.readouterr()
-    assert "converged after" in printed.out
-    assert "Report:" not in printed.out
-    assert f"mrwork report {place} draws it" in printed.err
+        ended = mrwork(*arguments)
+    assert ended.returncode == 130
+    assert "converged after" in ended.stdout
+    assert "Report:" not in ended.stdout
+    assert f"mrwork report {place} draws it" in ended.stderr
     assert read_fit(place).status == "converged"
     assert "mrwork report RUN" in (place / "report.html").read_text()
     assert [path.name for path in tmp_path.iterdir()] == ["run"]
@@ -373,3 +371,63 @@ def test_the_journal_of_an_unfinished_run_is_said_to_be_one(tmp_path: Path) -> N
         RecordError, match="unfinished run; run the command that began it again with --resume"
     ):
         mr.load(tmp_path / "demo.part")
+
+
+def with_error(amplitude: float, error: np.ndarray | float) -> Comparison:
+    """A test of this amplitude [m] whose model is off by this force [N]."""
+    found = report_samples.comparison(f"{1e3 * amplitude:g} mm", amplitude=amplitude)
+    return replace(found, model_force=found.test.force - error)
+
+
+def rows(section: Section) -> dict[str, dict[str, str]]:
+    """Cells of the table by column, by the first cell of their row."""
+    (group,) = section.groups
+    assert group.table is not None
+    return {row[0]: dict(zip(group.table.columns, row, strict=True)) for row in group.table.rows}
+
+
+def test_each_class_of_amplitudes_has_its_own_error() -> None:
+    section = amplitude_section([with_error(0.038, 10.0), with_error(0.002, 40.0), with_error(0.0021, 40.0)])
+    found = rows(section)
+    assert list(found) == ["2 to 2.1 mm", "38 mm", "all"]
+    assert found["38 mm"]["RMSE (N)"] == "10.0"
+    assert found["2 to 2.1 mm"]["RMSE (N)"] == "40.0"
+    # Seven and a half cycles from the first reversal on, of each test.
+    assert [each["Half cycles"] for each in found.values()] == ["30", "15", "45"]
+    assert float(found["all"]["RMSE (N)"]) == pytest.approx(np.sqrt((10.0**2 + 2 * 40.0**2) / 3), abs=0.06)
+    assert "in those of 2 to 2.1 mm" in section.summary
+
+
+def test_an_error_that_small_strokes_have_alone_is_said() -> None:
+    (group,) = amplitude_section([with_error(0.038, 10.0), with_error(0.002, 40.0)]).groups
+    (sentence,) = group.prose
+    assert "In half cycles of 2 mm the error over the force is 4 times that in those of 38 mm." in sentence
+    (group,) = amplitude_section([with_error(0.038, 10.0), with_error(0.002, 15.0)]).groups
+    assert group.prose == ()
+
+
+def test_an_error_at_reversals_is_told_from_one_elsewhere() -> None:
+    test = report_samples.comparison().test
+    at_reversal = np.abs(test.velocity) < np.sin(0.1 * np.pi) * np.max(test.velocity)
+    found = rows(amplitude_section([with_error(0.01, np.where(at_reversal, 30.0, 10.0))]))
+    (row,) = found.values()
+    # A window has 12.5 samples: one at its edge may count on the other side.
+    assert float(row["RMSE at reversals (N)"]) == pytest.approx(30.0, rel=0.04)
+    assert float(row["RMSE elsewhere (N)"]) == pytest.approx(10.0, rel=0.05)
+    assert float(row["At reversals / elsewhere"]) == pytest.approx(3.0, rel=0.1)
+
+
+def test_samples_that_are_not_compared_do_not_count() -> None:
+    found = with_error(0.01, 10.0)
+    error = np.full(found.test.n_time, 10.0)
+    error[500:700] = 1e6
+    test = replace(found.test, uncompared=((500, 700),))
+    (row,) = rows(amplitude_section([replace(found, test=test, model_force=test.force - error)])).values()
+    assert row["RMSE (N)"] == "10.0"
+
+
+def test_a_motion_without_half_cycles_has_one_class() -> None:
+    found = with_error(0.01, 10.0)
+    ramp = np.linspace(0.0, 0.02, found.test.n_time)
+    section = amplitude_section([replace(found, test=replace(found.test, displacement=ramp))])
+    assert section.summary == "Errors by amplitude: all half cycles are of 10 mm."

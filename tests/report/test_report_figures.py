@@ -1,11 +1,10 @@
-"""Figures of a fit: true to the data, legible, without side effects."""
+"""Figures of fits, of branches of loops and of effects of parameters: true to the data, legible, no side effects."""
 
 from __future__ import annotations
 
 import html
 import math
 import os
-import subprocess
 import sys
 from dataclasses import replace
 from itertools import combinations
@@ -14,15 +13,19 @@ from pathlib import Path
 import matplotlib
 import numpy as np
 import pytest
+from command_line import ran
 from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 from report_samples import comparison, fit, quality
+from sentences import Refused
 
+import mrwork as mr
 from mrwork import StoredRun
 from mrwork.identification.fit import SearchTrace
-from mrwork.report import figures, style
+from mrwork.records import branches
+from mrwork.report import branches_figure, figures, parameter_effects_figure, style
 from mrwork.report.canvas import inline_svg, svg_bytes
 from mrwork.report.figures import Comparison, even_samples, scattered_samples, zoom_window
 from mrwork.report.fit import search
@@ -172,12 +175,11 @@ def test_figures_leave_the_settings_of_the_caller_alone() -> None:
 
 def test_the_report_never_loads_pyplot_and_a_run_is_read_without_matplotlib() -> None:
     def loaded_by(module: str) -> str:
-        return subprocess.run(
-            [sys.executable, "-c", f"import sys, {module}; print(*sorted(sys.modules))"],
-            capture_output=True,
-            text=True,
-            check=True,
+        return ran(
+            *(sys.executable, "-c"),
+            f"import sys, {module}; print(*sorted(sys.modules))",
             env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+            check=True,
         ).stdout
 
     assert "matplotlib.pyplot" not in loaded_by("mrwork.report.fit.page")
@@ -286,3 +288,77 @@ def test_a_name_is_drawn_as_text() -> None:
     svg = inline_svg(figures.force_history(comparison(name)), identifier="f", description="")
     assert f">{html.escape(name)}</text>" in svg
     assert svg_bytes(figures.hysteresis_loops(comparison(name)))
+
+
+TEST = mr.synthetic_test("rd1005_1a")
+
+
+@pytest.mark.parametrize("over", ["velocity", "displacement"])
+def test_the_panels_are_thickness_and_mean_of_test_and_model(over: str) -> None:
+    force = 0.5 * TEST.force
+    figure = branches_figure([TEST], [force], over=over)
+    loop, model = branches(TEST, over=over), branches(TEST, over=over, force=force)
+    for axes, quantity in zip(figure.axes, ("thickness", "mean"), strict=True):
+        points, line = axes.lines[0].get_xydata(), axes.lines[1].get_xydata()
+        np.testing.assert_allclose(points.T[1], getattr(loop, quantity).mean(axis=0)[::2])
+        np.testing.assert_allclose(line.T[0], 1e3 * model.abscissa)
+        np.testing.assert_allclose(line.T[1], getattr(model, quantity).mean(axis=0))
+        band = axes.collections[0].get_paths()[0].vertices
+        deviation = getattr(loop, quantity).std(axis=0, ddof=1)
+        assert np.ptp(band[:, 1]) >= np.ptp(points.T[1]) + deviation.min()
+
+
+def test_tests_are_named_by_their_command_in_tones_of_their_own() -> None:
+    tests = [replace(TEST, current=current) for current in (0.0, 0.5, None)]
+    legend = branches_figure(tests).legends[0]
+    assert [text.get_text() for text in legend.get_texts()] == ["0 A", "0.5 A", TEST.name]
+    assert len({line.get_color() for line in legend.get_lines()}) == 3
+
+
+def test_branches_that_cannot_be_drawn_are_refused(refused: Refused) -> None:
+    refused(branches_figure, [])
+    refused(branches_figure, [TEST], [TEST.force, TEST.force])
+
+
+@pytest.mark.parametrize("name", [spec.name for spec in mr.damper_models()])
+def test_every_parameter_of_every_model_is_halved_and_doubled(name: str) -> None:
+    spec = mr.damper(name)
+    figure = parameter_effects_figure(spec)
+    assert len(figure.axes) == 2 * len(spec.parameters)
+    for panel in figure.axes:
+        assert len(panel.lines) == 3, panel.get_title(loc="left")
+    for parameter, panel in zip(spec.parameters, figure.axes[::2], strict=True):
+        assert panel.get_title(loc="left").startswith(f"{parameter.name} = ")
+
+
+def test_a_loop_is_the_force_of_the_model() -> None:
+    spec = mr.damper("bingham")
+    force, scale, damping, offset = 700.0, 0.01, 4000.0, 20.0
+    figure = parameter_effects_figure(spec, (force, scale, damping, offset), amplitude=0.01, frequency=1.0)
+    for factor, drawn in zip((0.5, 2.0, 1.0), figure.axes[1].lines, strict=True):
+        velocity, found = np.asarray(drawn.get_xydata()).T
+        velocity = velocity / 1e3
+        expected = factor * force * np.tanh(velocity / scale) + damping * velocity + offset
+        np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9)
+    assert np.ptp(figure.axes[0].lines[2].get_xdata()) == pytest.approx(20.0, rel=1e-5)
+
+
+def test_a_model_with_current_laws_is_drawn_at_its_command() -> None:
+    spec = mr.damper("bingham").with_current_laws({"f_c": "linear"})
+    theta = np.array(spec.nominal)
+    theta[list(spec.names).index("f_c.0")], theta[list(spec.names).index("f_c.1")] = 100.0, 500.0
+    tops = [
+        float(np.max(parameter_effects_figure(spec, theta, command=command).axes[1].lines[2].get_ydata()))
+        for command in (0.0, 1.0)
+    ]
+    assert tops[1] - tops[0] == pytest.approx(500.0, rel=0.05)
+
+
+def test_effects_that_cannot_be_drawn_are_refused(refused: Refused) -> None:
+    spec = mr.damper("bingham")
+    refused(parameter_effects_figure, spec, (1.0, 2.0))
+    refused(parameter_effects_figure, spec, command=1.0)
+    stiff = mr.damper("bouc_wen")
+    theta = np.array(stiff.nominal)
+    theta[list(stiff.names).index("A")] = 1e12
+    refused(parameter_effects_figure, stiff, theta)

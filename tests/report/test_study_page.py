@@ -31,6 +31,7 @@ from mrwork.report.study.tables import (
 from mrwork.study import StudyResults, compared
 from mrwork.study.run_result import RunResult
 from mrwork.study.study import Row
+from studies.common.expected import departures
 
 
 def page_of(**changes: object) -> str:
@@ -271,3 +272,30 @@ def test_the_criteria_of_one_motion_are_those_of_the_page() -> None:
 
 def first_runs() -> dict[tuple[int, int], RunResult]:
     return {key: run for key, run in study_samples.results().runs.items() if key[1] == 0}
+
+
+EXPECTED = """
+a.b = { value = 1.0, tolerance = 0.1 }
+c = { most = 1.0 }
+d = "diverged"
+"""
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    path = tmp_path / "expected.toml"
+    path.write_text(EXPECTED, encoding="utf-8")
+    return path
+
+
+def test_a_figure_outside_is_named(file: Path) -> None:
+    wrong = departures({"a": {"b": 1.2}, "c": 2.0, "d": "finished"}, file)
+    assert [sentence.partition(" is ")[0] for sentence in wrong] == ["a, b", "c", "d"]
+
+
+def test_figures_within_their_limits_are_not(file: Path) -> None:
+    assert departures({"a": {"b": 1.05}, "c": 1.0, "d": "diverged"}, file) == []
+
+
+def test_what_was_not_measured_is_not_judged(file: Path) -> None:
+    assert departures({}, file) == []

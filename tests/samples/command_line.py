@@ -7,8 +7,9 @@ import io
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 import pytest
 
@@ -39,14 +40,21 @@ def mrwork(*arguments: object) -> Ended:
     return Ended(returncode=end.value.code, stdout=out.getvalue(), stderr=err.getvalue())
 
 
-def printed(capsys: pytest.CaptureFixture[str], *arguments: object, status: int = 0) -> str:
+def printed(*arguments: object, status: int = 0) -> str:
     """Text that a command printed: on stderr if it was expected to fail."""
-    capsys.readouterr()
-    with pytest.raises(SystemExit) as ended:
-        main([str(each) for each in arguments])
-    captured = capsys.readouterr()
-    assert ended.value.code == status, captured.err
-    return captured.err if status else captured.out
+    ended = mrwork(*arguments)
+    assert ended.returncode == status, ended.stderr
+    return ended.stderr if status else ended.stdout
+
+
+def ran(
+    *command: object, env: Mapping[str, str] | None = None, cwd: Path | None = None, check: bool = False
+) -> subprocess.CompletedProcess[str]:
+    """A process of its own that has ended, with what it printed."""
+    words = [str(each) for each in command]
+    return subprocess.run(
+        words, capture_output=True, text=True, env=env, cwd=cwd, check=check, timeout=PATIENCE
+    )
 
 
 @contextlib.contextmanager

@@ -18,6 +18,7 @@ from mrwork.study.labelled import (
 from mrwork.study.results import MotionFacts
 from mrwork.study.run_result import RunHistory, RunResult
 from mrwork.study.study import Row
+from mrwork.tested_range import OperatingRange
 from mrwork.units import STANDARD_GRAVITY
 
 SHAPE = np.array([0.4, 0.75, 1.0])
@@ -34,6 +35,20 @@ MOTIONS = (
     ),
     MotionFacts(name="filtered noise", peak=1.0, duration=8.0, synthetic=True),
 )
+
+
+def ranges(**changes: object) -> OperatingRange:
+    """Tested ranges that no run leaves, but where they are changed."""
+    wide = OperatingRange(
+        stroke=1.0,
+        velocity=10.0,
+        frequency=(0.01, 100.0),
+        command=(0.0, 1.5),
+        command_unit="A",
+        force=1e5,
+        power=1e5,
+    )
+    return replace(wide, **changes)
 
 
 def history(amplitude: float, n_devices: int) -> RunHistory:

@@ -4,6 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
+import mrwork as mr
+from mrwork.tuning import tune
+from mrwork.tuning.results import LawResult, chosen_study
+
 STUDY = """title = "Small"
 
 [building]
@@ -46,3 +52,18 @@ def study_file(folder: Path, *, tune: str = TUNE, motions: str = "", more: str =
     path = folder / "study.toml"
     path.write_text(STUDY + more + given + tune, encoding="utf-8")
     return path
+
+
+def tuned_law_with_its_score(folder: Path, table: str) -> LawResult:
+    """The law that a table tunes, which has the score of its test in the chosen study, too."""
+    source = study_file(folder, tune=table)
+    results = tune(mr.read_study(source), threads=1)
+    tuned = results.laws[0]
+    chosen = folder / "chosen" / "chosen.toml"
+    chosen.parent.mkdir()
+    chosen.write_text(chosen_study(results, mr.read_study(source).file), encoding="utf-8")
+    found = mr.run_study(mr.read_study(chosen), threads=1)
+    row = [each.label for each in found.rows].index(tuned.label)
+    assert tuned.test is not None
+    assert found.score(row) == pytest.approx(tuned.test.score, rel=1e-12)
+    return tuned

@@ -21,6 +21,7 @@ from search_problems import (
     sphere,
     states,
 )
+from sentences import Refused
 
 from mrwork.errors import SettingError
 from mrwork.search import (
@@ -32,6 +33,7 @@ from mrwork.search import (
     EliteRule,
     StandardGA,
     StopRules,
+    library,
     run_replicates,
     run_search,
     select,
@@ -294,3 +296,30 @@ def test_level_is_reached_in_the_median_within_six_thousand_simulations(optimise
         replicates=range(7),
     )
     assert np.median([result.best_misfit for result in run.results]) <= level
+
+
+@pytest.mark.parametrize("name", PEERS)
+def test_a_library_can_be_told_once(name, refused: Refused):
+    peer = optimiser_named(name)
+    state = peer.start(2, rng=0)
+    proposal = peer.ask(state)
+    assert np.array_equal(peer.ask(state).unit, proposal.unit)
+    peer.tell(state, proposal, sphere(proposal.unit))
+    refused(peer.tell, state, proposal, sphere(proposal.unit))
+
+
+@pytest.mark.parametrize("name", PEERS)
+def test_a_library_leaves_the_random_numbers_of_others_alone(name):
+    peer = optimiser_named(name)
+    # The one generator that all of NumPy shares is the very one meant here.
+    np.random.seed(5)  # noqa: NPY002 - the global state is what is looked at
+    before = np.random.get_state()[1].tobytes()  # noqa: NPY002 - the global state is what is looked at
+    state = peer.start(2, rng=0)
+    for _ in range(3):
+        proposal = peer.ask(state)
+        state = peer.tell(state, proposal, sphere(proposal.unit))
+    assert np.random.get_state()[1].tobytes() == before  # noqa: NPY002 - the global state is what is looked at
+
+
+def test_a_library_that_is_not_installed_is_named_with_the_remedy(refused: Refused):
+    refused(library, "no_such_library.module")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import os
 import re
-import subprocess
 import sys
 from pathlib import Path
 from typing import get_args
@@ -13,6 +12,7 @@ from typing import get_args
 import h5py
 import numpy as np
 import pytest
+from command_line import ran
 from counted_calls import calls_of
 
 from mrwork.store import child_formats, child_reader
@@ -156,12 +156,9 @@ def test_a_limit_of_the_shell_holds_for_the_child_and_is_no_damage(
 ) -> None:
     put_in_place_of_hdf5(program, tmp_path)
     line = f'{limit}; exec "$@"'
-    ended = subprocess.run(
-        ["bash", "-c", line, "bash", sys.executable, "-c", LIMITED, str(tmp_path)],
-        capture_output=True,
-        text=True,
+    ended = ran(
+        *("bash", "-c", line, "bash", sys.executable, "-c", LIMITED, tmp_path),
         env=os.environ | {"OPENBLAS_NUM_THREADS": "1"},
-        check=False,
     )
     assert re.match(words, ended.stdout), ended
     assert len(ended.stdout.splitlines()) == 1

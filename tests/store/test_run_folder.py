@@ -22,6 +22,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from command_line import ran
 from report_samples import comparison, fit
 from sentences import Refused
 
@@ -238,11 +239,8 @@ else:
 
 
 def run_script(place: Path, *, size: int, failure: str = "") -> str:
-    finished = subprocess.run(
-        [sys.executable, "-c", SCRIPT, str(place), str(size), failure],
-        capture_output=True,
-        text=True,
-        check=False,
+    finished = ran(
+        *(sys.executable, "-c", SCRIPT, place, size, failure),
         env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
     )
     assert finished.returncode == 0, finished.stderr
@@ -329,10 +327,10 @@ def test_a_folder_that_may_not_be_written_to_is_named() -> None:
         locked.chmod(0o755)
 
 
-def damaged(change: Any) -> str:
+def damaged(change: Any) -> bytes:
     document = json.loads(json.dumps(replace(FIT, trace=replace(FIT.trace, median=FIT.trace.best)).as_dict()))
     change(document)
-    return json.dumps(document)
+    return json.dumps(document).encode()
 
 
 @pytest.mark.parametrize(
@@ -344,46 +342,34 @@ def damaged(change: Any) -> str:
         (b"\xff\xfe\x00", "is not UTF-8"),
         (b"[]", r"`fit` should be an object, it is \[\]"),
         (b"{}", "`fit` lacks model, estimates"),
-        (damaged(lambda fit: fit.update(status="fine")).encode(), "`fit.status` should be 'converged' or"),
-        (damaged(lambda fit: fit.update(evaluations=1.5)).encode(), "`fit.evaluations` should be an integer"),
+        (damaged(lambda fit: fit.update(status="fine")), "`fit.status` should be 'converged' or"),
+        (damaged(lambda fit: fit.update(evaluations=1.5)), "`fit.evaluations` should be an integer"),
+        (damaged(lambda fit: fit.update(evaluations=True)), "`fit.evaluations` should be an integer"),
         (
-            damaged(lambda fit: fit.update(evaluations=True)).encode(),
-            "`fit.evaluations` should be an integer",
-        ),
-        (
-            damaged(lambda fit: fit["estimates"][2].update(value="big")).encode(),
+            damaged(lambda fit: fit["estimates"][2].update(value="big")),
             r"`fit\.estimates\[2\]\.value` should be a number, it is 'big'",
         ),
         (
-            damaged(lambda fit: fit.update(estimates=[])).encode(),
+            damaged(lambda fit: fit.update(estimates=[])),
             "its estimates are of nothing where normalised_bouc_wen has",
         ),
-        (damaged(lambda fit: fit["estimates"].pop()).encode(), "its estimates are of c, k, x0"),
+        (damaged(lambda fit: fit["estimates"].pop()), "its estimates are of c, k, x0"),
+        (damaged(lambda fit: fit["estimates"][0].update(name="d")), "its estimates are of d, k, x0"),
         (
-            damaged(lambda fit: fit["estimates"][0].update(name="d")).encode(),
-            "its estimates are of d, k, x0",
-        ),
-        (
-            damaged(lambda fit: fit["estimates"][0].update(value=None)).encode(),
+            damaged(lambda fit: fit["estimates"][0].update(value=None)),
             r"`fit\.estimates\[0\]\.value` should be a number, it is None",
         ),
+        (damaged(lambda fit: fit["estimates"][0].update(value=1e9)), "c is 1e\\+09, outside its bounds"),
         (
-            damaged(lambda fit: fit["estimates"][0].update(value=1e9)).encode(),
-            "c is 1e\\+09, outside its bounds",
-        ),
-        (
-            damaged(lambda fit: fit["estimates"][0].update(standard_error=-1.0)).encode(),
+            damaged(lambda fit: fit["estimates"][0].update(standard_error=-1.0)),
             r"standard_error` should be a number at least 0",
         ),
-        (damaged(lambda fit: fit.update(estimates=None)).encode(), "`fit.estimates` should be a list"),
-        (damaged(lambda fit: fit.update(model="bingam")).encode(), "bingam"),
-        (damaged(lambda fit: fit.update(nrmse=10**400)).encode(), "a whole number has 401 digits"),
+        (damaged(lambda fit: fit.update(estimates=None)), "`fit.estimates` should be a list"),
+        (damaged(lambda fit: fit.update(model="bingam")), "bingam"),
+        (damaged(lambda fit: fit.update(nrmse=10**400)), "a whole number has 401 digits"),
         (b'{"model": ' + b"[" * 5000 + b"]" * 5000 + b"}", "nested more than 100 deep"),
-        (damaged(lambda fit: fit["error_norms"].pop("time")).encode(), "`fit.error_norms` lacks time"),
-        (
-            damaged(lambda fit: fit["provenance"]["inputs"].update(a=1)).encode(),
-            "inputs.a` should be a string",
-        ),
+        (damaged(lambda fit: fit["error_norms"].pop("time")), "`fit.error_norms` lacks time"),
+        (damaged(lambda fit: fit["provenance"]["inputs"].update(a=1)), "inputs.a` should be a string"),
     ],
 )
 def test_a_damaged_fit_is_refused_with_the_place_named(

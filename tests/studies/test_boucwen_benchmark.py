@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import os
-import subprocess
 import sys
 from pathlib import Path
 
 import measured_data
 import numpy as np
 import pytest
+from command_line import ran
 from scipy.integrate import solve_ivp
 
 from studies.boucwen_benchmark.multisine import (
@@ -111,12 +111,6 @@ def test_the_parameters_are_recovered_from_random_starts(force: np.ndarray, disp
 
 def test_without_the_record_the_study_says_what_to_do(tmp_path: Path) -> None:
     study = measured_data.ROOT / "studies" / "boucwen_benchmark" / "study.py"
-    result = subprocess.run(
-        [sys.executable, study],
-        env=os.environ | {"MRWORK_DATA": str(tmp_path)},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    result = ran(sys.executable, study, env=os.environ | {"MRWORK_DATA": str(tmp_path)})
     assert result.returncode == 0, result.stderr
     assert "MRWORK_DATA" in result.stdout

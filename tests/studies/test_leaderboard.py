@@ -13,6 +13,7 @@ from pathlib import Path
 import measured_data
 import numpy as np
 import pytest
+from command_line import ran
 
 import mrwork as mr
 from mrwork.errors import RecordError, SettingError
@@ -268,12 +269,9 @@ def test_the_utfsm_files_are_the_listed_ones() -> None:
 
 
 def run(tmp_path: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, STUDY, "--quick", "--out", tmp_path / "out", *arguments],
+    return ran(
+        *(sys.executable, STUDY, "--quick", "--out", tmp_path / "out", *arguments),
         env=os.environ | {"MRWORK_DATA": str(tmp_path)},
-        capture_output=True,
-        text=True,
-        check=False,
     )
 
 

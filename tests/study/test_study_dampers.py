@@ -7,25 +7,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 from sentences import Refused
+from study_samples import ranges
 
 from mrwork.dampers import damper
 from mrwork.errors import RecordError
 from mrwork.keys import Place, read_table
-from mrwork.records import OperatingRange
 from mrwork.study.dampers import ChosenDamper, chosen_damper
 from mrwork.study.reading import parse
 from mrwork.study.schema import DamperTable
 from mrwork.tested_range import FittedDamper
 
-TESTED = OperatingRange(
-    stroke=0.01,
-    velocity=0.1,
-    frequency=(0.1, 2.0),
-    command=(0.5, 4.003),
-    command_unit="V",
-    force=2000.0,
-    power=50.0,
-)
+TESTED = ranges(command=(0.5, 4.003), command_unit="V")
 
 
 def identified(run: Path) -> FittedDamper:

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import study_samples
 from command_line import printed
+from study_samples import ranges
 
 import mrwork as mr
 from mrwork.records import OperatingRange
@@ -46,19 +47,6 @@ pga = "0.2 g"
 [report]
 histories = "all"
 """
-
-
-def ranges(**changes: object) -> OperatingRange:
-    wide = OperatingRange(
-        stroke=1.0,
-        velocity=10.0,
-        frequency=(0.01, 100.0),
-        command=(0.0, 1.5),
-        command_unit="A",
-        force=1e5,
-        power=1e5,
-    )
-    return replace(wide, **changes)
 
 
 def studied(folder: Path, tested: OperatingRange | None, text: str = STUDY) -> StudyResults:
@@ -227,18 +215,16 @@ def test_a_run_that_did_not_finish_demands_nothing() -> None:
     assert len(demands_of(study_samples.run(0.1, 1), (device,), 8.0)) == 1
 
 
-def test_the_command_line_says_it_from_a_run_folder(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_line_says_it_from_a_run_folder(tmp_path: Path) -> None:
     run = tmp_path / "run"
-    printed(capsys, "identify", "synthetic:rd1005_1a", "--model", "bingham", "--out", run, "--quiet")
+    printed("identify", "synthetic:rd1005_1a", "--model", "bingham", "--out", run, "--quiet")
     stored = json.loads((run / "fit.json").read_text())
     stored["tested"] |= {"velocity": 1e-3}
     (run / "fit.json").write_text(json.dumps(stored))
     study = STUDY.partition("[[controller]]")[0].replace("count = 2", "passive = true")
     (tmp_path / "study.toml").write_text(study + '[[motion]]\nsynthetic = "kanai_tajimi"\nduration = 2\n')
     out = tmp_path / "out"
-    text = printed(capsys, "respond", tmp_path / "study.toml", "--out", out, "--quiet")
+    text = printed("respond", tmp_path / "study.toml", "--out", out, "--quiet")
     assert "warning: velocity" in text
     assert "mm/s, tested to 1 mm/s" in text
     stored = mr.study.read_results(out)

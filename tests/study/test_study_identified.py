@@ -38,25 +38,21 @@ ON = '[[controller]]\nlaw = "passive_on"\nlabel = "on"'
 CLIPPED = '[[controller]]\nlaw = "clipped_optimal"'
 
 
-def responded(
-    folder: Path, capsys: pytest.CaptureFixture[str], more: str, controller: str = ""
-) -> dict[str, Any]:
+def responded(folder: Path, more: str, controller: str = "") -> dict[str, Any]:
     """The runs of the study, by label."""
     (folder / "study.toml").write_text(STUDY.format(more=more, controller=controller))
-    text = printed(capsys, "respond", folder / "study.toml", "--out", folder / "out", "--json")
+    text = printed("respond", folder / "study.toml", "--out", folder / "out", "--json")
     return {entry["controller"]: entry for entry in json.loads(text)["results"]}
 
 
-def identify_without_laws(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def identify_without_laws(folder: Path) -> None:
     out = folder / "rig" / "run"
-    printed(capsys, "identify", "synthetic:rd1005_1a", "--model", "bingham", "--out", out, "--quiet")
+    printed("identify", "synthetic:rd1005_1a", "--model", "bingham", "--out", out, "--quiet")
 
 
-def test_a_run_without_laws_is_taken_as_a_passive_damper_where_the_study_says_so(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    identify_without_laws(tmp_path, capsys)
-    found = responded(tmp_path, capsys, more="passive = true")
+def test_a_run_without_laws_is_taken_as_a_passive_damper_where_the_study_says_so(tmp_path: Path) -> None:
+    identify_without_laws(tmp_path)
+    found = responded(tmp_path, more="passive = true")
     assert set(found) == {"uncontrolled", "passive"}
     assert found["passive"]["outcome"] == "finished"
     assert found["passive"]["energy_error"] < 1e-6
@@ -79,13 +75,12 @@ def test_a_run_without_laws_is_taken_as_a_passive_damper_where_the_study_says_so
 )
 def test_a_run_without_laws_is_no_controllable_damper(
     tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
     more: str,
     controller: str,
     message: str,
     refused: Refused,
 ) -> None:
-    identify_without_laws(tmp_path, capsys)
+    identify_without_laws(tmp_path)
     study = tmp_path / "study.toml"
     study.write_text(STUDY.format(more=more, controller=controller))
     if not message:
@@ -94,9 +89,7 @@ def test_a_run_without_laws_is_no_controllable_damper(
     refused(mr.read_study, study)
 
 
-def test_a_damper_identified_with_laws_follows_its_command(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_damper_identified_with_laws_follows_its_command(tmp_path: Path) -> None:
     model = mr.damper("bingham").with_current_laws({"f_c": "linear"}, unit="A")
     theta = dict(zip(model.names, model.nominal, strict=True)) | {"f_c.0": 100.0, "f_c.1": 800.0}
     rng = np.random.default_rng(1)
@@ -118,8 +111,8 @@ def test_a_damper_identified_with_laws_follows_its_command(
         )
     short = ("--generations", "3", "--population", "20", "--quiet")
     out = tmp_path / "rig" / "run"
-    printed(capsys, "identify", *records, "--model", "bingham", "--law", "f_c=linear", *short, "--out", out)
-    with_laws = responded(tmp_path, capsys, more="largest_command = 1.0", controller=ON)
+    printed("identify", *records, "--model", "bingham", "--law", "f_c=linear", *short, "--out", out)
+    with_laws = responded(tmp_path, more="largest_command = 1.0", controller=ON)
     weak, strong = with_laws["Passive-off"]["criteria"], with_laws["on"]["criteria"]
     # At 1 A the friction is nine times that at none.
     assert strong["peak_force"] > 2.0 * weak["peak_force"]

@@ -1,12 +1,16 @@
-"""A study takes a law from a Python file: it runs as any row, an edited law is another one, mistakes are sentences."""
+"""A study takes a law from a Python file; a law that misbehaves is one sentence and leaves stdout and folders alone."""
 
 from __future__ import annotations
 
+import json
+import os
+import signal
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
-from command_line import mrwork
+from command_line import COMMAND, PATIENCE, mrwork, printed, ran, started, wait_until
 from sentences import Refused
 
 import mrwork as mr
@@ -95,11 +99,9 @@ def test_an_edited_law_is_not_resumed(tmp_path: Path) -> None:
     study = write(tmp_path)
     out = tmp_path / "run"
     before = digest_of_run(mr.read_study(study).arrangements[-1])
-    first = mrwork("respond", study, "--out", out, "--quiet")
-    assert first.returncode == 0, first.stderr
-    assert "brake" in first.stdout
-    again = mrwork("respond", study, "--out", out, "--quiet", "--resume")
-    assert again.returncode == 0, again.stderr
+    text = printed("respond", study, "--out", out, "--quiet")
+    assert "brake" in text
+    printed("respond", study, "--out", out, "--quiet", "--resume")
     write(tmp_path, slope=6.0)
     assert digest_of_run(mr.read_study(study).arrangements[-1]) != before
     refused = mrwork("respond", study, "--out", out, "--quiet", "--resume")
@@ -138,3 +140,199 @@ def test_a_law_that_raises_while_running_ends_the_command_with_a_sentence(tmp_pa
     assert ended.returncode == 2
     assert f"broken failed at 0 s in {tmp_path / 'my_law.py'}, line 18: AttributeError" in ended.stderr
     assert "Traceback" not in ended.stderr
+
+
+SHORT_STUDY = """[building]
+published = "uts"
+
+[[damper]]
+storey = 1
+preset = "kwok2006"
+
+[[motion]]
+synthetic = "kanai_tajimi"
+duration = 0.1
+
+[[controller]]
+user = { file = "law.py", function = "law" }
+"""
+NAMED = "mrwork: study.toml, line 13: running law.py as Python, for its function law\n"
+# The text of the file, and how the sentence begins and ends.
+REFUSED = {
+    "sys.exit(0) in a call": (
+        "import sys\ndef law(sample, memory):\n    sys.exit(0)\n",
+        "law failed at 0 s in law.py, line 3: SystemExit: 0; correct it",
+    ),
+    "sys.exit(0) at import": (
+        "import sys\nsys.exit(0)\n",
+        "study.toml, line 13: law.py, line 2 failed when the file was run: SystemExit: 0; correct it",
+    ),
+    "an error in a function that it calls": (
+        "def speed(sample):\n    return sample.speed\ndef law(sample, memory):\n    return speed(sample)\n",
+        "law failed at 0 s in law.py, line 2: AttributeError: 'LoopSample' object has no attribute 'speed'; correct it",
+    ),
+    "an error in a library that it calls": (
+        "import json\ndef law(sample, memory):\n    return json.loads('')\n",
+        "law failed at 0 s in law.py, line 3: JSONDecodeError: ",
+    ),
+    "a BaseException of its own": (
+        "class Halt(BaseException): pass\ndef law(sample, memory):\n    raise Halt('stop')\n",
+        "law failed at 0 s in law.py, line 3: Halt: stop; correct it",
+    ),
+    "a BaseException at import": (
+        "class Halt(BaseException): pass\nraise Halt\n",
+        "study.toml, line 13: law.py, line 2 failed when the file was run: Halt; correct it",
+    ),
+    "an error whose text is an error": (
+        "class Odd(Exception):\n    def __str__(self): return 1\ndef law(sample, memory):\n    raise Odd\n",
+        "law failed at 0 s in law.py, line 4: Odd; correct it",
+    ),
+    "NaN": (
+        "\ndef law(sample, memory):\n    return float('nan') * sample.rate\n",
+        "law (law.py, line 2) returned a command that is not a number (NaN) for device 1 at 0 s",
+    ),
+    "a coroutine": (
+        "async def law(sample, memory):\n    return 0.0 * sample.rate\n",
+        "study.toml, line 13: law (law.py, line 1) is declared with async def",
+    ),
+    "a coroutine of another function": (
+        "async def wait(): pass\ndef law(sample, memory):\n    return wait()\n",
+        "law (law.py, line 2): what it returned at 0 s is a coroutine; give an array of numbers",
+    ),
+    "a generator": (
+        "def law(sample, memory):\n    yield 0.0\n",
+        "study.toml, line 13: law (law.py, line 1) has a yield",
+    ),
+    "an error at import": (
+        "x = 1\nraise RuntimeError('no licence')\n",
+        "study.toml, line 13: law.py, line 2 failed when the file was run: RuntimeError: no licence; correct it",
+    ),
+    "no Python": (
+        "def law(sample, memory):\n    return (\n",
+        "study.toml, line 13: law.py, line 2 failed when the file was run: SyntaxError: ",
+    ),
+    "too few arguments": (
+        "def law(sample):\n    return 0.0\n",
+        "study.toml, line 13: law (law.py, line 1) does not take two arguments; write it as def law(sample, memory)",
+    ),
+    "a change of what it is given": (
+        "def law(sample, memory):\n    sample.largest[:] = 0.0\n",
+        "law failed at 0 s in law.py, line 2: ValueError: ",
+    ),
+}
+SENT = "def law(sample, memory):\n    {}\n    return 0.0 * sample.rate\n"
+KEPT = {
+    "chdir in a call": "import os\n" + SENT.format("os.chdir('/')"),
+    "chdir at import": "import os\nos.chdir('/')\n" + SENT.format(""),
+    "print in a call": SENT.format("print('a line of the law')"),
+    "print at import": "print('a line of the law')\n" + SENT.format(""),
+    "write in a call": "import sys\n" + SENT.format("sys.stdout.write('a line of the law\\n')"),
+    "another stdout in a call": "import io, sys\n" + SENT.format("sys.stdout = io.StringIO()"),
+    "another stdout at import": "import io, sys\nsys.stdout = sys.stderr = io.StringIO()\n" + SENT.format(""),
+}
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with a study, in which commands run."""
+    (tmp_path / "study.toml").write_text(SHORT_STUDY)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def respond(folder: Path, law: str) -> tuple[object, str, str]:
+    """Exit status, stdout and stderr of the study with this law."""
+    (folder / "law.py").write_text(law)
+    ended = mrwork("respond", "study.toml", "--out", "run", "--json", "--quiet")
+    return ended.returncode, ended.stdout, ended.stderr
+
+
+@pytest.mark.parametrize(("law", "sentence"), REFUSED.values(), ids=REFUSED)
+def test_a_wrong_law_is_one_sentence_with_file_and_line(folder: Path, law: str, sentence: str) -> None:
+    status, out, err = respond(folder, law)
+    assert (status, out) == (2, "")
+    named, said = err.splitlines()
+    assert f"{named}\n" == NAMED
+    assert said.startswith(f"mrwork: {sentence}")
+
+
+@pytest.mark.parametrize("law", KEPT.values(), ids=KEPT)
+def test_what_a_law_changes_in_the_process_is_undone(folder: Path, law: str) -> None:
+    streams = sys.stdout, sys.stderr
+    status, out, err = respond(folder, law)
+    assert status == 0, err
+    assert json.loads(out)["out"] == "run"
+    assert (folder / "run" / "results.json").is_file()
+    assert (Path.cwd(), sys.stdout, sys.stderr) == (folder, *streams)
+    assert err.startswith(NAMED)
+    assert set(err.removeprefix(NAMED).splitlines()) <= {"a line of the law"}
+    assert ("a line of the law" in law) == ("a line of the law" in err)
+
+
+def test_files_of_a_study_are_found_after_a_law_has_left_the_folder(folder: Path) -> None:
+    (folder / "weight.csv").write_text("1\n" * 10)
+    more = '[[controller]]\nlaw = "clipped_optimal"\nsettings = { state_weight = "weight.csv", control_weight = 1 }\n'
+    (folder / "study.toml").write_text(SHORT_STUDY + more)
+    (folder / "law.py").write_text(KEPT["chdir at import"])
+    assert len(mr.read_study("study.toml").arrangements) == 4
+
+
+def test_tune_names_the_file_too(folder: Path) -> None:
+    (folder / "law.py").write_text("print('a line of the law')\nraise RuntimeError\n")
+    ended = mrwork("tune", "study.toml", "--law", "clipped_optimal", "--out", "run", "--json", "--quiet")
+    assert (ended.returncode, ended.stdout) == (2, "")
+    assert ended.stderr.startswith(f"{NAMED}a line of the law\n")
+
+
+def test_in_python_the_file_is_named_before_it_runs_where_asked(folder: Path, refused: Refused) -> None:
+    (folder / "law.py").write_text("raise RuntimeError\n")
+    said: list[str] = []
+    refused(mr.read_study, "study.toml", on_python=said.append)
+    assert said == ["study.toml, line 13: running law.py as Python, for its function law"]
+
+
+def test_what_a_law_writes_by_any_way_is_not_on_the_stdout_of_a_process(folder: Path) -> None:
+    """By number, from a child process, on the stream of before, and as the interpreter ends."""
+    law = """
+import atexit, os, subprocess, sys
+subprocess.run([sys.executable, "-c", "print('child')"], check=True)
+atexit.register(print, "end")
+
+def law(sample, memory):
+    if sample.time == 0.0:
+        os.write(1, b"number\\n")
+        sys.__stdout__.write("before\\n")
+        sys.stdout.close()
+    return 0.0 * sample.rate
+"""
+    (folder / "law.py").write_text(law)
+    command = [*COMMAND, "respond", "study.toml", "--out", "run", "--json", "--quiet"]
+    ended = ran(*command)
+    assert ended.returncode == 0, ended.stderr
+    assert json.loads(ended.stdout)["complete"]
+    assert set(ended.stderr.splitlines()[1:]) == {"child", "number", "before", "end"}
+
+
+def test_a_law_that_closes_stdout_of_the_process_is_a_sentence(folder: Path) -> None:
+    (folder / "law.py").write_text("import sys\n" + SENT.format("sys.__stdout__.close()"))
+    command = [*COMMAND, "respond", "study.toml", "--out", "run", "--json", "--quiet"]
+    ended = ran(*command)
+    assert (ended.returncode, ended.stdout) == (2, "")
+    assert ended.stderr.splitlines()[1:] == [
+        "mrwork: standard output was closed while the command ran; leave sys.__stdout__ open"
+    ]
+
+
+def test_ctrl_c_in_a_law_is_an_interrupt(folder: Path) -> None:
+    waits = "import pathlib, time\n" + SENT.format("pathlib.Path('asked').touch(); time.sleep(60.0)")
+    (folder / "law.py").write_text(waits)
+    with started(*COMMAND, "respond", "study.toml", "--out", "run", "--json") as process:
+        wait_until((folder / "asked").exists, process)
+        os.kill(process.pid, signal.SIGINT)
+        out, err = process.communicate(timeout=PATIENCE)
+    assert process.returncode == 130, err
+    assert json.loads(out)["complete"] is False
+    assert "interrupted; what was simulated so far is in run" in err
+    # Matplotlib takes longer to load than anyone waits after Ctrl-C.
+    assert (folder / "run" / "results.json").exists()
+    assert not (folder / "run" / "report.html").exists()

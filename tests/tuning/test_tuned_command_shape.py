@@ -6,7 +6,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import pytest
 import tuning_samples
 from sentences import Refused
 
@@ -27,19 +26,10 @@ population = 8
 
 
 def test_a_free_dead_zone_and_slope_stand_in_the_chosen_study_with_its_score(tmp_path: Path) -> None:
-    source = tuning_samples.study_file(tmp_path, tune=TUNE)
-    results = tune(mr.read_study(source), threads=1)
-    tuned = results.laws[0]
+    tuned = tuning_samples.tuned_law_with_its_score(tmp_path, TUNE)
     assert {"control_weight", "dead_zone", "command_slope", "largest_command"} == {
         each.name for each in tuned.free
     }
-    (tmp_path / "out").mkdir()
-    chosen = tmp_path / "out" / "chosen.toml"
-    chosen.write_text(chosen_study(results, mr.read_study(source).file), encoding="utf-8")
-    found = mr.run_study(mr.read_study(chosen), threads=1)
-    row = [each.label for each in found.rows].index(tuned.label)
-    assert tuned.test is not None
-    assert found.score(row) == pytest.approx(tuned.test.score, rel=1e-12)
 
 
 def test_a_candidate_states_its_dead_zone_and_slope(tmp_path: Path) -> None:

@@ -178,7 +178,7 @@ def test_what_cannot_be_chosen_is_refused(tests: tuple[DamperTest, ...], refused
 
 
 def test_a_run_folder_holds_the_table_and_the_page_shows_it(
-    tests: tuple[DamperTest, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tests: tuple[DamperTest, ...], tmp_path: Path
 ) -> None:
     files = []
     for number, test in enumerate(tests):
@@ -189,7 +189,7 @@ def test_a_run_folder_holds_the_table_and_the_page_shows_it(
     small = ("--generations", "10", "--threads", "1")
     command = ("identify", *files, "--model", "viscous_dahl", "--law", "auto", *small)
     out = tmp_path / "run"
-    summary = json.loads(printed(capsys, *command, "--out", out, "--json"))
+    summary = json.loads(printed(*command, "--out", out, "--json"))
     table = summary["choice_of_laws"]
     (chosen,) = (each for each in table["tried"] if each["verdict"] == "chosen")
     assert chosen["laws"] == {"k_w": "quadratic"}

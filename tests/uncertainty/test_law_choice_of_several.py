@@ -211,7 +211,7 @@ def test_a_table_whose_models_contradict_each_other_is_refused(
 
 
 def test_a_run_of_several_models_shows_the_model_wherever_it_shows_the_laws(
-    tests: tuple[DamperTest, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tests: tuple[DamperTest, ...], tmp_path: Path
 ) -> None:
     files = []
     for number, test in enumerate(tests):
@@ -233,7 +233,7 @@ def test_a_run_of_several_models_shows_the_model_wherever_it_shows_the_laws(
         out,
     )
     command = ("identify", *files, "--model", "dahl,bingham,bouc_wen", *options)
-    text = printed(capsys, *command)
+    text = printed(*command)
     assert "the one of dahl with 4 parameters is chosen (k_w linear)" in " ".join(text.split())
     assert "Note: bouc_wen could not be fitted: bouc_wen with current laws" in " ".join(text.split())
     run = mr.load(out)
@@ -246,7 +246,7 @@ def test_a_run_of_several_models_shows_the_model_wherever_it_shows_the_laws(
     assert ">Model<" in page
     assert "bouc_wen could not be fitted" in page
     assert not (tmp_path / "run.part").exists()
-    summary = json.loads(printed(capsys, *command, "--json"))
+    summary = json.loads(printed(*command, "--json"))
     assert summary["model"] == "dahl"
     assert summary["choice_of_laws"] == json.loads((out / "laws.json").read_text())
     assert list(summary["choice_of_laws"]["failed"]) == ["bouc_wen"]

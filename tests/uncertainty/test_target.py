@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from posterior_samples import MODEL, small_sampling, small_test
-from scipy.stats import lognorm, norm
+from posterior_samples import MODEL, small_fit, small_sampling, small_test
+from scipy.stats import lognorm, norm, uniform
 from sentences import Refused
 
 from mrwork import identify
@@ -17,9 +17,9 @@ from mrwork.identification.result import effective_samples
 from mrwork.records import Observation
 from mrwork.simulation import Loading, simulate_force
 from mrwork.uncertainty import NOISES, Lognormal, Normal, first_walkers, noise_model
-from mrwork.uncertainty.posterior.laplace import mode_near
+from mrwork.uncertainty.posterior.laplace import fisher_information, mode_near, residual_slope
 from mrwork.uncertainty.posterior.sample import SamplingProblem
-from mrwork.uncertainty.posterior.target import Space
+from mrwork.uncertainty.posterior.target import Space, parse_prior
 
 SPENCER = damper("normalised_bouc_wen")
 
@@ -195,3 +195,73 @@ def test_a_chain_starts_at_the_mode_whatever_weights_the_fit_had() -> None:
         again = float(target(target.position_of(mode_near(target, mode))[None])[0])
         assert again == pytest.approx(at_mode, abs=2e-3)
     assert behind[0.0] > 10.0 > behind[1.0] >= 0.0
+
+
+VALUES = np.array([-1.0, 0.3, 2.0, 7.0])
+
+
+@pytest.mark.parametrize(
+    ("text", "known"),
+    [
+        ("c=normal:2:3", norm(2.0, 3.0)),
+        ("c=lognormal:2:0.5", lognorm(0.5, scale=2.0)),
+        ("c=uniform:0:5", uniform(0.0, 5.0)),
+    ],
+)
+def test_a_prior_is_the_density_it_is_called(text: str, known: object) -> None:
+    name, prior = parse_prior(text)
+    assert name == "c"
+    np.testing.assert_allclose(prior.log_density(VALUES), known.logpdf(VALUES), rtol=1e-13)  # type: ignore[attr-defined] # a distribution of SciPy
+
+
+def test_another_form_is_refused_with_the_forms_there_are(refused: Refused) -> None:
+    for text in (
+        "c",
+        "c=normal",
+        "=normal:1:2",
+        "c=cauchy:1:2",
+        "c=normal:1:x",
+        "c=normal:1:2:3",
+        "c=normal:1:inf",
+    ):
+        refused(parse_prior, text)
+
+
+def test_numbers_that_make_no_density_are_refused(refused: Refused) -> None:
+    for text in ("c=normal:1:0", "c=lognormal:-1:1", "c=uniform:2:1"):
+        refused(parse_prior, text)
+
+
+@pytest.mark.parametrize("model", ["viscous_dahl", "normalised_bouc_wen"])
+def test_slope_is_that_of_the_residuals_over_the_position(model: str) -> None:
+    fit = small_fit() if model == small_fit().model else identify(model, small_test(), rng=0, threads=1)
+    target = SamplingProblem.of_fit(
+        fit, (small_test(),), noise="iid", priors={}, tempering=0.5, walkers=32, rng=0, threads=1
+    ).target
+    theta = np.asarray(target.form.box.inside(target.form.from_model(np.array(fit.theta))))
+    values = target.space.box.inside(np.concatenate([theta, NOISES["iid"].parameters and [0.05]]))
+    position = np.asarray(target.space.position(values))
+    residual, slope = residual_slope(target, position)
+
+    def residuals(at: np.ndarray) -> np.ndarray:
+        own = np.ascontiguousarray(target.space.values(at)[0][:, : target.space.n_params])
+        return np.concatenate([each for each, _, _ in target.residuals(own)], axis=1)
+
+    np.testing.assert_allclose(residuals(position[None])[0], residual, rtol=1e-9, atol=1e-12)
+    # A step that changes the residuals by about a thousandth of their size, not more.
+    for index, own in enumerate(slope):
+        step = min(1e-3 * np.linalg.norm(residual) / np.linalg.norm(own), 1e-5)
+        offset = step * np.eye(position.size)[index]
+        ahead, behind = residuals(np.stack([position + offset, position - offset]))
+        quotient = (ahead - behind) / (2.0 * step)
+        np.testing.assert_allclose(quotient, own, atol=2e-3 * np.abs(own).max())
+
+
+def test_information_of_what_the_data_do_not_see_is_that_of_an_even_spread() -> None:
+    fit = small_fit()
+    target = SamplingProblem.of_fit(
+        fit, (small_test(),), noise="iid", priors={}, tempering=1e-20, walkers=32, rng=0, threads=1
+    ).target
+    theta = np.asarray(target.form.box.inside(np.array(fit.theta)))
+    position = np.asarray(target.space.position(target.space.box.inside(np.append(theta, 0.05))))
+    np.testing.assert_allclose(np.diag(fisher_information(target, position)), 12.0, rtol=0.2)

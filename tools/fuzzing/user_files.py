@@ -25,9 +25,9 @@ from mrwork.closed_loop import STANDARD_GRAVITY
 from mrwork.dampers import damper
 from mrwork.motions import read_motion
 from mrwork.records import guess_tests, read_damper_test, read_test_table
-from mrwork.report import departures
 from mrwork.study import read_study
 from mrwork.uncertainty.candidate_tests import read_candidates
+from studies.common.expected import departures
 from tools.fuzzing.mutants import Structure
 from tools.fuzzing.reader import Reader, Seed
 
