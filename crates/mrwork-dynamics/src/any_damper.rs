@@ -27,6 +27,8 @@ pub trait Damper: Sync {
     /// Upper bound of the fastest relaxation rate of the states [1/s] over these commands; not finite if unbounded.
     fn stiffness_bound(&self, theta: &[f64], laws: &CurrentLaws, commands: &[f64], severity: Severity)
     -> f64;
+    /// Whether the loop of a candidate is made of products alone.
+    fn has_square_loop(&self, theta: &[f64], laws: &CurrentLaws) -> bool;
     /// Time derivative of the states.
     fn rate(&self, theta: &[f64], state: &[f64], motion: Motion<f64>) -> Vec<f64>;
     /// Force [N].
@@ -77,6 +79,10 @@ impl<M: DamperModel> Damper for M {
         severity: Severity,
     ) -> f64 {
         stiffness_bound::<M>(theta, laws, commands, severity)
+    }
+
+    fn has_square_loop(&self, theta: &[f64], laws: &CurrentLaws) -> bool {
+        M::EXPONENT.is_some_and(|place| laws.constant_value(theta, place) == Some(2.0))
     }
 
     fn rate(&self, theta: &[f64], state: &[f64], motion: Motion<f64>) -> Vec<f64> {

@@ -106,6 +106,7 @@ struct SteadyJob<'a, 'b, M> {
 
 impl<M: DamperModel> LaneJob for SteadyJob<'_, '_, M> {
     type Output = BlockResult;
+    const WIDE: bool = M::EXPONENT.is_some();
     #[inline(always)]
     fn run<R: Lanes>(self) -> BlockResult {
         let values = steady_values(self.block, columns::<R>(self.block));

@@ -298,6 +298,12 @@ impl CurrentLaws {
         None
     }
 
+    /// Value of a parameter that does not depend on the command, of a row of `theta`.
+    pub(crate) fn constant_value(&self, theta: &[f64], parameter: usize) -> Option<f64> {
+        let column: usize = self.laws[..parameter].iter().map(CurrentLaw::n_coefficients).sum();
+        matches!(self.laws[parameter], CurrentLaw::Constant).then(|| theta[column])
+    }
+
     /// Derivative of a parameter at the command `u` with respect to a column, from a row of `theta`; zero for the rate of the driver.
     pub(crate) fn slope(&self, theta: &[f64], column: usize, u: f64) -> f64 {
         let Some((index, first)) = self.parameter_of(column) else { return 0.0 };

@@ -9,6 +9,8 @@ use crate::lanes::{Lanes, Pack, Plain};
 const GROUPS: usize = 8;
 /// The same for AVX2: half as many registers of half the width.
 const AVX2_GROUPS: usize = 4;
+/// The same for short chains of arithmetic, whose latency more vectors hide.
+const AVX2_WIDE_GROUPS: usize = 8;
 /// Vectors in a pack of medium width: shared data are loaded once, and the state of a step stays in the cache.
 const MIDDLE_GROUPS: usize = 6;
 /// The same for AVX2.
@@ -20,6 +22,8 @@ const PLAIN_MIDDLE: usize = 4;
 pub trait LaneJob {
     /// What the work returns.
     type Output;
+    /// Whether it may come with the lanes of a wide block.
+    const WIDE: bool = false;
     /// Runs with the lanes of `R`. Must be `#[inline(always)]`, and so must all functions that it calls.
     fn run<R: Lanes>(self) -> Self::Output;
 }
@@ -87,6 +91,15 @@ impl InstructionSet {
             Self::Avx512 => GROUPS * 8,
             Self::Avx2 => AVX2_GROUPS * 4,
             Self::Plain => 8,
+        }
+    }
+
+    /// Lanes of a full block of short chains of arithmetic, of a job that may be wide.
+    #[must_use]
+    pub const fn wide_block_width(self) -> usize {
+        match self {
+            Self::Avx2 => AVX2_WIDE_GROUPS * 4,
+            _ => self.block_width(),
         }
     }
 

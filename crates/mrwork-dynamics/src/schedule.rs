@@ -97,7 +97,13 @@ impl<'a> Schedule<'a> {
             rows.iter().map(|row| u64::from(row.substeps)).sum::<u64>() * loading.n_time() as u64;
         let threads = worthwhile_threads(threads, steps);
         let varying = matches!(loading.command(), Command::Varying(_)) && !laws.are_constant();
-        let block_width = if varying { VECTOR_WIDTH } else { instruction_set.block_width() };
+        let block_width = if varying {
+            VECTOR_WIDTH
+        } else if theta.chunks_exact(n_columns).all(|theta| damper.has_square_loop(theta, laws)) {
+            instruction_set.wide_block_width()
+        } else {
+            instruction_set.block_width()
+        };
         Ok(Self { laws, theta, loading, settings, rows, order, threads, block_width, steps, varying })
     }
 

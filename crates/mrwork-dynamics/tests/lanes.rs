@@ -266,6 +266,7 @@ fn candidates_run_in_lanes_that_hold_them_and_a_full_block_in_one_pack() {
         assert_eq!(set.run(1, Width), 8);
         assert_eq!(set.run_narrow(Width), 8);
         assert_eq!(set.run(set.block_width(), Width), set.block_width());
+        assert!(set.wide_block_width() >= set.block_width());
         for candidates in 1..=set.block_width() {
             assert!(set.run(candidates, Width) >= candidates, "{candidates} candidates on {}", set.name());
         }

@@ -22,6 +22,7 @@ parameters! {
 pub struct BoucWen;
 
 impl DamperModel for BoucWen {
+    const EXPONENT: Option<usize> = Some(7);
     const SPEC: DamperSpec = DamperSpec {
         name: "bouc_wen",
         title: "Bouc-Wen (Spencer form)",

@@ -106,6 +106,9 @@ impl<R: Real, const N: usize> State<R> for [R; N] {
 pub trait DamperModel: Sync {
     /// Name, prose, parameters.
     const SPEC: DamperSpec;
+    /// Place of the exponent of the loop among the parameters, of a model that is a short chain of products where it is 2:
+    /// candidates that all have 2 are then simulated in wider packs.
+    const EXPONENT: Option<usize> = None;
     /// The struct that `parameters!` declares.
     type Parameters<R: Real>: FromSlice<R>;
     /// `[R; n]` for a model with n states.

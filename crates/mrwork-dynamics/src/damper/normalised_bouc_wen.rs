@@ -23,6 +23,7 @@ parameters! {
 pub struct NormalisedBoucWen;
 
 impl DamperModel for NormalisedBoucWen {
+    const EXPONENT: Option<usize> = Some(6);
     const SPEC: DamperSpec = DamperSpec {
         name: "normalised_bouc_wen",
         title: "Normalised Bouc-Wen",

@@ -11,7 +11,7 @@
 use core::arch::x86_64::*;
 use core::ops::{Add, Div, Mul, Neg, Sub};
 
-use super::{AVX2_GROUPS, AVX2_MIDDLE_GROUPS, GROUPS, LaneJob, Lanes, MIDDLE_GROUPS, Pack};
+use super::{AVX2_GROUPS, AVX2_MIDDLE_GROUPS, AVX2_WIDE_GROUPS, GROUPS, LaneJob, Lanes, MIDDLE_GROUPS, Pack};
 use crate::lanes::OutOfLine;
 use crate::real::{
     Bits, EXPONENT_BIAS_AT_TWO_TO_52, HALF_EXPONENT_BIAS, MANTISSA_BITS, ONE_BITS, Real, SIXTEENTH_ALIGNER,
@@ -33,6 +33,8 @@ pub(super) fn run_avx512<J: LaneJob>(candidates: usize, job: J) -> J::Output {
 pub(super) fn run_avx2<J: LaneJob>(candidates: usize, job: J) -> J::Output {
     match candidates {
         ..=8 => job.run::<Pack<Avx2, 2>>(),
+        9..=16 => job.run::<Pack<Avx2, AVX2_GROUPS>>(),
+        _ if const { J::WIDE } => job.run::<Pack<Avx2, AVX2_WIDE_GROUPS>>(),
         _ => job.run::<Pack<Avx2, AVX2_GROUPS>>(),
     }
 }
