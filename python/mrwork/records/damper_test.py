@@ -134,18 +134,29 @@ def average_signal(signal: Floats, samples: float) -> Floats:
     if samples < _SHORTEST:
         return signal
     last = signal.shape[-1] - 1
-    middles = 0.5 * (signal[..., 1:] + signal[..., :-1])
-    integral = np.concatenate([np.zeros((*signal.shape[:-1], 1)), np.cumsum(middles, axis=-1)], axis=-1)
+    change = np.diff(signal, axis=-1)
+    integral = np.zeros(signal.shape)
+    middles = signal[..., 1:] + signal[..., :-1]
+    middles *= 0.5
+    np.cumsum(middles, axis=-1, out=integral[..., 1:])
 
     def integral_at(place: Floats) -> Floats:
+        # The samples exist, and `take` is several times as fast where it need not look.
         before = np.minimum(np.floor(place).astype(int), last - 1)
         share = place - before
-        slope = signal[..., before + 1] - signal[..., before]
-        return np.asarray(integral[..., before] + share * (signal[..., before] + 0.5 * share * slope))
+        found = np.take(change, before, axis=-1, mode="clip")
+        found *= 0.5 * share
+        found += np.take(signal, before, axis=-1, mode="clip")
+        found *= share
+        found += np.take(integral, before, axis=-1, mode="clip")
+        return found
 
     start = np.clip(np.arange(last + 1) - 0.5 * samples, 0.0, last)
     end = np.clip(np.arange(last + 1) + 0.5 * samples, 0.0, last)
-    return np.asarray((integral_at(end) - integral_at(start)) / (end - start))
+    average = integral_at(end)
+    average -= integral_at(start)
+    average /= end - start
+    return average
 
 
 def _low_passed(signal: Floats, corner_hz: float, dt: float) -> Floats:
