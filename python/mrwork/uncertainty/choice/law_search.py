@@ -48,7 +48,10 @@ _LEAST_SENSITIVITY = 1e-7
 
 @array_dataclass()
 class NormalEquations:
-    """Squared NRMSE (n_rows, n_tests), half its latent gradient (..., n_free), and J'J (..., n_free, n_free)."""
+    """Squared NRMSE (n_rows, n_tests), half its latent gradient (..., n_free), and J'J (..., n_free, n_free).
+
+    Of a test that a row leaves out the squared NRMSE is infinite and the rest zero.
+    """
 
     squared: Floats
     gradient: Floats
@@ -57,7 +60,10 @@ class NormalEquations:
 
 @array_dataclass()
 class FoldedFit:
-    """Parameters of each row, shape (n_rows, n_params), and its squared NRMSE of each test, (n_rows, n_tests)."""
+    """Parameters of each row, shape (n_rows, n_params), and its squared NRMSE of each test, (n_rows, n_tests).
+
+    That of a test that the row leaves out is infinite.
+    """
 
     theta: Floats
     squared: Floats
@@ -94,37 +100,49 @@ class FoldedTests:
             threads=threads,
         )
 
-    def squared_nrmse(self, spec: DamperSpec, theta: Floats) -> Floats:
-        """Squared NRMSE of each test, shape (n_batch, n_tests); infinite where a simulation failed."""
-        squared = np.empty((len(theta), len(self.observed)))
+    def squared_nrmse(self, spec: DamperSpec, theta: Floats, shares: Floats) -> Floats:
+        """Squared NRMSE of each test, shape (n_batch, n_tests), as `shares`.
+
+        It is infinite where a simulation failed, and where the share is 0: such a test is not simulated.
+        """
+        squared = np.full((len(theta), len(self.observed)), np.inf)
 
         def fill(index: int, threads: int) -> None:
+            rows = np.flatnonzero(shares[:, index])
+            if not rows.size:
+                return
             each = replace(self.observed[index], spec=spec)
-            residuals, failed = each.residuals(theta, threads=threads)
-            squared[:, index] = np.einsum("bt,bt->b", residuals, residuals) * each.weight(1) ** 2
-            squared[failed, index] = np.inf
+            residuals, failed = each.residuals(theta[rows], threads=threads)
+            own = np.einsum("bt,bt->b", residuals, residuals) * each.weight(1) ** 2
+            squared[rows, index] = np.where(failed, np.inf, own)
 
         on_every_test(len(self.observed), self.threads, fill)
         return squared
 
-    def linearise(self, spec: DamperSpec, box: Box, latent: Floats) -> NormalEquations:
-        """Normal equations of each test at latent coordinates, shape (n_batch, n_free)."""
+    def linearise(self, spec: DamperSpec, box: Box, latent: Floats, shares: Floats) -> NormalEquations:
+        """Normal equations of each test at latent coordinates, shape (n_batch, n_free).
+
+        A test whose share in a row, shape (n_batch, n_tests), is 0 is not simulated.
+        """
         n_batch, n_free = latent.shape
         theta = np.asarray(box.theta_from_latent(latent))
         slope = np.exp(box.log_slope(latent))
-        squared = np.empty((n_batch, len(self.observed)))
-        gradient = np.empty((n_batch, len(self.observed), n_free))
-        matrix = np.empty((n_batch, len(self.observed), n_free, n_free))
+        squared = np.full((n_batch, len(self.observed)), np.inf)
+        gradient = np.zeros((n_batch, len(self.observed), n_free))
+        matrix = np.zeros((n_batch, len(self.observed), n_free, n_free))
 
         def fill(index: int, threads: int) -> None:
+            rows = np.flatnonzero(shares[:, index])
+            if not rows.size:
+                return
             each = replace(self.observed[index], spec=spec)
-            residuals, jacobian, failed = each.linearise_residuals(theta, box.free, threads=threads)
+            residuals, jacobian, failed = each.linearise_residuals(theta[rows], box.free, threads=threads)
             residuals *= each.weight(1)
-            jacobian *= each.weight(1) * slope[..., None]
-            squared[:, index] = np.einsum("bt,bt->b", residuals, residuals)
-            gradient[:, index] = np.einsum("bpt,bt->bp", jacobian, residuals)
-            matrix[:, index] = jacobian @ jacobian.transpose(0, 2, 1)
-            squared[failed, index] = np.inf
+            jacobian *= each.weight(1) * slope[rows][..., None]
+            own = np.einsum("bt,bt->b", residuals, residuals)
+            squared[rows, index] = np.where(failed, np.inf, own)
+            gradient[rows, index] = np.einsum("bpt,bt->bp", jacobian, residuals)
+            matrix[rows, index] = jacobian @ jacobian.transpose(0, 2, 1)
 
         on_every_test(len(self.observed), self.threads, fill)
         return NormalEquations(squared=squared, gradient=gradient, matrix=matrix)
@@ -141,10 +159,12 @@ class FoldedTests:
         """
         latent = np.asarray(box.latent_from_theta(box.inside(starts)))
         n_rows, n_free = latent.shape
-        squared = self.squared_nrmse(spec, np.asarray(box.theta_from_latent(latent)))
+        squared = self.squared_nrmse(spec, np.asarray(box.theta_from_latent(latent)), self.shares)
         misfit = self.misfit(squared, self.shares)
         damping = np.full(n_rows, _FIRST_DAMPING)
         sensitivity = np.zeros((n_rows, n_free))
+        normal, gradient = np.zeros((n_rows, n_free, n_free)), np.zeros((n_rows, n_free))
+        moved = np.ones(n_rows, dtype=np.bool_)
         running = np.isfinite(misfit)
         diagonal = np.arange(n_free)
         tests = [replace(each, spec=spec) for each in self.observed]
@@ -152,30 +172,35 @@ class FoldedTests:
             rows = np.flatnonzero(running)
             if not rows.size:
                 break
-            shares = self.shares[rows]
-            here = self.linearise(spec, box, latent[rows])
-            normal = np.einsum("rt,rtpq->rpq", shares, here.matrix)
-            gradient = np.einsum("rt,rtp->rp", shares, here.gradient)
-            sensitivity[rows] = np.maximum(sensitivity[rows], np.sqrt(normal[:, diagonal, diagonal]))
+            # A row that has not moved since has the same normal equations.
+            fresh = np.flatnonzero(running & moved)
+            here = self.linearise(spec, box, latent[fresh], self.shares[fresh])
+            normal[fresh] = np.einsum("rt,rtpq->rpq", self.shares[fresh], here.matrix)
+            gradient[fresh] = np.einsum("rt,rtp->rp", self.shares[fresh], here.gradient)
+            sensitivity[fresh] = np.maximum(sensitivity[fresh], np.sqrt(normal[fresh][:, diagonal, diagonal]))
             floor = _LEAST_SENSITIVITY * sensitivity[rows].max(axis=1, keepdims=True)
             weight = np.maximum(sensitivity[rows], np.maximum(floor, np.finfo(float).tiny)) ** 2
             # (row, factor, free, free)
             dampings = damping[rows, None] * np.array(_DAMPING_FACTORS)
-            damped = normal[:, None] + dampings[..., None, None] * (weight[:, None, :, None] * np.eye(n_free))
-            step = -np.linalg.solve(damped, gradient[:, None, :, None])[..., 0]
-            step = within_stiffness(tests, box, latent[rows], step, damped, gradient)
-            tried = np.moveaxis(latent[rows, None] + step, 1, 0)
+            damped = normal[rows, None] + dampings[..., None, None] * (
+                weight[:, None, :, None] * np.eye(n_free)
+            )
+            step = -np.linalg.solve(damped, gradient[rows, None, :, None])[..., 0]
+            step = within_stiffness(tests, box, latent[rows], step, damped, gradient[rows])
+            tried = latent[rows, None] + step
+            shares = np.repeat(self.shares[rows], len(_DAMPING_FACTORS), axis=0)
             candidates = np.asarray(box.theta_from_latent(tried.reshape(-1, n_free)))
-            errors = self.squared_nrmse(spec, candidates).reshape(len(tried), rows.size, -1)
-            after = np.stack([self.misfit(each, shares) for each in errors])
-            best = np.argmin(after, axis=0)
+            errors = self.squared_nrmse(spec, candidates, shares)
+            after = self.misfit(errors, shares).reshape(rows.size, -1)
+            best = np.argmin(after, axis=1)
             each = np.arange(rows.size)
-            better = after[best, each] < misfit[rows]
-            decrease = 1.0 - after[best, each] / misfit[rows]
-            moved = rows[better]
-            latent[moved] = tried[best, each][better]
-            squared[moved] = errors[best, each][better]
-            misfit[moved] = after[best, each][better]
+            better = after[each, best] < misfit[rows]
+            decrease = 1.0 - after[each, best] / misfit[rows]
+            moved[rows] = better
+            accepted = rows[better]
+            latent[accepted] = tried[each, best][better]
+            squared[accepted] = errors.reshape(*after.shape, -1)[each, best][better]
+            misfit[accepted] = after[each, best][better]
             factor = np.where(better, np.array(_DAMPING_FACTORS)[best] / 3.0, 100.0)
             damping[rows] = np.maximum(damping[rows] * factor, 1e-12)
             running[rows] = np.where(better, decrease > _TOLERANCE, damping[rows] < _MOST_DAMPING)
@@ -344,7 +369,7 @@ class LawSearch:
             higher = _with_degree(higher, name, max(degree, _degree(higher, name)))
         spec, box = self.model(higher)
         latent = np.asarray(box.latent_from_theta(self._transfer_starts(current, spec, box)[:1]))
-        here = self.folded.linearise(spec, box, latent)
+        here = self.folded.linearise(spec, box, latent, self.folded.shares[:1])
         gradient = np.einsum("t,tp->p", self.folded.shares[0], here.gradient[0])
         matrix = np.einsum("t,tpq->pq", self.folded.shares[0], here.matrix[0])
         squared = float(self.folded.misfit(here.squared, self.folded.shares[:1])[0])
