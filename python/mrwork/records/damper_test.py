@@ -144,7 +144,7 @@ def average_signal(signal: Floats, samples: float) -> Floats:
         # The samples exist, and `take` is several times as fast where it need not look.
         before = np.minimum(np.floor(place).astype(int), last - 1)
         share = place - before
-        found = np.take(change, before, axis=-1, mode="clip")
+        found: Floats = np.take(change, before, axis=-1, mode="clip")
         found *= 0.5 * share
         found += np.take(signal, before, axis=-1, mode="clip")
         found *= share
