@@ -27,6 +27,7 @@ import mrwork as mr
 from mrwork import Device
 from mrwork.buildings import Building
 from mrwork.closed_loop import Fault, Hardware, History, LoopSample, UserLaw, simulate_loop
+from mrwork.closed_loop.hardware import refuse_unread
 from mrwork.closed_loop.simulate import loop_observer
 from mrwork.control import ControlLaw
 from mrwork.motions import GroundMotion
@@ -403,14 +404,14 @@ def test_accelerometers_that_nothing_reads_are_refused(refused: Refused) -> None
         {"faults": (Fault(channel="acceleration"),)},
         {"acceleration_resolution": 0.1},
     ):
-        refused(Hardware(**settings).refuse_unread, accelerations=False, forecasts=True)
-        Hardware(**settings, feedback="observer").refuse_unread(accelerations=False, forecasts=False)
+        refused(refuse_unread, Hardware(**settings), accelerations=False, forecasts=True)
+        refuse_unread(Hardware(**settings, feedback="observer"), accelerations=False, forecasts=False)
 
 
 def test_a_preview_that_nothing_forecasts_with_is_refused(refused: Refused) -> None:
     hardware = Hardware(ground_preview=0.05)
-    refused(hardware.refuse_unread, accelerations=True, forecasts=False)
-    hardware.refuse_unread(accelerations=False, forecasts=True)
+    refused(refuse_unread, hardware, accelerations=True, forecasts=False)
+    refuse_unread(hardware, accelerations=False, forecasts=True)
     refused(Hardware, ground_preview=-0.05)
     refused(Hardware, ground_preview=3.0)
 

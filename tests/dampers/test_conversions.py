@@ -121,8 +121,8 @@ def test_the_opensees_material_gives_the_same_force() -> None:
         without_dashpot = np.append(0.0, row[1:])
         force = simulate_force(damper("bouc_wen"), without_dashpot, loading, substep_factor=64)
         expected = opensees_force(material, path[::5])
-        # Below n = 2 the law also has a kink at z = 0, which steps of the simulation do cross; above, higher derivatives
-        # jump there, and how the steps of the reference meet them depends on the last digits of a processor.
+        # Below n = 2 the law also has a kink at z = 0, which steps of the simulation do cross; above, higher
+        # derivatives jump there, and how steps of the reference meet them depends on the last digits of a processor.
         tolerance = 1e-9 if row[7] >= 2.0 else 2e-8
         np.testing.assert_allclose(force[::5], expected, rtol=0.0, atol=tolerance * np.abs(expected).max())
         assert c0 == row[0]

@@ -27,7 +27,7 @@ from study_texts import study_text
 import mrwork as mr
 from mrwork.errors import MrworkError
 from mrwork.identification.fit_file import reopen
-from mrwork.store.journal import line_of
+from mrwork.store.journal_file import line_of
 from mrwork.store.run_folder import (
     CALIBRATION,
     CHAIN,

@@ -28,7 +28,7 @@ from mrwork.identification import Fit, Progress
 from mrwork.identification.progress import Tally
 from mrwork.records import DamperTest
 from mrwork.search import EfficientGA, StopRules
-from mrwork.store.journal import line_of
+from mrwork.store.journal_file import line_of
 from mrwork.synthetic import synthetic_test
 
 KILLED = "MRWORK_KILL_POINTS" in os.environ

@@ -184,22 +184,6 @@ class Hardware(Summarised):
                         "out, or set `feedback` to 'observer'",
                     )
 
-    def refuse_unread(self, *, accelerations: bool, forecasts: bool) -> None:
-        """Refuse settings of the accelerometers and a preview of the ground where no law and no observer reads them."""
-        if self.ground_preview and not forecasts:
-            raise InvalidSettingError(
-                "ground_preview",
-                "`ground_preview` has no effect on laws that do not forecast the ground; leave it out, or add a "
-                "predictive_rollout",
-            )
-        if accelerations or self.feedback == "observer":
-            return
-        for name in _ACCELEROMETERS:
-            if getattr(self, name):
-                raise InvalidSettingError(name, f"`{name}` {_UNREAD}")
-        if any(fault.channel == "acceleration" for fault in self.faults):
-            raise SettingError(f"a fault of the accelerations {_UNREAD}")
-
     @property
     def steps(self) -> int:
         """Integration steps per sample."""
@@ -252,6 +236,23 @@ class Hardware(Summarised):
             ],
             notes=("Settings that are not listed have their defaults.",),
         )
+
+
+def refuse_unread(hardware: Hardware, *, accelerations: bool, forecasts: bool) -> None:
+    """Refuse settings of the accelerometers and a preview of the ground where no law and no observer reads them."""
+    if hardware.ground_preview and not forecasts:
+        raise InvalidSettingError(
+            "ground_preview",
+            "`ground_preview` has no effect on laws that do not forecast the ground; leave it out, or add a "
+            "predictive_rollout",
+        )
+    if accelerations or hardware.feedback == "observer":
+        return
+    for name in _ACCELEROMETERS:
+        if getattr(hardware, name):
+            raise InvalidSettingError(name, f"`{name}` {_UNREAD}")
+    if any(fault.channel == "acceleration" for fault in hardware.faults):
+        raise SettingError(f"a fault of the accelerations {_UNREAD}")
 
 
 def refuse_unmeasured(hardware: Hardware, signals: Sequence[FurtherSignal]) -> None:

@@ -16,7 +16,8 @@ from types import TracebackType
 
 from mrwork.errors import JournalError, LibraryError, MrworkError, OutputError
 from mrwork.store.input_file import bytes_of
-from mrwork.store.journal import JOURNAL_FILE, Journal
+from mrwork.store.journal import Journal
+from mrwork.store.journal_file import JOURNAL_FILE
 from mrwork.store.output_file import Lock, explain_failure, is_lock, new_file, refuse_link
 from mrwork.store.output_folder import Destination, adding, replacing_run
 from mrwork.store.run_folder import (

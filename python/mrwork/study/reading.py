@@ -18,7 +18,7 @@ import numpy as np
 from mrwork.arguments import Seed, checked
 from mrwork.buildings import Building
 from mrwork.buildings.matrices import Device
-from mrwork.closed_loop.hardware import Hardware, refuse_unmeasured
+from mrwork.closed_loop.hardware import Hardware, refuse_unmeasured, refuse_unread
 from mrwork.control.design_problem import ReferencePeaks
 from mrwork.control.laws import ControlLaw, control_laws
 from mrwork.errors import SettingError
@@ -345,8 +345,10 @@ def read_study(
                 refuse_unmeasured(hardware, arrangement.law.signals)
     of_tuned = [spec for spec in control_laws() if spec.name in tuned]
     with place.within("hardware").prefix_errors(SettingError):
-        hardware.refuse_unread(
-            accelerations=any(each.reads_acceleration for each in (*compared, *of_tuned))
+        refuse_unread(
+            hardware,
+            accelerations=any(each.reads_acceleration for each in compared)
+            or any(spec.reads_acceleration for spec in of_tuned)
             or any(_tunes_accelerations(each) for each in table.tune),
             forecasts=any(each.forecasts_ground for each in compared)
             or any(spec.needs_model for spec in of_tuned),
