@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from damper_samples import noise, random_theta, sine
 
+import mrwork as mr
 from mrwork import _rust
 from mrwork.simulation import Outcome, simulate_forces, simulate_misfits
 
@@ -61,6 +62,24 @@ def test_misfit_has_the_same_bits_in_every_batch_size(spec, theta, history, meas
     for size in BATCH_SIZES:
         assert_same_bits(squared_error(theta[:size]), alone[:size])
         assert_same_bits(squared_error(theta[-size:]), alone[-size:])
+
+
+@pytest.mark.parametrize("name", ["normalised_bouc_wen", "bouc_wen"])
+def test_square_loops_have_the_same_bits_in_wide_packs(name, instruction_set):
+    """Where all candidates have n = 2 they run in wider packs; one with another exponent takes them back."""
+    square = mr.damper(name)
+    n = square.names.index("n")
+    motion = sine().history()
+    rows = square.nominal * np.random.default_rng(24).uniform(0.98, 1.0, (N_BATCH, len(square.nominal)))
+    rows[:, n] = 2.0
+    mixed = np.vstack([rows, rows[:1]])
+    mixed[-1, n] = 1.9
+    found = simulate_forces(square, rows, motion)
+    assert len(set(found.substeps)) == 1
+    assert_same_bits(
+        found.force, np.vstack([simulate_forces(square, row[None], motion).force for row in rows])
+    )
+    assert_same_bits(simulate_forces(square, mixed, motion).force[:-1], found.force)
 
 
 def test_instruction_sets_give_the_same_bits(spec, theta, history, measured, monkeypatch):
