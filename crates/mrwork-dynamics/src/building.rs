@@ -26,6 +26,17 @@ impl SparseRows {
         Self { starts, entries }
     }
 
+    /// From the columns of a row-major matrix with `columns` columns.
+    fn of_columns(matrix: &[f64], columns: usize) -> Self {
+        let (mut starts, mut entries) = (vec![0], Vec::new());
+        for column in 0..columns {
+            let own = matrix.chunks_exact(columns).map(|row| row[column]);
+            entries.extend(own.enumerate().filter(|&(_, value)| value != 0.0));
+            starts.push(entries.len());
+        }
+        Self { starts, entries }
+    }
+
     /// The diagonal of a square matrix; `None` if it has other entries or lacks one.
     fn diagonal(&self) -> Option<Vec<f64>> {
         (0..self.len())
@@ -317,7 +328,7 @@ pub struct Building {
     pub(crate) mass: SparseRows,
     mass_inverse: SparseRows,
     /// Its diagonal; `None` if it has other entries.
-    per_mass: Option<Vec<f64>>,
+    pub(crate) per_mass: Option<Vec<f64>>,
     pub(crate) springs: Springs,
     pub(crate) influence: Vec<f64>,
     /// M r [kg].
@@ -327,6 +338,10 @@ pub struct Building {
     pub(crate) floors: SparseRows,
     pub(crate) storeys: SparseRows,
     pub(crate) devices: SparseRows,
+    /// Devices that act on each coordinate, and its displacement by a unit elongation.
+    pub(crate) pushing_devices: SparseRows,
+    /// The same of the elements.
+    pub(crate) pushing_elements: SparseRows,
     /// Weights of the floors' accelerations that add up to `e (q'' + r a_g)` of each device; `None` if floors do not.
     pub(crate) device_floors: Option<SparseRows>,
     /// Effective mass of each device, 1 / (e M^-1 e') [kg].
@@ -393,6 +408,8 @@ impl Building {
             floors: SparseRows::new(matrices.floors, n),
             storeys: SparseRows::new(matrices.storeys, n),
             devices: SparseRows::new(matrices.devices, n),
+            pushing_devices: SparseRows::of_columns(matrices.devices, n),
+            pushing_elements: SparseRows::of_columns(matrices.elements, n),
             device_floors: weights_of_floors(matrices, n),
             device_mass,
             elements: SparseRows::new(matrices.elements, n),

@@ -233,6 +233,8 @@ pub struct CurrentLaws {
     lagged: bool,
     /// Parameters that depend on the command, and the first column of each.
     following: Vec<(usize, usize)>,
+    /// Whether each parameter depends on the command.
+    follows: Vec<bool>,
 }
 
 impl CurrentLaws {
@@ -241,7 +243,8 @@ impl CurrentLaws {
     pub fn constant(spec: &DamperSpec) -> Self {
         let parameters = spec.parameters;
         let laws = vec![CurrentLaw::Constant; parameters.len()];
-        Self { parameters, laws, lagged: false, following: Vec::new() }
+        let follows = vec![false; parameters.len()];
+        Self { parameters, laws, lagged: false, following: Vec::new(), follows }
     }
 
     /// One law per parameter, in spec order.
@@ -253,14 +256,15 @@ impl CurrentLaws {
         if found != expected {
             return Err(DynamicsError::LawCount { model: spec.name, found, expected });
         }
+        let follows: Vec<bool> = laws.iter().map(|law| !matches!(law, CurrentLaw::Constant)).collect();
         let (mut following, mut first) = (Vec::new(), 0);
         for (parameter, law) in laws.iter().enumerate() {
-            if !matches!(law, CurrentLaw::Constant) {
+            if follows[parameter] {
                 following.push((parameter, first));
             }
             first += law.n_coefficients();
         }
-        Ok(Self { parameters: spec.parameters, laws, lagged, following })
+        Ok(Self { parameters: spec.parameters, laws, lagged, following, follows })
     }
 
     /// Number of columns of `theta`.
@@ -277,7 +281,12 @@ impl CurrentLaws {
     /// Whether no parameter depends on the command.
     #[must_use]
     pub fn are_constant(&self) -> bool {
-        self.laws.iter().all(|law| matches!(law, CurrentLaw::Constant))
+        self.following.is_empty()
+    }
+
+    /// Whether each parameter depends on the command.
+    pub(crate) fn follows(&self) -> &[bool] {
+        &self.follows
     }
 
     /// Column of the rate of the driver, if it has a lag.

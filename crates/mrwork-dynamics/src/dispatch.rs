@@ -12,7 +12,7 @@ const AVX2_GROUPS: usize = 4;
 /// The same for short chains of arithmetic, whose latency more vectors hide.
 const AVX2_WIDE_GROUPS: usize = 8;
 /// Vectors in a pack of medium width: shared data are loaded once, and the state of a step stays in the cache.
-const MIDDLE_GROUPS: usize = 6;
+const MIDDLE_GROUPS: usize = 4;
 /// The same for AVX2.
 const AVX2_MIDDLE_GROUPS: usize = 4;
 /// Lanes of medium width without named vectors: two of NEON.

@@ -76,16 +76,17 @@ impl<'a, M: DamperModel, R: Real> Following<'a, M, R> {
         M::Parameters::from_slice(values)
     }
 
+    /// Moves the current by half a step and evaluates the parameters at this place of `at`.
     #[inline(always)]
-    fn half_step(&mut self) -> M::Parameters<R> {
+    fn half_step(&mut self, place: usize) {
         self.u = (self.u - self.held).mul_add(self.half_step_decay, self.held);
-        self.now()
+        self.evaluate(place);
     }
 
     #[inline(always)]
-    fn now(&mut self) -> M::Parameters<R> {
-        self.laws.evaluate(&self.columns, self.u, &mut self.values);
-        M::Parameters::from_slice(&self.values)
+    fn evaluate(&mut self, place: usize) {
+        self.laws.follow(&self.columns, self.u, &mut self.values);
+        self.at[place].follow(&self.values, self.laws.follows());
     }
 }
 
@@ -95,7 +96,7 @@ impl<M: DamperModel, R: Real> Driver<M, R> for Following<'_, M, R> {
         self.held = R::splat(self.command[sample]);
         if self.laws.lag_column().is_none() {
             self.u = self.held;
-            self.at[2] = self.now();
+            self.evaluate(2);
         }
     }
     #[inline(always)]
@@ -106,8 +107,8 @@ impl<M: DamperModel, R: Real> Driver<M, R> for Following<'_, M, R> {
     fn step(&mut self) -> [&M::Parameters<R>; 3] {
         let [start, _, end] = &mut self.at;
         swap(start, end);
-        self.at[1] = self.half_step();
-        self.at[2] = self.half_step();
+        self.half_step(1);
+        self.half_step(2);
         let [start, middle, end] = &self.at;
         [start, middle, end]
     }

@@ -54,23 +54,25 @@ pub(crate) fn offsets(parameters: &[ParamSpec]) -> Vec<usize> {
 pub trait FromSlice<R>: Copy {
     /// Takes one value per parameter; missing values are not a number.
     fn from_slice(values: &[R]) -> Self;
+    /// Takes the values of parameters that `follow` the command; others, and what is derived from others alone, stay.
+    fn follow(&mut self, values: &[R], follow: &[bool]);
 }
 
 /// Declares the parameters of the model in this file: a struct `Parameters<R>` to compute with and a list `PARAMETERS` to
-/// read. Quantities that depend on the parameters alone can be listed after them: they become fields too and are computed
-/// once instead of in every step. `force_only` stands with a parameter on which the rate of the states does not depend.
+/// read. Quantities that depend on parameters alone, which are named, can be listed after them: they become fields too and
+/// are computed once instead of in every step. `force_only` stands with a parameter on which the rate of the states does not depend.
 ///
 /// ```text
 /// parameters! {
 ///     k_w: "N", Log, 1e-3 .. 1e9, nominal 300.0, force_only, "yield force";
 ///     rho: "1/m", Log, 1e-2 .. 1e7, nominal 3000.0, "initial slope of the loop";
-///     => per_rho: R = R::splat(1.0) / rho;
+///     => per_rho of rho: R = R::splat(1.0) / rho;
 /// }
 /// ```
 macro_rules! parameters {
     ($($name:ident: $unit:literal, $scale:ident, $lower:literal .. $upper:literal,
        nominal $nominal:expr, $($force_only:ident,)? $description:literal;)+
-     $(=> $($derived:ident: $kind:ty = $value:expr;)+)?) => {
+     $(=> $($derived:ident of $($of:ident),+: $kind:ty = $value:expr;)+)?) => {
         /// The model's parameters, in spec order, and the quantities derived from them.
         #[derive(Clone, Copy)]
         #[allow(missing_docs)] // described in PARAMETERS
@@ -88,6 +90,23 @@ macro_rules! parameters {
                     None => R::splat(f64::NAN),
                 };)+
                 Self { $($($derived: $value,)+)? $($name),+ }
+            }
+            #[inline(always)]
+            #[allow(non_snake_case)] // letters as in the equation
+            #[allow(unused_variables)] // those on which no derived quantity depends
+            fn follow(&mut self, values: &[R], follow: &[bool]) {
+                let mut given = values.iter().zip(follow);
+                $(let $name = match given.next() {
+                    Some((&value, true)) => {
+                        self.$name = value;
+                        true
+                    }
+                    _ => false,
+                };)+
+                $($(if false $(|| $of)+ {
+                    let Self { $($of,)+ .. } = *self;
+                    self.$derived = $value;
+                })+)?
             }
         }
 

@@ -218,7 +218,7 @@ fn integrate_block<M: DamperModel, R: Lanes>(
             let index = sample * steps as usize + inner;
             let start = end;
             dampers.evaluate_forces(&plant.elongation, &plant.rate, END);
-            plant.accelerate(0, &dampers.force, start);
+            plant.accelerate(0, &dampers.force, &start);
             if inner == 0 {
                 let now = time(sample, hardware.sample_time);
                 R::out_of_line(Sample {
@@ -230,8 +230,8 @@ fn integrate_block<M: DamperModel, R: Lanes>(
                     velocity: &plant.velocity,
                     acceleration: plant.acceleration(),
                     force: &dampers.force,
-                    ground_acceleration: start,
-                    ground_velocity: ground.velocity(now),
+                    ground_acceleration: &start,
+                    ground_velocity: &ground.velocity(now),
                     preview: Preview { motions: &block.motions, now, reach: hardware.ground_preview },
                     controller: &mut controller,
                 });
@@ -239,14 +239,14 @@ fn integrate_block<M: DamperModel, R: Lanes>(
             }
             if arrivals.take(sample, inner, &controller) && dampers.receive(&arrivals.received, index == 0) {
                 dampers.evaluate_forces(&plant.elongation, &plant.rate, END);
-                plant.accelerate(0, &dampers.force, start);
+                plant.accelerate(0, &dampers.force, &start);
             }
             R::out_of_line(ReduceStep {
                 building,
                 motion: plant.motion(),
                 force: &dampers.force,
                 current: &dampers.current,
-                ground_acceleration: start,
+                ground_acceleration: &start,
                 into: &mut reductions,
             });
             if inner == 0 && !histories.is_empty() {
@@ -266,7 +266,7 @@ fn integrate_block<M: DamperModel, R: Lanes>(
             let middle = ground.acceleration::<R>(time(2 * index + 1, half));
             end = ground.acceleration(time(index + 1, step));
             let stages =
-                [(sixth, half, middle, MIDDLE), (third, half, middle, MIDDLE), (third, step, end, END)];
+                [(sixth, half, &middle, MIDDLE), (third, half, &middle, MIDDLE), (third, step, &end, END)];
             for (stage, (weight, reach, shaking, moment)) in stages.into_iter().enumerate() {
                 plant.advance(stage, &dampers.force, &mut reductions);
                 dampers.advance(weight, reach);

@@ -1,5 +1,7 @@
 //! The devices of a block of lanes: damper states, and damper parameters as functions of the coil current.
 
+use core::hint::black_box;
+
 use super::batch::Batch;
 use crate::current_law::CurrentLaws;
 use crate::damper::model::{DamperModel, Motion, State};
@@ -138,7 +140,7 @@ impl<'a, M: DamperModel, R: Lanes> Dampers<'a, M, R> {
         for &parameter in &own.cancelled {
             own.values[parameter] = R::splat(0.0);
         }
-        own.at[moment] = M::Parameters::from_slice(&own.values);
+        own.at[moment].follow(&own.values, self.laws.follows());
     }
 }
 
@@ -158,9 +160,10 @@ impl<M: DamperModel, R: Lanes> OutOfLine for PrepareDrivers<'_, '_, M, R> {
             }
             self.dampers.laws.prepare(&mut device.columns);
             self.dampers.laws.evaluate(&device.columns, R::splat(0.0), &mut device.values);
-            for moment in [MIDDLE, END] {
-                self.dampers.evaluate(index, moment);
+            for &parameter in &device.cancelled {
+                device.values[parameter] = R::splat(0.0);
             }
+            device.at = [M::Parameters::from_slice(&device.values); 2];
         }
     }
 }
@@ -222,9 +225,10 @@ impl<M: DamperModel, R: Lanes> OutOfLine for EvaluateForces<'_, '_, M, R> {
     fn run(self) {
         let Self { dampers, elongation, rate, moment } = self;
         for (index, device) in dampers.devices.iter_mut().enumerate() {
-            let p = &device.at[moment];
             let mut sum = R::splat(0.0);
             for states in &mut device.dampers {
+                // Else all parameters would be read before the loop, more than there are registers.
+                let p = black_box(&device.at[moment]);
                 let side = R::splat(states.side);
                 let motion = Motion { displacement: elongation[index] * side, velocity: rate[index] * side };
                 sum = M::force(p, states.staged, motion).mul_add(R::splat(states.share), sum);

@@ -22,10 +22,8 @@ pub(super) struct Plant<'a, R: Real> {
     pub(super) velocity: Vec<R>,
     staged_displacement: Vec<R>,
     staged_velocity: Vec<R>,
-    /// Accelerations relative to the ground: at the first stage, at the current stage, and the sum of the middle two.
-    first: Vec<R>,
-    current: Vec<R>,
-    middle: Vec<R>,
+    /// Accelerations relative to the ground, of each stage.
+    accelerations: [Vec<R>; STAGES],
     /// Resisting force of each coordinate: stiffness, damping and devices [N].
     resisting: Vec<R>,
     /// Damping force of each coordinate [N].
@@ -51,9 +49,7 @@ impl<'a, R: Lanes> Plant<'a, R> {
             velocity: zero(),
             staged_displacement: zero(),
             staged_velocity: zero(),
-            first: zero(),
-            current: zero(),
-            middle: zero(),
+            accelerations: [zero(), zero(), zero(), zero()],
             resisting: zero(),
             damped: zero(),
             elements: Elements::at_rest(building),
@@ -66,7 +62,7 @@ impl<'a, R: Lanes> Plant<'a, R> {
 
     /// Accelerations relative to the ground at the start of the step.
     pub(super) fn acceleration(&self) -> &[R] {
-        &self.first
+        &self.accelerations[0]
     }
 
     /// Motion at the start of the step, and forces of the elements, once they were evaluated.
@@ -74,28 +70,43 @@ impl<'a, R: Lanes> Plant<'a, R> {
         Motion {
             displacement: &self.displacement,
             velocity: &self.velocity,
-            acceleration: &self.first,
+            acceleration: &self.accelerations[0],
             element_force: &self.elements.force,
         }
     }
 
     /// Evaluates accelerations and powers at a stage, for these device forces and ground acceleration.
-    pub(super) fn accelerate(&mut self, stage: usize, force: &[R], ground: R) {
-        self.elements.evaluate(&self.staged_velocity);
+    pub(super) fn accelerate(&mut self, stage: usize, force: &[R], ground: &R) {
+        self.elements.evaluate(if stage == 0 { &self.velocity } else { &self.staged_velocity });
         R::out_of_line(Accelerate { plant: self, stage, force, ground });
     }
 
     /// Adds the powers of a stage to the energies and moves to the next stage or, after the last, to the next step.
     pub(super) fn advance(&mut self, stage: usize, force: &[R], reductions: &mut Reductions<R>) {
-        let last = stage == STAGES - 1;
-        let weight = if stage == 0 || last { self.step / 6.0 } else { self.step / 3.0 };
-        let reach = match stage {
-            _ if last => 0.0,
-            _ if stage == STAGES - 2 => self.step,
-            _ => 0.5 * self.step,
-        };
+        let Moves { weight, reach } = Moves::after(stage, self.step);
         self.elements.advance(weight, reach, reductions);
-        R::out_of_line(AdvancePlant { plant: self, stage, weight, reach, force, reductions });
+        R::out_of_line(AdvancePlant { plant: self, stage, force, reductions });
+    }
+}
+
+/// Weight of a stage in the integrals over the step, and how far after the start of the step the next stage is [s].
+struct Moves {
+    weight: f64,
+    reach: f64,
+}
+
+impl Moves {
+    #[inline(always)]
+    fn after(stage: usize, step: f64) -> Self {
+        let last = stage == STAGES - 1;
+        Self {
+            weight: if stage == 0 || last { step / 6.0 } else { step / 3.0 },
+            reach: match stage {
+                _ if last => 0.0,
+                _ if stage == STAGES - 2 => step,
+                _ => 0.5 * step,
+            },
+        }
     }
 }
 
@@ -123,27 +134,11 @@ impl<'a, R: Lanes> LaneSprings<'a, R> {
     }
 }
 
-/// Writes the force of stiffness and damping on each coordinate, and that of the damping alone.
-#[inline(always)]
-fn restrain<N: Coefficient<R>, R: Lanes>(
-    springs: &SpringRows<N>,
-    displacement: &[R],
-    velocity: &[R],
-    resisting: &mut [R],
-    damped: &mut [R],
-) {
-    for coordinate in 0..displacement.len() {
-        let [of_springs, of_damping] = springs.coupling(coordinate, displacement, velocity);
-        damped[coordinate] = of_damping;
-        resisting[coordinate] = of_springs + of_damping;
-    }
-}
-
 struct Accelerate<'a, 'b, R: Real> {
     plant: &'a mut Plant<'b, R>,
     stage: usize,
     force: &'a [R],
-    ground: R,
+    ground: &'a R,
 }
 
 impl<R: Lanes> OutOfLine for Accelerate<'_, '_, R> {
@@ -153,43 +148,87 @@ impl<R: Lanes> OutOfLine for Accelerate<'_, '_, R> {
         let building = plant.building;
         let n = building.n;
         // Slices of one length: pointers and bounds are read once, not in every product.
-        let displacement = &plant.staged_displacement[..n];
-        let velocity = &plant.staged_velocity[..n];
-        let resisting = &mut plant.resisting[..n];
-        let (damped, pushed_mass) = (&mut plant.damped[..n], &building.pushed_mass[..n]);
+        let (displacement, velocity) = match stage {
+            0 => (&plant.displacement[..n], &plant.velocity[..n]),
+            _ => (&plant.staged_displacement[..n], &plant.staged_velocity[..n]),
+        };
+        let pushes = Pushes {
+            building,
+            displacement,
+            velocity,
+            force,
+            element_force: &plant.elements.force,
+            ground: *ground,
+        };
+        let (resisting, damped) = (&mut plant.resisting[..n], &mut plant.damped[..n]);
+        let acceleration = &mut plant.accelerations[stage][..n];
         match &plant.springs {
-            LaneSprings::Shared(springs) => restrain(springs, displacement, velocity, resisting, damped),
-            LaneSprings::Each(springs) => restrain(springs, displacement, velocity, resisting, damped),
+            LaneSprings::Shared(springs) => pushes.accelerate(springs, resisting, damped, acceleration),
+            LaneSprings::Each(springs) => pushes.accelerate(springs, resisting, damped, acceleration),
         }
         // In a loop of their own: with the products above, two sums more would not stay in registers.
         let (mut damping, mut momentum) = (R::splat(0.0), R::splat(0.0));
+        let pushed_mass = &building.pushed_mass[..n];
         for coordinate in 0..n {
             let own = velocity[coordinate];
             damping = damped[coordinate].mul_add(own, damping);
             momentum = own.mul_add(R::splat(pushed_mass[coordinate]), momentum);
         }
-        for (device, &force) in force.iter().enumerate() {
-            for &(coordinate, reach) in building.devices.row(device) {
-                resisting[coordinate] = force.mul_add(R::splat(reach), resisting[coordinate]);
-            }
-        }
-        for (element, &force) in plant.elements.force.iter().enumerate() {
-            for &(coordinate, reach) in building.elements.row(element) {
-                resisting[coordinate] = force.mul_add(R::splat(reach), resisting[coordinate]);
-            }
-        }
-        let acceleration = if stage == 0 { &mut plant.first } else { &mut plant.current };
-        building.accelerate(resisting, ground, acceleration);
         plant.damping = damping;
-        plant.input = -(momentum * ground);
+        plant.input = -(momentum * *ground);
+    }
+}
+
+/// What acts on the coordinates at a stage.
+struct Pushes<'a, R: Real> {
+    building: &'a Building,
+    displacement: &'a [R],
+    velocity: &'a [R],
+    force: &'a [R],
+    element_force: &'a [R],
+    ground: R,
+}
+
+impl<R: Lanes> Pushes<'_, R> {
+    /// Writes the accelerations relative to the ground, and the damping force on each coordinate.
+    #[inline(always)]
+    fn accelerate<N: Coefficient<R>>(
+        &self,
+        springs: &SpringRows<N>,
+        resisting: &mut [R],
+        damped: &mut [R],
+        acceleration: &mut [R],
+    ) {
+        let Self { building, displacement, velocity, force, element_force, ground } = *self;
+        let n = displacement.len();
+        let influence = &building.influence[..n];
+        for coordinate in 0..n {
+            let [of_springs, of_damping] = springs.coupling(coordinate, displacement, velocity);
+            damped[coordinate] = of_damping;
+            let mut sum = of_springs + of_damping;
+            for &(device, reach) in building.pushing_devices.row(coordinate) {
+                sum = force[device].mul_add(R::splat(reach), sum);
+            }
+            for &(element, reach) in building.pushing_elements.row(coordinate) {
+                sum = element_force[element].mul_add(R::splat(reach), sum);
+            }
+            match &building.per_mass {
+                Some(per_mass) => {
+                    let pushed = ground * R::splat(-influence[coordinate]);
+                    acceleration[coordinate] = sum.mul_add(R::splat(-per_mass[coordinate]), pushed);
+                }
+                None => resisting[coordinate] = sum,
+            }
+        }
+        if building.per_mass.is_none() {
+            building.accelerate(resisting, ground, acceleration);
+        }
     }
 }
 
 struct AdvancePlant<'a, 'b, R: Real> {
     plant: &'a mut Plant<'b, R>,
     stage: usize,
-    weight: f64,
-    reach: f64,
     force: &'a [R],
     reductions: &'a mut Reductions<R>,
 }
@@ -197,8 +236,9 @@ struct AdvancePlant<'a, 'b, R: Real> {
 impl<R: Lanes> OutOfLine for AdvancePlant<'_, '_, R> {
     #[inline(always)]
     fn run(self) {
-        let Self { plant, stage, force, reductions, .. } = self;
-        let weight = R::splat(self.weight);
+        let Self { plant, stage, force, reductions } = self;
+        let Moves { weight, reach } = Moves::after(stage, plant.step);
+        let weight = R::splat(weight);
         reductions.input = plant.input.mul_add(weight, reductions.input);
         reductions.damping = plant.damping.mul_add(weight, reductions.damping);
         for (device, &force) in force.iter().enumerate() {
@@ -208,11 +248,15 @@ impl<R: Lanes> OutOfLine for AdvancePlant<'_, '_, R> {
         if stage == STAGES - 1 {
             plant.end();
         } else {
-            plant.reach(stage, R::splat(self.reach));
+            plant.reach(stage, R::splat(reach));
         }
+        let (displacement, velocity) = match stage {
+            _ if stage == STAGES - 1 => (&plant.displacement, &plant.velocity),
+            _ => (&plant.staged_displacement, &plant.staged_velocity),
+        };
         for device in 0..plant.elongation.len() {
-            plant.elongation[device] = plant.building.devices.dot(device, &plant.staged_displacement);
-            plant.rate[device] = plant.building.devices.dot(device, &plant.staged_velocity);
+            plant.elongation[device] = plant.building.devices.dot(device, displacement);
+            plant.rate[device] = plant.building.devices.dot(device, velocity);
         }
     }
 }
@@ -223,22 +267,19 @@ impl<R: Lanes> Plant<'_, R> {
     fn reach(&mut self, stage: usize, reach: R) {
         let n = self.building.n;
         let (displacement, velocity) = (&self.displacement[..n], &self.velocity[..n]);
-        let acceleration = if stage == 0 { &self.first[..n] } else { &self.current[..n] };
-        let middle = &mut self.middle[..n];
+        let acceleration = &self.accelerations[stage][..n];
         let staged_displacement = &mut self.staged_displacement[..n];
         let staged_velocity = &mut self.staged_velocity[..n];
+        if stage == 0 {
+            for i in 0..n {
+                staged_displacement[i] = velocity[i].mul_add(reach, displacement[i]);
+                staged_velocity[i] = acceleration[i].mul_add(reach, velocity[i]);
+            }
+            return;
+        }
         for i in 0..n {
             staged_displacement[i] = staged_velocity[i].mul_add(reach, displacement[i]);
             staged_velocity[i] = acceleration[i].mul_add(reach, velocity[i]);
-        }
-        match stage {
-            1 => middle.copy_from_slice(acceleration),
-            2 => {
-                for i in 0..n {
-                    middle[i] = middle[i] + acceleration[i];
-                }
-            }
-            _ => {}
         }
     }
 
@@ -249,16 +290,14 @@ impl<R: Lanes> Plant<'_, R> {
         let step = R::splat(self.step);
         let (sixth, third) = (R::splat(self.step / 6.0), R::splat(self.step / 3.0));
         let square = R::splat(self.step * self.step / 6.0);
-        let (first, middle, last) = (&self.first[..n], &self.middle[..n], &self.current[..n]);
+        let [first, second, third_stage, last] = &self.accelerations;
+        let (first, second, third_stage, last) = (&first[..n], &second[..n], &third_stage[..n], &last[..n]);
         let (displacement, velocity) = (&mut self.displacement[..n], &mut self.velocity[..n]);
-        let staged_displacement = &mut self.staged_displacement[..n];
-        let staged_velocity = &mut self.staged_velocity[..n];
         for i in 0..n {
+            let middle = second[i] + third_stage[i];
             let drifted = velocity[i].mul_add(step, displacement[i]);
-            displacement[i] = (first[i] + middle[i]).mul_add(square, drifted);
-            velocity[i] = middle[i].mul_add(third, (first[i] + last[i]).mul_add(sixth, velocity[i]));
-            staged_displacement[i] = displacement[i];
-            staged_velocity[i] = velocity[i];
+            displacement[i] = (first[i] + middle).mul_add(square, drifted);
+            velocity[i] = middle.mul_add(third, (first[i] + last[i]).mul_add(sixth, velocity[i]));
         }
     }
 }

@@ -318,7 +318,7 @@ pub(super) struct ReduceStep<'a, R> {
     pub(super) motion: Motion<'a, R>,
     pub(super) force: &'a [R],
     pub(super) current: &'a [R],
-    pub(super) ground_acceleration: R,
+    pub(super) ground_acceleration: &'a R,
     pub(super) into: &'a mut Reductions<R>,
 }
 
@@ -329,13 +329,13 @@ impl<R: Lanes> OutOfLine for ReduceStep<'_, R> {
         let Motion { displacement, velocity, acceleration, .. } = *motion;
         for floor in 0..building.n_floors() {
             into.displacement.take(floor, building.floors.dot(floor, displacement));
-            let absolute = building.floors.add_dot(floor, acceleration, self.ground_acceleration);
+            let absolute = building.floors.add_dot(floor, acceleration, *self.ground_acceleration);
             into.acceleration.take(floor, absolute);
         }
         for storey in 0..building.n_storeys() {
             into.drift.take(storey, building.storeys.dot(storey, displacement));
         }
-        let mut shear = self.ground_acceleration * R::splat(building.total_mass);
+        let mut shear = *self.ground_acceleration * R::splat(building.total_mass);
         for (&mass, &acceleration) in building.pushed_mass.iter().zip(acceleration) {
             shear = acceleration.mul_add(R::splat(mass), shear);
         }

@@ -185,8 +185,8 @@ pub(super) struct Sample<'a, 'b, R: Lanes> {
     pub(super) velocity: &'a [R],
     pub(super) acceleration: &'a [R],
     pub(super) force: &'a [R],
-    pub(super) ground_acceleration: R,
-    pub(super) ground_velocity: R,
+    pub(super) ground_acceleration: &'a R,
+    pub(super) ground_velocity: &'a R,
     pub(super) preview: Preview<'a>,
     pub(super) controller: &'a mut Controller<'b, R>,
 }
@@ -209,7 +209,7 @@ impl<R: Lanes> Sample<'_, '_, R> {
         let every = self.controller.reads_acceleration;
         for floor in 0..building.n_floors() {
             if every || observer.is_some_and(|observer| observer.accelerations.contains(&floor)) {
-                let value = building.floors.add_dot(floor, self.acceleration, self.ground_acceleration);
+                let value = building.floors.add_dot(floor, self.acceleration, *self.ground_acceleration);
                 let before = self.controller.acceleration[floor];
                 self.controller.acceleration[floor] =
                     self.reading(Channel::Acceleration(floor), hardware.acceleration, value, before);
@@ -219,7 +219,7 @@ impl<R: Lanes> Sample<'_, '_, R> {
         self.controller.ground_acceleration = self.reading(
             Channel::GroundAcceleration,
             hardware.ground_acceleration,
-            self.ground_acceleration,
+            *self.ground_acceleration,
             before,
         );
         for device in 0..self.force.len() {
@@ -286,7 +286,7 @@ impl<R: Lanes> Sample<'_, '_, R> {
             acceleration: &controller.acceleration,
             device_floors: building.device_floors.as_ref(),
             ground_acceleration: controller.ground_acceleration,
-            ground_velocity: self.ground_velocity,
+            ground_velocity: *self.ground_velocity,
             preview: self.preview,
             ground_reach: &controller.ground_reach,
             largest: &controller.largest,

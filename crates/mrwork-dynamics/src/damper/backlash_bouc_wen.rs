@@ -24,8 +24,8 @@ parameters! {
     sigma: "1", Log, 0.1 .. 1e4, nominal 0.5, "unloading: the slope just after a reversal is 2 sigma rho";
     n: "1", Linear, 1.0 .. 6.0, nominal 2.0, "sharpness of the knee";
     g: "m", Log, 1e-6 .. 1e-2, nominal 3e-4, "half width of the play: from x = -g to g the damper does not move";
-    => hysteresis: Hysteresis<R> = Hysteresis::of([rho, sigma, n]);
-    play: R = exp(g * R::splat(-2.0 / WIDTH));
+    => hysteresis of rho, sigma, n: Hysteresis<R> = Hysteresis::of([rho, sigma, n]);
+    play of g: R = exp(g * R::splat(-2.0 / WIDTH));
 }
 
 /// The normalised Bouc-Wen element, moved only outside the play of its joints.

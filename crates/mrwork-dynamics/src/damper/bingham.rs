@@ -10,7 +10,7 @@ parameters! {
     v_s: "m/s", Log, 1e-7 .. 1e2, nominal 5e-3, "velocity over which the yield force changes sign";
     c0: "N s/m", Log, 1e-3 .. 1e9, nominal 5000.0, "viscous damping";
     f0: "N", Offset, -1e8 .. 1e8, nominal -95.0, "force offset";
-    => per_v_s: R = R::splat(1.0) / v_s;
+    => per_v_s of v_s: R = R::splat(1.0) / v_s;
 }
 
 /// Smoothed Coulomb friction in parallel with a dashpot.

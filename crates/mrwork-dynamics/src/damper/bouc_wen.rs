@@ -15,7 +15,7 @@ parameters! {
     beta: "m^-n", Linear, -1e15 .. 1e15, nominal 1e6, "rounds the loop reversibly (multiplies v |z|^n); above -gamma";
     A: "1", Log, 1e-3 .. 1e6, nominal 120.0, "initial slope of z over x";
     n: "1", Linear, 1.0 .. 6.0, nominal 2.0, "sharpness of the knee";
-    => hysteresis: Hysteresis<R> = Hysteresis::of([gamma, beta, A, n]);
+    => hysteresis of gamma, beta, A, n: Hysteresis<R> = Hysteresis::of([gamma, beta, A, n]);
 }
 
 /// The Bouc-Wen element in parallel with a spring and a dashpot.

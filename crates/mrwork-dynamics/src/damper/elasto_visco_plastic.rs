@@ -13,9 +13,9 @@ parameters! {
     r: "1/s", Log, 1e-6 .. 1e4, nominal 5.0, "creep: rate at which the spring force relaxes while the damper is held";
     k: "N/m", Linear, -1e9 .. 1e9, nominal 1500.0, force_only, "stiffness in parallel, of the accumulator";
     f0: "N", Offset, -1e8 .. 1e8, nominal 40.0, force_only, "force offset";
-    => decay: R = R::splat(-2.0) / v_r;
-    spring: R = rho * f_y;
-    yielding: R = R::splat(4.0) * f_y / v_r;
+    => decay of v_r: R = R::splat(-2.0) / v_r;
+    spring of rho, f_y: R = rho * f_y;
+    yielding of f_y, v_r: R = R::splat(4.0) * f_y / v_r;
 }
 
 /// A series spring and a visco-plastic core; the state is the velocity of the core.

@@ -11,8 +11,8 @@ parameters! {
     a: "1", Log, 1e-3 .. 1e3, nominal 1.0, "ratio of that spring to the one of the Kelvin-Voigt element, k2/k1";
     tau: "s", Log, 1e-6 .. 1e3, nominal 0.007, "retardation time of the Kelvin-Voigt element, c1/k1";
     f0: "N", Offset, -1e8 .. 1e8, nominal -95.0, force_only, "force offset";
-    => per_c0: R = R::splat(1.0) / c0;
-    per_tau: R = R::splat(1.0) / tau;
+    => per_c0 of c0: R = R::splat(1.0) / c0;
+    per_tau of tau: R = R::splat(1.0) / tau;
 }
 
 /// A Bingham element, a Kelvin-Voigt element and a spring in series.

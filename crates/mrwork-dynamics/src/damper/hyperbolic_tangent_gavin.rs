@@ -12,8 +12,8 @@ parameters! {
     k0: "N/m", Linear, -1e9 .. 1e9, nominal 1500.0, "stiffness in parallel";
     c0: "N s/m", Log, 1e-3 .. 1e9, nominal 2500.0, "viscous damping";
     f0: "N", Offset, -1e8 .. 1e8, nominal 40.0, "force offset";
-    => per_V_r: R = R::splat(1.0) / V_r;
-    per_d_r: R = R::splat(1.0) / d_r;
+    => per_V_r of V_r: R = R::splat(1.0) / V_r;
+    per_d_r of d_r: R = R::splat(1.0) / d_r;
 }
 
 /// A yield force that depends on velocity and displacement together.

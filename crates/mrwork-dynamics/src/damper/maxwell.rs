@@ -9,7 +9,7 @@ parameters! {
     tau: "s", Log, 1e-4 .. 1e3, nominal 5e-4, "relaxation time: the dashpot in series is k tau";
     c: "N s/m", Log, 1e-3 .. 1e9, nominal 500.0, force_only, "viscous damping in parallel";
     f0: "N", Offset, -1e8 .. 1e8, nominal 20.0, force_only, "force offset";
-    => release: R = R::splat(1.0) / tau;
+    => release of tau: R = R::splat(1.0) / tau;
 }
 
 /// A spring whose force relaxes; the state is its elongation [m].

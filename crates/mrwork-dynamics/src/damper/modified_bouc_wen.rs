@@ -20,8 +20,8 @@ parameters! {
     beta: "m^-n", Linear, -1e15 .. 1e15, nominal 3.63e6, "rounds the loop reversibly; above -gamma";
     A: "1", Log, 1e-3 .. 1e6, nominal 301.0, "initial slope of z over x - y";
     n: "1", Linear, 1.0 .. 6.0, nominal 2.0, "sharpness of the knee";
-    => hysteresis: Hysteresis<R> = Hysteresis::of([gamma, beta, A, n]);
-    mobility: R = R::splat(1.0) / (c0 + c1);
+    => hysteresis of gamma, beta, A, n: Hysteresis<R> = Hysteresis::of([gamma, beta, A, n]);
+    mobility of c0, c1: R = R::splat(1.0) / (c0 + c1);
 }
 
 /// The Bouc-Wen element in series with a dashpot.

@@ -20,8 +20,8 @@ parameters! {
     mu: "m/s", Log, 1e-6 .. 1.0, nominal 0.004, "velocity by which the loop is shifted";
     share: "1", Linear, 0.0 .. 1.0, nominal 0.5, force_only, "share of that shift in the dashpot: 1 as in the thesis, 0 none";
     w_s: "1", Log, 0.01 .. 1.0, nominal 0.1, "state over which the shift changes side";
-    => hysteresis: Hysteresis<R> = Hysteresis::of([rho, sigma, n]);
-    per_w_s: R = R::splat(1.0) / w_s;
+    => hysteresis of rho, sigma, n: Hysteresis<R> = Hysteresis::of([rho, sigma, n]);
+    per_w_s of w_s: R = R::splat(1.0) / w_s;
 }
 
 /// The normalised Bouc-Wen model driven by a velocity shifted against its state.

@@ -20,8 +20,8 @@ parameters! {
     mu: "m/s", Log, 1e-6 .. 1.0, nominal 0.004, "velocity by which the loop is shifted";
     share: "1", Linear, 0.0 .. 1.0, nominal 0.5, force_only, "share of that shift in the dashpot: 1 as in the thesis, 0 none";
     x_s: "m", Log, 1e-7 .. 1e2, nominal 1e-3, "displacement over which the shift changes side";
-    => hysteresis: Hysteresis<R> = Hysteresis::of([rho, sigma, n]);
-    per_x_s: R = R::splat(1.0) / x_s;
+    => hysteresis of rho, sigma, n: Hysteresis<R> = Hysteresis::of([rho, sigma, n]);
+    per_x_s of x_s: R = R::splat(1.0) / x_s;
 }
 
 /// The normalised Bouc-Wen model driven by a velocity shifted against the displacement.

@@ -16,7 +16,7 @@ parameters! {
     rho: "1/m", Log, 1e-2 .. 1e7, nominal 120.0 / Z_MAX, "initial slope: the loop yields within about 1/rho of travel";
     sigma: "1", Log, 0.1 .. 1e4, nominal 0.5, "unloading: the slope just after a reversal is 2 sigma rho";
     n: "1", Linear, 1.0 .. 6.0, nominal 2.0, "sharpness of the knee";
-    => hysteresis: Hysteresis<R> = Hysteresis::of([rho, sigma, n]);
+    => hysteresis of rho, sigma, n: Hysteresis<R> = Hysteresis::of([rho, sigma, n]);
 }
 
 /// The Bouc-Wen element without its redundant parameter.

@@ -15,8 +15,8 @@ parameters! {
     v1: "m/s", Offset, -1e2 .. 1e2, nominal -4e-3, "velocity at which the loop is thickest";
     w: "m/s", Log, 1e-7 .. 1e2, nominal 0.05, "half width of the loop over velocity";
     x_s: "m", Log, 1e-7 .. 1e2, nominal 5e-4, "displacement over which the branch changes";
-    => per_w: R = R::splat(1.0) / w;
-    per_x_s: R = R::splat(1.0) / x_s;
+    => per_w of w: R = R::splat(1.0) / w;
+    per_x_s of x_s: R = R::splat(1.0) / x_s;
 }
 
 /// A mean curve over velocity and the distance of the two branches from it.

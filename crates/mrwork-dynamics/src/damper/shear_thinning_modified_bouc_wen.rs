@@ -22,8 +22,8 @@ parameters! {
     rho: "1/m", Log, 1e-2 .. 1e7, nominal 301.0 / Z_MAX, "initial slope: the loop yields within about 1/rho of x - y";
     sigma: "1", Log, 0.1 .. 1e4, nominal 0.5, "unloading: the slope just after a reversal is 2 sigma rho";
     n: "1", Linear, 1.0 .. 6.0, nominal 2.0, "sharpness of the knee";
-    => hysteresis: Hysteresis<R> = Hysteresis::of([rho, sigma, n]);
-    per_v_s: R = R::splat(1.0) / v_s;
+    => hysteresis of rho, sigma, n: Hysteresis<R> = Hysteresis::of([rho, sigma, n]);
+    per_v_s of v_s: R = R::splat(1.0) / v_s;
 }
 
 /// The normalised modified Bouc-Wen model with a dashpot c0 + c2 exp(-|v|/v_s).

@@ -13,7 +13,7 @@ parameters! {
     delta: "1", Linear, -10.0 .. 10.0, nominal 0.88, "half width of the hysteresis, in units of beta v";
     x_s: "m", Log, 1e-7 .. 1e2, nominal 1e-4, "displacement over which the hysteresis changes side";
     f0: "N", Offset, -1e8 .. 1e8, nominal 39.0, "force offset";
-    => per_x_s: R = R::splat(1.0) / x_s;
+    => per_x_s of x_s: R = R::splat(1.0) / x_s;
 }
 
 /// Force as a function of displacement and velocity alone.

@@ -230,7 +230,7 @@ impl<M: DamperModel, R: Lanes> OutOfLine for SetCurrent<'_, '_, M, R> {
         for &parameter in &own.cancelled {
             own.values[parameter] = R::splat(0.0);
         }
-        own.at = M::Parameters::from_slice(&own.values);
+        own.at.follow(&own.values, laws.follows());
     }
 }
 
@@ -305,7 +305,10 @@ impl<M: DamperModel, R: Lanes> OutOfLine for Prepare<'_, '_, M, R> {
             let own = &mut prediction.devices[index];
             prediction.laws.prepare(&mut own.columns);
             prediction.laws.evaluate(&own.columns, R::splat(0.0), &mut own.values);
-            prediction.set_current(index, R::splat(0.0));
+            for &parameter in &own.cancelled {
+                own.values[parameter] = R::splat(0.0);
+            }
+            own.at = M::Parameters::from_slice(&own.values);
         }
     }
 }
