@@ -361,6 +361,8 @@ def _mass_of(stiffness: Floats, name: str) -> Floats:
 
 # Square roots of the Gramians are exact to the square root of rounding; smaller singular values are noise.
 _NOISE: Final = 1e-8
+# Real parts of poles below this share of the largest magnitude are rounding.
+_POLE_ROUNDING: Final = 1e-13
 
 
 @checked
@@ -424,11 +426,12 @@ def balanced_truncation(system: LinearSystem, *, order: int) -> BalancedReductio
     """
     if not system.n_states:
         raise SettingError("balanced truncation: the system has no states; give one that has")
-    slowest = float(system.poles.real.max())
-    if slowest >= 0.0:
+    slowest, noise = float(system.poles.real.max()), _POLE_ROUNDING * float(np.abs(system.poles).max())
+    if slowest >= -noise:
+        # Of an undamped mode it is rounding, which differs between machines.
         raise SettingError(
-            f"balanced truncation: a pole of the system has the real part {slowest:g} 1/s; it must be stable, so give "
-            "each mode some damping"
+            f"balanced truncation: a pole of the system has the real part {slowest if slowest > noise else 0.0:g} 1/s; "
+            "it must be stable, so give each mode some damping"
         )
     controllability = _root(scipy.linalg.solve_continuous_lyapunov(system.A, -system.B @ system.B.T))
     observability = _root(scipy.linalg.solve_continuous_lyapunov(system.A.T, -system.C.T @ system.C))

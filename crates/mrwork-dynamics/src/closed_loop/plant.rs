@@ -237,6 +237,7 @@ impl<R: Lanes> OutOfLine for AdvancePlant<'_, '_, R> {
     #[inline(always)]
     fn run(self) {
         let Self { plant, stage, force, reductions } = self;
+        // Not handed over: two numbers that are stored one by one and read as a pair hold up the processor.
         let Moves { weight, reach } = Moves::after(stage, plant.step);
         let weight = R::splat(weight);
         reductions.input = plant.input.mul_add(weight, reductions.input);
